@@ -1,0 +1,1 @@
+//! The world in: wire formats (pure parsers and encoders), sources (sockets), captures and recordings (files).

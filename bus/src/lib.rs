@@ -1,0 +1,1 @@
+//! Shared memory: the only importer of iceoryx2, and one table of services.

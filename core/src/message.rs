@@ -1,0 +1,23 @@
+//! The messages of the bus: what is shared, in which unit, under which name.
+//!
+//! Each message is plain old data (`repr(C)`, no padding, no bool, no pointer), so the bytes in shared memory, in
+//! a recording and in a C header are the same bytes. [`layout::Message::FIELDS`] says what they mean; everything
+//! that must agree with them (schema hash, recording schema, client headers) is generated from that one table.
+
+pub mod command;
+pub mod cycle_record;
+pub mod ground;
+pub mod health;
+pub mod layout;
+pub mod state;
+pub mod suit;
+pub mod validity;
+
+pub use command::{Command, CommandKind, Reply};
+pub use cycle_record::CycleRecord;
+pub use ground::GroundSample;
+pub use health::AdapterHealth;
+pub use layout::Message;
+pub use state::State;
+pub use suit::SuitSample;
+pub use validity::Validity;

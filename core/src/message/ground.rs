@@ -1,0 +1,107 @@
+//! What the ground says: one wrench under the feet.
+
+use super::layout::{ZeroCopySend, message};
+
+message! {
+    /// The ground's action on the person: force and moment in the station's world (X forward, Y left, Z up).
+    ///
+    /// The adapter has already turned the device's axes and sign ("action" or "reaction") into this one; the
+    /// moment is taken about the world's origin. Written by the ground adapter only.
+    as "equipoise/Ground/1", 128 bytes,
+    pub struct GroundSample {
+        /// When the sample was taken, on the host's CLOCK_MONOTONIC, by the stream's clock fit.
+        pub sample_time_ns: u64,
+        /// 1-σ of `sample_time_ns`; `u64::MAX` while the clock fit has too few points.
+        pub sample_time_sigma_ns: u64,
+        /// Kernel receive stamp, CLOCK_MONOTONIC.
+        pub arrival_ns: u64,
+        /// When the adapter published it, CLOCK_MONOTONIC.
+        pub published_ns: u64,
+        /// Counts the samples this adapter published, from 1.
+        pub sequence: u64,
+        /// The device's own sample counter (ATI: `ft_sequence`).
+        pub device_counter: u32,
+        /// The device's status word; not zero means that the sample must not be used.
+        pub device_status: u32,
+        /// Grows by one whenever the device's counter starts anew.
+        pub session: u32,
+        /// Always zero.
+        pub reserved: u32,
+        /// Force on the person, N.
+        pub force_n: [f64; 3],
+        /// Moment on the person about the world's origin, N m.
+        pub moment_nm: [f64; 3],
+        /// Height of the walking surface in the world, m.
+        pub surface_z_m: f64,
+        /// Always zero; fills the message to a multiple of 64 bytes.
+        pub reserved_tail: [u64; 2],
+    }
+}
+
+/// Why a wrench has no centre of pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoCop {
+    /// The vertical force is below the threshold: nobody stands there.
+    TooLittleForce {
+        /// The vertical force, N.
+        vertical_n: f64,
+    },
+    /// The device reported a fault.
+    DeviceStatus(u32),
+}
+
+/// Below this vertical force the centre of pressure is noise (protocols §3.7: devices gate at 5–10 N).
+pub const COP_MIN_VERTICAL_N: f64 = 20.0;
+
+impl GroundSample {
+    /// Centre of pressure on the walking surface, world x and y, m.
+    ///
+    /// For force F and moment M about the origin, acting at height z: `x = (z·Fx − My)/Fz`, `y = (Mx + z·Fy)/Fz`.
+    ///
+    /// # Errors
+    /// A [`NoCop`] when too little force acts or the device reports a fault.
+    pub fn cop_m(&self) -> Result<[f64; 2], NoCop> {
+        if self.device_status != 0 {
+            return Err(NoCop::DeviceStatus(self.device_status));
+        }
+        let [fx, fy, fz] = self.force_n;
+        let [mx, my, _] = self.moment_nm;
+        // The comparison is false for NaN, which then is no centre of pressure either.
+        if fz >= COP_MIN_VERTICAL_N {
+            Ok([(self.surface_z_m * fx - my) / fz, (mx + self.surface_z_m * fy) / fz])
+        } else {
+            Err(NoCop::TooLittleForce { vertical_n: fz })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn a_force_through_a_point_has_its_cop_there() {
+        let (point, force) = ([0.12, -0.07, 0.03], [13.0, -8.0, 700.0]);
+        let moment = [
+            point[1] * force[2] - point[2] * force[1],
+            point[2] * force[0] - point[0] * force[2],
+            point[0] * force[1] - point[1] * force[0],
+        ];
+        let sample =
+            GroundSample { force_n: force, moment_nm: moment, surface_z_m: 0.03, ..Zeroable::zeroed() };
+        let cop = sample.cop_m().unwrap();
+        assert!((cop[0] - 0.12).abs() < 1e-12 && (cop[1] + 0.07).abs() < 1e-12, "{cop:?}");
+    }
+
+    #[test]
+    fn no_force_no_cop() {
+        let mut sample: GroundSample = Zeroable::zeroed();
+        assert_eq!(sample.cop_m(), Err(NoCop::TooLittleForce { vertical_n: 0.0 }));
+        sample.force_n[2] = f64::NAN;
+        assert!(sample.cop_m().is_err());
+        sample.force_n[2] = 700.0;
+        sample.device_status = 0x8000_0000;
+        assert_eq!(sample.cop_m(), Err(NoCop::DeviceStatus(0x8000_0000)));
+    }
+}

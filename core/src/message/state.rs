@@ -1,0 +1,127 @@
+//! What the loop knows: one message per cycle, for every consumer.
+
+use super::layout::{ZeroCopySend, message};
+use super::validity::Validity;
+use crate::body::{JOINTS, SEGMENTS};
+
+message! {
+    /// Everything the pipeline says, once per cycle. World: X forward, Y left, Z up, the station's origin.
+    ///
+    /// A value may be used only if none of its spoilers ([`Validity`]) is raised in `valid`; a spoilt value is zero
+    /// and means nothing. Nothing here is ever NaN, and nothing is repeated past its age.
+    as "equipoise/State/1", 1664 bytes,
+    pub struct State {
+        /// The cycle's number in this daemon's life, from 1.
+        pub cycle: u64,
+        /// When the cycle was due, CLOCK_MONOTONIC.
+        pub time_ns: u64,
+        /// The suit sample that the values below belong to; 0 before the first.
+        pub suit_sample_time_ns: u64,
+        /// Age of that sample at `time_ns`.
+        pub suit_age_ns: u64,
+        /// Age of the newest ground sample at `time_ns`.
+        pub ground_age_ns: u64,
+        /// Reasons why values must not be used: bits of [`Validity`].
+        pub valid: u64,
+        /// A [`Phase`].
+        pub phase: u32,
+        /// 1 while the worker holds still (20-sample window).
+        pub static_pose: u32,
+        /// 1 once the stop rule of the identification is met.
+        pub converged: u32,
+        /// Held poses that entered the filter.
+        pub poses_used: u32,
+        /// Grows by one with every step of the feet.
+        pub stance: u32,
+        /// Index of the suggested pose in `core::pose_suggestion::LIBRARY`; `u32::MAX` when none is asked for.
+        pub suggested_pose: u32,
+        /// Overload level per joint: a `core::overload::Level`.
+        pub joint_level: [u32; JOINTS],
+        /// Measured centre of pressure, m.
+        pub cop_measured_m: [f64; 2],
+        /// Centre of pressure of the unloaded body by the identified model, m.
+        pub cop_estimated_m: [f64; 2],
+        /// 1-σ of `cop_estimated_m`, m.
+        pub cop_sigma_m: [f64; 2],
+        /// Estimated centre of mass of the unloaded body, m.
+        pub com_m: [f64; 3],
+        /// Ground reaction force on the person, N.
+        pub ground_force_n: [f64; 3],
+        /// External force carried: measured ground reaction less body weight, N.
+        pub delta_f_n: [f64; 3],
+        /// Body mass in use, kg.
+        pub mass_kg: f64,
+        /// Share of the ground reaction under the left and the right foot.
+        pub zeta: [f64; 2],
+        /// Share of the load in the left and the right hand.
+        pub eta: [f64; 2],
+        /// Horizontal distance from the load to the line between the hands, m.
+        pub load_distance_m: f64,
+        /// Largest variance of an identified parameter, m² (the paper's P_jj).
+        pub variance_max_m2: f64,
+        /// Predicted 1-σ of the CoP over the poses of the library, m.
+        pub predicted_cop_sigma_m: f64,
+        /// Normalised innovation squared of the last pose (2 degrees of freedom); 0 before the first.
+        pub nis: f64,
+        /// How far the worker is from the suggested pose: RMS joint angle, rad.
+        pub pose_mismatch_rad: f64,
+        /// Segment origins in the station's world, m.
+        pub segment_origin_m: [[f64; 3]; SEGMENTS],
+        /// Overload torque per joint (Eq. 15), world axes, N m.
+        pub torque_nm: [[f64; 3]; JOINTS],
+        /// 1-σ of each torque's magnitude, N m.
+        pub torque_sigma_nm: [f64; JOINTS],
+        /// Always zero; fills the message to a multiple of 64 bytes.
+        pub reserved_tail: [u64; 6],
+    }
+}
+
+/// What the pipeline is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Phase {
+    /// Sensors are not there yet, or identification is not started.
+    Waiting = 0,
+    /// Held poses feed the filter.
+    Identifying = 1,
+    /// The model is identified; overload is published.
+    Monitoring = 2,
+    /// A sensor fell silent; the model is kept and the phase before it returns by itself.
+    Degraded = 3,
+}
+
+impl Phase {
+    /// The phase of a message's number, `None` for a number of a later version.
+    pub fn from_number(number: u32) -> Option<Phase> {
+        [Phase::Waiting, Phase::Identifying, Phase::Monitoring, Phase::Degraded]
+            .into_iter()
+            .nth(number as usize)
+    }
+
+    /// The public name, lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Phase::Waiting => "waiting",
+            Phase::Identifying => "identifying",
+            Phase::Monitoring => "monitoring",
+            Phase::Degraded => "degraded",
+        }
+    }
+}
+
+impl State {
+    /// The reasons raised in this state.
+    pub fn validity(&self) -> Validity {
+        Validity(self.valid)
+    }
+
+    /// The public name of the phase.
+    pub fn phase_name(&self) -> &'static str {
+        Phase::from_number(self.phase).map_or("unknown", Phase::name)
+    }
+
+    /// `value` unless a reason of `spoilers` is raised.
+    pub fn unless<T>(&self, spoilers: Validity, value: T) -> Option<T> {
+        (!self.validity().any_of(spoilers)).then_some(value)
+    }
+}

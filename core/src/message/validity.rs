@@ -1,0 +1,102 @@
+//! Why a value must not be used: named bits, and which of them spoil which value.
+
+/// A set of reasons. Empty means that every value of the message may be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Validity(pub u64);
+
+macro_rules! reasons {
+    ($($(#[$doc:meta])* $NAME:ident = $bit:literal, $name:literal;)*) => {
+        impl Validity {
+            $($(#[$doc])* pub const $NAME: Validity = Validity(1 << $bit);)*
+            /// Every reason with its public name, lowest bit first.
+            pub const NAMES: &'static [(Validity, &'static str)] = &[$((Validity::$NAME, $name)),*];
+        }
+    };
+}
+
+reasons! {
+    /// No suit sample for more than two sample periods.
+    SUIT_STALE = 0, "suit_stale";
+    /// No ground sample for more than two sample periods.
+    GROUND_STALE = 1, "ground_stale";
+    /// The worker's mass distribution is not identified yet.
+    NOT_IDENTIFIED = 2, "not_identified";
+    /// The worker moves too fast for the static equations.
+    MOVING = 3, "moving";
+    /// Too little force on the ground, or the feet are off the plate.
+    FEET_OFF_PLATE = 4, "feet_off_plate";
+    /// The external force is too small to tell where it acts.
+    BELOW_LOAD_THRESHOLD = 5, "below_load_threshold";
+    /// The model was changed within the last second.
+    MODEL_CHANGED = 6, "model_changed";
+    /// Device time is not yet tied to host time.
+    CLOCK_UNSYNCHRONISED = 7, "clock_unsynchronised";
+    /// The load found from the two centres of pressure is far from the hands.
+    LOAD_NOT_AT_HANDS = 8, "load_not_at_hands";
+    /// The worker's mass is neither configured nor measured yet.
+    MASS_UNKNOWN = 9, "mass_unknown";
+}
+
+impl Validity {
+    /// What spoils the measured centre of pressure.
+    pub const SPOILS_COP_MEASURED: Validity = Validity::GROUND_STALE.and(Validity::FEET_OFF_PLATE);
+    /// What spoils the estimated centre of mass and centre of pressure.
+    pub const SPOILS_COP_ESTIMATED: Validity = Validity::SUIT_STALE;
+    /// What spoils the external force.
+    pub const SPOILS_DELTA_F: Validity = Validity::GROUND_STALE.and(Validity::MASS_UNKNOWN);
+    /// What spoils the overload torques: all of it, by the paper's static equations.
+    pub const SPOILS_TORQUES: Validity = Validity::SPOILS_COP_MEASURED
+        .and(Validity::SPOILS_COP_ESTIMATED)
+        .and(Validity::SPOILS_DELTA_F)
+        .and(Validity::NOT_IDENTIFIED)
+        .and(Validity::MOVING)
+        .and(Validity::BELOW_LOAD_THRESHOLD)
+        .and(Validity::MODEL_CHANGED)
+        .and(Validity::CLOCK_UNSYNCHRONISED)
+        .and(Validity::LOAD_NOT_AT_HANDS);
+
+    /// Both sets together.
+    #[must_use]
+    pub const fn and(self, other: Validity) -> Validity {
+        Validity(self.0 | other.0)
+    }
+
+    /// Raises `reason` if `holds`.
+    pub fn raise(&mut self, reason: Validity, holds: bool) {
+        if holds {
+            self.0 |= reason.0;
+        }
+    }
+
+    /// Whether any reason of `spoilers` is raised.
+    pub const fn any_of(self, spoilers: Validity) -> bool {
+        self.0 & spoilers.0 != 0
+    }
+
+    /// The public names of the raised reasons, lowest bit first.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.iter().filter(move |(reason, _)| self.any_of(*reason)).map(|(_, name)| *name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_are_distinct_bits_with_distinct_names() {
+        for (index, (reason, name)) in Validity::NAMES.iter().enumerate() {
+            assert_eq!(reason.0.count_ones(), 1);
+            for (other, other_name) in &Validity::NAMES[..index] {
+                assert_ne!(reason, other);
+                assert_ne!(name, other_name);
+            }
+        }
+    }
+
+    #[test]
+    fn torques_need_everything() {
+        let all = Validity::NAMES.iter().fold(Validity::default(), |sum, (reason, _)| sum.and(*reason));
+        assert_eq!(Validity::SPOILS_TORQUES, all);
+    }
+}

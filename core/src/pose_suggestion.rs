@@ -1,0 +1,5 @@
+//! Which pose to ask for next, from a library of poses that people can hold.
+
+pub mod posture;
+
+pub use posture::Posture;

@@ -1,0 +1,9 @@
+//! Time as the pipeline knows it. `core` has no clock: every time comes in from outside.
+
+/// Nanoseconds in a second.
+pub const NS_PER_S: u64 = 1_000_000_000;
+
+/// A span in seconds.
+pub fn seconds(span_ns: u64) -> f64 {
+    span_ns as f64 * 1e-9
+}

@@ -1,0 +1,1 @@
+//! Where time goes along the path: stages, histograms, reports.
