@@ -3,6 +3,10 @@
 //! Source of order, ids and parents: Xsens MVN network protocol (segment table; joint list of datagram 20).
 
 pub mod anthropometry;
+pub mod skeleton;
+
+pub use anthropometry::{Anthropometry, Sex};
+pub use skeleton::Skeleton;
 
 /// Number of body segments.
 pub const SEGMENTS: usize = 23;

@@ -7,7 +7,12 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod anchor;
 pub mod body;
+pub mod frame;
+pub mod kalman;
 pub mod message;
 pub mod pose_suggestion;
+pub mod sesc;
+pub mod static_pose;
 pub mod time;

@@ -2,7 +2,8 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::body::{SEGMENTS, Segment};
+use crate::body::{SEGMENTS, Segment, Skeleton};
+use crate::frame::{Pose, StationWorld};
 
 /// A feasible, balanced pose of the library, facing X.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,4 +29,17 @@ impl Posture {
         }
         rotation
     }
+}
+
+/// The pose of a posture taken by a body with this skeleton, the pelvis' origin at `pelvis_m`.
+pub fn pose_of(posture: &Posture, skeleton: &Skeleton, pelvis_m: [f64; 3]) -> Pose<StationWorld> {
+    let world_from_segment = posture.world_from_segment();
+    let mut origin = [Vector3::from(pelvis_m); SEGMENTS];
+    for segment in Segment::ALL {
+        if let Some(parent) = segment.parent() {
+            let along = Vector3::from(skeleton.offset_m[segment.index()]);
+            origin[segment.index()] = origin[parent.index()] + world_from_segment[parent.index()] * along;
+        }
+    }
+    Pose::new(origin, world_from_segment)
 }

@@ -1,0 +1,168 @@
+//! Holds the standing feet to the floor, because the suit's own idea of where it is drifts.
+//!
+//! The station's world is the suit's world shifted by an offset. While a foot stands, that offset is whatever keeps
+//! the foot where it was when it came down; a foot in the air is carried along. So drift never enters a stance, and
+//! each step begins a new stance whose place is known only as well as the step was measured ([`STANCE_SIGMA_M`]).
+
+use bytemuck::{Pod, Zeroable};
+use nalgebra::Vector3;
+
+use crate::body::Side;
+use crate::frame::{Pose, StationWorld, SuitWorld};
+
+/// 1-σ of a stance's place on the floor, m.
+pub const STANCE_SIGMA_M: f64 = 0.005;
+/// A foot this much higher than the lower one is in the air, m.
+const LIFTED_M: f64 = 0.04;
+/// A foot this far from where it stood, relative to the other, has been moved, m.
+const MOVED_M: f64 = 0.03;
+
+/// Where the feet stand.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Anchor {
+    /// Where each foot stands in the station's world, m: left, right.
+    standing_at_m: [[f64; 2]; 2],
+    /// Shift from the suit's to the station's world, m.
+    station_from_suit_m: [f64; 2],
+    /// 1 once a first pose was seen.
+    started: u64,
+    /// Which feet stood in the pose before: bit 0 left, bit 1 right.
+    standing: u64,
+    /// Grows by one with every foot that comes down.
+    stance: u64,
+}
+
+impl Anchor {
+    /// The number of the stance: it changes whenever a foot has come down somewhere else.
+    pub fn stance(&self) -> u64 {
+        self.stance
+    }
+
+    /// Whether both feet stand.
+    pub fn both_feet_stand(&self) -> bool {
+        self.standing == 0b11
+    }
+
+    /// Whether every number is finite; a stored anchor is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.standing_at_m.iter().flatten().chain(&self.station_from_suit_m).all(|value| value.is_finite())
+            && self.standing <= 0b11
+    }
+
+    /// The pose in the station's world.
+    pub fn hold(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
+        let foot = Side::BOTH.map(|side| 0.5 * (pose.origin_of(side.foot()) + pose.origin_of(side.toe())));
+        if self.started == 0 {
+            *self = Anchor {
+                standing_at_m: foot.map(|foot| [foot.x, foot.y]),
+                started: 1,
+                standing: 0b11,
+                ..Zeroable::zeroed()
+            };
+        }
+        let stands = self.standing_feet(&foot);
+        if let Some(shift) = self.shift_that_holds(&foot, stands) {
+            self.station_from_suit_m = shift;
+        }
+        for side in 0..2 {
+            if !stands[side] {
+                self.standing_at_m[side] =
+                    [foot[side].x + self.station_from_suit_m[0], foot[side].y + self.station_from_suit_m[1]];
+            }
+        }
+        let bits = u64::from(stands[0]) | u64::from(stands[1]) << 1;
+        if bits & !self.standing != 0 {
+            self.stance += 1;
+        }
+        self.standing = bits;
+        pose.shifted(Vector3::new(self.station_from_suit_m[0], self.station_from_suit_m[1], 0.0))
+    }
+
+    /// A foot in the air, or dragged, does not stand; the lower one always does.
+    fn standing_feet(&self, foot: &[Vector3<f64>; 2]) -> [bool; 2] {
+        let lower = if foot[0].z <= foot[1].z { 0 } else { 1 };
+        let upper = 1 - lower;
+        let lifted = foot[upper].z - foot[lower].z > LIFTED_M;
+        // Seen from the standing foot, so that drift of both does not count.
+        let apart = [foot[upper].x - foot[lower].x, foot[upper].y - foot[lower].y];
+        let was = [
+            self.standing_at_m[upper][0] - self.standing_at_m[lower][0],
+            self.standing_at_m[upper][1] - self.standing_at_m[lower][1],
+        ];
+        let moved = [apart[0] - was[0], apart[1] - was[1]];
+        let dragged = moved[0] * moved[0] + moved[1] * moved[1] > MOVED_M * MOVED_M;
+        let mut stands = [true; 2];
+        stands[upper] = !(lifted || dragged);
+        stands
+    }
+
+    fn shift_that_holds(&self, foot: &[Vector3<f64>; 2], stands: [bool; 2]) -> Option<[f64; 2]> {
+        let (mut sum, mut feet) = ([0.0; 2], 0.0);
+        for side in (0..2).filter(|&side| stands[side]) {
+            sum[0] += self.standing_at_m[side][0] - foot[side].x;
+            sum[1] += self.standing_at_m[side][1] - foot[side].y;
+            feet += 1.0;
+        }
+        (feet > 0.0).then(|| sum.map(|sum| sum / feet))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{SEGMENTS, Segment, Skeleton};
+    use nalgebra::UnitQuaternion;
+
+    fn standing(pelvis: Vector3<f64>) -> Pose<SuitWorld> {
+        let t_pose = Skeleton::nominal(1.77).t_pose_m();
+        Pose::new(t_pose.map(|origin| pelvis + Vector3::from(origin)), [UnitQuaternion::identity(); SEGMENTS])
+    }
+
+    fn lift(pose: &mut Pose<SuitWorld>, side: Side, by: Vector3<f64>) {
+        for segment in [side.foot(), side.toe()] {
+            pose.origin[segment.index()] += by;
+        }
+    }
+
+    #[test]
+    fn drift_does_not_move_a_standing_worker() {
+        let mut anchor: Anchor = Zeroable::zeroed();
+        let start = anchor.hold(&standing(Vector3::new(0.0, 0.0, 0.96)));
+        for step in 1..500 {
+            let drift = Vector3::new(0.0002 * f64::from(step), -0.0001 * f64::from(step), 0.96);
+            let pose = anchor.hold(&standing(drift));
+            assert!((pose.origin_of(Segment::Head) - start.origin_of(Segment::Head)).norm() < 1e-12);
+        }
+        assert_eq!(anchor.stance(), 0);
+    }
+
+    #[test]
+    fn a_lean_is_not_drift() {
+        let mut anchor: Anchor = Zeroable::zeroed();
+        anchor.hold(&standing(Vector3::new(0.0, 0.0, 0.96)));
+        let mut pose = standing(Vector3::new(0.0, 0.0, 0.96));
+        pose.origin[Segment::Pelvis.index()].x += 0.1;
+        let held = anchor.hold(&pose);
+        assert!((held.origin_of(Segment::Pelvis).x - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_is_a_new_stance_at_the_place_where_the_foot_came_down() {
+        let mut anchor: Anchor = Zeroable::zeroed();
+        let pelvis = Vector3::new(0.0, 0.0, 0.96);
+        let before = anchor.hold(&standing(pelvis));
+        for (forward, up) in [(0.02, 0.02), (0.1, 0.08), (0.2, 0.08), (0.3, 0.05), (0.3, 0.0)] {
+            let mut pose = standing(pelvis);
+            lift(&mut pose, Side::Left, Vector3::new(forward, 0.0, up));
+            anchor.hold(&pose);
+        }
+        let mut pose = standing(pelvis);
+        lift(&mut pose, Side::Left, Vector3::new(0.3, 0.0, 0.0));
+        let after = anchor.hold(&pose);
+        assert_eq!(anchor.stance(), 1);
+        let stepped = after.origin_of(Segment::LeftFoot) - before.origin_of(Segment::LeftFoot);
+        assert!((stepped - Vector3::new(0.3, 0.0, 0.0)).norm() < 1e-3, "{stepped}");
+        assert!((after.origin_of(Segment::RightFoot) - before.origin_of(Segment::RightFoot)).norm() < 1e-3);
+    }
+}

@@ -1,0 +1,91 @@
+//! Whose world a pose is in, told by its type.
+//!
+//! The suit's world drifts against the floor by centimetres a minute; the station's world is the floor with the
+//! force plate in it. Only [`crate::anchor`] turns one into the other, so the compiler refuses what drifts:
+//!
+//! ```compile_fail
+//! use equipoise_core::{frame::{Pose, SuitWorld}, sesc};
+//! fn centre(pose: &Pose<SuitWorld>, phi: &sesc::Phi) {
+//!     sesc::centre_of_mass(pose, phi); // expected `Pose<StationWorld>`
+//! }
+//! ```
+
+use core::marker::PhantomData;
+
+use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+
+use crate::body::{SEGMENTS, Segment};
+use crate::message::SuitSample;
+
+/// The world of the suit: Z up, but its origin wanders.
+#[derive(Debug, Clone, Copy)]
+pub enum SuitWorld {}
+
+/// The world of the station: X forward, Y left, Z up; the plate's place in it is configured.
+#[derive(Debug, Clone, Copy)]
+pub enum StationWorld {}
+
+/// Where every segment is and how it is turned, in world `W`.
+#[derive(Debug, Clone, Copy)]
+pub struct Pose<W> {
+    /// Segment origins (proximal joint centres), m.
+    pub origin: [Vector3<f64>; SEGMENTS],
+    /// `world_from_segment` of every segment.
+    pub world_from_segment: [UnitQuaternion<f64>; SEGMENTS],
+    world: PhantomData<W>,
+}
+
+impl<W> Pose<W> {
+    /// A pose from its parts.
+    pub fn new(
+        origin: [Vector3<f64>; SEGMENTS],
+        world_from_segment: [UnitQuaternion<f64>; SEGMENTS],
+    ) -> Self {
+        Pose { origin, world_from_segment, world: PhantomData }
+    }
+
+    /// Segment origin, m.
+    pub fn origin_of(&self, segment: Segment) -> Vector3<f64> {
+        self.origin[segment.index()]
+    }
+
+    /// A point fixed in a segment, seen from the world, m.
+    pub fn point_on(&self, segment: Segment, from_origin_m: [f64; 3]) -> Vector3<f64> {
+        let index = segment.index();
+        self.origin[index] + self.world_from_segment[index] * Vector3::from(from_origin_m)
+    }
+
+    /// `parent_from_segment` of every joint.
+    pub fn joint_rotations(&self) -> [UnitQuaternion<f64>; SEGMENTS - 1] {
+        core::array::from_fn(|joint| {
+            let segment = Segment::ALL[joint + 1];
+            let world_from_child = self.world_from_segment[segment.index()];
+            match segment.parent() {
+                Some(parent) => self.world_from_segment[parent.index()].inverse() * world_from_child,
+                None => world_from_child,
+            }
+        })
+    }
+}
+
+impl Pose<SuitWorld> {
+    /// The pose of a suit sample, whose quaternions the adapter has normalised.
+    pub fn from_sample(sample: &SuitSample) -> Self {
+        Pose::new(sample.position_m.map(Vector3::from), sample.orientation_wxyz.map(rotation))
+    }
+
+    /// The same pose, its world's origin shifted.
+    pub fn shifted(&self, station_from_suit_m: Vector3<f64>) -> Pose<StationWorld> {
+        Pose::new(self.origin.map(|origin| origin + station_from_suit_m), self.world_from_segment)
+    }
+}
+
+/// A unit quaternion from its message form, scalar first.
+pub fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
+    Unit::new_unchecked(Quaternion::new(w, x, y, z))
+}
+
+/// The message form of a unit quaternion, scalar first.
+pub fn wxyz(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.w, rotation.i, rotation.j, rotation.k]
+}

@@ -1,0 +1,280 @@
+//! Fewer parameters than the suit has segments: `Φ = T θ + Φ_fixed`.
+//!
+//! The suit interpolates the spine, and hands and toes hardly move apart from forearms and feet, so many of the 69
+//! raw parameters cannot be told apart. A group of segments shares one vector, split in the proportions of the
+//! anthropometric table; what the group leaves free of the table stays fixed at the table's value.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Phi;
+use crate::body::{SEGMENTS, Segment};
+use crate::frame::{Pose, StationWorld};
+
+/// Raw parameters: three per segment.
+pub const PARAMETERS: usize = 3 * SEGMENTS;
+
+/// How many and which parameters are identified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReductionKind {
+    /// All 69.
+    Full,
+    /// 42: segments that move as one share a vector.
+    Merged,
+    /// 16: merged, left mirrors right, limbs along their long axes (González et al., 2013).
+    Symmetric,
+}
+
+/// Segments that share one vector; the axes of it that are free; whether the other side mirrors it.
+struct Group {
+    segments: &'static [Segment],
+    axes: &'static [usize],
+    mirrored: bool,
+}
+
+const X: usize = 0;
+const Y: usize = 1;
+const Z: usize = 2;
+
+const fn group(segments: &'static [Segment], axes: &'static [usize], mirrored: bool) -> Group {
+    Group { segments, axes, mirrored }
+}
+
+const THORAX: &[Segment] = &[Segment::T12, Segment::T8, Segment::RightShoulder, Segment::LeftShoulder];
+
+const MERGED: [Group; 14] = [
+    group(&[Segment::Pelvis], &[X, Y, Z], false),
+    group(&[Segment::L5, Segment::L3], &[X, Y, Z], false),
+    group(THORAX, &[X, Y, Z], false),
+    group(&[Segment::Neck, Segment::Head], &[X, Y, Z], false),
+    group(&[Segment::RightUpperArm], &[X, Y, Z], false),
+    group(&[Segment::RightForearm, Segment::RightHand], &[X, Y, Z], false),
+    group(&[Segment::LeftUpperArm], &[X, Y, Z], false),
+    group(&[Segment::LeftForearm, Segment::LeftHand], &[X, Y, Z], false),
+    group(&[Segment::RightUpperLeg], &[X, Y, Z], false),
+    group(&[Segment::RightLowerLeg], &[X, Y, Z], false),
+    group(&[Segment::RightFoot, Segment::RightToe], &[X, Y, Z], false),
+    group(&[Segment::LeftUpperLeg], &[X, Y, Z], false),
+    group(&[Segment::LeftLowerLeg], &[X, Y, Z], false),
+    group(&[Segment::LeftFoot, Segment::LeftToe], &[X, Y, Z], false),
+];
+
+// The pelvis keeps its sideways parameter: an offset of the plate or a longer leg lands there, not in the limbs.
+const SYMMETRIC: [Group; 9] = [
+    group(&[Segment::Pelvis], &[X, Y, Z], false),
+    group(&[Segment::L5, Segment::L3], &[X, Z], false),
+    group(THORAX, &[X, Z], false),
+    group(&[Segment::Neck, Segment::Head], &[X, Z], false),
+    group(&[Segment::LeftUpperArm], &[Y], true),
+    group(&[Segment::LeftForearm, Segment::LeftHand], &[Y], true),
+    group(&[Segment::LeftUpperLeg], &[X, Z], true),
+    group(&[Segment::LeftLowerLeg], &[X, Z], true),
+    group(&[Segment::LeftFoot, Segment::LeftToe], &[X], true),
+];
+
+/// No parameter: the raw one is fixed.
+const FIXED: u64 = u64::MAX;
+
+/// The matrix T, which has at most one entry a row, and Φ_fixed.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Reduction {
+    /// How many parameters θ has, in [0, 69]; 0 before a body was seen.
+    pub count: u64,
+    /// Which θ each raw parameter follows, in [0, count) or `FIXED`.
+    parameter: [u64; PARAMETERS],
+    /// How much of it.
+    weight: [f64; PARAMETERS],
+    /// What is not free, m.
+    fixed_m: [f64; PARAMETERS],
+}
+
+/// Two rows of the measurement: `CoP_axis = offset_m + h · θ` in a still pose.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows {
+    /// The rows of B_red, x and y.
+    pub h: [[f64; PARAMETERS]; 2],
+    /// The known part: pelvis and fixed parameters, m.
+    pub offset_m: [f64; 2],
+}
+
+impl Reduction {
+    /// The reduction of a kind around a table's Φ.
+    pub fn new(kind: ReductionKind, table: &Phi) -> Reduction {
+        let mut reduction: Reduction = Zeroable::zeroed();
+        reduction.parameter = [FIXED; PARAMETERS];
+        match kind {
+            ReductionKind::Full => {
+                reduction.count = PARAMETERS as u64;
+                reduction.parameter = core::array::from_fn(|raw| raw as u64);
+                reduction.weight = [1.0; PARAMETERS];
+            }
+            ReductionKind::Merged => reduction.add_groups(&MERGED, table),
+            ReductionKind::Symmetric => reduction.add_groups(&SYMMETRIC, table),
+        }
+        let theta = reduction.closest_theta(table);
+        for raw in 0..PARAMETERS {
+            reduction.fixed_m[raw] = table.0[raw / 3][raw % 3] - reduction.free_part(raw, &theta);
+        }
+        reduction
+    }
+
+    fn add_groups(&mut self, groups: &[Group], table: &Phi) {
+        for group in groups {
+            let size = |segment: &Segment| {
+                let [x, y, z] = table.0[segment.index()];
+                libm_sqrt(x * x + y * y + z * z)
+            };
+            let sum: f64 = group.segments.iter().map(size).sum();
+            for &axis in group.axes {
+                for segment in group.segments {
+                    let even = 1.0 / group.segments.len() as f64;
+                    let share = if sum > 0.0 { size(segment) / sum } else { even };
+                    self.tie(3 * segment.index() + axis, share);
+                    if group.mirrored {
+                        let sign = if axis == Y { -1.0 } else { 1.0 };
+                        self.tie(3 * segment.mirrored().index() + axis, sign * share);
+                    }
+                }
+                self.count += 1;
+            }
+        }
+    }
+
+    fn tie(&mut self, raw: usize, weight: f64) {
+        self.parameter[raw] = self.count;
+        self.weight[raw] = weight;
+    }
+
+    fn free_part(&self, raw: usize, theta: &[f64; PARAMETERS]) -> f64 {
+        match self.parameter[raw] {
+            FIXED => 0.0,
+            parameter => self.weight[raw] * theta[parameter as usize],
+        }
+    }
+
+    /// How many parameters θ has.
+    pub fn count(&self) -> usize {
+        self.count as usize
+    }
+
+    /// Whether indices and numbers are in range; a stored reduction is checked before it is used.
+    pub fn is_sound(&self) -> bool {
+        self.count() <= PARAMETERS
+            && self.parameter.iter().all(|&parameter| parameter == FIXED || parameter < self.count)
+            && self.weight.iter().chain(&self.fixed_m).all(|value| value.is_finite())
+    }
+
+    /// `T⁺ v`: the least-squares θ of a raw vector.
+    pub fn pseudo_inverse(&self, raw_vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
+        let (mut dot, mut square) = ([0.0; PARAMETERS], [0.0; PARAMETERS]);
+        for (raw, value) in raw_vector.iter().enumerate() {
+            if self.parameter[raw] != FIXED {
+                let parameter = self.parameter[raw] as usize;
+                dot[parameter] += self.weight[raw] * value;
+                square[parameter] += self.weight[raw] * self.weight[raw];
+            }
+        }
+        core::array::from_fn(|index| if square[index] > 0.0 { dot[index] / square[index] } else { 0.0 })
+    }
+
+    /// The θ closest to Φ.
+    pub fn closest_theta(&self, phi: &Phi) -> [f64; PARAMETERS] {
+        self.pseudo_inverse(&core::array::from_fn(|raw| phi.0[raw / 3][raw % 3]))
+    }
+
+    /// `Φ = T θ + Φ_fixed`.
+    pub fn phi(&self, theta: &[f64; PARAMETERS]) -> Phi {
+        Phi(core::array::from_fn(|segment| {
+            core::array::from_fn(|axis| {
+                let raw = 3 * segment + axis;
+                self.fixed_m[raw] + self.free_part(raw, theta)
+            })
+        }))
+    }
+
+    /// Variance of each raw parameter from the variances of θ.
+    pub fn raw_variance(&self, theta_variance: impl Fn(usize) -> f64) -> [f64; PARAMETERS] {
+        core::array::from_fn(|raw| match self.parameter[raw] {
+            FIXED => 0.0,
+            parameter => self.weight[raw] * self.weight[raw] * theta_variance(parameter as usize),
+        })
+    }
+
+    /// The horizontal rows of `C_M = x0 + B(Tθ + Φ_fixed)` for a pose, without forming B (Eq. 3, 6).
+    pub fn rows(&self, pose: &Pose<StationWorld>) -> Rows {
+        let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        let pelvis = pose.origin_of(Segment::Pelvis);
+        rows.offset_m = [pelvis.x, pelvis.y];
+        for (segment, rotation) in pose.world_from_segment.iter().enumerate() {
+            let world_from_segment = rotation.to_rotation_matrix();
+            for axis in 0..3 {
+                let raw = 3 * segment + axis;
+                for row in 0..2 {
+                    let entry = world_from_segment[(row, axis)];
+                    rows.offset_m[row] += entry * self.fixed_m[raw];
+                    if self.parameter[raw] != FIXED {
+                        rows.h[row][self.parameter[raw] as usize] += entry * self.weight[raw];
+                    }
+                }
+            }
+        }
+        rows
+    }
+}
+
+fn libm_sqrt(value: f64) -> f64 {
+    nalgebra::ComplexField::sqrt(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Anthropometry, Sex, Skeleton};
+    use crate::pose_suggestion::{Posture, posture};
+    use crate::sesc::centre_of_mass;
+
+    const KINDS: [(ReductionKind, usize); 3] =
+        [(ReductionKind::Full, 69), (ReductionKind::Merged, 42), (ReductionKind::Symmetric, 16)];
+
+    fn table() -> Phi {
+        let skeleton = Skeleton::nominal(1.77);
+        Phi::of(&skeleton, &Anthropometry::de_leva(&skeleton, 1.77, Sex::Male))
+    }
+
+    #[test]
+    fn every_reduction_holds_the_table_itself() {
+        for (kind, count) in KINDS {
+            let reduction = Reduction::new(kind, &table());
+            assert_eq!(reduction.count(), count);
+            assert!(reduction.is_sound());
+            let back = reduction.phi(&reduction.closest_theta(&table()));
+            for (a, b) in back.0.iter().flatten().zip(table().0.iter().flatten()) {
+                assert!((a - b).abs() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn the_rows_are_the_horizontal_centre_of_mass() {
+        let skeleton = Skeleton::nominal(1.77);
+        let mut rotation_deg = [[0; 3]; SEGMENTS];
+        for (index, degrees) in rotation_deg.iter_mut().enumerate() {
+            *degrees = [index as i16 * 2 - 30, 12 - index as i16, (index as i16 % 4) * 11];
+        }
+        let pose = posture::pose_of(&Posture { name: "any", rotation_deg }, &skeleton, [0.1, 0.2, 0.9]);
+        for (kind, _) in KINDS {
+            let reduction = Reduction::new(kind, &table());
+            let mut theta = reduction.closest_theta(&table());
+            for (index, value) in theta.iter_mut().enumerate() {
+                *value += 0.001 * index as f64;
+            }
+            let rows = reduction.rows(&pose);
+            let centre = centre_of_mass(&pose, &reduction.phi(&theta));
+            for row in 0..2 {
+                let by_rows: f64 = rows.offset_m[row]
+                    + rows.h[row].iter().zip(theta).map(|(h, theta)| h * theta).sum::<f64>();
+                assert!((by_rows - centre[row]).abs() < 1e-12);
+            }
+        }
+    }
+}
