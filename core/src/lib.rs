@@ -2,16 +2,19 @@
 //! the overload torque of every joint (Fortini et al., 2020).
 //!
 //! No clock, no file, no thread, no heap, no unsafe: samples and a time go in, a state comes out. Floors, ground
-//! first; each may use those above it in this list:
-//! [`time`] → [`body`] → [`message`]
+//! first, each resting only on those before it:
+//! [`time`], [`body`], [`frame`] → [`message`] → [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
+//! [`pose_suggestion`] → [`overload`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod anchor;
 pub mod body;
+pub mod cycle;
 pub mod frame;
 pub mod kalman;
 pub mod message;
+pub mod overload;
 pub mod pose_suggestion;
 pub mod sesc;
 pub mod static_pose;

@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::body::{SEGMENTS, Segment, Skeleton};
+use crate::body::{JOINTS, SEGMENTS, Segment, Skeleton};
 use crate::frame::{Pose, StationWorld};
 
 /// A feasible, balanced pose of the library, facing X.
@@ -15,13 +15,16 @@ pub struct Posture {
 }
 
 impl Posture {
+    /// `parent_from_segment` of every joint.
+    pub fn joint_rotations(&self) -> [UnitQuaternion<f64>; JOINTS] {
+        core::array::from_fn(|joint| rotation_of(self.rotation_deg[joint + 1]))
+    }
+
     /// `world_from_segment` of every segment.
     pub fn world_from_segment(&self) -> [UnitQuaternion<f64>; SEGMENTS] {
         let mut rotation = [UnitQuaternion::identity(); SEGMENTS];
         for segment in Segment::ALL {
-            let degrees = self.rotation_deg[segment.index()];
-            let parent_from_segment =
-                UnitQuaternion::from_scaled_axis(Vector3::from(degrees.map(|d| f64::from(d).to_radians())));
+            let parent_from_segment = rotation_of(self.rotation_deg[segment.index()]);
             rotation[segment.index()] = match segment.parent() {
                 Some(parent) => rotation[parent.index()] * parent_from_segment,
                 None => parent_from_segment,
@@ -29,6 +32,12 @@ impl Posture {
         }
         rotation
     }
+}
+
+fn rotation_of(rotation_deg: [i16; 3]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_scaled_axis(Vector3::from(
+        rotation_deg.map(|degrees| f64::from(degrees).to_radians()),
+    ))
 }
 
 /// The pose of a posture taken by a body with this skeleton, the pelvis' origin at `pelvis_m`.

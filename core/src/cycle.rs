@@ -1,0 +1,176 @@
+//! One step of the pipeline: samples and a time in, a state out.
+//!
+//! [`step`] reads no clock and touches no memory but its own: two runs over the same ticks and samples give the same
+//! states, byte for byte. Everything that changes lies in [`Memory`], which is plain old data, so a checkpoint is a
+//! copy of it.
+
+pub mod alignment;
+pub mod identification;
+pub mod memory;
+pub mod monitoring;
+pub mod settings;
+pub mod support;
+
+use crate::message::command::CommandKind;
+use crate::message::state::Phase;
+use crate::message::{GroundSample, State, SuitSample, Validity};
+use crate::time::NS_PER_S;
+
+pub use identification::{Identification, NO_POSE};
+pub use memory::Memory;
+pub use settings::{PriorKind, Settings, StopRule};
+
+/// How late a stream may be beyond two of its periods, ns.
+const STALE_TOLERANCE_NS: u64 = 20_000_000;
+/// How long after a change of the model its torques are withheld, ns.
+const MODEL_CHANGED_NS: u64 = NS_PER_S;
+/// Device time less sure than this is not tied to host time, ns.
+const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
+
+/// Which cycle, and when it was due.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tick {
+    /// Number, from 1.
+    pub cycle: u64,
+    /// Due time, CLOCK_MONOTONIC.
+    pub due_ns: u64,
+}
+
+/// What has come in since the step before.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Inputs<'a> {
+    /// Suit samples in order of arrival.
+    pub suit: &'a [SuitSample],
+    /// Ground samples in order of arrival.
+    pub ground: &'a [GroundSample],
+    /// At most one command, applied first.
+    pub command: Option<CommandKind>,
+}
+
+/// One cycle. The state is written in place and stays valid until the next step.
+pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs: Inputs<'_>) -> &'m State {
+    if let Some(command) = inputs.command {
+        memory.obey(settings, command, tick);
+    }
+    for sample in inputs.ground.iter().filter(|sample| alignment::is_sound_ground(sample)) {
+        memory.alignment.push_ground(&memory.tared(sample));
+    }
+    for sample in inputs.suit.iter().filter(|sample| alignment::is_sound_suit(sample)) {
+        memory.alignment.push_suit(sample);
+    }
+    // Bounded: the queue holds a fixed number of samples.
+    while let Some(aligned) = memory.alignment.next(tick.due_ns) {
+        memory.monitor(settings, &aligned);
+    }
+    memory.tell(settings, tick);
+    &memory.state
+}
+
+impl Memory {
+    fn obey(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
+        match command {
+            CommandKind::IdentifyStart => {
+                self.identification.learning = 1;
+                self.identification.identified = 0;
+            }
+            CommandKind::IdentifyStop => {
+                self.identification.learning = 0;
+                self.identification.identified = u64::from(self.identification.has_body());
+                self.identification.suggested = NO_POSE;
+                self.model_changed_ns = tick.due_ns;
+            }
+            CommandKind::IdentifyReset => {
+                if self.identification.has_body() {
+                    self.identification.return_to_prior(settings);
+                }
+                self.identification.learning = 1;
+                self.model_changed_ns = tick.due_ns;
+            }
+            CommandKind::Tare => self.tare(),
+            // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
+            CommandKind::Checkpoint | CommandKind::SubjectSave => {}
+            CommandKind::SubjectLoad => self.model_changed_ns = tick.due_ns,
+        }
+    }
+
+    /// Brings the state up to the tick: ages, phase, reasons; and blanks what must not be used.
+    fn tell(&mut self, settings: &Settings, tick: Tick) {
+        let now_ns = tick.due_ns;
+        let age = |time: Option<u64>| time.map_or(u64::MAX, |time_ns| now_ns.saturating_sub(time_ns));
+        let stale = |age_ns: u64, period_ns: u64| age_ns > 2 * period_ns + STALE_TOLERANCE_NS;
+        let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
+        let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
+        let suit_stale = stale(suit_age_ns, self.alignment.suit_period_ns());
+        let ground_stale = stale(ground_age_ns, self.alignment.ground_period_ns());
+        if suit_stale && !ground_stale {
+            self.measure_ground_alone();
+        }
+
+        let identification = &self.identification;
+        let mut valid = self.findings();
+        valid.raise(Validity::SUIT_STALE, suit_stale);
+        valid.raise(Validity::GROUND_STALE, ground_stale);
+        valid.raise(Validity::NOT_IDENTIFIED, identification.identified == 0);
+        valid.raise(Validity::MASS_UNKNOWN, identification.mass_kg <= 0.0);
+        let changed =
+            self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
+        valid.raise(Validity::MODEL_CHANGED, changed);
+
+        let ready = identification.has_body() && identification.mass_kg > 0.0;
+        let phase = match (ready && !suit_stale && !ground_stale, identification) {
+            (true, known) if known.identified == 1 => Phase::Monitoring,
+            (true, unknown) if unknown.learning == 1 => Phase::Identifying,
+            (false, _) if self.was_ready == 1 => Phase::Degraded,
+            _ => Phase::Waiting,
+        };
+        if matches!(phase, Phase::Monitoring | Phase::Identifying) {
+            self.was_ready = 1;
+        }
+
+        let state = &mut self.state;
+        state.cycle = tick.cycle;
+        state.time_ns = now_ns;
+        state.suit_age_ns = suit_age_ns;
+        state.ground_age_ns = ground_age_ns;
+        state.valid = valid.0;
+        state.phase = phase as u32;
+        state.converged = identification.identified as u32;
+        state.poses_used = identification.poses_used.min(u64::from(u32::MAX)) as u32;
+        state.suggested_pose = u32::try_from(identification.suggested).unwrap_or(u32::MAX);
+        state.mass_kg = identification.mass_kg;
+        state.variance_max_m2 = identification.filter.variance_max_m2();
+        state.predicted_cop_sigma_m = identification.predicted_cop_sigma_m;
+        state.nis = identification.nis;
+        if suit_stale || ground_stale {
+            state.static_pose = 0;
+        }
+        blank_spoilt(state, settings);
+    }
+}
+
+/// A spoilt value is zero: nobody may act on what a stale sensor said.
+fn blank_spoilt(state: &mut State, settings: &Settings) {
+    let valid = state.validity();
+    if valid.any_of(Validity::SPOILS_COP_MEASURED) {
+        state.cop_measured_m = [0.0; 2];
+        state.ground_force_n = [0.0; 3];
+    }
+    if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {
+        state.cop_estimated_m = [0.0; 2];
+        state.cop_sigma_m = [0.0; 2];
+        state.com_m = [0.0; 3];
+        state.segment_origin_m = bytemuck::Zeroable::zeroed();
+        state.pose_mismatch_rad = 0.0;
+    }
+    if valid.any_of(Validity::SPOILS_DELTA_F) {
+        state.delta_f_n = [0.0; 3];
+    }
+    if valid.any_of(Validity::SPOILS_TORQUES) {
+        monitoring::blank_torques(state);
+    } else {
+        monitoring::colour(state, settings);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,286 @@
+//! Ground to suit by sample time, never by arrival: a ring of ground samples, a short queue of suit samples.
+//!
+//! A suit sample waits until ground samples reach past its own time; then the wrench at exactly that time is
+//! interpolated. If the ground stays silent, the suit sample goes on alone.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::message::{GroundSample, SuitSample};
+
+/// Ground samples kept: half a second at 1 kHz.
+const GROUND_RING: usize = 512;
+/// Suit samples that may wait for the ground.
+const SUIT_QUEUE: usize = 16;
+/// How long a suit sample waits for the ground, ns.
+const PATIENCE_NS: u64 = 60_000_000;
+/// Ground samples farther apart than this are not interpolated between, ns.
+const GAP_MAX_NS: u64 = 60_000_000;
+
+/// Both streams, waiting for each other.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Alignment {
+    ground: [GroundSample; GROUND_RING],
+    /// How many ground samples were taken in; the newest is at `(ground_count − 1) % GROUND_RING`.
+    ground_count: u64,
+    suit: [SuitSample; SUIT_QUEUE],
+    /// How many suit samples were taken in, and how many have left.
+    suit_in: u64,
+    suit_out: u64,
+    /// Learnt sample periods, ns; 0 before two samples.
+    suit_period_ns: u64,
+    ground_period_ns: u64,
+    /// Samples refused because their time did not advance.
+    refused: u64,
+}
+
+/// A suit sample with the ground's wrench at its time.
+#[derive(Debug, Clone, Copy)]
+pub struct Aligned {
+    /// The suit sample.
+    pub suit: SuitSample,
+    /// The wrench at the suit's sample time; `None` if the ground was silent then.
+    pub ground: Option<GroundSample>,
+}
+
+/// Before two samples were seen: the slowest suit and plate that are supported, ns.
+const PERIOD_AT_FIRST_NS: u64 = 16_666_667;
+
+/// A quarter of each new interval enters the learnt period; gaps do not.
+fn learn(period_ns: &mut u64, interval_ns: u64) {
+    if *period_ns == 0 {
+        *period_ns = interval_ns;
+    } else if interval_ns < 2 * *period_ns {
+        *period_ns = (3 * *period_ns + interval_ns) / 4;
+    } else {
+        // A gap, or the stream became slower: follow slowly.
+        *period_ns += *period_ns / 16;
+    }
+}
+
+impl Alignment {
+    /// Takes in a ground sample; one whose time does not advance is refused.
+    pub fn push_ground(&mut self, sample: &GroundSample) {
+        if let Some(newest_ns) = self.newest_ground().map(|newest| newest.sample_time_ns) {
+            if sample.sample_time_ns <= newest_ns {
+                self.refused += 1;
+                return;
+            }
+            learn(&mut self.ground_period_ns, sample.sample_time_ns - newest_ns);
+        }
+        self.ground[self.ground_count as usize % GROUND_RING] = *sample;
+        self.ground_count += 1;
+    }
+
+    /// Takes in a suit sample; one whose time does not advance is refused. A full queue loses its oldest.
+    pub fn push_suit(&mut self, sample: &SuitSample) {
+        if let Some(newest_ns) = self.newest_suit().map(|newest| newest.sample_time_ns) {
+            if sample.sample_time_ns <= newest_ns {
+                self.refused += 1;
+                return;
+            }
+            learn(&mut self.suit_period_ns, sample.sample_time_ns - newest_ns);
+        }
+        self.suit[self.suit_in as usize % SUIT_QUEUE] = *sample;
+        self.suit_in += 1;
+        self.suit_out = self.suit_out.max(self.suit_in.saturating_sub(SUIT_QUEUE as u64));
+    }
+
+    /// The newest ground sample.
+    pub fn newest_ground(&self) -> Option<&GroundSample> {
+        let index = self.ground_count.checked_sub(1)?;
+        Some(&self.ground[index as usize % GROUND_RING])
+    }
+
+    /// The newest suit sample.
+    pub fn newest_suit(&self) -> Option<&SuitSample> {
+        let index = self.suit_in.checked_sub(1)?;
+        Some(&self.suit[index as usize % SUIT_QUEUE])
+    }
+
+    /// Mean force and moment over the ring, N and N m; `None` before the first sample.
+    pub fn mean_ground(&self) -> Option<[[f64; 3]; 2]> {
+        let count = (self.ground_count as usize).min(GROUND_RING);
+        let mut mean = [[0.0; 3]; 2];
+        for sample in &self.ground[..count] {
+            for (mean, shown) in mean.iter_mut().flatten().zip(sample.force_n.iter().chain(&sample.moment_nm))
+            {
+                *mean += shown / count as f64;
+            }
+        }
+        (count > 0).then_some(mean)
+    }
+
+    /// Learnt period of the suit, ns.
+    pub fn suit_period_ns(&self) -> u64 {
+        if self.suit_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.suit_period_ns }
+    }
+
+    /// Learnt period of the ground, ns.
+    pub fn ground_period_ns(&self) -> u64 {
+        if self.ground_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.ground_period_ns }
+    }
+
+    /// Samples refused because their time did not advance.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Whether counters are in range; a stored alignment is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.suit_out <= self.suit_in
+            && self.suit_in - self.suit_out <= SUIT_QUEUE as u64
+            && self.suit_period_ns < u64::MAX / 4
+            && self.ground_period_ns < u64::MAX / 4
+            && self.suit.iter().all(is_finite_suit)
+            && self.ground.iter().all(is_finite_ground)
+    }
+
+    /// The oldest waiting suit sample, once the ground reaches past it or its patience is over at `now_ns`.
+    pub fn next(&mut self, now_ns: u64) -> Option<Aligned> {
+        if self.suit_out == self.suit_in {
+            return None;
+        }
+        let suit = self.suit[self.suit_out as usize % SUIT_QUEUE];
+        let time_ns = suit.sample_time_ns;
+        let reached = self.newest_ground().is_some_and(|ground| ground.sample_time_ns >= time_ns);
+        if !reached && now_ns.saturating_sub(time_ns) < PATIENCE_NS {
+            return None;
+        }
+        self.suit_out += 1;
+        Some(Aligned { suit, ground: if reached { self.ground_at(time_ns) } else { None } })
+    }
+
+    /// The wrench at a time between two samples of the ring that are not too far apart.
+    fn ground_at(&self, time_ns: u64) -> Option<GroundSample> {
+        let oldest = self.ground_count.saturating_sub(GROUND_RING as u64);
+        let at = |index: u64| &self.ground[index as usize % GROUND_RING];
+        let mut after = self.ground_count.checked_sub(1)?;
+        while after > oldest && at(after - 1).sample_time_ns >= time_ns {
+            after -= 1;
+        }
+        let (later, earlier) = (at(after), if after > oldest { at(after - 1) } else { at(after) });
+        if earlier.sample_time_ns > time_ns || later.sample_time_ns - earlier.sample_time_ns > GAP_MAX_NS {
+            return (later.sample_time_ns == time_ns).then_some(*later);
+        }
+        let span = later.sample_time_ns - earlier.sample_time_ns;
+        let share = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
+        let blend =
+            |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]));
+        Some(GroundSample {
+            sample_time_ns: time_ns,
+            sample_time_sigma_ns: later.sample_time_sigma_ns.max(earlier.sample_time_sigma_ns),
+            device_status: later.device_status | earlier.device_status,
+            force_n: blend(earlier.force_n, later.force_n),
+            moment_nm: blend(earlier.moment_nm, later.moment_nm),
+            ..*later
+        })
+    }
+}
+
+fn is_finite_suit(sample: &SuitSample) -> bool {
+    sample.position_m.iter().flatten().all(|value| value.is_finite())
+        && sample.orientation_wxyz.iter().flatten().all(|value| value.is_finite())
+}
+
+fn is_finite_ground(sample: &GroundSample) -> bool {
+    sample.force_n.iter().chain(&sample.moment_nm).all(|value| value.is_finite())
+        && sample.surface_z_m.is_finite()
+}
+
+/// Whether a suit sample may enter: finite numbers and unit quaternions. Adapters see to that; the loop checks again,
+/// because anybody of the same user may write to the bus.
+pub fn is_sound_suit(sample: &SuitSample) -> bool {
+    is_finite_suit(sample)
+        && sample.orientation_wxyz.iter().all(|q| {
+            let square: f64 = q.iter().map(|part| part * part).sum();
+            (square - 1.0).abs() < 1e-3
+        })
+}
+
+/// Whether a ground sample may enter: finite numbers.
+pub fn is_sound_ground(sample: &GroundSample) -> bool {
+    is_finite_ground(sample)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ground(time_ns: u64, force: f64) -> GroundSample {
+        GroundSample { sample_time_ns: time_ns, force_n: [0.0, 0.0, force], ..Zeroable::zeroed() }
+    }
+
+    fn suit(time_ns: u64) -> SuitSample {
+        SuitSample { sample_time_ns: time_ns, ..Zeroable::zeroed() }
+    }
+
+    fn empty() -> Alignment {
+        Zeroable::zeroed()
+    }
+
+    #[test]
+    fn the_wrench_is_taken_at_the_suit_s_own_time_whatever_arrived_first() {
+        let mut alignment = empty();
+        alignment.push_suit(&suit(1_500_000));
+        assert!(alignment.next(2_000_000).is_none(), "the ground has not reached it");
+        for millisecond in 0..3 {
+            alignment.push_ground(&ground(millisecond * 1_000_000, 100.0 * millisecond as f64));
+        }
+        let aligned = alignment.next(3_000_000).unwrap();
+        assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
+        assert!(alignment.next(3_000_000).is_none());
+    }
+
+    #[test]
+    fn a_silent_ground_does_not_hold_the_suit_back_for_ever() {
+        let mut alignment = empty();
+        alignment.push_ground(&ground(0, 700.0));
+        alignment.push_suit(&suit(10_000_000));
+        assert!(alignment.next(20_000_000).is_none());
+        assert!(alignment.next(80_000_000).unwrap().ground.is_none());
+    }
+
+    #[test]
+    fn nothing_is_interpolated_over_a_gap() {
+        let mut alignment = empty();
+        alignment.push_ground(&ground(0, 700.0));
+        alignment.push_ground(&ground(200_000_000, 700.0));
+        alignment.push_suit(&suit(100_000_000));
+        assert!(alignment.next(200_000_000).unwrap().ground.is_none());
+    }
+
+    #[test]
+    fn time_that_does_not_advance_is_refused() {
+        let mut alignment = empty();
+        alignment.push_ground(&ground(5, 1.0));
+        alignment.push_ground(&ground(5, 2.0));
+        alignment.push_ground(&ground(4, 3.0));
+        alignment.push_suit(&suit(9));
+        alignment.push_suit(&suit(9));
+        assert_eq!(alignment.refused(), 3);
+        assert_eq!(alignment.newest_ground().unwrap().force_n[2], 1.0);
+    }
+
+    #[test]
+    fn a_full_queue_loses_its_oldest() {
+        let mut alignment = empty();
+        for index in 1..=SUIT_QUEUE as u64 + 3 {
+            alignment.push_suit(&suit(index));
+        }
+        assert_eq!(alignment.next(u64::MAX).unwrap().suit.sample_time_ns, 4);
+        assert!(alignment.is_sound());
+    }
+
+    #[test]
+    fn the_period_is_learnt_and_a_gap_is_not_a_period() {
+        let mut alignment = empty();
+        let mut time_ns = 0;
+        for _ in 0..20 {
+            time_ns += 4_166_667;
+            alignment.push_suit(&suit(time_ns));
+        }
+        alignment.push_suit(&suit(time_ns + 500_000_000));
+        assert!(alignment.suit_period_ns() < 5_000_000);
+    }
+}

@@ -1,0 +1,88 @@
+//! Everything of a cycle that changes, as plain old data: a checkpoint is a copy of it.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::alignment::Alignment;
+use super::identification::Identification;
+use super::settings::Settings;
+use crate::anchor::Anchor;
+use crate::message::{GroundSample, State, Validity};
+use crate::static_pose::Window;
+
+/// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
+pub const MEMORY_VERSION: u64 = 1;
+
+/// What the loop remembers from one step to the next. About 250 kB: keep it in a box.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Memory {
+    /// [`MEMORY_VERSION`] of who wrote it.
+    pub version: u64,
+    /// Both streams, waiting for each other.
+    pub alignment: Alignment,
+    /// Where the feet stand.
+    pub anchor: Anchor,
+    /// The last aligned samples.
+    pub window: Window,
+    /// This worker.
+    pub identification: Identification,
+    /// Wrench that an empty plate shows, N and N m.
+    pub(super) tare: [[f64; 3]; 2],
+    /// Reasons found with the newest aligned sample: [`Validity`] bits.
+    pub(super) found: u64,
+    /// When the model was last changed from outside; 0 for never.
+    pub(super) model_changed_ns: u64,
+    /// 1 once both streams and the worker were there together.
+    pub(super) was_ready: u64,
+    /// The state last told.
+    pub state: State,
+}
+
+/// With nobody on the plate, noise and drift stay below this, N.
+const EMPTY_PLATE_N: f64 = 150.0;
+
+impl Memory {
+    /// Before the first sample.
+    pub fn start(&mut self, settings: &Settings) {
+        bytemuck::bytes_of_mut(self).fill(0);
+        self.version = MEMORY_VERSION;
+        self.identification.start(settings);
+        self.found = Validity::MOVING.and(Validity::FEET_OFF_PLATE).0;
+    }
+
+    /// Whether every index and number is in range. A memory that was stored is checked before it is used: no file
+    /// may make the loop panic.
+    pub fn is_sound(&self) -> bool {
+        self.version == MEMORY_VERSION
+            && self.alignment.is_sound()
+            && self.anchor.is_sound()
+            && self.window.is_sound()
+            && self.identification.is_sound()
+            && self.tare.iter().flatten().all(|value| value.is_finite())
+    }
+
+    /// The reasons found with the newest aligned sample.
+    pub(super) fn findings(&self) -> Validity {
+        Validity(self.found)
+    }
+
+    /// A ground sample less what the empty plate shows.
+    pub(super) fn tared(&self, sample: &GroundSample) -> GroundSample {
+        let less = |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] - b[axis]);
+        GroundSample {
+            force_n: less(sample.force_n, self.tare[0]),
+            moment_nm: less(sample.moment_nm, self.tare[1]),
+            ..*sample
+        }
+    }
+
+    /// Takes what the plate shows now as nothing, unless somebody stands on it.
+    pub(super) fn tare(&mut self) {
+        let Some(mean) = self.alignment.mean_ground() else { return };
+        if mean[0][2].abs() < EMPTY_PLATE_N {
+            for (tare, shown) in self.tare.iter_mut().flatten().zip(mean.iter().flatten()) {
+                *tare += shown;
+            }
+        }
+    }
+}

@@ -1,0 +1,363 @@
+//! A rigid person who is not the table's, standing still in one pose after the other.
+
+extern crate std;
+use std::boxed::Box;
+use std::vec::Vec;
+
+use bytemuck::Zeroable;
+use nalgebra::Vector3;
+
+use super::*;
+use crate::body::{Anthropometry, Joint, SEGMENTS, Segment, Sex, Side, Skeleton};
+use crate::frame::{Pose, StationWorld, wxyz};
+use crate::overload::GRAVITY_M_PER_S2;
+use crate::pose_suggestion::{Posture, posture};
+use crate::sesc::{Phi, centre_of_mass};
+
+const HEIGHT_M: f64 = 1.77;
+const MASS_KG: f64 = 72.0;
+const SUIT_PERIOD_NS: u64 = 10_000_000;
+const TICK_NS: u64 = 1_000_000;
+
+/// Trunk pitch and roll, and both arms; the legs stay straight and upright.
+fn stand(pitch: i16, roll: i16, left_arm: [i16; 3], right_arm: [i16; 3], elbow: i16) -> Posture {
+    let mut rotation_deg = [[0; 3]; SEGMENTS];
+    rotation_deg[Segment::Pelvis.index()] = [roll, pitch, 0];
+    rotation_deg[Segment::RightUpperLeg.index()] = [-roll, -pitch, 0];
+    rotation_deg[Segment::LeftUpperLeg.index()] = [-roll, -pitch, 0];
+    rotation_deg[Segment::LeftUpperArm.index()] = left_arm;
+    rotation_deg[Segment::RightUpperArm.index()] = right_arm;
+    rotation_deg[Segment::LeftForearm.index()] = [0, 0, -elbow];
+    rotation_deg[Segment::RightForearm.index()] = [0, 0, elbow];
+    Posture { name: "stand", rotation_deg }
+}
+
+fn postures() -> Vec<Posture> {
+    let mut all = Vec::new();
+    for (index, pitch) in [0, 15, 30, 45, -10].into_iter().enumerate() {
+        for (other, left) in [[-80, 0, 0], [0, 0, 0], [0, 0, -80], [60, 0, 0]].into_iter().enumerate() {
+            let right = [[80, 0, 0], [0, 0, 80], [0, 0, 0]][(index + other) % 3];
+            all.push(stand(pitch, 5 * other as i16 - 8, left, right, 30 * ((index + 2 * other) % 4) as i16));
+        }
+    }
+    all
+}
+
+struct Person {
+    skeleton: Skeleton,
+    body: Anthropometry,
+    phi: Phi,
+}
+
+impl Person {
+    /// Heavier trunk, lighter legs than the table's, and a crooked pelvis.
+    fn real() -> Person {
+        let skeleton = Skeleton::nominal(HEIGHT_M);
+        let mut body = Anthropometry::de_leva(&skeleton, HEIGHT_M, Sex::Male);
+        for segment in Segment::ALL {
+            body.mass_fraction[segment.index()] *= if segment <= Segment::Head { 1.12 } else { 0.9 };
+        }
+        body.com_m[Segment::T8.index()][0] += 0.07;
+        body.com_m[Segment::Pelvis.index()][1] += 0.015;
+        let sum: f64 = body.mass_fraction.iter().sum();
+        body.mass_fraction = body.mass_fraction.map(|fraction| fraction / sum);
+        Person { phi: Phi::of(&skeleton, &body), skeleton, body }
+    }
+
+    /// The posture with the feet where they always are.
+    fn pose(&self, posture: &Posture) -> Pose<StationWorld> {
+        let loose = posture::pose_of(posture, &self.skeleton, [0.0; 3]);
+        let foot = 0.5 * (loose.origin_of(Segment::LeftFoot) + loose.origin_of(Segment::RightFoot));
+        let pelvis = Vector3::new(0.0, 0.0, 0.1) - foot;
+        posture::pose_of(posture, &self.skeleton, pelvis.into())
+    }
+}
+
+struct Bench {
+    settings: Settings,
+    memory: Box<Memory>,
+    now_ns: u64,
+    cycle: u64,
+    suit_sequence: u64,
+    ground_silent: bool,
+    suit_silent: bool,
+}
+
+impl Bench {
+    fn new(change: impl FnOnce(&mut Settings)) -> Bench {
+        let library: &'static [Posture] = Box::leak(postures().into_boxed_slice());
+        let mut settings =
+            Settings { sex: Sex::Male, mass_kg: Some(MASS_KG), library, ..Settings::for_height(HEIGHT_M) };
+        change(&mut settings);
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&settings);
+        Bench {
+            settings,
+            memory,
+            now_ns: NS_PER_S,
+            cycle: 0,
+            suit_sequence: 0,
+            ground_silent: false,
+            suit_silent: false,
+        }
+    }
+
+    fn hold(
+        &mut self,
+        person: &Person,
+        posture: &Posture,
+        load: Option<(f64, Vector3<f64>)>,
+        milliseconds: u64,
+    ) {
+        let pose = person.pose(posture);
+        let centre = centre_of_mass(&pose, &person.phi);
+        let weight_n = MASS_KG * GRAVITY_M_PER_S2;
+        let (load_n, at) = load.map_or((0.0, Vector3::zeros()), |(kg, at)| (kg * GRAVITY_M_PER_S2, at));
+        for _ in 0..milliseconds {
+            self.now_ns += TICK_NS;
+            self.cycle += 1;
+            let moment = [centre.y * weight_n + at.y * load_n, -centre.x * weight_n - at.x * load_n, 0.0];
+            let ground = GroundSample {
+                sample_time_ns: self.now_ns,
+                sequence: self.cycle,
+                force_n: [0.0, 0.0, weight_n + load_n],
+                moment_nm: moment,
+                ..Zeroable::zeroed()
+            };
+            let mut suit: SuitSample = Zeroable::zeroed();
+            suit.sample_time_ns = self.now_ns - 500_000;
+            suit.position_m = pose.origin.map(Into::into);
+            suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
+            let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
+            self.suit_sequence += u64::from(has_suit);
+            let inputs = Inputs {
+                suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
+                ground: if self.ground_silent { &[] } else { core::slice::from_ref(&ground) },
+                command: None,
+            };
+            step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
+        }
+    }
+
+    fn state(&self) -> &State {
+        &self.memory.state
+    }
+
+    fn command(&mut self, command: CommandKind) {
+        self.cycle += 1;
+        self.now_ns += TICK_NS;
+        let inputs = Inputs { command: Some(command), ..Inputs::default() };
+        step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
+    }
+
+    fn identify(&mut self, person: &Person) {
+        for posture in postures() {
+            self.hold(person, &posture, None, 400);
+        }
+    }
+
+    fn phase(&self) -> Phase {
+        Phase::from_number(self.state().phase).unwrap()
+    }
+}
+
+fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {
+    let pose = person.pose(posture);
+    let grip = Side::BOTH.map(|side| pose.point_on(side.hand(), person.body.grip_m(side.hand())));
+    0.5 * (grip[0] + grip[1])
+}
+
+fn cop_error_m(state: &State) -> f64 {
+    let error = [0, 1].map(|axis| state.cop_measured_m[axis] - state.cop_estimated_m[axis]);
+    (error[0] * error[0] + error[1] * error[1]).sqrt()
+}
+
+#[test]
+fn the_worker_is_learnt_and_the_table_was_wrong() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.start_identifying = false));
+    let posture = stand(35, 0, [0, 0, -80], [0, 0, 80], 20);
+    bench.hold(&person, &posture, None, 400);
+    let before = cop_error_m(bench.state());
+    assert_eq!(bench.phase(), Phase::Waiting);
+    bench.command(CommandKind::IdentifyStart);
+    bench.hold(&person, &posture, None, 20);
+    assert_eq!(bench.phase(), Phase::Identifying);
+    bench.identify(&person);
+    bench.hold(&person, &posture, None, 400);
+    assert_eq!(bench.phase(), Phase::Monitoring, "σ {}", bench.state().predicted_cop_sigma_m);
+    assert!(before > 0.01, "the table should be wrong: {before}");
+    assert!(cop_error_m(bench.state()) < 0.004, "{}", cop_error_m(bench.state()));
+    assert!(bench.state().poses_used >= 6);
+}
+
+#[test]
+fn a_box_overloads_the_joints_that_carry_it() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    let at = lifted_box(&person, &posture);
+    bench.hold(&person, &posture, Some((4.0, at)), 600);
+    let state = bench.state();
+    assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+    assert!((state.delta_f_n[2] - 4.0 * GRAVITY_M_PER_S2).abs() < 1e-6);
+    let pose = person.pose(&posture);
+    for (name, share) in [("LeftElbow", 0.5), ("RightShoulder", 0.5)] {
+        let joint = Joint::named(name).unwrap();
+        let arm = at - pose.origin_of(joint.segment());
+        // The true torque about the lateral axis; the load's place along it is what the two CoPs say.
+        let truth = -arm.x * share * 4.0 * GRAVITY_M_PER_S2;
+        let told = state.torque_nm[joint.index()][1];
+        assert!((told - truth).abs() < 0.15 * truth.abs() + 0.2, "{name}: {told} {truth}");
+    }
+    assert!((state.zeta[0] + state.zeta[1] - 1.0).abs() < 1e-12);
+    assert!((state.eta[0] + state.eta[1] - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn an_unloaded_worker_has_no_overload() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    let state = bench.state();
+    assert!(state.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
+    assert_eq!(state.torque_nm, [[0.0; 3]; 22]);
+}
+
+#[test]
+fn a_held_pose_is_used_once() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[3], None, 3000);
+    assert_eq!(bench.state().poses_used, 1);
+    assert_eq!(bench.state().static_pose, 1);
+}
+
+#[test]
+fn a_pose_with_a_load_is_not_learnt_from() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[3], Some((8.0, Vector3::new(0.3, 0.0, 1.0))), 1000);
+    assert_eq!(bench.state().poses_used, 0);
+}
+
+#[test]
+fn a_silent_sensor_degrades_and_its_return_restores() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    let poses = bench.state().poses_used;
+
+    bench.suit_silent = true;
+    bench.hold(&person, &posture, None, 200);
+    assert_eq!(bench.phase(), Phase::Degraded);
+    assert!(bench.state().validity().any_of(Validity::SUIT_STALE));
+    assert!(!bench.state().validity().any_of(Validity::SPOILS_COP_MEASURED), "the plate still measures");
+    assert_ne!(bench.state().cop_measured_m, [0.0; 2]);
+    assert_eq!(bench.state().cop_estimated_m, [0.0; 2]);
+
+    bench.suit_silent = false;
+    bench.hold(&person, &posture, None, 500);
+    assert_eq!(bench.phase(), Phase::Monitoring);
+
+    bench.ground_silent = true;
+    bench.hold(&person, &posture, None, 300);
+    assert_eq!(bench.phase(), Phase::Degraded);
+    assert!(bench.state().validity().any_of(Validity::GROUND_STALE));
+    assert_eq!(bench.state().cop_measured_m, [0.0; 2]);
+    assert!(!bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED), "the suit still measures");
+
+    bench.ground_silent = false;
+    bench.hold(&person, &posture, None, 500);
+    assert_eq!(bench.phase(), Phase::Monitoring);
+    assert_eq!(bench.state().poses_used, poses);
+}
+
+#[test]
+fn staleness_is_told_within_two_periods_and_the_tolerance() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[0], None, 500);
+    bench.suit_silent = true;
+    let allowed_ms = (2 * SUIT_PERIOD_NS + STALE_TOLERANCE_NS) / TICK_NS;
+    bench.hold(&person, &postures()[0], None, allowed_ms + SUIT_PERIOD_NS / TICK_NS + 2);
+    assert!(bench.state().validity().any_of(Validity::SUIT_STALE));
+}
+
+#[test]
+fn the_mass_is_measured_where_it_is_not_configured() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
+    bench.hold(&person, &postures()[1], None, 150);
+    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN));
+    bench.hold(&person, &postures()[1], None, 400);
+    assert!((bench.state().mass_kg - MASS_KG).abs() < 1e-9);
+}
+
+#[test]
+fn the_papers_rule_is_met_by_the_table_and_not_by_ignorance() {
+    // 0.002 m² is 45 mm as a standard deviation: the table alone is surer than that.
+    let paper = StopRule::Paper { variance_m2: 0.002 };
+    let person = Person::real();
+    let mut believing = Bench::new(|settings| settings.stop = paper);
+    believing.identify(&person);
+    assert_eq!(u64::from(believing.state().poses_used), believing.settings.poses_min);
+
+    // These poses never move the legs apart, so their parameters stay unknown.
+    let mut ignorant = Bench::new(|settings| {
+        settings.stop = paper;
+        settings.prior = PriorKind::None;
+    });
+    ignorant.identify(&person);
+    assert_eq!(ignorant.phase(), Phase::Identifying);
+    assert!(ignorant.state().variance_max_m2 > 0.002);
+    ignorant.command(CommandKind::IdentifyStop);
+    assert!(ignorant.state().validity().any_of(Validity::MODEL_CHANGED));
+    ignorant.hold(&person, &postures()[0], None, 20);
+    assert_eq!(ignorant.phase(), Phase::Monitoring);
+}
+
+#[test]
+fn the_same_inputs_give_the_same_bytes_and_a_checkpoint_goes_on_alike() {
+    let (person, mut one, mut other) = (Person::real(), Bench::new(|_| {}), Bench::new(|_| {}));
+    one.identify(&person);
+    other.identify(&person);
+    assert_eq!(bytemuck::bytes_of(one.state()), bytemuck::bytes_of(other.state()));
+
+    let mut checkpoint = bytemuck::zeroed_box::<crate::message::Checkpoint>();
+    checkpoint.take(one.cycle, &one.memory);
+    other.memory.start(&other.settings);
+    *other.memory = *checkpoint.memory().unwrap();
+    let posture = stand(10, 3, [0, 0, -40], [0, 0, 80], 10);
+    one.hold(&person, &posture, None, 700);
+    other.hold(&person, &posture, None, 700);
+    assert_eq!(bytemuck::bytes_of(&*one.memory), bytemuck::bytes_of(&*other.memory));
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused() {
+    let mut bench = Bench::new(|_| {});
+    bench.identify(&Person::real());
+    let mut checkpoint = bytemuck::zeroed_box::<crate::message::Checkpoint>();
+    checkpoint.take(1, &bench.memory);
+    assert!(checkpoint.memory().is_some());
+    for word in (0..checkpoint.words.len()).step_by(97) {
+        let mut damaged = checkpoint.clone();
+        damaged.words[word] = u64::MAX;
+        if let Some(memory) = damaged.memory() {
+            let mut memory = Box::new(*memory);
+            let tick = Tick { cycle: 2, due_ns: bench.now_ns + TICK_NS };
+            step(&bench.settings, &mut memory, tick, Inputs::default());
+        }
+    }
+}
+
+#[test]
+fn bad_samples_change_nothing() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[0], None, 500);
+    let before = Box::new(*bench.memory);
+    let mut suit: SuitSample = Zeroable::zeroed();
+    suit.sample_time_ns = bench.now_ns + 1;
+    let mut ground: GroundSample = Zeroable::zeroed();
+    ground.sample_time_ns = bench.now_ns + 1;
+    ground.force_n[0] = f64::NAN;
+    let inputs = Inputs { suit: &[suit], ground: &[ground], command: None };
+    step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle + 1, due_ns: bench.now_ns }, inputs);
+    assert_eq!(bytemuck::bytes_of(&before.alignment), bytemuck::bytes_of(&bench.memory.alignment));
+    assert_eq!(bytemuck::bytes_of(&before.identification), bytemuck::bytes_of(&bench.memory.identification));
+}

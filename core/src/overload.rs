@@ -1,0 +1,212 @@
+//! What an external load adds to the static torque of every joint (Fortini et al., §IV, Eq. 12–15).
+//!
+//! The joint between a segment and its parent carries the moment of every force that acts distal of it, so Eq. 15
+//! needs no Jacobian: for joint j with origin o_j,
+//! `Δτ_j = Σ_hands η_h (a_h − o_j) × ΔF − Σ_feet [ζ_k (Ĉ_wo − o_j) × ΔF + (C_wt − Ĉ_wo) × ζ_k f_wt]`,
+//! summed over the hands and feet distal of j. ΔF and f_wt are vertical, as in the paper.
+
+pub mod level;
+pub mod sharing;
+
+use nalgebra::Vector3;
+
+use crate::body::{JOINTS, Joint, Side};
+use crate::frame::{Pose, StationWorld};
+
+pub use level::{Level, TorqueLimits};
+pub use sharing::Sharing;
+
+/// Standard gravity is 9.80665 m/s²; golden values and the paper use two decimals.
+pub const GRAVITY_M_PER_S2: f64 = 9.81;
+
+/// Everything that Eq. 15 depends on beside the pose.
+#[derive(Debug, Clone, Copy)]
+pub struct Loading {
+    /// C_wt: the measured centre of pressure, m.
+    pub cop_measured_m: [f64; 2],
+    /// Ĉ_wo: the centre of pressure that the unloaded body would have, m.
+    pub cop_estimated_m: [f64; 2],
+    /// Vertical ground reaction with the load, N.
+    pub vertical_n: f64,
+    /// ΔF: what of it the load causes, N, upwards.
+    pub delta_f_n: f64,
+    /// Where the hands grip, m: left, right.
+    pub grip_m: [Vector3<f64>; 2],
+    /// How ground reaction and load are shared between the sides.
+    pub sharing: Sharing,
+}
+
+/// 1-σ of what was measured, for the σ of the torques.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LoadingSigma {
+    /// Of the measured centre of pressure per axis, m.
+    pub cop_measured_m: f64,
+    /// Of the estimated centre of pressure per axis, m.
+    pub cop_estimated_m: [f64; 2],
+    /// Of the vertical ground reaction and of the body weight together, N.
+    pub delta_f_n: f64,
+}
+
+/// One joint's overload.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Torque {
+    /// Δτ_j, world axes, N m.
+    pub torque_nm: Vector3<f64>,
+    /// 1-σ of its magnitude, N m.
+    pub sigma_nm: f64,
+}
+
+/// Which shares act distal of a joint.
+#[derive(Clone, Copy)]
+struct Distal {
+    hands: [f64; 2],
+    feet: f64,
+}
+
+impl Distal {
+    fn of(joint: Joint, sharing: &Sharing) -> Distal {
+        let root = joint.segment();
+        let mut distal = Distal { hands: [0.0; 2], feet: 0.0 };
+        for (index, side) in Side::BOTH.into_iter().enumerate() {
+            if side.hand().is_distal_to(root) {
+                distal.hands[index] = sharing.eta[index];
+            }
+            if side.foot().is_distal_to(root) {
+                distal.feet += sharing.zeta[index];
+            }
+        }
+        distal
+    }
+}
+
+/// Eq. 15 for all joints.
+///
+/// The ball-of-foot joints carry nothing: the ground's force is taken to act on the foot, proximal of them.
+pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigma) -> [Torque; JOINTS] {
+    Joint::ALL.map(|joint| {
+        let distal = Distal::of(joint, &loading.sharing);
+        let origin = pose.origin_of(joint.segment());
+        // Horizontal arms of the load and of the ground reaction, weighted by their shares.
+        let mut load_arm = [0.0; 2];
+        let mut by_axis = [0.0; 2];
+        let mut variance = [0.0; 2];
+        for axis in 0..2 {
+            for (grip, share) in loading.grip_m.iter().zip(distal.hands) {
+                load_arm[axis] += share * (grip[axis] - origin[axis]);
+            }
+            let displacement = loading.cop_measured_m[axis] - loading.cop_estimated_m[axis];
+            by_axis[axis] = load_arm[axis] * loading.delta_f_n
+                - distal.feet
+                    * ((loading.cop_estimated_m[axis] - origin[axis]) * loading.delta_f_n
+                        + displacement * loading.vertical_n);
+            let weight_n = loading.vertical_n - loading.delta_f_n;
+            let by_estimate = distal.feet * weight_n * sigma.cop_estimated_m[axis];
+            let by_measurement = distal.feet * loading.vertical_n * sigma.cop_measured_m;
+            let force_arm = load_arm[axis] - distal.feet * (loading.cop_measured_m[axis] - origin[axis]);
+            variance[axis] = by_estimate * by_estimate
+                + by_measurement * by_measurement
+                + force_arm * force_arm * sigma.delta_f_n * sigma.delta_f_n;
+        }
+        // r × f ẑ = (r_y f, −r_x f, 0).
+        let torque_nm = Vector3::new(by_axis[1], -by_axis[0], 0.0);
+        Torque { torque_nm, sigma_nm: sigma_of_magnitude(by_axis, variance) }
+    })
+}
+
+/// First-order σ of the length of a horizontal vector; the larger axis where the vector is zero.
+fn sigma_of_magnitude(vector: [f64; 2], variance: [f64; 2]) -> f64 {
+    let square = vector[0] * vector[0] + vector[1] * vector[1];
+    let variance = if square > 1e-12 {
+        (vector[0] * vector[0] * variance[0] + vector[1] * vector[1] * variance[1]) / square
+    } else {
+        variance[0].max(variance[1])
+    };
+    nalgebra::ComplexField::sqrt(variance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{SEGMENTS, Segment, Skeleton};
+    use nalgebra::UnitQuaternion;
+
+    const NO_SIGMA: LoadingSigma =
+        LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0 };
+
+    fn t_pose() -> Pose<StationWorld> {
+        let origin = Skeleton::nominal(1.77).t_pose_m();
+        Pose::new(
+            origin.map(|origin| Vector3::from(origin) + Vector3::new(0.0, 0.0, 0.96)),
+            [UnitQuaternion::identity(); SEGMENTS],
+        )
+    }
+
+    fn loaded(pose: &Pose<StationWorld>, load_n: f64) -> Loading {
+        let weight_n = 700.0;
+        let body = [0.05, 0.0];
+        let grip_m = Side::BOTH.map(|side| pose.origin_of(side.hand()) + Vector3::new(0.3, 0.0, 0.0));
+        let load = 0.5 * (grip_m[0] + grip_m[1]);
+        let vertical_n = weight_n + load_n;
+        let cop = |axis: usize| (body[axis] * weight_n + load[axis] * load_n) / vertical_n;
+        let cop_measured_m = [cop(0), cop(1)];
+        Loading {
+            cop_measured_m,
+            cop_estimated_m: body,
+            vertical_n,
+            delta_f_n: load_n,
+            grip_m,
+            sharing: Sharing { zeta: [0.5, 0.5], eta: [0.5, 0.5], load_distance_m: 0.0 },
+        }
+    }
+
+    #[test]
+    fn no_load_no_overload() {
+        let pose = t_pose();
+        for torque in torques(&pose, &loaded(&pose, 0.0), &NO_SIGMA) {
+            assert_eq!(torque, Torque { torque_nm: Vector3::zeros(), sigma_nm: 0.0 });
+        }
+    }
+
+    #[test]
+    fn a_wrist_carries_its_share_of_the_load_on_its_arm() {
+        let pose = t_pose();
+        let torque = torques(&pose, &loaded(&pose, 40.0), &NO_SIGMA);
+        let wrist = torque[Joint::named("LeftWrist").unwrap().index()].torque_nm;
+        // 20 N at 0.3 m in front of the joint.
+        assert!((wrist - Vector3::new(0.0, -6.0, 0.0)).norm() < 1e-12, "{wrist}");
+        assert_eq!(torque[Joint::named("C1Head").unwrap().index()].torque_nm, Vector3::zeros());
+    }
+
+    #[test]
+    fn the_pelvis_is_in_balance() {
+        // Seen from the pelvis, the moments of trunk and both legs must cancel about any one point: shift the three
+        // joints' torques to the pelvis' origin and add them.
+        let pose = t_pose();
+        let loading = loaded(&pose, 60.0);
+        let torque = torques(&pose, &loading, &NO_SIGMA);
+        let at = |name: &str| Joint::named(name).unwrap();
+        let arm = |name: &str| pose.origin_of(at(name).segment()) - pose.origin_of(Segment::Pelvis);
+        let up = Vector3::new(0.0, 0.0, loading.delta_f_n);
+        let spine = torque[at("L5S1").index()].torque_nm + arm("L5S1").cross(&up);
+        let legs: Vector3<f64> = ["LeftHip", "RightHip"]
+            .map(|name| torque[at(name).index()].torque_nm - arm(name).cross(&(0.5 * up)))
+            .iter()
+            .sum();
+        assert!((spine + legs).norm() < 1e-9, "{spine} {legs}");
+    }
+
+    #[test]
+    fn sigma_is_the_spread_of_the_magnitude() {
+        let pose = t_pose();
+        let loading = loaded(&pose, 60.0);
+        let sigma = LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [1e-7, 0.0], delta_f_n: 0.0 };
+        let base = torques(&pose, &loading, &sigma);
+        let mut moved = loading;
+        moved.cop_estimated_m[0] += 1e-7;
+        let shifted = torques(&pose, &moved, &sigma);
+        for joint in Joint::ALL {
+            let change = shifted[joint.index()].torque_nm.norm() - base[joint.index()].torque_nm.norm();
+            assert!((change.abs() - base[joint.index()].sigma_nm).abs() < 1e-9, "{}", joint.name());
+        }
+    }
+}
