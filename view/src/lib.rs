@@ -1,1 +1,14 @@
-//! What people see: the page and the terminal.
+//! What people see: the worker's page, the terminal, and the JSON that scripts read.
+//!
+//! [`state_json`] is the one place that turns a state into JSON, [`words`] the one place that turns it into plain
+//! English. [`page`] and [`terminal`] only arrange what those two say. Nothing here runs in the loop.
+
+pub mod page;
+pub mod state_json;
+pub mod suggested_pose;
+pub mod terminal;
+pub mod words;
+
+pub use page::{Page, PageError, PageFrame};
+pub use state_json::StateJson;
+pub use suggested_pose::SuggestedPose;

@@ -1,0 +1,104 @@
+//! What the page draws: one frame, and its JSON.
+
+use equipoise_core::body::SEGMENTS;
+use equipoise_core::message::{State, Validity};
+use equipoise_core::time::seconds;
+use serde::Serialize;
+
+use crate::state_json::{StateJson, level_name};
+use crate::suggested_pose::SuggestedPose;
+use crate::words::{self, Instruction, Reason};
+
+/// What the page shows at one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PageFrame {
+    /// The newest state.
+    pub state: State,
+    /// The pose to take, if one is asked for.
+    pub suggested: Option<SuggestedPose>,
+    /// The predicted 1-σ of the CoP at which the identification stops, m; draws the progress bar.
+    pub cop_sigma_target_m: Option<f64>,
+    /// The plate's corners in the station's world, in turn, m.
+    pub plate_corners_m: Option<[[f64; 2]; 4]>,
+}
+
+impl PageFrame {
+    /// A frame of nothing but a state.
+    pub fn new(state: State) -> PageFrame {
+        PageFrame { state, suggested: None, cop_sigma_target_m: None, plate_corners_m: None }
+    }
+
+    /// The object that the page's script reads: the state, and what it means in words.
+    pub(super) fn to_text(&self) -> serde_json::Result<String> {
+        let state = &self.state;
+        let pose = self.suggested.as_ref().map(|pose| pose.name.as_ref());
+        serde_json::to_string(&FrameJson {
+            state: self.state_json(),
+            phase: words::phase(state),
+            instruction: words::instruction(state, pose),
+            reasons: words::reasons(state),
+            worst: words::worst_joint(state).map(|joint| Worst {
+                joint: joint.name(),
+                text: words::joint(joint),
+                level: level_name(state.joint_level[joint.index()]),
+            }),
+            segment_origin_m: state
+                .unless(Validity::SUIT_STALE, &state.segment_origin_m)
+                .filter(|_| state.suit_sample_time_ns != 0),
+            suggested: self.suggested.as_ref(),
+            cop_sigma_target_m: self.cop_sigma_target_m,
+            plate_corners_m: self.plate_corners_m,
+        })
+    }
+
+    /// The state alone, its `t` on CLOCK_MONOTONIC.
+    pub(super) fn state_json(&self) -> StateJson<'_> {
+        StateJson::new(&self.state, seconds(self.state.time_ns))
+    }
+}
+
+#[derive(Serialize)]
+struct FrameJson<'a> {
+    state: StateJson<'a>,
+    phase: &'static str,
+    instruction: Instruction,
+    reasons: Vec<Reason>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    worst: Option<Worst>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    segment_origin_m: Option<&'a [[f64; 3]; SEGMENTS]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suggested: Option<&'a SuggestedPose>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cop_sigma_target_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plate_corners_m: Option<[[f64; 2]; 4]>,
+}
+
+#[derive(Serialize)]
+struct Worst {
+    joint: &'static str,
+    text: &'static str,
+    level: &'static str,
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::{Joint, Segment};
+
+    /// The script has a copy of the body's tree, since it draws the lines of the figure.
+    #[test]
+    fn the_script_draws_the_body_of_core() {
+        let parents: Vec<String> = Segment::ALL
+            .iter()
+            .map(|segment| segment.parent().map_or("-1".to_owned(), |parent| parent.index().to_string()))
+            .collect();
+        let joints: Vec<String> = Joint::ALL.iter().map(|joint| format!("\"{}\"", joint.name())).collect();
+        let squeezed = |text: &str| text.split_whitespace().collect::<String>().replace(",]", "]");
+        let script = squeezed(include_str!("body.js"));
+        for (name, list) in [("PARENT", parents), ("JOINT", joints)] {
+            let expected = format!("exportconst{name}=[{}]", list.join(","));
+            assert!(script.contains(&expected), "body.js lacks {expected}");
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! A state for a terminal: one line for `demo` and pipes, a small block for `watch` to redraw. No escape codes here.
+
+use std::fmt::Write as _;
+
+use equipoise_core::body::Joint;
+use equipoise_core::message::{State, Validity};
+use equipoise_core::time::seconds;
+
+use crate::words;
+
+/// The joints of the block, a row each: left and right.
+const ROWS: [(&str, &str, &str); 5] = [
+    ("shoulder", "LeftShoulder", "RightShoulder"),
+    ("elbow", "LeftElbow", "RightElbow"),
+    ("hip", "LeftHip", "RightHip"),
+    ("knee", "LeftKnee", "RightKnee"),
+    ("ankle", "LeftAnkle", "RightAnkle"),
+];
+
+const STANDARD_GRAVITY_M_PER_S2: f64 = 9.806_65;
+
+/// What happens now, on one line. `pose` is the name of the suggested pose, if there is one.
+pub fn live_line(state: &State, pose: Option<&str>) -> String {
+    let mut parts = vec![format!("{}: {}", state.phase_name(), words::instruction(state, pose).text)];
+    if state.converged == 0 {
+        parts.push(progress(state));
+    }
+    if let Some(load) = load(state) {
+        parts.push(load);
+    }
+    if let Some(worst) = words::worst_joint(state) {
+        parts.push(format!("{} {}", words::joint(worst), torque(state, worst)));
+    }
+    parts.join(" | ")
+}
+
+/// A block of lines of at most 80 columns, always the same number of lines, so that it can be redrawn in place.
+pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
+    let reasons = words::reasons(state);
+    let why = reasons.iter().map(|reason| reason.text).collect::<Vec<_>>();
+    let mut block = String::new();
+    let mut line = |text: String| {
+        // Writing to a String cannot fail.
+        let _ = writeln!(block, "{}", text.chars().take(80).collect::<String>().trim_end());
+    };
+    line(format!("Equipoise  {station}  {}  cycle {}", state.phase_name(), state.cycle));
+    line(format!("  {}", words::instruction(state, pose).text));
+    line(format!("  {}", progress(state)));
+    line(format!("  suit {}  ground {}", age(state, Stream::Suit), age(state, Stream::Ground)));
+    line(String::new());
+    line(format!("  load          {}", load(state).unwrap_or_else(withheld)));
+    line(format!("  CoP measured  {}", cop(state, Validity::SPOILS_COP_MEASURED, state.cop_measured_m)));
+    line(format!("  CoP estimated {}", cop(state, Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m)));
+    line(String::new());
+    line(format!("  {:<10}  {:<30}  {:<30}", "overload", "left", "right"));
+    for (name, left, right) in ROWS {
+        line(format!("  {name:<10}  {:<30}  {:<30}", cell(state, left), cell(state, right)));
+    }
+    line(format!("  {:<10}  {:<30}", "lower back", cell(state, "L5S1")));
+    line(String::new());
+    for index in 0..3 {
+        line(why.get(index).map_or_else(String::new, |text| format!("  {text}")));
+    }
+    block
+}
+
+/// How many lines [`dashboard`] always has.
+pub const DASHBOARD_LINES: usize = 20;
+
+fn progress(state: &State) -> String {
+    let poses = match state.poses_used {
+        1 => "1 pose".to_owned(),
+        count => format!("{count} poses"),
+    };
+    let done = if state.converged != 0 { ", done" } else { "" };
+    match state.predicted_cop_sigma_m {
+        sigma if sigma > 0.0 => format!("{poses} used, known to ±{:.0} mm{done}", 1e3 * sigma),
+        _ => format!("{poses} used{done}"),
+    }
+}
+
+fn load(state: &State) -> Option<String> {
+    let [_, _, up_n] = state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n)?;
+    // Adding zero takes the sign off a rounded -0.3.
+    let up_n = up_n.round() + 0.0;
+    Some(format!("load {up_n:.0} N ({:.1} kg)", up_n / STANDARD_GRAVITY_M_PER_S2))
+}
+
+fn torque(state: &State, joint: Joint) -> String {
+    let index = joint.index();
+    format!(
+        "{:.0} ± {:.0} N m, {}",
+        words::torque_nm(state, joint),
+        state.torque_sigma_nm[index],
+        words::level(state.joint_level[index])
+    )
+}
+
+fn cell(state: &State, joint: &str) -> String {
+    Joint::named(joint)
+        .and_then(|joint| state.unless(Validity::SPOILS_TORQUES, joint))
+        .map_or_else(withheld, |joint| torque(state, joint))
+}
+
+fn cop(state: &State, spoilers: Validity, cop_m: [f64; 2]) -> String {
+    state
+        .unless(spoilers, cop_m)
+        .map_or_else(withheld, |[x, y]| format!("forward {:>7.1} mm  left {:>7.1} mm", 1e3 * x, 1e3 * y))
+}
+
+fn withheld() -> String {
+    "-".to_owned()
+}
+
+enum Stream {
+    Suit,
+    Ground,
+}
+
+fn age(state: &State, stream: Stream) -> String {
+    let (age_ns, silent) = match stream {
+        Stream::Suit => (state.suit_age_ns, Validity::SUIT_STALE),
+        Stream::Ground => (state.ground_age_ns, Validity::GROUND_STALE),
+    };
+    match state.unless(silent, age_ns) {
+        Some(age_ns) => format!("{:.0} ms old", 1e3 * seconds(age_ns)),
+        None => "silent".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equipoise_core::message::state::Phase;
+
+    fn carrying() -> State {
+        let mut state = State::zeroed();
+        state.cycle = 42;
+        state.phase = Phase::Monitoring as u32;
+        state.converged = 1;
+        state.poses_used = 9;
+        state.predicted_cop_sigma_m = 0.0062;
+        state.delta_f_n = [0.0, 0.0, 98.0665];
+        let knee = Joint::named("LeftKnee").unwrap().index();
+        state.torque_nm[knee] = [0.0, 43.2, 0.0];
+        state.torque_sigma_nm[knee] = 3.9;
+        state.joint_level[knee] = 3;
+        state
+    }
+
+    #[test]
+    fn a_line_says_what_is_wrong_and_how_sure_it_is() {
+        assert_eq!(
+            live_line(&carrying(), None),
+            "monitoring: Left knee: high load | load 98 N (10.0 kg) | left knee 43 ± 4 N m, high"
+        );
+    }
+
+    #[test]
+    fn a_withheld_value_is_not_printed() {
+        let mut state = carrying();
+        state.valid = Validity::GROUND_STALE.0;
+        assert_eq!(live_line(&state, None), "monitoring: The force plate is silent");
+        let block = dashboard(&state, "station-1", None);
+        assert!(!block.contains("43") && block.contains("ground silent"), "{block}");
+    }
+
+    #[test]
+    fn the_block_never_changes_its_shape() {
+        for valid in [0, Validity::MOVING.0, u64::MAX] {
+            let block = dashboard(&State { valid, ..carrying() }, "station-1", Some("arms out"));
+            assert_eq!(block.lines().count(), DASHBOARD_LINES, "{block}");
+            assert!(block.lines().all(|line| line.chars().count() <= 80), "{block}");
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! What a state means in plain English: the worker's page and the terminal say the same.
+
+use equipoise_core::body::Joint;
+use equipoise_core::message::state::Phase;
+use equipoise_core::message::{State, Validity};
+use serde::Serialize;
+
+use crate::state_json::level_name;
+
+/// Closer than this to the suggested pose, all that is left to do is to hold still, RMS joint angle.
+const POSE_REACHED_RAD: f64 = 0.20;
+
+/// A reason why values are withheld.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Reason {
+    /// The public name, as in the JSON's `valid`.
+    pub name: &'static str,
+    /// What it means and what to do.
+    pub text: &'static str,
+    /// Whether somebody must look after the equipment, rather than the worker go on with the work.
+    pub fault: bool,
+}
+
+/// The reasons raised in a state, faults first.
+pub fn reasons(state: &State) -> Vec<Reason> {
+    let mut reasons: Vec<Reason> = state.validity().names().map(reason).collect();
+    reasons.sort_by_key(|reason| !reason.fault);
+    reasons
+}
+
+fn reason(name: &'static str) -> Reason {
+    let (text, fault) = match name {
+        "suit_stale" => ("The suit is silent: check that it is on and that its software is sending.", true),
+        "ground_stale" => ("The force plate is silent: check its power and its cable.", true),
+        "not_identified" => ("Your body is not measured yet: follow the poses on the screen.", false),
+        "moving" => ("You are moving: the load is judged again when you slow down.", false),
+        "feet_off_plate" => ("Your feet are off the plate: step onto it with both feet.", false),
+        "below_load_threshold" => ("You carry no load: there is nothing to judge.", false),
+        "model_changed" => ("The measurement of your body has just been renewed: one moment.", false),
+        "clock_unsynchronised" => ("The sensors are still finding a common time: one moment.", false),
+        "load_not_at_hands" => {
+            ("The load does not seem to be in your hands: are you leaning on something?", false)
+        }
+        "mass_unknown" => ("Your weight is not known yet: stand still on the plate.", false),
+        // A reason of a later version is still better named than hidden.
+        later => (later, false),
+    };
+    Reason { name, text, fault }
+}
+
+/// The phase, as a worker would say it.
+pub fn phase(state: &State) -> &'static str {
+    match Phase::from_number(state.phase) {
+        Some(Phase::Waiting) => "Waiting",
+        Some(Phase::Identifying) => "Learning your body",
+        Some(Phase::Monitoring) => "Watching the load",
+        Some(Phase::Degraded) => "A sensor is silent",
+        None => "Unknown phase",
+    }
+}
+
+/// The one thing to tell the worker now.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Instruction {
+    /// A few words, to be read from the plate.
+    pub text: String,
+    /// How it is meant.
+    pub tone: Tone,
+}
+
+/// How an instruction is meant; the page colours it so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Tone {
+    /// Something to do or to know.
+    Calm,
+    /// All is well: go on.
+    Good,
+    /// Take care.
+    Warn,
+    /// Stop, or call somebody.
+    Alarm,
+}
+
+impl Instruction {
+    fn new(text: impl Into<String>, tone: Tone) -> Instruction {
+        Instruction { text: text.into(), tone }
+    }
+}
+
+/// The one thing to tell the worker now. `pose` is the name of the suggested pose, if there is one.
+pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
+    let reasons = reasons(state);
+    if let Some(fault) = reasons.first().filter(|reason| reason.fault) {
+        return Instruction::new(headline(fault.text), Tone::Alarm);
+    }
+    let first_of = |spoilers: &[Validity]| {
+        reasons.iter().find(|reason| spoilers.iter().any(|bit| bit.names().any(|name| name == reason.name)))
+    };
+    let calm = |reason: &Reason| Instruction::new(headline(reason.text), Tone::Calm);
+    match Phase::from_number(state.phase) {
+        // Without these nothing is learnt, however well the pose is held.
+        Some(Phase::Identifying) => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
+            .map_or_else(|| pose_to_take(state, pose), calm),
+        Some(Phase::Monitoring) => match worst_joint(state) {
+            Some(worst) => overload(worst, state.joint_level[worst.index()]),
+            None => reasons.first().map_or_else(|| Instruction::new("No values", Tone::Calm), calm),
+        },
+        // Not to be identified yet is what waiting is about.
+        _ => reasons
+            .iter()
+            .find(|reason| reason.name != "not_identified")
+            .map_or_else(|| Instruction::new("Ready to start", Tone::Calm), calm),
+    }
+}
+
+fn pose_to_take(state: &State, pose: Option<&str>) -> Instruction {
+    let still = state.static_pose != 0;
+    match pose {
+        Some(name) if state.pose_mismatch_rad >= POSE_REACHED_RAD => {
+            Instruction::new(format!("Take the grey pose: {name}"), Tone::Calm)
+        }
+        _ if still => Instruction::new("Good. Hold still", Tone::Good),
+        Some(_) => Instruction::new("Hold still", Tone::Calm),
+        None => Instruction::new("Take a new pose and hold still", Tone::Calm),
+    }
+}
+
+fn overload(worst: Joint, level: u32) -> Instruction {
+    let joint = capitalised(joint(worst));
+    match level_name(level) {
+        "orange" => Instruction::new(format!("{joint}: medium load"), Tone::Warn),
+        "red" => Instruction::new(format!("{joint}: high load"), Tone::Alarm),
+        "above_max" => Instruction::new(format!("{joint}: too high, put the load down"), Tone::Alarm),
+        "green" => Instruction::new("The load is easy on your joints", Tone::Good),
+        _ => Instruction::new("The load is not judged", Tone::Calm),
+    }
+}
+
+/// The part before the colon: what is wrong, without what to do.
+fn headline(text: &str) -> &str {
+    text.split_once(':').map_or(text, |(what, _)| what)
+}
+
+/// The joint at the highest level and, within it, of the greatest torque; `None` while torques are withheld.
+pub fn worst_joint(state: &State) -> Option<Joint> {
+    state.unless(Validity::SPOILS_TORQUES, ())?;
+    Joint::ALL.into_iter().max_by(|a, b| {
+        let level = |joint: &Joint| state.joint_level[joint.index()];
+        level(a).cmp(&level(b)).then(torque_nm(state, *a).total_cmp(&torque_nm(state, *b)))
+    })
+}
+
+/// The magnitude of a joint's overload torque. The caller has seen that torques are valid.
+pub fn torque_nm(state: &State, joint: Joint) -> f64 {
+    let [x, y, z] = state.torque_nm[joint.index()];
+    (x * x + y * y + z * z).sqrt()
+}
+
+/// A level for people: colours alone say nothing to the colour-blind.
+pub fn level(number: u32) -> &'static str {
+    match level_name(number) {
+        "none" => "not judged",
+        "green" => "low",
+        "orange" => "medium",
+        "red" => "high",
+        "above_max" => "too high",
+        other => other,
+    }
+}
+
+/// A joint for people.
+pub fn joint(joint: Joint) -> &'static str {
+    match joint.name() {
+        "L5S1" => "lower back",
+        "L4L3" => "lower spine",
+        "L1T12" => "middle spine",
+        "T9T8" => "upper spine",
+        "T1C7" => "base of the neck",
+        "C1Head" => "head",
+        "RightT4Shoulder" => "right collarbone",
+        "RightShoulder" => "right shoulder",
+        "RightElbow" => "right elbow",
+        "RightWrist" => "right wrist",
+        "LeftT4Shoulder" => "left collarbone",
+        "LeftShoulder" => "left shoulder",
+        "LeftElbow" => "left elbow",
+        "LeftWrist" => "left wrist",
+        "RightHip" => "right hip",
+        "RightKnee" => "right knee",
+        "RightAnkle" => "right ankle",
+        "RightBallFoot" => "right ball of the foot",
+        "LeftHip" => "left hip",
+        "LeftKnee" => "left knee",
+        "LeftAnkle" => "left ankle",
+        "LeftBallFoot" => "left ball of the foot",
+        other => other,
+    }
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn every_reason_and_joint_has_words_of_its_own() {
+        for (_, name) in Validity::NAMES {
+            assert!(reason(name).text.contains(": "), "{name}");
+        }
+        for each in Joint::ALL {
+            assert_ne!(joint(each), each.name());
+        }
+    }
+
+    #[test]
+    fn a_fault_is_told_before_anything_else() {
+        let mut state = State::zeroed();
+        state.valid = Validity::NOT_IDENTIFIED.and(Validity::GROUND_STALE).0;
+        assert_eq!(reasons(&state)[0].name, "ground_stale");
+        assert_eq!(instruction(&state, None), Instruction::new("The force plate is silent", Tone::Alarm));
+    }
+
+    #[test]
+    fn a_pose_is_taken_then_held() {
+        let mut state = State::zeroed();
+        state.phase = Phase::Identifying as u32;
+        state.valid = Validity::NOT_IDENTIFIED.0;
+        let told = |state: &State| instruction(state, Some("arms out")).text;
+        // Still, but in another pose: that does not help.
+        (state.pose_mismatch_rad, state.static_pose) = (1.0, 1);
+        assert_eq!(told(&state), "Take the grey pose: arms out");
+        (state.pose_mismatch_rad, state.static_pose) = (0.1, 0);
+        assert_eq!(told(&state), "Hold still");
+        state.static_pose = 1;
+        assert_eq!(told(&state), "Good. Hold still");
+        state.valid |= Validity::FEET_OFF_PLATE.0;
+        assert_eq!(told(&state), "Your feet are off the plate");
+    }
+
+    #[test]
+    fn the_worst_joint_is_worst_by_level_and_then_by_torque() {
+        let mut state = State::zeroed();
+        state.phase = Phase::Monitoring as u32;
+        state.torque_nm[0] = [0.0, 90.0, 0.0];
+        state.joint_level[0] = 1;
+        for (name, torque) in [("LeftKnee", 20.0), ("RightKnee", 30.0)] {
+            let index = Joint::named(name).unwrap().index();
+            state.joint_level[index] = 3;
+            state.torque_nm[index] = [0.0, 0.0, -torque];
+        }
+        assert_eq!(worst_joint(&state).map(Joint::name), Some("RightKnee"));
+        assert_eq!(instruction(&state, None), Instruction::new("Right knee: high load", Tone::Alarm));
+        state.valid = Validity::MOVING.0;
+        assert_eq!(worst_joint(&state), None);
+    }
+}
