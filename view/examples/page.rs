@@ -9,12 +9,12 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use equipoise_core::body::anthropometry::{Anthropometry, Sex};
+use equipoise_core::body::Skeleton;
 use equipoise_core::body::{Joint, SEGMENTS, Segment};
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
-use equipoise_core::pose_suggestion::Posture;
-use equipoise_view::suggested_pose::{SuggestedPose, segment_origins};
+use equipoise_core::pose_suggestion::{Posture, posture::pose_of};
+use equipoise_view::suggested_pose::SuggestedPose;
 use equipoise_view::{Page, PageFrame, terminal};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -107,17 +107,19 @@ fn carrying(t: f64, load_kg: f64) -> PageFrame {
     PageFrame::new(state)
 }
 
-fn body() -> Anthropometry {
-    Anthropometry::de_leva(1.77, Sex::Male)
+const ANKLE_HEIGHT_M: f64 = 0.095;
+
+fn body() -> Skeleton {
+    Skeleton::nominal(1.77)
 }
 
 /// A state of somebody who stands like `posture`.
 fn standing(posture: &Posture) -> State {
-    let origin = segment_origins(posture, &body());
+    let origin = pose_of(posture, &body(), [0.0; 3]).origin;
     let ankle = origin[Segment::LeftFoot.index()];
     let mut state = State::zeroed();
     state.segment_origin_m =
-        origin.map(|point| [point.x - ankle.x, point.y, point.z - ankle.z + body().ankle_height_m]);
+        origin.map(|point| [point.x - ankle.x, point.y, point.z - ankle.z + ANKLE_HEIGHT_M]);
     state.suit_sample_time_ns = 1;
     state.suit_age_ns = 6_000_000;
     state.mass_kg = 72.0;

@@ -27,6 +27,7 @@
 
 use equipoise_core::body::Joint;
 use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
@@ -131,10 +132,9 @@ impl<'a> StateJson<'a> {
     }
 }
 
-/// The name of a joint's overload level; `"unknown"` for a number of a later version.
+/// The public name of an overload level's number.
 pub fn level_name(number: u32) -> &'static str {
-    const NAMES: [&str; 5] = ["none", "green", "orange", "red", "above_max"];
-    NAMES.get(number as usize).copied().unwrap_or("unknown")
+    Level::from_number(number).map_or("unknown", Level::name)
 }
 
 // JSON has no NaN: serde_json would write `null`. A message never holds one, and if it does, the key is left out.

@@ -2,9 +2,8 @@
 
 use std::borrow::Cow;
 
-use equipoise_core::body::anthropometry::Anthropometry;
-use equipoise_core::body::{SEGMENTS, Segment, Side};
-use equipoise_core::pose_suggestion::Posture;
+use equipoise_core::body::{SEGMENTS, Side, Skeleton};
+use equipoise_core::pose_suggestion::{Posture, posture::pose_of};
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
 
@@ -18,13 +17,13 @@ pub struct SuggestedPose {
 }
 
 impl SuggestedPose {
-    /// `posture` on a body of the table, its feet midway between the feet of `worker_origin_m` and facing their way.
+    /// `posture` on these bones, its feet midway between the feet of `worker_origin_m` and facing their way.
     pub fn on_the_spot(
         posture: &Posture,
-        body: &Anthropometry,
+        skeleton: &Skeleton,
         worker_origin_m: &[[f64; 3]; SEGMENTS],
     ) -> SuggestedPose {
-        let origin = segment_origins(posture, body);
+        let origin = pose_of(posture, skeleton, [0.0; 3]).origin;
         let (ghost, worker) = (Stance::of(&origin), Stance::of(&worker_origin_m.map(Vector3::from)));
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), worker.heading_rad - ghost.heading_rad);
         SuggestedPose {
@@ -32,19 +31,6 @@ impl SuggestedPose {
             segment_origin_m: origin.map(|point| (turn * (point - ghost.spot) + worker.spot).into()),
         }
     }
-}
-
-/// Segment origins of a posture on a body of the table, from the pelvis, m.
-pub fn segment_origins(posture: &Posture, body: &Anthropometry) -> [Vector3<f64>; SEGMENTS] {
-    let world_from_segment = posture.world_from_segment();
-    let mut origin = [Vector3::zeros(); SEGMENTS];
-    for segment in Segment::ALL {
-        if let Some(parent) = segment.parent() {
-            let offset = Vector3::from(body.offset_m[segment.index()]);
-            origin[segment.index()] = origin[parent.index()] + world_from_segment[parent.index()] * offset;
-        }
-    }
-    origin
 }
 
 /// Where somebody stands: the point midway between the ankles at the height of the lower one, and where the feet point.
@@ -70,17 +56,17 @@ impl Stance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use equipoise_core::body::anthropometry::Sex;
 
     const UPRIGHT: Posture = Posture { name: "upright", rotation_deg: [[0; 3]; SEGMENTS] };
 
     #[test]
     fn the_ghost_of_the_workers_own_pose_is_the_worker() {
-        let body = Anthropometry::de_leva(1.77, Sex::Male);
+        let skeleton = Skeleton::nominal(1.77);
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 2.0);
-        let worker = segment_origins(&UPRIGHT, &body)
+        let worker = pose_of(&UPRIGHT, &skeleton, [0.0; 3])
+            .origin
             .map(|point| <[f64; 3]>::from(turn * point + Vector3::new(0.4, -0.2, 0.95)));
-        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &body, &worker);
+        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &skeleton, &worker);
         for (a, b) in ghost.segment_origin_m.iter().zip(&worker) {
             assert!((Vector3::from(*a) - Vector3::from(*b)).norm() < 1e-12);
         }
