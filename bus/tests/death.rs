@@ -6,7 +6,7 @@ mod common;
 use bytemuck::Zeroable;
 use common::{PATIENCE, join, kill, parents_bus, root, spawn_child, until};
 use equipoise_bus::{BusError, Channel, Event};
-use equipoise_core::message::State;
+use equipoise_core::message::{Command, Reply, State};
 use std::time::{Duration, Instant};
 
 fn state(cycle: u64) -> State {
@@ -30,12 +30,13 @@ fn child_reads() {
 fn child_writes() {
     let Some(bus) = parents_bus("child") else { return };
     let (publisher, notifier) = (bus.publisher::<State>().unwrap(), bus.notifier(Channel::Results).unwrap());
-    let _server = bus.command_server().unwrap();
+    let mut server = bus.command_server().unwrap();
     let start = Instant::now();
     let process = u64::from(std::process::id());
     while start.elapsed() < PATIENCE {
         publisher.send(&state(process)).unwrap();
         notifier.notify(Event::NewState).unwrap();
+        while server.poll(|_| Reply { cycle: process, ..Reply::zeroed() }).unwrap() {}
         std::thread::sleep(Duration::from_millis(1));
     }
 }
@@ -61,19 +62,23 @@ fn a_killed_reader_is_not_noticed_until_it_is_cleaned_up() {
 }
 
 #[test]
-fn a_writer_killed_and_restarted_is_found_by_a_running_reader() {
+fn a_daemon_killed_and_restarted_is_found_by_running_peers() {
     let root = root();
     let bus = join(root.path(), "reader");
     let mut states = bus.subscriber::<State>(4).unwrap();
     let events = bus.listener(Channel::Results).unwrap();
+    let client = bus.command_client().unwrap();
     // More lives than there are places for a publisher: the restart itself makes room.
     for _ in 0..4 {
         let child = spawn_child("child_writes", root.path());
         let process = u64::from(child.id());
         until("its states arrive", || states.latest().unwrap().is_some_and(|state| state.cycle == process));
         until("its events arrive", || events.wait(PATIENCE).unwrap().contains(Event::NewState));
+        assert_eq!(client.ask(&Command::zeroed(), PATIENCE).unwrap().cycle, process);
         assert!(matches!(bus.command_server().unwrap_err(), BusError::Full { what: "daemon", .. }));
         kill(child);
+        let error = client.ask(&Command::zeroed(), Duration::from_millis(20)).unwrap_err();
+        assert!(matches!(error, BusError::NoAnswer { .. } | BusError::NoDaemon { .. }), "{error}");
         while states.latest().unwrap().is_some() {}
     }
     until("its death is told", || {

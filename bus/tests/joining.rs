@@ -4,7 +4,7 @@
 mod common;
 
 use bytemuck::{Pod, Zeroable};
-use common::{join, root};
+use common::{join, root, root_of_length};
 use equipoise_bus::root::ROOT_BYTES_MAX;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Participant, Service, Topic};
 use equipoise_core::message::layout::{Field, Primitive};
@@ -86,14 +86,9 @@ fn two_roots_are_two_buses() {
 
 #[test]
 fn the_longest_root_works_and_a_longer_one_is_refused() {
-    let root = root();
-    let of_length = |length: usize| {
-        let fill = length - root.path().to_str().unwrap().len() - 1;
-        let deep = root.path().join("x".repeat(fill));
-        Bus::join(&BusSettings { root: deep, ..BusSettings::new("test", "role") })
-    };
-    let bus = of_length(ROOT_BYTES_MAX).unwrap();
-    bus.listener(Channel::Inputs).unwrap();
-    let error = of_length(ROOT_BYTES_MAX + 1).unwrap_err();
+    let longest = root_of_length(ROOT_BYTES_MAX);
+    join(longest.path(), "role").listener(Channel::Inputs).unwrap();
+    let root = root_of_length(ROOT_BYTES_MAX + 1).path().to_owned();
+    let error = Bus::join(&BusSettings { root, ..BusSettings::new("test", "role") }).unwrap_err();
     assert!(matches!(error, BusError::Root { .. }), "{error}");
 }

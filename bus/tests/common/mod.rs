@@ -7,7 +7,7 @@
 
 use equipoise_bus::root::shared_memory_prefix;
 use equipoise_bus::{Bus, BusSettings};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -17,15 +17,27 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 const CHILD_ROOT: &str = "EQUIPOISE_BUS_TEST_CHILD";
 
 /// A root directory that takes the bus's shared memory along when it goes.
-pub(crate) struct Root(TempDir);
+pub(crate) struct Root {
+    path: PathBuf,
+    _directory: TempDir,
+}
 
 pub(crate) fn root() -> Root {
-    Root(tempfile::Builder::new().prefix("equipoise-bus-").tempdir().unwrap())
+    let directory = tempfile::Builder::new().prefix("equipoise-bus-").tempdir().unwrap();
+    Root { path: directory.path().to_owned(), _directory: directory }
+}
+
+/// A root whose path has `length` bytes.
+pub(crate) fn root_of_length(length: usize) -> Root {
+    let mut root = root();
+    let fill = length - root.path.to_str().unwrap().len() - 1;
+    root.path.push("x".repeat(fill));
+    root
 }
 
 impl Root {
     pub(crate) fn path(&self) -> &Path {
-        self.0.path()
+        &self.path
     }
 }
 
