@@ -1,0 +1,166 @@
+//! Opening a service: what all kinds have in common.
+
+use crate::error::BusError;
+use crate::node::Bus;
+use iceoryx2::prelude::{AttributeSet, AttributeVerifier, MessagingPattern, Service as _, ServiceName, ipc};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
+use iceoryx2::service::builder::request_response::{
+    RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
+};
+use std::thread;
+use std::time::Duration;
+
+/// The service attribute that holds the schema. iceoryx2 itself compares type names and sizes only.
+const SCHEMA_KEY: &str = "equipoise.schema";
+/// Somebody else may be creating or removing the service at this moment: how often to try again, and after what.
+const ATTEMPTS: usize = 20;
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// Why a service did not open, whatever its kind.
+pub(crate) enum Refusal {
+    /// Somebody creates or removes it right now.
+    InFlux(String),
+    /// Other messages.
+    Schema,
+    Permission,
+    Damaged,
+    Settings(String),
+    NodesFull,
+}
+
+macro_rules! refusals {
+    ($($Both:ident { $Open:ident, $Create:ident, $types:pat })*) => {
+        $(impl From<$Both> for Refusal {
+            fn from(error: $Both) -> Refusal {
+                use {$Create as Create, $Open as Open};
+                let detail = match error {
+                    $Both::$Open(cause) => format!("{cause:?}"),
+                    $Both::$Create(cause) => format!("{cause:?}"),
+                    $Both::SystemInFlux => "SystemInFlux".to_owned(),
+                };
+                match error {
+                    $Both::SystemInFlux
+                    | $Both::$Open(Open::IsMarkedForDestruction | Open::DoesNotExist)
+                    | $Both::$Create(Create::AlreadyExists | Create::IsBeingCreatedByAnotherInstance) => {
+                        Refusal::InFlux(detail)
+                    }
+                    $Both::$Open(Open::InsufficientPermissions)
+                    | $Both::$Create(Create::InsufficientPermissions) => Refusal::Permission,
+                    $Both::$Open(Open::ServiceInCorruptedState | Open::HangsInCreation)
+                    | $Both::$Create(Create::ServiceInCorruptedState) => Refusal::Damaged,
+                    $Both::$Open(Open::ExceedsMaxNumberOfNodes) => Refusal::NodesFull,
+                    $Both::$Open($types) => Refusal::Schema,
+                    _ => Refusal::Settings(detail),
+                }
+            }
+        })*
+    };
+}
+
+refusals! {
+    PublishSubscribeOpenOrCreateError {
+        PublishSubscribeOpenError, PublishSubscribeCreateError,
+        Open::IncompatibleTypes | Open::IncompatibleAttributes
+    }
+    RequestResponseOpenOrCreateError {
+        RequestResponseOpenError, RequestResponseCreateError,
+        Open::IncompatibleRequestOrResponseType | Open::IncompatibleAttributes
+    }
+    EventOpenOrCreateError { EventOpenError, EventCreateError, Open::IncompatibleAttributes }
+}
+
+/// Opens the service `name`, or creates it; `attempt` is handed its name and the attributes it must have.
+pub(crate) fn open_or_create<F, E: Into<Refusal>>(
+    bus: &Bus,
+    name: &str,
+    pattern: MessagingPattern,
+    schema: &str,
+    attempt: impl Fn(&ServiceName, &AttributeVerifier) -> Result<F, E>,
+) -> Result<F, BusError> {
+    let service_name = ServiceName::new(name).map_err(BusError::failed("name a service", name))?;
+    let attributes = required(schema).map_err(BusError::failed("describe the schema", name))?;
+    let mut refusal = Refusal::InFlux(String::new());
+    for _ in 0..ATTEMPTS {
+        refusal = match attempt(&service_name, &attributes) {
+            Ok(factory) => return Ok(factory),
+            Err(error) => error.into(),
+        };
+        if !matches!(refusal, Refusal::InFlux(_)) {
+            break;
+        }
+        thread::sleep(PAUSE);
+    }
+    let service = name.to_owned();
+    Err(match refusal {
+        Refusal::Schema => {
+            let theirs = schema_of(bus, &service_name, pattern);
+            BusError::OtherSchema { service, theirs, ours: schema.to_owned() }
+        }
+        Refusal::Permission => BusError::Permission { service },
+        Refusal::Damaged => BusError::Damaged { service, root: bus.root.clone() },
+        Refusal::NodesFull => {
+            BusError::Full { service, what: "participant", most: crate::service::NODES_MAX }
+        }
+        Refusal::Settings(detail) => BusError::OtherSettings { service, detail },
+        Refusal::InFlux(detail) => BusError::Failed { what: "open", service, detail },
+    })
+}
+
+/// One of a service's limited places.
+pub(crate) struct Place {
+    /// Who takes it: "publisher", …
+    pub(crate) what: &'static str,
+    /// How many there are.
+    pub(crate) most: usize,
+}
+
+/// Makes a port with `create`, whose error `full` says that all places are taken.
+///
+/// A place may still belong to a dead process: another thread's clean-up, just running, makes ours do nothing when a
+/// daemon starts again after SIGKILL. So the dead are cleaned up and it is tried again, as long as there are any.
+pub(crate) fn take<P, E: std::fmt::Debug + PartialEq>(
+    bus: &Bus,
+    name: &str,
+    place: Place,
+    full: E,
+    create: impl Fn() -> Result<P, E>,
+) -> Result<P, BusError> {
+    let Place { what, most } = place;
+    for _ in 0..ATTEMPTS {
+        match create() {
+            Ok(port) => return Ok(port),
+            Err(cause) if cause == full => {}
+            Err(cause) => return Err(BusError::failed("make a port", name)(cause)),
+        }
+        let cleaned = bus.node.try_cleanup_dead_nodes();
+        if cleaned.cleanups == 0 && cleaned.failed_cleanups == 0 {
+            break;
+        }
+        if cleaned.failed_cleanups > 0 {
+            thread::sleep(PAUSE);
+        }
+    }
+    create().map_err(|_| BusError::Full { service: name.to_owned(), what, most })
+}
+
+fn required(schema: &str) -> Result<AttributeVerifier, String> {
+    let key: AttributeKey = SCHEMA_KEY.try_into().map_err(|cause| format!("{cause:?}"))?;
+    let value: AttributeValue = schema.try_into().map_err(|cause| format!("{cause:?}"))?;
+    AttributeVerifier::new().require(&key, &value).map_err(|cause| format!("{cause:?}"))
+}
+
+/// The schema that an existing service was made with, for an error's sake.
+fn schema_of(bus: &Bus, name: &ServiceName, pattern: MessagingPattern) -> String {
+    let details = ipc::Service::details(name, bus.config(), pattern);
+    let Ok(Some(details)) = details else { return "unknown".to_owned() };
+    schema_attribute(details.static_details.attributes()).unwrap_or("not stated".to_owned())
+}
+
+fn schema_attribute(attributes: &AttributeSet) -> Option<String> {
+    let key: AttributeKey = SCHEMA_KEY.try_into().ok()?;
+    attributes.key_value(&key, 0).map(ToString::to_string)
+}

@@ -1,0 +1,95 @@
+//! Writing a topic.
+
+use crate::error::BusError;
+use crate::node::Bus;
+use crate::open::{Place, open_or_create, take};
+use crate::service::{BORROWED_MAX, NODES_MAX, PUBLISHERS_MAX, Topic};
+use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
+use iceoryx2::port::update_connections::UpdateConnections as _;
+use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern, PortFactory as _, ipc};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use std::fmt;
+
+pub(crate) type Factory<M> = PortFactory<ipc::Service, M, ()>;
+
+/// Opens the topic's service with every setting of its row.
+pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), BusError> {
+    let row = M::SERVICE;
+    let name = row.name(&bus.station);
+    let schema = format!("0x{:016x}", M::SCHEMA_HASH);
+    let factory =
+        open_or_create(bus, &name, MessagingPattern::PublishSubscribe, &schema, |name, attributes| {
+            bus.node
+                .service_builder(name)
+                .publish_subscribe::<M>()
+                .enable_safe_overflow(true)
+                .history_size(row.history)
+                .subscriber_max_buffer_size(row.depth_max)
+                .subscriber_max_borrowed_samples(BORROWED_MAX)
+                .max_publishers(PUBLISHERS_MAX.max(row.writers))
+                .max_subscribers(row.subscribers_max)
+                .max_nodes(NODES_MAX)
+                .open_or_create_with_attributes(attributes)
+        })?;
+    Ok((name, factory))
+}
+
+/// Writes messages of one kind. Nothing that a reader does or fails to do makes it wait.
+pub struct Publisher<M: Topic> {
+    port: Port<ipc::Service, M, ()>,
+    factory: Factory<M>,
+    name: String,
+}
+
+impl<M: Topic> fmt::Debug for Publisher<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Publisher({})", self.name)
+    }
+}
+
+impl<M: Topic> Publisher<M> {
+    pub(crate) fn open(bus: &Bus) -> Result<Publisher<M>, BusError> {
+        let (name, factory) = open_topic::<M>(bus)?;
+        let place = Place { what: "publisher", most: PUBLISHERS_MAX.max(M::SERVICE.writers) };
+        let port = take(bus, &name, place, PublisherCreateError::ExceedsMaxSupportedPublishers, || {
+            factory
+                .publisher_builder()
+                .max_loaned_samples(1)
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .create()
+        })?;
+        Ok(Publisher { port, factory, name })
+    }
+
+    /// Copies one message into shared memory for every subscriber; how many there were.
+    ///
+    /// A subscriber whose buffer is full loses its oldest message. Allocates once (48 bytes); more when a subscriber
+    /// came or went since the last call.
+    ///
+    /// # Errors
+    /// Shared memory could not be had, or a subscriber's connection is damaged; the others have the message.
+    pub fn send(&self, message: &M) -> Result<usize, BusError> {
+        let sample = self.port.loan_uninit().map_err(BusError::failed("send", &self.name))?;
+        sample.write_payload(*message).send().map_err(BusError::failed("send", &self.name))
+    }
+
+    /// Hands the last message to subscribers that came since the last [`Publisher::send`].
+    ///
+    /// Sending does the same; this is for a topic that is silent for long.
+    ///
+    /// # Errors
+    /// A subscriber's connection cannot be made.
+    pub fn serve_late_subscribers(&self) -> Result<(), BusError> {
+        self.port.update_connections().map_err(BusError::failed("serve late subscribers", &self.name))
+    }
+
+    /// How many subscribers there are; one that was killed counts until it is cleaned up.
+    pub fn subscriber_count(&self) -> usize {
+        self.factory.dynamic_config().number_of_subscribers()
+    }
+
+    /// How many publishers there are, this one included.
+    pub fn publisher_count(&self) -> usize {
+        self.factory.dynamic_config().number_of_publishers()
+    }
+}

@@ -1,0 +1,91 @@
+//! Where the bus keeps its files, and how its shared memory is called.
+//!
+//! Two buses with different roots do not see each other. On iceoryx2's own default root, tools and bindings of other
+//! languages find the bus without being told.
+
+use crate::error::BusError;
+use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
+use std::env;
+use std::path::PathBuf;
+
+/// Names the root directory; wins over everything else.
+pub const ROOT_VARIABLE: &str = "EQUIPOISE_BUS_ROOT";
+/// iceoryx2's own default.
+pub const DEFAULT_ROOT: &str = "/tmp/iceoryx2";
+
+/// The longest root, bytes.
+///
+/// A listener's socket lies under the root; its name, with an id that grows to 39 digits over the years, and the
+/// root must fit into the 108 bytes that Linux has for it (unix(7)).
+pub const ROOT_BYTES_MAX: usize = 46;
+
+/// The root that the environment asks for: `$EQUIPOISE_BUS_ROOT`, else `iceoryx2` in systemd's `$RUNTIME_DIRECTORY`,
+/// else [`DEFAULT_ROOT`].
+pub fn root_of_environment() -> PathBuf {
+    choose_root(env::var(ROOT_VARIABLE).ok(), env::var("RUNTIME_DIRECTORY").ok())
+}
+
+fn choose_root(explicit: Option<String>, runtime_directory: Option<String>) -> PathBuf {
+    let set = |value: Option<String>| value.filter(|text| !text.is_empty());
+    if let Some(root) = set(explicit) {
+        return PathBuf::from(root);
+    }
+    // systemd joins several runtime directories with colons; the first is the service's own.
+    match set(runtime_directory).as_deref().and_then(|list| list.split(':').next()) {
+        Some(first) => PathBuf::from(first).join("iceoryx2"),
+        None => PathBuf::from(DEFAULT_ROOT),
+    }
+}
+
+/// The whole configuration in code: a `./config/iceoryx2.toml` would otherwise be read without a word.
+pub(crate) fn config(root: &std::path::Path) -> Result<Config, BusError> {
+    let refused = || BusError::Root { root: root.to_owned() };
+    let text = root.to_str().filter(|_| root.is_absolute()).ok_or_else(refused)?.trim_end_matches('/');
+    if text.len() > ROOT_BYTES_MAX {
+        return Err(refused());
+    }
+    let mut config = Config::default();
+    let path = Path::new(format!("{text}/").as_bytes()).map_err(|_| refused())?;
+    config.global.set_root_path(&path);
+    config.global.prefix = FileName::new(shared_memory_prefix(root).as_bytes()).map_err(|_| refused())?;
+    Ok(config)
+}
+
+/// How the names of the bus's shared memory begin. Other languages and tools need it beside the root.
+///
+/// Names in `/dev/shm` know no directories, so another root has another prefix.
+pub fn shared_memory_prefix(root: &std::path::Path) -> String {
+    let text = root.to_string_lossy();
+    let text = text.trim_end_matches('/');
+    if text == DEFAULT_ROOT {
+        return "iox2_".to_owned();
+    }
+    let fnv1a = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193);
+    format!("eqp_{:08x}_", text.bytes().fold(0x811c_9dc5, fnv1a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_explicit_root_wins_then_systemd_then_the_default() {
+        let some = |text: &str| Some(text.to_owned());
+        assert_eq!(choose_root(some("/a"), some("/run/equipoise")), PathBuf::from("/a"));
+        assert_eq!(choose_root(some(""), some("/run/e:/run/f")), PathBuf::from("/run/e/iceoryx2"));
+        assert_eq!(choose_root(None, None), PathBuf::from(DEFAULT_ROOT));
+    }
+
+    #[test]
+    fn other_roots_have_other_prefixes_and_a_slash_does_not_matter() {
+        let of = |root: &str| config(std::path::Path::new(root)).unwrap().global.prefix;
+        assert_eq!(of("/run/a"), of("/run/a/"));
+        assert_ne!(of("/run/a"), of("/run/b"));
+        assert_eq!(of("/tmp/iceoryx2/"), Config::default().global.prefix);
+    }
+
+    #[test]
+    fn a_relative_root_is_refused() {
+        assert!(matches!(config(std::path::Path::new("here")), Err(BusError::Root { .. })));
+    }
+}

@@ -1,0 +1,172 @@
+//! The table of services: what is shared on a station, how often, how deep, and who writes it.
+//!
+//! Every limit is fixed by whoever opens a service first, so all of them stand here and nowhere else.
+
+use equipoise_core::message::{
+    AdapterHealth, Command, CycleRecord, GroundSample, Message, Reply, State, SuitSample,
+};
+use std::fmt;
+use std::time::Duration;
+
+/// Processes and threads that may take part in one service.
+pub const NODES_MAX: usize = 64;
+/// Writers of one publish-subscribe service: one by rule, and one more while a process replaces another.
+pub const PUBLISHERS_MAX: usize = 2;
+/// Messages that a subscriber may hold while it reads.
+pub const BORROWED_MAX: usize = 2;
+/// Clients of the command service.
+pub const CLIENTS_MAX: usize = 16;
+/// Notifiers of one event service: every client is one, and the adapters.
+pub const NOTIFIERS_MAX: usize = 32;
+/// Listeners of one event service; each costs a notifier 4 to 10 µs while it sleeps.
+pub const LISTENERS_MAX: usize = 16;
+/// Bytes that iceoryx2 may put before each payload, with alignment; generous.
+const HEADER_BYTES: usize = 64;
+
+/// One row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Service {
+    /// Last part of the name: `equipoise/<station>/<suffix>`.
+    pub suffix: &'static str,
+    /// Type name of the payload.
+    pub payload: &'static str,
+    /// Bytes of one payload.
+    pub payload_bytes: usize,
+    /// Who writes it.
+    pub writer: &'static str,
+    /// How many write at once, hand-over apart.
+    pub writers: usize,
+    /// How often, in words.
+    pub rate: &'static str,
+    /// Silence after which a reader must call the stream stale; `None`: it may be silent for ever.
+    pub deadline: Option<Duration>,
+    /// A subscriber's buffer where nothing else is asked for, messages.
+    pub depth: usize,
+    /// The deepest buffer that a subscriber may ask for, messages.
+    pub depth_max: usize,
+    /// How many subscribers there may be.
+    pub subscribers_max: usize,
+    /// How many messages a late subscriber gets at once.
+    pub history: usize,
+}
+
+impl Service {
+    /// The service's full name on a station.
+    pub fn name(&self, station: &str) -> String {
+        full_name(station, self.suffix)
+    }
+
+    /// Upper bound of the shared memory of all its regular writers, bytes.
+    pub const fn memory_bytes(&self) -> usize {
+        let chunks = self.subscribers_max * (self.depth_max + BORROWED_MAX) + self.history + 1;
+        self.writers * chunks * (self.payload_bytes + HEADER_BYTES)
+    }
+}
+
+/// `equipoise/<station>/<suffix>`.
+pub(crate) fn full_name(station: &str, suffix: &str) -> String {
+    format!("equipoise/{station}/{suffix}")
+}
+
+/// A message that is published: it knows its row of the table.
+pub trait Topic: Message {
+    /// Its row.
+    const SERVICE: Service;
+}
+
+macro_rules! topics {
+    ($($Message:ty => $suffix:literal, by $writers:literal $writer:literal, $rate:literal, deadline $deadline:expr,
+       depth $depth:literal of $depth_max:literal, $subscribers:literal subscribers;)*) => {
+        $(impl Topic for $Message {
+            const SERVICE: Service = Service {
+                suffix: $suffix,
+                payload: <$Message as Message>::TYPE_NAME,
+                payload_bytes: size_of::<$Message>(),
+                writer: $writer,
+                writers: $writers,
+                rate: $rate,
+                deadline: $deadline,
+                depth: $depth,
+                depth_max: $depth_max,
+                subscribers_max: $subscribers,
+                history: 1,
+            };
+        })*
+
+        /// Every publish-subscribe service of a station.
+        pub const TABLE: &[Service] = &[$(<$Message as Topic>::SERVICE),*];
+    };
+}
+
+const fn ms(milliseconds: u64) -> Option<Duration> {
+    Some(Duration::from_millis(milliseconds))
+}
+
+topics! {
+    SuitSample => "suit", by 1 "suit adapter", "60-240 Hz", deadline ms(40), depth 64 of 128, 16 subscribers;
+    GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers;
+    State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 16 subscribers;
+    CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
+    AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;
+}
+
+/// A station's shared memory stays below this with one writer per service, bytes.
+pub const STATION_MEMORY_MAX: usize = 60_000_000;
+const _: () = assert!(station_memory_bytes() < STATION_MEMORY_MAX);
+
+/// Upper bound of the shared memory of one station, bytes.
+pub const fn station_memory_bytes() -> usize {
+    let (mut sum, mut row) = (0, 0);
+    while row < TABLE.len() {
+        sum += TABLE[row].memory_bytes();
+        row += 1;
+    }
+    sum
+}
+
+/// The table as Markdown, for the documentation.
+#[derive(Debug, Clone, Copy)]
+pub struct Table;
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "| `equipoise/<station>/…` | payload | bytes | written by | rate | stale after | depth (max) | subscribers | history | MB |"
+        )?;
+        writeln!(f, "|---|---|---|---|---|---|---|---|---|---|")?;
+        for row in TABLE {
+            let deadline = row.deadline.map_or("never".to_owned(), |d| format!("{} ms", d.as_millis()));
+            let megabytes = row.memory_bytes() as f64 / 1e6;
+            writeln!(
+                f,
+                "| `{}` | `{}` | {} | {} | {} | {deadline} | {} ({}) | {} | {} | {megabytes:.1} |",
+                row.suffix,
+                row.payload,
+                row.payload_bytes,
+                row.writer,
+                row.rate,
+                row.depth,
+                row.depth_max,
+                row.subscribers_max,
+                row.history,
+            )?;
+        }
+        for channel in crate::Channel::ALL {
+            writeln!(
+                f,
+                "| `{}` | event | | {} | | | | {LISTENERS_MAX} | | |",
+                channel.suffix(),
+                channel.writer()
+            )?;
+        }
+        writeln!(
+            f,
+            "| `command` | `{}` → `{}` | {} → {} | clients → daemon | on request | | | {CLIENTS_MAX} | | |",
+            Command::TYPE_NAME,
+            Reply::TYPE_NAME,
+            size_of::<Command>(),
+            size_of::<Reply>(),
+        )
+    }
+}

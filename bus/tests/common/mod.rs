@@ -1,0 +1,90 @@
+//! A bus of its own for each test, and children that can be killed.
+#![allow(
+    dead_code,
+    clippy::allow_attributes,
+    reason = "each test binary uses its own part, one uses all, so nothing can be expected"
+)]
+
+use equipoise_bus::root::shared_memory_prefix;
+use equipoise_bus::{Bus, BusSettings};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// Nothing here should ever take this long; not a measurement.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+const CHILD_ROOT: &str = "EQUIPOISE_BUS_TEST_CHILD";
+
+/// A root directory that takes the bus's shared memory along when it goes.
+pub(crate) struct Root {
+    path: PathBuf,
+    _directory: TempDir,
+}
+
+pub(crate) fn root() -> Root {
+    let directory = tempfile::Builder::new().prefix("equipoise-bus-").tempdir().unwrap();
+    Root { path: directory.path().to_owned(), _directory: directory }
+}
+
+/// A root whose path has `length` bytes.
+pub(crate) fn root_of_length(length: usize) -> Root {
+    let mut root = root();
+    let fill = length - root.path.to_str().unwrap().len() - 1;
+    root.path.push("x".repeat(fill));
+    root
+}
+
+impl Root {
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Root {
+    /// iceoryx2 leaves 16 bytes behind for each prefix, and whoever was killed leaves more.
+    fn drop(&mut self) {
+        let prefix = shared_memory_prefix(self.path());
+        for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            if file.file_name().to_string_lossy().starts_with(&prefix) {
+                let _already_gone = std::fs::remove_file(file.path());
+            }
+        }
+    }
+}
+
+pub(crate) fn join(root: &Path, role: &str) -> Bus {
+    let settings = BusSettings { root: root.to_owned(), ..BusSettings::new("test", role) };
+    Bus::join(&settings).unwrap()
+}
+
+/// Tries until `ready`, which must come to be.
+pub(crate) fn until(what: &str, mut ready: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !ready() {
+        assert!(start.elapsed() < PATIENCE, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Runs the test `name` of this same binary as a process of its own.
+pub(crate) fn spawn_child(name: &str, root: &Path) -> Child {
+    Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", name])
+        .env(CHILD_ROOT, root)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// The bus of the parent, in a child; `None` in an ordinary run of the tests.
+pub(crate) fn parents_bus(role: &str) -> Option<Bus> {
+    let root = std::env::var_os(CHILD_ROOT)?;
+    Some(join(Path::new(&root), role))
+}
+
+/// SIGKILL: nothing is cleaned up.
+pub(crate) fn kill(mut child: Child) {
+    child.kill().unwrap();
+    child.wait().unwrap();
+}

@@ -1,0 +1,89 @@
+//! Readers and writers that are killed.
+#![expect(clippy::unwrap_used, reason = "a test may panic, and so may its helpers")]
+
+mod common;
+
+use bytemuck::Zeroable;
+use common::{PATIENCE, join, kill, parents_bus, root, spawn_child, until};
+use equipoise_bus::{BusError, Channel, Event};
+use equipoise_core::message::{Command, Reply, State};
+use std::time::{Duration, Instant};
+
+fn state(cycle: u64) -> State {
+    State { cycle, ..State::zeroed() }
+}
+
+/// Not a test: the life of a child, until it is killed or forgotten.
+#[test]
+fn child_reads() {
+    let Some(bus) = parents_bus("child") else { return };
+    let mut states = bus.subscriber::<State>(4).unwrap();
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        states.latest().unwrap();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Not a test: see [`child_reads`].
+#[test]
+fn child_writes() {
+    let Some(bus) = parents_bus("child") else { return };
+    let (publisher, notifier) = (bus.publisher::<State>().unwrap(), bus.notifier(Channel::Results).unwrap());
+    let mut server = bus.command_server().unwrap();
+    let start = Instant::now();
+    let process = u64::from(std::process::id());
+    while start.elapsed() < PATIENCE {
+        publisher.send(&state(process)).unwrap();
+        notifier.notify(Event::NewState).unwrap();
+        while server.poll(|_| Reply { cycle: process, ..Reply::zeroed() }).unwrap() {}
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_killed_reader_is_not_noticed_until_it_is_cleaned_up() {
+    let root = root();
+    let bus = join(root.path(), "writer");
+    let publisher = bus.publisher::<State>().unwrap();
+    for life in 0..3 {
+        let child = spawn_child("child_reads", root.path());
+        until("the reader is there", || publisher.send(&state(life)).unwrap() == 1);
+        kill(child);
+        for cycle in 0..1000 {
+            publisher.send(&state(cycle)).unwrap();
+        }
+        assert_eq!(publisher.subscriber_count(), 1, "nobody cleans up behind our back");
+        // One clean-up runs at a time in a process, and the test beside this one cleans up too.
+        until("it is cleaned up", || bus.clean_up_dead_nodes() == 1);
+        assert_eq!(publisher.subscriber_count(), 0);
+        assert_eq!(publisher.send(&state(0)).unwrap(), 0);
+    }
+}
+
+#[test]
+fn a_daemon_killed_and_restarted_is_found_by_running_peers() {
+    let root = root();
+    let bus = join(root.path(), "reader");
+    let mut states = bus.subscriber::<State>(4).unwrap();
+    let events = bus.listener(Channel::Results).unwrap();
+    let client = bus.command_client().unwrap();
+    // More lives than there are places for a publisher: the restart itself makes room.
+    for _ in 0..4 {
+        let child = spawn_child("child_writes", root.path());
+        let process = u64::from(child.id());
+        until("its states arrive", || states.latest().unwrap().is_some_and(|state| state.cycle == process));
+        until("its events arrive", || events.wait(PATIENCE).unwrap().contains(Event::NewState));
+        assert_eq!(client.ask(&Command::zeroed(), PATIENCE).unwrap().cycle, process);
+        assert!(matches!(bus.command_server().unwrap_err(), BusError::Full { what: "daemon", .. }));
+        kill(child);
+        let error = client.ask(&Command::zeroed(), Duration::from_millis(20)).unwrap_err();
+        assert!(matches!(error, BusError::NoAnswer { .. } | BusError::NoDaemon { .. }), "{error}");
+        while states.latest().unwrap().is_some() {}
+    }
+    until("its death is told", || {
+        bus.clean_up_dead_nodes();
+        events.wait(Duration::from_millis(5)).unwrap().contains(Event::NotifierDied)
+    });
+    bus.command_server().unwrap();
+}
