@@ -45,16 +45,18 @@ pub struct Balanced {
     pub com_m: [Vector3<f64>; SEGMENTS],
     /// Flexion of the left and right knee, rad.
     pub knee_flexion_rad: [f64; 2],
+    /// By how much the legs miss the ankles, m; 0 unless the pose is out of reach.
+    pub out_of_reach_m: f64,
 }
 
 impl Standing<'_> {
-    /// The body in `pose` with its centre of mass (with the load) above `target_m`; `None` if a leg cannot reach.
-    pub fn balance(&self, pose: &Pose, target_m: Vector2<f64>) -> Option<Balanced> {
+    /// The body in `pose` with its centre of mass (with the load) above `target_m`.
+    pub fn balance(&self, pose: &Pose, target_m: Vector2<f64>) -> Balanced {
         let upper = Upper::new(self, pose);
         // Most of the mass moves with the pelvis, some stays with the feet.
         let mut shift_from_error = Matrix2::identity() * 1.2;
         let mut pelvis_xy = target_m - upper.centre_from_pelvis.xy();
-        let mut legs = self.legs(pose, &upper, pelvis_xy)?;
+        let mut legs = self.legs(pose, &upper, pelvis_xy);
         let mut error = upper.centre(self, &legs).xy() - target_m;
         for _ in 0..MAX_ITERATIONS {
             if error.norm() < TOLERANCE_M {
@@ -62,7 +64,7 @@ impl Standing<'_> {
             }
             let shift = -(shift_from_error * error);
             pelvis_xy += shift;
-            legs = self.legs(pose, &upper, pelvis_xy)?;
+            legs = self.legs(pose, &upper, pelvis_xy);
             let now = upper.centre(self, &legs).xy() - target_m;
             // Broyden's update of the inverse Jacobian.
             let turned = shift_from_error * (now - error);
@@ -72,11 +74,11 @@ impl Standing<'_> {
             }
             error = now;
         }
-        Some(self.assemble(&upper, &legs))
+        self.assemble(&upper, &legs)
     }
 
     /// Both legs for a pelvis above `pelvis_xy`, as high as the pose wants and the legs allow.
-    fn legs(&self, pose: &Pose, upper: &Upper, pelvis_xy: Vector2<f64>) -> Option<Legs> {
+    fn legs(&self, pose: &Pose, upper: &Upper, pelvis_xy: Vector2<f64>) -> Legs {
         let mut wanted = [pose.pelvis_height * straight_height_m(self.person); 3];
         for (k, hip) in upper.hip_from_pelvis.iter().enumerate() {
             let ankle = self.stance.ankle_m[k];
@@ -90,7 +92,7 @@ impl Standing<'_> {
             let hip_m = pelvis_m + upper.hip_from_pelvis[k];
             leg::solve(hip_m, self.stance.ankle_m[k], upper.leg_lengths_m[k], knee_forward)
         };
-        Some(Legs { pelvis_m, leg: [leg(0)?, leg(1)?] })
+        Legs { pelvis_m, leg: [leg(0), leg(1)] }
     }
 
     fn assemble(&self, upper: &Upper, legs: &Legs) -> Balanced {
@@ -102,7 +104,10 @@ impl Standing<'_> {
             }
         }
         let origin_m = origins_m(self.person, legs.pelvis_m, &world_from_segment);
+        let miss = |k: usize| (origin_m[Side::BOTH[k].foot().index()] - self.stance.ankle_m[k]).norm();
+        let out_of_reach_m = miss(0).max(miss(1));
         Balanced {
+            out_of_reach_m,
             pelvis_m: legs.pelvis_m,
             world_from_segment,
             origin_m,
@@ -226,7 +231,7 @@ mod tests {
         for load_kg in [0.0, 4.0] {
             let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg };
             let target = stance.between_the_feet_m(0.05);
-            let body = standing.balance(&intention.pose(), target).unwrap();
+            let body = standing.balance(&intention.pose(), target);
             let mut mass = person.segment_mass_kg.to_vec();
             let mut point = body.com_m.to_vec();
             mass.push(load_kg);

@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+/// A leg is never wholly straight nor wholly folded: there its knee has no direction to bend.
+const LEAST_BEND_M: f64 = 1e-6;
+
 /// A leg whose ends are met.
 #[derive(Debug, Clone, Copy)]
 pub struct Leg {
@@ -13,22 +16,20 @@ pub struct Leg {
     pub knee_flexion_rad: f64,
 }
 
-/// The leg from `hip_m` to `ankle_m` with links of `[thigh, shank]` metres whose knee points along `knee_forward`
-/// (world), or `None` if the ankle is out of reach.
+/// The leg from `hip_m` towards `ankle_m` with links of `[thigh, shank]` metres whose knee points along
+/// `knee_forward` (world). A leg too short ends, stretched, before the ankle.
 pub fn solve(
     hip_m: Vector3<f64>,
     ankle_m: Vector3<f64>,
     lengths_m: [f64; 2],
     knee_forward: Vector3<f64>,
-) -> Option<Leg> {
+) -> Leg {
     let [thigh, shank] = lengths_m;
     let span = ankle_m - hip_m;
-    let distance = span.norm();
-    if distance >= thigh + shank || distance <= (thigh - shank).abs() {
-        return None;
-    }
-    let down = span / distance;
-    let forward = (knee_forward - down * knee_forward.dot(&down)).try_normalize(1e-6)?;
+    let down = span.try_normalize(1e-9).unwrap_or(-Vector3::z());
+    let distance = span.norm().clamp((thigh - shank).abs() + LEAST_BEND_M, thigh + shank - LEAST_BEND_M);
+    // A leg that points along its knee's direction lies level; then its knee points up.
+    let forward = (knee_forward - down * knee_forward.dot(&down)).try_normalize(1e-6).unwrap_or(Vector3::z());
     // The law of cosines gives the angle at the hip between thigh and span.
     let cos_hip = (thigh * thigh + distance * distance - shank * shank) / (2.0 * thigh * distance);
     let knee_m = hip_m + thigh * (down * cos_hip + forward * (1.0 - cos_hip * cos_hip).sqrt());
@@ -39,11 +40,11 @@ pub fn solve(
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
     };
     let cos_knee = (thigh * thigh + shank * shank - distance * distance) / (2.0 * thigh * shank);
-    Some(Leg {
+    Leg {
         world_from_upper: along(hip_m, knee_m),
         world_from_lower: along(knee_m, ankle_m),
         knee_flexion_rad: core::f64::consts::PI - cos_knee.acos(),
-    })
+    }
 }
 
 #[cfg(test)]
@@ -53,7 +54,7 @@ mod tests {
     #[test]
     fn the_leg_ends_at_the_ankle_with_its_knee_in_front() {
         let (hip, ankle) = (Vector3::new(-0.1, 0.09, 0.8), Vector3::new(0.02, 0.13, 0.09));
-        let leg = solve(hip, ankle, [0.43, 0.42], Vector3::x()).unwrap();
+        let leg = solve(hip, ankle, [0.43, 0.42], Vector3::x());
         let knee = hip + leg.world_from_upper * Vector3::new(0.0, 0.0, -0.43);
         let end = knee + leg.world_from_lower * Vector3::new(0.0, 0.0, -0.42);
         assert!((end - ankle).norm() < 1e-12);
@@ -66,12 +67,13 @@ mod tests {
 
     #[test]
     fn a_straight_leg_stands_upright() {
-        let leg = solve(Vector3::z() * 0.8499, Vector3::zeros(), [0.43, 0.42], Vector3::x()).unwrap();
+        let leg = solve(Vector3::z() * 0.8499, Vector3::zeros(), [0.43, 0.42], Vector3::x());
         assert!(leg.world_from_upper.angle() < 0.03 && leg.world_from_lower.angle() < 0.03);
     }
 
     #[test]
-    fn out_of_reach_is_said() {
-        assert!(solve(Vector3::z() * 0.9, Vector3::zeros(), [0.43, 0.42], Vector3::x()).is_none());
+    fn a_leg_too_short_is_stretched() {
+        let leg = solve(Vector3::z() * 0.9, Vector3::zeros(), [0.43, 0.42], Vector3::x());
+        assert!(leg.knee_flexion_rad < 0.01);
     }
 }

@@ -9,6 +9,8 @@ use crate::stance::Stance;
 /// Why a pose is not one to ask a person for. Angles in whole degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Strain {
+    /// A foot has to leave its place; by how many millimetres.
+    Reach(i32),
     /// A knee bends too far.
     Knee(i32),
     /// An ankle bends too far: dorsiflexion, or to the side.
@@ -31,6 +33,9 @@ const HAND_OFF_TRUNK_M: f64 = 0.13;
 /// # Errors
 /// The first [`Strain`] found.
 pub fn check(body: &Balanced) -> Result<(), Strain> {
+    if body.out_of_reach_m > 0.001 {
+        return Err(Strain::Reach((1000.0 * body.out_of_reach_m) as i32));
+    }
     for (k, side) in Side::BOTH.into_iter().enumerate() {
         let [upper, lower, foot, _] =
             Stance::leg(side).map(|segment| body.world_from_segment[segment.index()]);
