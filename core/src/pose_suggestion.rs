@@ -1,5 +1,6 @@
 //! Which pose to ask for next, from a library of poses that people can hold (Fortini et al., §III-C, Eq. 11).
 
+pub mod library;
 pub mod posture;
 
 use bytemuck::{Pod, Zeroable};

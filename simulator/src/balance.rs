@@ -1,0 +1,245 @@
+//! Standing: legs that keep both feet where they are, and a pelvis shifted until the whole is in balance.
+
+use equipoise_core::body::{SEGMENTS, Segment, Side};
+use nalgebra::{Matrix2, UnitQuaternion, Vector2, Vector3};
+
+use crate::kinematics::{Rotations, centre_m, coms_m, down_the_tree, origins_m};
+use crate::leg::{self, Leg};
+use crate::person::Person;
+use crate::pose::{Pose, straight_height_m};
+use crate::stance::Stance;
+
+/// A leg never stretches beyond this share of its length: a locked knee has no direction to bend.
+const REACH: f64 = 0.9995;
+/// Over this height the limit of reach rounds off, so that motion through it stays smooth, m.
+const REACH_ROUNDING_M: f64 = 0.002;
+/// The pelvis is shifted until the centre of mass is this close to its target, m.
+///
+/// Dynamics takes second differences over milliseconds, so this must be far below a micrometre.
+const TOLERANCE_M: f64 = 1e-13;
+const MAX_ITERATIONS: usize = 40;
+
+/// What stands: the person, how the feet are placed, what is carried.
+#[derive(Debug, Clone, Copy)]
+pub struct Standing<'a> {
+    /// Who.
+    pub person: &'a Person,
+    /// Centres of mass of the segments, segment axes, m (breathing moves them off the person's own).
+    pub com_m: &'a [Vector3<f64>; SEGMENTS],
+    /// Where the feet are.
+    pub stance: &'a Stance,
+    /// What the hands carry at the middle between their grips, kg.
+    pub load_kg: f64,
+}
+
+/// A body in balance.
+#[derive(Debug, Clone, Copy)]
+pub struct Balanced {
+    /// Pelvis origin in the world, m.
+    pub pelvis_m: Vector3<f64>,
+    /// `world_from_segment` of all segments.
+    pub world_from_segment: Rotations,
+    /// Segment origins in the world, m.
+    pub origin_m: [Vector3<f64>; SEGMENTS],
+    /// Centres of mass of the segments in the world, m.
+    pub com_m: [Vector3<f64>; SEGMENTS],
+    /// Flexion of the left and right knee, rad.
+    pub knee_flexion_rad: [f64; 2],
+    /// By how much the legs miss the ankles, m; 0 unless the pose is out of reach.
+    pub out_of_reach_m: f64,
+}
+
+impl Standing<'_> {
+    /// The body in `pose` with its centre of mass (with the load) above `target_m`.
+    pub fn balance(&self, pose: &Pose, target_m: Vector2<f64>) -> Balanced {
+        let upper = Upper::new(self, pose);
+        // Most of the mass moves with the pelvis, some stays with the feet.
+        let mut shift_from_error = Matrix2::identity() * 1.2;
+        let mut pelvis_xy = target_m - upper.centre_from_pelvis.xy();
+        let mut legs = self.legs(pose, &upper, pelvis_xy);
+        let mut error = upper.centre(self, &legs).xy() - target_m;
+        for _ in 0..MAX_ITERATIONS {
+            if error.norm() < TOLERANCE_M {
+                break;
+            }
+            let shift = -(shift_from_error * error);
+            pelvis_xy += shift;
+            legs = self.legs(pose, &upper, pelvis_xy);
+            let now = upper.centre(self, &legs).xy() - target_m;
+            // Broyden's update of the inverse Jacobian.
+            let turned = shift_from_error * (now - error);
+            let weight = shift.dot(&turned);
+            if weight.abs() > 1e-300 {
+                shift_from_error += (shift - turned) * (shift.transpose() * shift_from_error) / weight;
+            }
+            error = now;
+        }
+        self.assemble(&upper, &legs)
+    }
+
+    /// Both legs for a pelvis above `pelvis_xy`, as high as the pose wants and the legs allow.
+    fn legs(&self, pose: &Pose, upper: &Upper, pelvis_xy: Vector2<f64>) -> Legs {
+        let mut wanted = [pose.pelvis_height * straight_height_m(self.person); 3];
+        for (k, hip) in upper.hip_from_pelvis.iter().enumerate() {
+            let ankle = self.stance.ankle_m[k];
+            let aside = (pelvis_xy + hip.xy() - ankle.xy()).norm();
+            let reach = REACH * upper.leg_lengths_m[k].iter().sum::<f64>();
+            wanted[k + 1] = ankle.z + (reach * reach - aside * aside).max(0.0).sqrt() - hip.z;
+        }
+        let pelvis_m = pelvis_xy.push(soft_min(wanted));
+        let leg = |k: usize| {
+            let knee_forward = self.stance.world_from_foot[k] * Vector3::x();
+            let hip_m = pelvis_m + upper.hip_from_pelvis[k];
+            leg::solve(hip_m, self.stance.ankle_m[k], upper.leg_lengths_m[k], knee_forward)
+        };
+        Legs { pelvis_m, leg: [leg(0), leg(1)] }
+    }
+
+    fn assemble(&self, upper: &Upper, legs: &Legs) -> Balanced {
+        let mut world_from_segment = upper.world_from_segment;
+        for (k, side) in Side::BOTH.into_iter().enumerate() {
+            let rotation = legs.rotations(self.stance, k);
+            for (segment, rotation) in Stance::leg(side).into_iter().zip(rotation) {
+                world_from_segment[segment.index()] = rotation;
+            }
+        }
+        let origin_m = origins_m(self.person, legs.pelvis_m, &world_from_segment);
+        let miss = |k: usize| (origin_m[Side::BOTH[k].foot().index()] - self.stance.ankle_m[k]).norm();
+        let out_of_reach_m = miss(0).max(miss(1));
+        Balanced {
+            out_of_reach_m,
+            pelvis_m: legs.pelvis_m,
+            world_from_segment,
+            origin_m,
+            com_m: coms_m(self.com_m, &origin_m, &world_from_segment),
+            knee_flexion_rad: legs.leg.map(|leg| leg.knee_flexion_rad),
+        }
+    }
+}
+
+/// The middle between the grips of both hands, m.
+pub fn between_the_grips_m(
+    person: &Person,
+    origin_m: &[Vector3<f64>; SEGMENTS],
+    world_from_segment: &Rotations,
+) -> Vector3<f64> {
+    let grips = grips_m(person, origin_m, world_from_segment);
+    (grips[0] + grips[1]) * 0.5
+}
+
+/// Where the left and the right hand grip, world, m.
+pub fn grips_m(
+    person: &Person,
+    origin_m: &[Vector3<f64>; SEGMENTS],
+    world_from_segment: &Rotations,
+) -> [Vector3<f64>; 2] {
+    std::array::from_fn(|k| {
+        let hand = Side::BOTH[k].hand().index();
+        origin_m[hand] + world_from_segment[hand] * person.grip_m[k]
+    })
+}
+
+/// All that moves rigidly with the pelvis once the pose is chosen.
+struct Upper {
+    world_from_segment: Rotations,
+    /// Mass of it with the load, kg, and its centre from the pelvis origin, world axes, m.
+    mass_kg: f64,
+    centre_from_pelvis: Vector3<f64>,
+    hip_from_pelvis: [Vector3<f64>; 2],
+    leg_lengths_m: [[f64; 2]; 2],
+}
+
+impl Upper {
+    fn new(standing: &Standing, pose: &Pose) -> Upper {
+        let person = standing.person;
+        let world_from_segment = down_the_tree(&pose.parent_from_segment);
+        let origin_m = origins_m(person, Vector3::zeros(), &world_from_segment);
+        let com_m = coms_m(standing.com_m, &origin_m, &world_from_segment);
+        // The legs stand last in the segment order.
+        let trunk = ..Segment::RightUpperLeg.index();
+        let body_kg: f64 = person.segment_mass_kg[trunk].iter().sum();
+        let body = centre_m(&person.segment_mass_kg[trunk], &com_m[trunk]);
+        let load = between_the_grips_m(person, &origin_m, &world_from_segment);
+        let mass_kg = body_kg + standing.load_kg;
+        let hips = Side::BOTH.map(|side| Stance::leg(side)[0]);
+        Upper {
+            world_from_segment,
+            mass_kg,
+            centre_from_pelvis: (body * body_kg + load * standing.load_kg) / mass_kg,
+            hip_from_pelvis: hips.map(|hip| origin_m[hip.index()]),
+            leg_lengths_m: hips.map(|hip| person.leg_lengths_m(hip)),
+        }
+    }
+
+    /// Centre of mass of everything, m.
+    fn centre(&self, standing: &Standing, legs: &Legs) -> Vector3<f64> {
+        let person = standing.person;
+        let mut mass = self.mass_kg;
+        let mut moment = (legs.pelvis_m + self.centre_from_pelvis) * self.mass_kg;
+        for (k, side) in Side::BOTH.into_iter().enumerate() {
+            let mut origin = legs.pelvis_m + self.hip_from_pelvis[k];
+            let rotation = legs.rotations(standing.stance, k);
+            for (j, segment) in Stance::leg(side).into_iter().enumerate() {
+                let i = segment.index();
+                if j > 0 {
+                    origin += rotation[j - 1] * person.offset_m[i];
+                }
+                mass += person.segment_mass_kg[i];
+                moment += (origin + rotation[j] * standing.com_m[i]) * person.segment_mass_kg[i];
+            }
+        }
+        moment / mass
+    }
+}
+
+struct Legs {
+    pelvis_m: Vector3<f64>,
+    leg: [Leg; 2],
+}
+
+impl Legs {
+    /// World rotations of upper leg, lower leg, foot and toe; the toes lie flat with the foot.
+    fn rotations(&self, stance: &Stance, k: usize) -> [UnitQuaternion<f64>; 4] {
+        let foot = stance.world_from_foot[k];
+        [self.leg[k].world_from_upper, self.leg[k].world_from_lower, foot, foot]
+    }
+}
+
+/// The least of three heights, rounded off where two of them meet; never above the least.
+fn soft_min(heights_m: [f64; 3]) -> f64 {
+    let least = heights_m.into_iter().fold(f64::INFINITY, f64::min);
+    let sum: f64 = heights_m.iter().map(|height| ((least - height) / REACH_ROUNDING_M).exp()).sum();
+    least - REACH_ROUNDING_M * sum.ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::intention::{Arm, Intention};
+
+    #[test]
+    fn the_centre_of_mass_comes_to_stand_over_its_target_and_the_feet_stay() {
+        let person = Person::new(11, 1.70, 66.0);
+        let stance = Stance::shoulder_wide(&person);
+        let intention = Intention {
+            pelvis_drop: 0.15,
+            trunk_flex_deg: 30.0,
+            trunk_twist_deg: 15.0,
+            left_arm: Arm { elevation_deg: 90.0, forward_deg: 90.0, ..Arm::DOWN },
+            ..Intention::STAND
+        };
+        for load_kg in [0.0, 4.0] {
+            let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg };
+            let target = stance.between_the_feet_m(0.05);
+            let body = standing.balance(&intention.pose(), target);
+            let mut mass = person.segment_mass_kg.to_vec();
+            let mut point = body.com_m.to_vec();
+            mass.push(load_kg);
+            point.push(between_the_grips_m(&person, &body.origin_m, &body.world_from_segment));
+            assert!((centre_m(&mass, &point).xy() - target).norm() < 1e-12);
+            for (k, side) in Side::BOTH.into_iter().enumerate() {
+                assert!((body.origin_m[side.foot().index()] - stance.ankle_m[k]).norm() < 1e-9);
+            }
+        }
+    }
+}

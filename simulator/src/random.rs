@@ -1,0 +1,105 @@
+//! Randomness that can be had again: every user of it owns a stream of a seed.
+
+use core::f64::consts::TAU;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+/// A stream of pseudo-random numbers; the same seed and purpose give the same numbers on every machine.
+#[derive(Debug, Clone)]
+pub struct Random(Pcg64Mcg);
+
+impl Random {
+    /// The stream for one purpose, for example `"plate noise"`: streams of other purposes do not disturb it.
+    pub fn new(seed: u64, purpose: &str) -> Random {
+        // FNV-1a spreads the purpose over the seed's bits.
+        let spread = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64 ^ seed, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        Random(Pcg64Mcg::seed_from_u64(spread))
+    }
+
+    /// Uniform in `[0, 1)`.
+    pub fn unit(&mut self) -> f64 {
+        // 53 bits: every value is exact.
+        (self.0.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
+    }
+
+    /// Uniform between two bounds.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Normal with mean 0 and standard deviation 1 (Box–Muller).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
+        radius * (TAU * self.unit()).cos()
+    }
+
+    /// True with the given probability.
+    pub fn happens(&mut self, probability: f64) -> bool {
+        self.unit() < probability
+    }
+}
+
+/// A slow random wander as a function of time: a few sines of unrelated frequencies and random phases.
+///
+/// Evaluated at any time in any order, and smooth, so that it has a velocity and an acceleration.
+#[derive(Debug, Clone)]
+pub struct Wander {
+    sines: [(f64, f64, f64); Wander::SINES], // amplitude, rad/s, phase
+}
+
+impl Wander {
+    const SINES: usize = 5;
+
+    /// A wander of standard deviation `sigma` with frequencies between two bounds in hertz.
+    pub fn new(random: &mut Random, sigma: f64, slowest_hz: f64, fastest_hz: f64) -> Wander {
+        let mut sines = [(0.0, 0.0, 0.0); Wander::SINES];
+        let mut power = 0.0;
+        for (index, sine) in sines.iter_mut().enumerate() {
+            let share = (index as f64 + random.unit()) / Wander::SINES as f64;
+            let hertz = slowest_hz * (fastest_hz / slowest_hz).powf(share);
+            // Slow parts are the larger ones, as in a person's sway.
+            let amplitude = (slowest_hz / hertz).sqrt();
+            power += 0.5 * amplitude * amplitude;
+            *sine = (amplitude, TAU * hertz, random.between(0.0, TAU));
+        }
+        for sine in &mut sines {
+            sine.0 *= sigma / power.sqrt();
+        }
+        Wander { sines }
+    }
+
+    /// The value at a time in seconds.
+    pub fn at(&self, time_s: f64) -> f64 {
+        self.sines.iter().map(|(amplitude, rate, phase)| amplitude * (rate * time_s + phase).sin()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_gives_the_same_numbers_and_a_purpose_its_own() {
+        let draw = |seed, purpose| {
+            let mut random = Random::new(seed, purpose);
+            [random.unit(), random.normal()]
+        };
+        assert_eq!(draw(7, "plate"), draw(7, "plate"));
+        assert_ne!(draw(7, "plate"), draw(7, "suit"));
+        assert_ne!(draw(7, "plate"), draw(8, "plate"));
+    }
+
+    #[test]
+    fn normal_numbers_have_unit_variance() {
+        let mut random = Random::new(1, "test");
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for _ in 0..20_000 {
+            let x = random.normal();
+            sum += x;
+            squares += x * x;
+        }
+        assert!((sum / 20_000.0).abs() < 0.03 && (squares / 20_000.0 - 1.0).abs() < 0.05);
+    }
+}
