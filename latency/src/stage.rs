@@ -1,0 +1,162 @@
+//! The stages of the path from a sensor to the published state, and how each follows from the stamps of a cycle.
+
+use equipoise_core::message::CycleRecord;
+
+/// Which cycles have a value for a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Applies {
+    /// Every cycle.
+    Always,
+    /// Cycles that took a new suit sample in; the others would repeat an old sample's stamps.
+    SuitTaken,
+    /// Cycles that took a new ground sample in.
+    GroundTaken,
+}
+
+/// Why a cycle has no value for a stage that it should have one for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NotRecorded {
+    /// One of the two stamps is 0: it was never taken.
+    Missing,
+    /// The stage ends before it begins (for sensor stages: the clock fit put the sample after its arrival).
+    Reversed,
+}
+
+/// How long a stage took in one cycle, ns; `None` where the stage does not apply to the cycle.
+pub type StageTime = Option<Result<u64, NotRecorded>>;
+
+type Stamp = fn(&CycleRecord) -> u64;
+
+macro_rules! stages {
+    ($($(#[$doc:meta])* $Stage:ident = $name:literal, $applies:ident: $from:ident => $to:ident;)*) => {
+        /// One stage of the path. The number is the index in every array.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Stage {
+            $(
+                $(#[$doc])*
+                #[doc = concat!("`", stringify!($to), " − ", stringify!($from), "` of the cycle record.")]
+                $Stage,
+            )*
+        }
+
+        impl Stage {
+            /// All stages in the order of the path.
+            pub const ALL: [Stage; Stage::COUNT] = [$(Stage::$Stage),*];
+            /// How many stages there are.
+            pub const COUNT: usize = [$($name),*].len();
+
+            /// The public name: the tag in `.hlog` files and the row in reports.
+            pub const fn name(self) -> &'static str {
+                match self { $(Stage::$Stage => $name,)* }
+            }
+
+            /// Its two stamps in words.
+            pub const fn definition(self) -> &'static str {
+                match self { $(Stage::$Stage => concat!(stringify!($from), " -> ", stringify!($to)),)* }
+            }
+
+            fn stamps(self) -> (Applies, Stamp, Stamp) {
+                match self { $(Stage::$Stage => (Applies::$applies, |r| r.$from, |r| r.$to),)* }
+            }
+        }
+    };
+}
+
+stages! {
+    /// The suit's own processing and the network.
+    SuitTransport = "suit.transport", SuitTaken: suit_sample_time_ns => suit_arrival_ns;
+    /// The suit adapter: from the kernel's receive stamp to the bus.
+    SuitAdapter = "suit.adapter", SuitTaken: suit_arrival_ns => suit_published_ns;
+    /// The bus, the ring and the wait for the next cycle.
+    SuitWait = "suit.wait", SuitTaken: suit_published_ns => compute_start_ns;
+    /// The whole path: the age of the newest suit sample when its state was published.
+    SuitToState = "suit.to_state", SuitTaken: suit_sample_time_ns => published_ns;
+    /// The plate's own processing and the network.
+    GroundTransport = "ground.transport", GroundTaken: ground_sample_time_ns => ground_arrival_ns;
+    /// The ground adapter: from the kernel's receive stamp to the bus.
+    GroundAdapter = "ground.adapter", GroundTaken: ground_arrival_ns => ground_published_ns;
+    /// The bus, the ring and the wait for the next cycle.
+    GroundWait = "ground.wait", GroundTaken: ground_published_ns => compute_start_ns;
+    /// The whole path: the age of the newest ground sample when its state was published.
+    GroundToState = "ground.to_state", GroundTaken: ground_sample_time_ns => published_ns;
+    /// Wake-up lateness, against the scheduled time and not against the wake-up before.
+    LoopWake = "loop.wake", Always: due_ns => woken_ns;
+    /// Taking samples and commands from the rings.
+    LoopIntake = "loop.intake", Always: woken_ns => compute_start_ns;
+    /// `core::cycle` itself.
+    LoopCompute = "loop.compute", Always: compute_start_ns => compute_end_ns;
+    /// The ring to egress and the bus.
+    LoopPublish = "loop.publish", Always: compute_end_ns => published_ns;
+    /// From the scheduled time to the published state.
+    LoopToState = "loop.to_state", Always: due_ns => published_ns;
+}
+
+impl Stage {
+    /// Index in arrays.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Whether the stage starts at the scheduled time; these also get one value per skipped period.
+    pub const fn starts_when_due(self) -> bool {
+        matches!(self, Stage::LoopWake | Stage::LoopToState)
+    }
+
+    /// How long the stage took in one cycle, ns.
+    pub fn time_ns(self, record: &CycleRecord) -> StageTime {
+        let (applies, from, to) = self.stamps();
+        let applies = match applies {
+            Applies::Always => true,
+            Applies::SuitTaken => record.suit_taken > 0,
+            Applies::GroundTaken => record.ground_taken > 0,
+        };
+        let (from_ns, to_ns) = (from(record), to(record));
+        applies.then(|| match (from_ns, to_ns) {
+            (0, _) | (_, 0) => Err(NotRecorded::Missing),
+            _ => to_ns.checked_sub(from_ns).ok_or(NotRecorded::Reversed),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn names_are_distinct_and_fit_a_hlog_tag() {
+        for (index, stage) in Stage::ALL.into_iter().enumerate() {
+            assert_eq!(stage.index(), index);
+            assert!(!stage.name().contains([',', ' ', '\n']));
+            assert!(Stage::ALL[..index].iter().all(|other| other.name() != stage.name()));
+        }
+    }
+
+    #[test]
+    fn the_stages_of_one_sensor_sum_to_the_path() {
+        let record = CycleRecord {
+            suit_sample_time_ns: 100,
+            suit_arrival_ns: 170,
+            suit_published_ns: 190,
+            compute_start_ns: 1_020,
+            compute_end_ns: 1_050,
+            published_ns: 1_080,
+            suit_taken: 1,
+            ..Zeroable::zeroed()
+        };
+        let ns = |stage: Stage| stage.time_ns(&record).unwrap().unwrap();
+        let parts = [Stage::SuitTransport, Stage::SuitAdapter, Stage::SuitWait, Stage::LoopCompute];
+        let sum: u64 = parts.into_iter().map(ns).sum();
+        assert_eq!(sum + ns(Stage::LoopPublish), ns(Stage::SuitToState));
+    }
+
+    #[test]
+    fn missing_reversed_and_not_taken_are_told_apart() {
+        let mut record = CycleRecord { due_ns: 50, woken_ns: 40, ..Zeroable::zeroed() };
+        assert_eq!(Stage::LoopWake.time_ns(&record), Some(Err(NotRecorded::Reversed)));
+        assert_eq!(Stage::LoopCompute.time_ns(&record), Some(Err(NotRecorded::Missing)));
+        assert_eq!(Stage::SuitTransport.time_ns(&record), None);
+        record.suit_taken = 1;
+        assert_eq!(Stage::SuitTransport.time_ns(&record), Some(Err(NotRecorded::Missing)));
+    }
+}
