@@ -3,7 +3,7 @@
 //! Every limit is fixed by whoever opens a service first, so all of them stand here and nowhere else.
 
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Message, Reply, State, SuitSample,
+    AdapterHealth, Checkpoint, Command, CycleRecord, GroundSample, Message, Reply, State, SuitSample,
 };
 use std::fmt;
 use std::time::Duration;
@@ -107,6 +107,7 @@ topics! {
     GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers;
     State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 16 subscribers;
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
+    Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 16 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;
 }
 

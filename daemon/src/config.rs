@@ -1,0 +1,188 @@
+//! The one configuration file: what every key means, which values it may have, and what to say when it is wrong.
+
+mod message;
+pub mod method;
+pub mod sensors;
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use equipoise_core::cycle::Settings;
+use serde::{Deserialize, Serialize};
+
+pub use method::{IdentificationConfig, OverloadConfig, StaticPoseConfig, SubjectConfig};
+pub use sensors::{GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
+
+/// A whole configuration file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Name of the station; several stations may run on one PC.
+    pub station: String,
+    /// The loop.
+    #[serde(default, rename = "loop")]
+    pub tick: LoopConfig,
+    /// The suit.
+    pub suit: SuitConfig,
+    /// The force plate.
+    pub ground: GroundConfig,
+    /// The worker.
+    pub subject: SubjectConfig,
+    /// How the worker is learnt.
+    #[serde(default)]
+    pub identification: IdentificationConfig,
+    /// What counts as still.
+    #[serde(default)]
+    pub static_pose: StaticPoseConfig,
+    /// When overload is told.
+    #[serde(default)]
+    pub overload: OverloadConfig,
+    /// The page; not served without this section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub page: Option<PageConfig>,
+    /// Latency figures.
+    #[serde(default)]
+    pub latency: LatencyConfig,
+}
+
+/// `[loop]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LoopConfig {
+    /// Cycles a second, 100 to 4000.
+    pub rate_hz: u32,
+    /// SCHED_FIFO priority of the loop, 1 to 90; 0 asks for none.
+    pub priority: u32,
+    /// Core that the loop is pinned to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<usize>,
+    /// Lock all memory.
+    pub lock_memory: bool,
+    /// Refuse to run without all that was asked.
+    pub strict: bool,
+}
+
+impl Default for LoopConfig {
+    fn default() -> Self {
+        LoopConfig { rate_hz: 1000, priority: 80, cpu: None, lock_memory: true, strict: false }
+    }
+}
+
+/// `[page]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PageConfig {
+    /// Loopback address to serve the page on.
+    pub listen: SocketAddr,
+}
+
+/// `[latency]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LatencyConfig {
+    /// Interval log in the HdrHistogram format, one entry per stage each ten seconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hlog: Option<PathBuf>,
+}
+
+/// Why a configuration cannot be used. The text names file, line, field, and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the configuration {path}: {source}; name an existing file with --config")]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not what it should be.
+    #[error("{place}: {what}")]
+    Wrong {
+        /// File, and line where it is known.
+        place: String,
+        /// What is wrong, and what to do.
+        what: String,
+    },
+}
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// [`ConfigError`], whose text is fit for the person who wrote the file.
+    pub fn read(path: &Path) -> Result<Config, ConfigError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        Config::parse(&text, &path.display().to_string())
+    }
+
+    /// Checks a text; `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn parse(text: &str, name: &str) -> Result<Config, ConfigError> {
+        let config: Config = toml::from_str(text).map_err(|error| message::explain(&error, text, name))?;
+        config.check().map_err(|(field, what)| ConfigError::Wrong {
+            place: message::place_of(field, text, name),
+            what: format!("{field}: {what}"),
+        })?;
+        Ok(config)
+    }
+
+    /// Rules that single values cannot express; the error names the field.
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let name_is_plain = |name: &str| {
+            (1..=32).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
+        };
+        if !name_is_plain(&self.station) {
+            return Err(("station", "use 1 to 32 letters, digits, '-' or '_'".to_owned()));
+        }
+        if !name_is_plain(&self.subject.id) {
+            return Err(("subject.id", "use 1 to 32 letters, digits, '-' or '_'; no real name".to_owned()));
+        }
+        method::between("loop.rate_hz", f64::from(self.tick.rate_hz), 100.0, 4000.0)?;
+        method::between("loop.priority", f64::from(self.tick.priority), 0.0, 90.0)?;
+        self.ground.check()?;
+        self.subject.check()?;
+        self.identification.check()?;
+        self.static_pose.check()?;
+        self.overload.check()?;
+        if self.page.as_ref().is_some_and(|page| !page.listen.ip().is_loopback()) {
+            return Err((
+                "page.listen",
+                "the page is served on loopback only, for example 127.0.0.1:8080; reach it from elsewhere through an \
+                 SSH tunnel"
+                    .to_owned(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// What the cycle needs of it.
+    pub fn settings(&self) -> Settings {
+        let mut settings = Settings {
+            library: equipoise_core::pose_suggestion::library::LIBRARY,
+            ..Settings::for_height(self.subject.height_m)
+        };
+        self.subject.apply(&mut settings);
+        self.identification.apply(&mut settings);
+        self.static_pose.apply(&mut settings);
+        self.overload.apply(&mut settings);
+        settings
+    }
+
+    /// The configuration as TOML, defaults included: what a recording keeps.
+    pub fn to_toml(&self) -> String {
+        // Every value has a TOML form: numbers, strings, tables.
+        toml::to_string_pretty(self).unwrap_or_default()
+    }
+
+    /// Length of one cycle.
+    pub fn period_ns(&self) -> u64 {
+        equipoise_core::time::NS_PER_S / u64::from(self.tick.rate_hz)
+    }
+}
+
+#[cfg(test)]
+mod tests;

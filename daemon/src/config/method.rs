@@ -1,0 +1,277 @@
+//! `[subject]`, `[identification]`, `[static_pose]`, `[overload]`: the worker and the method.
+
+use std::collections::BTreeMap;
+
+use equipoise_core::body::{Joint, Sex};
+use equipoise_core::cycle::{PriorKind, Settings, StopRule};
+use equipoise_core::sesc::ReductionKind;
+use serde::{Deserialize, Serialize};
+
+type Checked = Result<(), (&'static str, String)>;
+
+/// `[subject]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SubjectConfig {
+    /// A pseudonym; never a name.
+    pub id: String,
+    /// Body mass with clothes and suit, kg; measured from the plate if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Stature, m.
+    pub height_m: f64,
+    /// Which anthropometric table.
+    #[serde(default)]
+    pub sex: SexConfig,
+    /// Largest overload per joint, N m, by MVN's joint name; defaults for the others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub tau_max_nm: BTreeMap<String, f64>,
+}
+
+/// Which anthropometric table.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SexConfig {
+    /// De Leva's women.
+    Female,
+    /// De Leva's men.
+    Male,
+    /// The mean of both.
+    #[default]
+    Unstated,
+}
+
+impl From<SexConfig> for Sex {
+    fn from(sex: SexConfig) -> Sex {
+        match sex {
+            SexConfig::Female => Sex::Female,
+            SexConfig::Male => Sex::Male,
+            SexConfig::Unstated => Sex::Unstated,
+        }
+    }
+}
+
+impl SubjectConfig {
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.sex = self.sex.into();
+        settings.mass_kg = self.mass_kg;
+        for (name, limit_nm) in &self.tau_max_nm {
+            if let Some(joint) = Joint::named(name) {
+                settings.limits.0[joint.index()] = *limit_nm;
+            }
+        }
+    }
+
+    pub(super) fn check(&self) -> Checked {
+        between("subject.height_m", self.height_m, 1.0, 2.3)?;
+        if let Some(mass_kg) = self.mass_kg {
+            between("subject.mass_kg", mass_kg, 25.0, 250.0)?;
+        }
+        for (name, limit_nm) in &self.tau_max_nm {
+            if Joint::named(name).is_none() {
+                let nearest = Joint::ALL
+                    .map(Joint::name)
+                    .into_iter()
+                    .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)))
+                    .unwrap_or_default();
+                return Err(("subject.tau_max_nm", format!("`{name}` is no joint; did you mean `{nearest}`?")));
+            }
+            between("subject.tau_max_nm", *limit_nm, 1.0, 1000.0)?;
+        }
+        Ok(())
+    }
+}
+
+/// `[identification]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct IdentificationConfig {
+    /// Which parameters are free.
+    pub reduction: ReductionConfig,
+    /// What is learnt from.
+    pub method: MethodConfig,
+    /// What is believed before the first pose.
+    pub prior: PriorConfig,
+    /// When it is finished.
+    pub stop: StopConfig,
+    /// Bound of `stop = "paper"` on every P_jj, m².
+    pub stop_variance_m2: f64,
+    /// Bound of `stop = "predicted-cop"`, mm.
+    pub stop_cop_sigma_mm: f64,
+    /// Never finished before this many poses.
+    pub poses_min: u64,
+    /// 1-σ of a pose's measurement beside the stance's, mm.
+    pub measurement_sigma_mm: f64,
+    /// Growth of each parameter's standard deviation per pose, mm (Q of Eq. 7).
+    pub process_sigma_mm: f64,
+    /// Start as soon as suit and plate are there.
+    pub auto_start: bool,
+}
+
+impl Default for IdentificationConfig {
+    fn default() -> Self {
+        IdentificationConfig {
+            reduction: ReductionConfig::Symmetric,
+            method: MethodConfig::Static,
+            prior: PriorConfig::Table,
+            stop: StopConfig::PredictedCop,
+            stop_variance_m2: 0.002,
+            stop_cop_sigma_mm: 4.0,
+            poses_min: 12,
+            measurement_sigma_mm: 3.0,
+            process_sigma_mm: 0.0,
+            auto_start: true,
+        }
+    }
+}
+
+/// Which parameters are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ReductionConfig {
+    /// All 69.
+    Full,
+    /// 42.
+    Merged,
+    /// 16.
+    Symmetric,
+}
+
+/// What is learnt from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MethodConfig {
+    /// Held poses.
+    Static,
+}
+
+/// What is believed before the first pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PriorConfig {
+    /// Nothing.
+    None,
+    /// The anthropometric table with its spread.
+    Table,
+}
+
+/// When identification is finished.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopConfig {
+    /// Every P_jj below a bound.
+    Paper,
+    /// The predicted standard deviation of the CoP below a bound.
+    PredictedCop,
+}
+
+impl IdentificationConfig {
+    pub(super) fn check(&self) -> Checked {
+        between("identification.stop_variance_m2", self.stop_variance_m2, 1e-9, 1.0)?;
+        between("identification.stop_cop_sigma_mm", self.stop_cop_sigma_mm, 0.1, 100.0)?;
+        between("identification.poses_min", self.poses_min as f64, 1.0, 1000.0)?;
+        between("identification.measurement_sigma_mm", self.measurement_sigma_mm, 0.1, 100.0)?;
+        between("identification.process_sigma_mm", self.process_sigma_mm, 0.0, 100.0)
+    }
+
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.reduction = match self.reduction {
+            ReductionConfig::Full => ReductionKind::Full,
+            ReductionConfig::Merged => ReductionKind::Merged,
+            ReductionConfig::Symmetric => ReductionKind::Symmetric,
+        };
+        settings.prior = match self.prior {
+            PriorConfig::None => PriorKind::None,
+            PriorConfig::Table => PriorKind::Table,
+        };
+        settings.stop = match self.stop {
+            StopConfig::Paper => StopRule::Paper { variance_m2: self.stop_variance_m2 },
+            StopConfig::PredictedCop => StopRule::PredictedCop { sigma_m: self.stop_cop_sigma_mm * 1e-3 },
+        };
+        settings.poses_min = self.poses_min;
+        settings.measurement_sigma_m = self.measurement_sigma_mm * 1e-3;
+        settings.process_variance_m2 = (self.process_sigma_mm * 1e-3).powi(2);
+        settings.start_identifying = self.auto_start;
+    }
+}
+
+/// `[static_pose]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StaticPoseConfig {
+    /// Largest standard deviation of a joint's angle over 20 samples, degrees.
+    pub joint_deg: f64,
+    /// Largest standard deviation of the CoP, mm.
+    pub cop_mm: f64,
+    /// Some joint must differ by this much before the next pose counts, degrees.
+    pub leave_deg: f64,
+    /// Largest difference of the vertical force from the body weight, per cent.
+    pub weight_percent: f64,
+}
+
+impl Default for StaticPoseConfig {
+    fn default() -> Self {
+        StaticPoseConfig { joint_deg: 1.0, cop_mm: 4.0, leave_deg: 7.0, weight_percent: 4.0 }
+    }
+}
+
+impl StaticPoseConfig {
+    pub(super) fn check(&self) -> Checked {
+        between("static_pose.joint_deg", self.joint_deg, 0.05, 45.0)?;
+        between("static_pose.cop_mm", self.cop_mm, 0.1, 100.0)?;
+        between("static_pose.leave_deg", self.leave_deg, 0.1, 90.0)?;
+        between("static_pose.weight_percent", self.weight_percent, 0.1, 50.0)
+    }
+
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.still.joint_rad = self.joint_deg.to_radians();
+        settings.still.cop_m = self.cop_mm * 1e-3;
+        settings.still.leave_rad = self.leave_deg.to_radians();
+        settings.still.weight_share = self.weight_percent * 1e-2;
+    }
+}
+
+/// `[overload]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OverloadConfig {
+    /// External forces below this are no load, N.
+    pub threshold_n: f64,
+    /// A load farther than this from the line between the hands is not in the hands, m.
+    pub load_distance_max_m: f64,
+    /// 1-σ of the measured CoP, mm.
+    pub cop_sigma_mm: f64,
+    /// 1-σ of vertical force and body weight together, N.
+    pub force_sigma_n: f64,
+}
+
+impl Default for OverloadConfig {
+    fn default() -> Self {
+        OverloadConfig { threshold_n: 15.0, load_distance_max_m: 0.35, cop_sigma_mm: 1.0, force_sigma_n: 3.0 }
+    }
+}
+
+impl OverloadConfig {
+    pub(super) fn check(&self) -> Checked {
+        between("overload.threshold_n", self.threshold_n, 1.0, 500.0)?;
+        between("overload.load_distance_max_m", self.load_distance_max_m, 0.01, 5.0)?;
+        between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.0, 100.0)?;
+        between("overload.force_sigma_n", self.force_sigma_n, 0.0, 100.0)
+    }
+
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.load_threshold_n = self.threshold_n;
+        settings.load_distance_max_m = self.load_distance_max_m;
+        settings.cop_sigma_m = self.cop_sigma_mm * 1e-3;
+        settings.force_sigma_n = self.force_sigma_n;
+    }
+}
+
+/// Refuses a value outside its range; the error names the field.
+pub(super) fn between(field: &'static str, value: f64, low: f64, high: f64) -> Checked {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err((field, format!("{value} is not between {low} and {high}")))
+    }
+}

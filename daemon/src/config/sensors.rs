@@ -1,0 +1,128 @@
+//! `[suit]`, `[ground]`, `[ground.frame]`: where the samples come from.
+
+use std::net::SocketAddr;
+
+use serde::{Deserialize, Serialize};
+
+/// `[suit]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SuitConfig {
+    /// How samples come in.
+    pub source: SuitSourceKind,
+    /// Address to listen on; MVN's default port is 9763.
+    #[serde(default = "mvn_default")]
+    pub listen: SocketAddr,
+    /// Which MVN character is the worker.
+    #[serde(default)]
+    pub avatar: u8,
+    /// Take datagrams from other machines; without it only this machine may send.
+    #[serde(default)]
+    pub allow_remote: bool,
+}
+
+/// How suit samples come in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SuitSourceKind {
+    /// MVN's network streamer over UDP.
+    MvnUdp,
+    /// Another process publishes them: `equipoise adapter suit`.
+    External,
+}
+
+fn mvn_default() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 9763))
+}
+
+/// `[ground]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroundConfig {
+    /// How samples come in.
+    pub source: GroundSourceKind,
+    /// The device.
+    #[serde(default = "rdt_default")]
+    pub address: SocketAddr,
+    /// The device's counts per newton (its page `netftapi2.xml`, `cfgcpf`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counts_per_newton: Option<f64>,
+    /// The device's counts per newton metre (`cfgcpt`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counts_per_newton_metre: Option<f64>,
+    /// Whether the device reports the force on itself or on the person.
+    #[serde(default)]
+    pub measures: Measures,
+    /// The plate in the suit's world.
+    #[serde(default)]
+    pub frame: FrameConfig,
+}
+
+/// How ground samples come in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GroundSourceKind {
+    /// ATI's raw data transfer over UDP (Net F/T, Axia).
+    AtiRdt,
+    /// Another process publishes them: `equipoise adapter ground`.
+    External,
+}
+
+/// Whose force is measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measures {
+    /// The force on the sensor.
+    #[default]
+    Action,
+    /// The force on the person.
+    Reaction,
+}
+
+fn rdt_default() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 49152))
+}
+
+/// `[ground.frame]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FrameConfig {
+    /// The sensor's origin in the suit's world, m.
+    pub origin_m: [f64; 3],
+    /// How far the plate is turned to the left, degrees.
+    pub yaw_deg: f64,
+    /// Walking surface above the sensor's origin, m.
+    pub surface_height_m: f64,
+}
+
+impl GroundConfig {
+    pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
+        if self.source == GroundSourceKind::AtiRdt {
+            for (field, counts) in [
+                ("ground.counts_per_newton", self.counts_per_newton),
+                ("ground.counts_per_newton_metre", self.counts_per_newton_metre),
+            ] {
+                match counts {
+                    None => {
+                        return Err((
+                            field,
+                            "must be given for an ATI device; its page netftapi2.xml shows it as cfgcpf and cfgcpt"
+                                .to_owned(),
+                        ));
+                    }
+                    Some(counts) if counts > 0.0 && counts.is_finite() => {}
+                    Some(counts) => return Err((field, format!("{counts} is not a positive number"))),
+                }
+            }
+        }
+        let frame = &self.frame;
+        let numbers = frame.origin_m.iter().chain([&frame.yaw_deg, &frame.surface_height_m]);
+        if numbers.clone().any(|value| !value.is_finite()) {
+            return Err(("ground.frame", "every number must be finite".to_owned()));
+        }
+        if frame.origin_m.iter().any(|metres| metres.abs() > 100.0) || frame.surface_height_m.abs() > 2.0 {
+            return Err(("ground.frame", "metres are expected; a plate 100 m away is a mistake".to_owned()));
+        }
+        Ok(())
+    }
+}

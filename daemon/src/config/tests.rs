@@ -1,0 +1,56 @@
+use super::*;
+
+const SMALLEST: &str = r#"
+station = "station-1"
+[suit]
+source = "mvn-udp"
+[ground]
+source = "ati-rdt"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.77
+"#;
+
+fn refusal(text: &str) -> String {
+    Config::parse(text, "c.toml").expect_err("must be refused").to_string()
+}
+
+#[test]
+fn the_smallest_file_has_defaults_for_the_rest() {
+    let config = Config::parse(SMALLEST, "c.toml").unwrap();
+    assert_eq!(config.tick.rate_hz, 1000);
+    assert_eq!(config.suit.listen.port(), 9763);
+    assert!(config.settings().start_identifying);
+    let again = Config::parse(&config.to_toml(), "written").unwrap();
+    assert_eq!(again, config);
+}
+
+#[test]
+fn an_unknown_key_is_named_with_its_line_and_the_nearest_key() {
+    let said = refusal(&SMALLEST.replace("height_m", "heigth_m"));
+    assert!(said.starts_with("c.toml, line 11: `heigth_m` is not known; did you mean `height_m`?"), "{said}");
+    let said = refusal(&SMALLEST.replace("ati-rdt", "ati-rtd"));
+    assert!(said.contains("line 6") && said.contains("did you mean `ati-rdt`?"), "{said}");
+}
+
+#[test]
+fn a_value_out_of_range_is_named_with_its_line() {
+    let said = refusal(&SMALLEST.replace("1.77", "177"));
+    assert!(said.starts_with("c.toml, line 11: subject.height_m: 177 is not between 1 and 2.3"), "{said}");
+    let said = refusal(&SMALLEST.replace("counts_per_newton = 1000000", ""));
+    assert!(said.contains("ground.counts_per_newton: must be given"), "{said}");
+    let said = refusal(&format!("{SMALLEST}\n[subject.tau_max_nm]\nRightKne = 80"));
+    assert!(said.contains("did you mean `RightKnee`?"), "{said}");
+}
+
+#[test]
+fn a_page_for_the_whole_network_is_refused() {
+    assert!(refusal(&format!("{SMALLEST}\n[page]\nlisten = \"0.0.0.0:80\"")).contains("loopback only"));
+}
+
+#[test]
+fn a_station_with_a_path_in_its_name_is_refused() {
+    assert!(refusal(&SMALLEST.replace("station-1", "../etc")).contains("c.toml, line 2: station:"));
+}

@@ -1,0 +1,18 @@
+//! Keeps time: the loop and its threads, commands, configuration, the command line.
+//!
+//! `adapters → bus → ingress → ring → LOOP → ring → egress → bus → consumers`; one file each:
+//! [`sensors`], [`ingress`], [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
+
+pub mod cli;
+pub mod config;
+pub mod egress;
+pub mod housekeeping;
+pub mod ingress;
+pub mod pipeline;
+pub mod profile;
+pub mod realtime;
+pub mod rings;
+pub mod schedule;
+pub mod sensors;
+pub mod status;
+pub mod tick;

@@ -1,0 +1,146 @@
+//! What the loop shares with the threads around it: fixed rings, filled and emptied without locks or memory.
+//!
+//! A full ring loses its oldest entry and counts it; nobody ever waits. Boxes travel in circles: the loop copies into
+//! a blank one and sends it off, and a thread that may touch the heap brings it back.
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use crossbeam_queue::ArrayQueue;
+use equipoise_core::cycle::Identification;
+use equipoise_core::message::{Checkpoint, CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
+
+/// A quarter of a second of the fastest suit.
+const SUIT_RING: usize = 64;
+/// One second of the fastest plate that the loop keeps up with.
+const GROUND_RING: usize = 1024;
+/// A quarter of a second of cycles at the highest rate.
+const OUTCOME_RING: usize = 1024;
+const COMMAND_RING: usize = 16;
+const CHECKPOINTS: usize = 2;
+
+/// What one cycle has to say.
+#[derive(Debug, Clone, Copy)]
+pub struct Outcome {
+    /// The state.
+    pub state: State,
+    /// Stamps and inputs.
+    pub record: CycleRecord,
+}
+
+/// Everything between the loop and its neighbours.
+#[derive(Debug)]
+pub struct Rings {
+    /// Ingress to loop.
+    pub suit: ArrayQueue<SuitSample>,
+    /// Ingress to loop.
+    pub ground: ArrayQueue<GroundSample>,
+    /// Commands to the loop, one a cycle.
+    pub command: ArrayQueue<CommandKind>,
+    /// A worker to take over, with the command that says so.
+    pub worker: ArrayQueue<Box<Identification>>,
+    /// The worker's empty box on its way back.
+    pub worker_back: ArrayQueue<Box<Identification>>,
+    /// Blank checkpoints for the loop.
+    pub blank: ArrayQueue<Box<Checkpoint>>,
+    /// Taken checkpoints to egress.
+    pub taken: ArrayQueue<Box<Checkpoint>>,
+    /// Loop to egress.
+    pub outcome: ArrayQueue<Outcome>,
+    outcome_ready: OwnedFd,
+    input_dropped: AtomicU64,
+    output_dropped: AtomicU64,
+    last_cycle: AtomicU64,
+    stop: AtomicBool,
+}
+
+impl Rings {
+    /// Empty rings and blank checkpoints.
+    ///
+    /// # Errors
+    /// The kernel gives no event file descriptor.
+    pub fn new() -> std::io::Result<Rings> {
+        let blank = ArrayQueue::new(CHECKPOINTS);
+        for _ in 0..CHECKPOINTS {
+            let _ = blank.push(bytemuck::zeroed_box());
+        }
+        Ok(Rings {
+            suit: ArrayQueue::new(SUIT_RING),
+            ground: ArrayQueue::new(GROUND_RING),
+            command: ArrayQueue::new(COMMAND_RING),
+            worker: ArrayQueue::new(1),
+            worker_back: ArrayQueue::new(1),
+            blank,
+            taken: ArrayQueue::new(CHECKPOINTS),
+            outcome: ArrayQueue::new(OUTCOME_RING),
+            outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
+            input_dropped: AtomicU64::new(0),
+            output_dropped: AtomicU64::new(0),
+            last_cycle: AtomicU64::new(0),
+            stop: AtomicBool::new(false),
+        })
+    }
+
+    /// Hands a suit sample to the loop; a full ring loses its oldest.
+    pub fn push_suit(&self, sample: SuitSample) {
+        if self.suit.force_push(sample).is_some() {
+            self.input_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Hands a ground sample to the loop; a full ring loses its oldest.
+    pub fn push_ground(&self, sample: GroundSample) {
+        if self.ground.force_push(sample).is_some() {
+            self.input_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Hands a cycle's outcome to egress and wakes it; a full ring loses its oldest. One system call, no memory.
+    pub fn push_outcome(&self, outcome: Outcome) {
+        self.last_cycle.store(outcome.state.cycle, Ordering::Relaxed);
+        if self.outcome.force_push(outcome).is_some() {
+            self.output_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+        // The counter can only be full if egress has slept for ever; then it is awake all the more.
+        let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
+    }
+
+    /// Waits until the loop has something to say, or the time is over.
+    pub fn wait_for_outcome(&self, timeout: Duration) {
+        let timeout = rustix::time::Timespec {
+            tv_sec: timeout.as_secs() as i64,
+            tv_nsec: i64::from(timeout.subsec_nanos()),
+        };
+        let mut descriptors = [PollFd::from_borrowed_fd(self.outcome_ready.as_fd(), PollFlags::IN)];
+        if poll(&mut descriptors, Some(&timeout)).is_ok_and(|ready| ready > 0) {
+            let _ = rustix::io::read(&self.outcome_ready, &mut [0_u8; 8]);
+        }
+    }
+
+    /// Input samples lost to full rings.
+    pub fn input_dropped(&self) -> u64 {
+        self.input_dropped.load(Ordering::Relaxed)
+    }
+
+    /// Outcomes lost to a full ring.
+    pub fn output_dropped(&self) -> u64 {
+        self.output_dropped.load(Ordering::Relaxed)
+    }
+
+    /// The newest cycle.
+    pub fn last_cycle(&self) -> u64 {
+        self.last_cycle.load(Ordering::Relaxed)
+    }
+
+    /// Asks every thread to end.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether threads shall end.
+    pub fn is_stopping(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,203 @@
+//! The loop: wakes on an absolute schedule, takes what has come in, makes one step, hands out what it knows.
+//!
+//! It owns no port of the bus, since peers' joining and leaving would cost it memory and system calls. Once it runs
+//! it touches no heap, takes no lock, formats nothing, and calls the kernel for its sleep and to wake egress only.
+
+use std::sync::Arc;
+
+use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, Tick, step};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
+
+use crate::realtime::{now_ns, sleep_until};
+use crate::rings::{Outcome, Rings};
+use crate::schedule::Schedule;
+
+/// At most so many samples are taken in by one cycle; the rest wait in the ring.
+const SUIT_TAKEN_MAX: usize = 8;
+const GROUND_TAKEN_MAX: usize = 64;
+
+/// Told about every cycle from inside the loop: tests arm their counters here.
+pub trait Observer: Send {
+    /// The sleep has ended.
+    fn cycle_begins(&mut self, _cycle: u64) {}
+    /// The outcome is handed over.
+    fn cycle_ends(&mut self, _cycle: u64) {}
+}
+
+/// Looks away.
+#[derive(Debug)]
+pub struct NoObserver;
+impl Observer for NoObserver {}
+
+/// What the loop did until it ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LoopSummary {
+    /// Cycles begun.
+    pub cycles: u64,
+    /// Slots of the schedule that passed without a cycle.
+    pub slots_skipped: u64,
+    /// Cycles whose state was ready only after the next was due.
+    pub deadlines_missed: u64,
+    /// Whether `elapsed / period == cycles + slots_skipped`.
+    pub adds_up: bool,
+}
+
+/// The loop, before it runs.
+pub struct Loop {
+    settings: Settings,
+    memory: Box<Memory>,
+    rings: Arc<Rings>,
+    period_ns: u64,
+    suit: Box<[SuitSample; SUIT_TAKEN_MAX]>,
+    ground: Box<[GroundSample; GROUND_TAKEN_MAX]>,
+    record: CycleRecord,
+    /// A checkpoint is owed: taken as soon as a blank one is there.
+    owes_checkpoint: bool,
+    told: Told,
+}
+
+/// What of the worker was last checkpointed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Told {
+    poses_used: u64,
+    learning: u64,
+    identified: u64,
+    has_mass: bool,
+}
+
+impl Told {
+    fn of(worker: &Identification) -> Told {
+        Told {
+            poses_used: worker.poses_used,
+            learning: worker.learning,
+            identified: worker.identified,
+            has_mass: worker.mass_kg > 0.0,
+        }
+    }
+}
+
+impl Loop {
+    /// A loop over a memory that was started or restored.
+    pub fn new(settings: Settings, memory: Box<Memory>, rings: Arc<Rings>, period_ns: u64) -> Loop {
+        let told = Told::of(&memory.identification);
+        Loop {
+            settings,
+            memory,
+            rings,
+            period_ns,
+            suit: bytemuck::zeroed_box(),
+            ground: bytemuck::zeroed_box(),
+            record: bytemuck::Zeroable::zeroed(),
+            owes_checkpoint: true,
+            told,
+        }
+    }
+
+    /// Runs until [`Rings::stop`].
+    pub fn run(mut self, observer: &mut dyn Observer) -> LoopSummary {
+        let mut schedule = Schedule::new(now_ns() + self.period_ns, self.period_ns);
+        let mut cycles = 0;
+        while !self.rings.is_stopping() {
+            sleep_until(schedule.due_ns());
+            let woken_ns = now_ns();
+            cycles += 1;
+            observer.cycle_begins(cycles);
+            self.cycle(Tick { cycle: cycles, due_ns: schedule.due_ns() }, woken_ns, &schedule);
+            observer.cycle_ends(cycles);
+            schedule.advance(now_ns());
+        }
+        let slots_skipped = self.record.slots_skipped;
+        let deadlines_missed = self.record.deadlines_missed;
+        // The last advance went on to a slot that was never begun.
+        LoopSummary { cycles, slots_skipped, deadlines_missed, adds_up: schedule.adds_up(cycles + 1) }
+    }
+
+    fn cycle(&mut self, tick: Tick, woken_ns: u64, schedule: &Schedule) {
+        let command = self.rings.command.pop();
+        self.take_over_worker(command);
+        let (suit_taken, ground_taken) = self.take_samples();
+        let compute_start_ns = now_ns();
+        let inputs =
+            Inputs { suit: &self.suit[..suit_taken], ground: &self.ground[..ground_taken], command };
+        let state = *step(&self.settings, &mut self.memory, tick, inputs);
+        let compute_end_ns = now_ns();
+
+        let record = &mut self.record;
+        record.cycle = tick.cycle;
+        record.due_ns = tick.due_ns;
+        record.woken_ns = woken_ns;
+        record.compute_start_ns = compute_start_ns;
+        record.compute_end_ns = compute_end_ns;
+        record.command = command.map_or(0, |command| command as u32);
+        record.slots_skipped = schedule.slots_skipped();
+        record.period_ns = schedule.period_ns();
+        record.deadline_missed = u32::from(compute_end_ns > schedule.deadline_ns());
+        record.deadlines_missed += u64::from(record.deadline_missed);
+        record.input_dropped = self.rings.input_dropped();
+        record.output_dropped = self.rings.output_dropped();
+        self.note_samples(suit_taken, ground_taken);
+        self.take_checkpoint(tick.cycle, command);
+        self.rings.push_outcome(Outcome { state, record: self.record });
+    }
+
+    fn take_samples(&mut self) -> (usize, usize) {
+        let suit_taken = take(&mut self.suit[..], || self.rings.suit.pop());
+        let ground_taken = take(&mut self.ground[..], || self.rings.ground.pop());
+        (suit_taken, ground_taken)
+    }
+
+    fn note_samples(&mut self, suit_taken: usize, ground_taken: usize) {
+        let (suit, ground, record) = (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
+        record.suit_taken = suit_taken as u32;
+        record.ground_taken = ground_taken as u32;
+        record.suit_first = suit.first().map_or(0, |sample| sample.sequence);
+        record.suit_last = suit.last().map_or(0, |sample| sample.sequence);
+        record.ground_first = ground.first().map_or(0, |sample| sample.sequence);
+        record.ground_last = ground.last().map_or(0, |sample| sample.sequence);
+        if let Some(newest) = suit.last() {
+            record.suit_sample_time_ns = newest.sample_time_ns;
+            record.suit_arrival_ns = newest.arrival_ns;
+            record.suit_published_ns = newest.published_ns;
+        }
+        if let Some(newest) = ground.last() {
+            record.ground_sample_time_ns = newest.sample_time_ns;
+            record.ground_arrival_ns = newest.arrival_ns;
+            record.ground_published_ns = newest.published_ns;
+        }
+    }
+
+    /// Puts a loaded worker in place whole; the emptied box goes back to who may free it.
+    fn take_over_worker(&mut self, command: Option<CommandKind>) {
+        if command == Some(CommandKind::SubjectLoad)
+            && let Some(worker) = self.rings.worker.pop()
+        {
+            self.memory.identification = *worker;
+            let _ = self.rings.worker_back.push(worker);
+        }
+    }
+
+    fn take_checkpoint(&mut self, cycle: u64, command: Option<CommandKind>) {
+        let worker = Told::of(&self.memory.identification);
+        self.owes_checkpoint |= worker != self.told || command.is_some();
+        if self.owes_checkpoint
+            && let Some(mut checkpoint) = self.rings.blank.pop()
+        {
+            checkpoint.take(cycle, &self.memory);
+            self.owes_checkpoint = false;
+            self.told = worker;
+            // There are as many places as boxes.
+            let _ = self.rings.taken.push(checkpoint);
+        }
+    }
+}
+
+fn take<T>(places: &mut [T], mut next: impl FnMut() -> Option<T>) -> usize {
+    let mut taken = 0;
+    while taken < places.len()
+        && let Some(sample) = next()
+    {
+        places[taken] = sample;
+        taken += 1;
+    }
+    taken
+}
