@@ -1,0 +1,223 @@
+//! Reading a recording, whole or cut short.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::path::Path;
+
+use mcap::read::{ChunkReader, parse_record};
+use mcap::records::Record;
+
+use super::channels::Channels;
+use super::error::ReadError;
+use super::header::{FORMAT, METADATA_NAME, RecordingHeader};
+use super::topic::TimedEntry;
+
+/// A chunk that claims to be larger than this is damage, not data (ours are some 4 MiB).
+const CHUNK_BYTES_MAX: u64 = 256 << 20;
+/// MCAP's frame of a record: opcode, then the length of the body, little-endian.
+const RECORD_HEAD_BYTES: usize = 1 + 8;
+/// Opcode of the record after which a file is whole.
+const OPCODE_FOOTER: u8 = 0x02;
+
+/// An opened recording, all of it in memory as it stands in the file.
+#[derive(Debug)]
+pub struct Recording {
+    bytes: Vec<u8>,
+    /// Where the records stand that hold messages or announce them.
+    records: Vec<Range<usize>>,
+    header: RecordingHeader,
+    truncated: bool,
+}
+
+impl Recording {
+    /// Opens a recording, whole or cut short by a crash.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file cannot be read, is no recording, or was written by a release whose messages differ.
+    pub fn open(path: impl AsRef<Path>) -> Result<Recording, ReadError> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+        Recording::from_bytes(bytes)
+    }
+
+    /// The same from bytes.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn from_bytes(bytes: Vec<u8>) -> Result<Recording, ReadError> {
+        if !bytes.starts_with(mcap::MAGIC) {
+            return Err(ReadError::NotMcap { found: what_it_begins_with(&bytes) });
+        }
+        let mut recording =
+            Recording { bytes, records: Vec::new(), header: RecordingHeader::default(), truncated: true };
+        recording.scan()?;
+        recording.check_first_channels()?;
+        Ok(recording)
+    }
+
+    /// The head: software, configuration, subject, model, start.
+    pub fn header(&self) -> &RecordingHeader {
+        &self.header
+    }
+
+    /// Whether the file ends before its foot: the recorder crashed, or still records. All whole chunks are read.
+    pub fn truncated(&self) -> bool {
+        self.truncated
+    }
+
+    /// The messages in file order. After an error nothing more comes.
+    pub fn entries(&self) -> Entries<'_> {
+        Entries {
+            recording: self,
+            next_record: 0,
+            channels: Channels::default(),
+            ready: VecDeque::new(),
+            ended: false,
+        }
+    }
+
+    /// Finds the records by their frames; nothing is decompressed here.
+    fn scan(&mut self) -> Result<(), ReadError> {
+        let mut at = mcap::MAGIC.len();
+        while let Some((opcode, record)) = frame(&self.bytes, at) {
+            let end = record.end;
+            if opcode == OPCODE_FOOTER {
+                self.truncated = false;
+                break;
+            }
+            let body = &self.bytes[record.start + RECORD_HEAD_BYTES..end];
+            match parse_record(opcode, body) {
+                Ok(Record::Metadata(metadata)) if metadata.name == METADATA_NAME => {
+                    let format = self.header.take_metadata(&metadata.metadata);
+                    if let Some(found) = format.filter(|found| *found > FORMAT) {
+                        let software_version = self.header.software_version.clone();
+                        return Err(ReadError::LaterFormat { found, software_version });
+                    }
+                }
+                Ok(Record::Attachment { header, data, .. }) => {
+                    self.header.take_attachment(&header.name, &data);
+                }
+                // What cannot be parsed is kept too: the reader says where it stands when it gets there.
+                Ok(
+                    Record::Chunk { .. }
+                    | Record::Schema { .. }
+                    | Record::Channel(_)
+                    | Record::Message { .. },
+                )
+                | Err(_) => self.records.push(record),
+                Ok(_) => {}
+            }
+            at = end;
+        }
+        Ok(())
+    }
+
+    /// Reads on to the first of our topics, so that a foreign file is refused when it is opened.
+    fn check_first_channels(&self) -> Result<(), ReadError> {
+        let mut entries = self.entries();
+        while !entries.channels.has_ours() && entries.next_record < self.records.len() {
+            entries.ready.clear();
+            match entries.read_record() {
+                // Damage is told while reading: what stands before it is still good.
+                Err(ReadError::Damaged { .. }) => return Ok(()),
+                outcome => outcome?,
+            }
+        }
+        entries.channels.refuse_foreign()
+    }
+}
+
+/// The frame of the record at `at`; `None` if it is not there in full.
+fn frame(bytes: &[u8], at: usize) -> Option<(u8, Range<usize>)> {
+    let head = bytes.get(at..)?.first_chunk::<RECORD_HEAD_BYTES>()?;
+    let [opcode, length @ ..] = *head;
+    let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
+    let end = at.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)?;
+    (end <= bytes.len()).then_some((opcode, at..end))
+}
+
+fn what_it_begins_with(bytes: &[u8]) -> String {
+    match bytes {
+        [] => "nothing: the file is empty".to_owned(),
+        [0xd4 | 0xa1, 0xc3 | 0xb2, 0xb2 | 0xc3, 0xa1 | 0xd4, ..] => "a .pcap head".to_owned(),
+        [0x0a, 0x0d, 0x0d, 0x0a, ..] => "a .pcapng head".to_owned(),
+        _ => format!("\"{}\"", bytes[..bytes.len().min(16)].escape_ascii()),
+    }
+}
+
+/// The messages of a recording in file order.
+#[derive(Debug)]
+pub struct Entries<'a> {
+    recording: &'a Recording,
+    next_record: usize,
+    channels: Channels,
+    ready: VecDeque<TimedEntry>,
+    ended: bool,
+}
+
+impl Entries<'_> {
+    /// Takes in one record of the file: a chunk, or a bare schema, channel or message.
+    fn read_record(&mut self) -> Result<(), ReadError> {
+        let range = self.recording.records[self.next_record].clone();
+        self.next_record += 1;
+        let at_byte = range.start;
+        let damaged = |reason: String| ReadError::Damaged { at_byte, reason };
+        let [opcode, ..] = self.recording.bytes[range.clone()] else {
+            return Err(damaged("an empty record".to_owned()));
+        };
+        let body = &self.recording.bytes[range.start + RECORD_HEAD_BYTES..range.end];
+        match parse_record(opcode, body).map_err(|error| damaged(error.to_string()))? {
+            Record::Chunk { header, data } => {
+                if header.uncompressed_size > CHUNK_BYTES_MAX {
+                    return Err(damaged(format!("a chunk of {} bytes", header.uncompressed_size)));
+                }
+                // A chunk counts whole or not at all: its checksum stands behind its last message.
+                let mut taken = VecDeque::new();
+                let reader = ChunkReader::new(header, &data).map_err(|error| damaged(error.to_string()))?;
+                for record in reader {
+                    let record = record.map_err(|error| damaged(error.to_string()))?;
+                    taken.extend(self.take(record, at_byte)?);
+                }
+                self.ready.append(&mut taken);
+            }
+            bare => {
+                let entry = self.take(bare.into_owned(), at_byte)?;
+                self.ready.extend(entry);
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, record: Record<'_>, at_byte: usize) -> Result<Option<TimedEntry>, ReadError> {
+        match record {
+            Record::Schema { header, data } => self.channels.add_schema(header, data.into_owned()),
+            Record::Channel(channel) => self.channels.add_channel(channel)?,
+            Record::Message { header, data } => {
+                let entry = self.channels.decode(header.channel_id, &data);
+                let entry = entry.map_err(|reason| ReadError::Damaged { at_byte, reason })?;
+                return Ok(Some(TimedEntry { log_time_ns: header.log_time, entry }));
+            }
+            _ => {}
+        }
+        Ok(None)
+    }
+}
+
+impl Iterator for Entries<'_> {
+    type Item = Result<TimedEntry, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(entry) = self.ready.pop_front() {
+                return Some(Ok(entry));
+            }
+            if self.ended || self.next_record >= self.recording.records.len() {
+                return None;
+            }
+            if let Err(error) = self.read_record() {
+                self.ended = true;
+                return Some(Err(error));
+            }
+        }
+    }
+}
