@@ -8,10 +8,11 @@
 //! Times in a recording are CLOCK_MONOTONIC ns of the recording machine; the head keeps the wall-clock time of the
 //! start. Nothing names the host or the person.
 //!
-//! Floors, ground first: [`topic`] → [`header`] → [`error`] → `channels` → [`writer`], [`reader`]
+//! Floors, ground first: [`topic`] → [`header`] → [`error`] → `channels`, `frame` → [`writer`], [`reader`]
 
 mod channels;
 pub mod error;
+mod frame;
 pub mod header;
 pub mod reader;
 pub mod topic;

@@ -90,14 +90,20 @@ proptest! {
         prop_assert_eq!(bytemuck::bytes_of(&*t), bytemuck::bytes_of(&state));
         prop_assert_eq!(bytemuck::bytes_of(&*c), bytemuck::bytes_of(&cycle));
     }
+}
 
-    #[test]
-    fn damaged_bytes_never_panic(at in 8_usize..3_000, flip in 1_u8..) {
-        let mut bytes = recorded(12);
-        let at = at % bytes.len();
-        bytes[at] ^= flip;
-        if let Ok(recording) = Recording::from_bytes(bytes) {
-            let _ = recording.entries().count();
+#[test]
+fn a_flipped_byte_anywhere_neither_panics_nor_invents_messages() {
+    let whole = recorded(12);
+    let expected = read(&whole);
+    for at in 0..whole.len() {
+        for flip in [0x01, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= flip;
+            let Ok(recording) = Recording::from_bytes(bytes) else { continue };
+            let entries: Vec<_> = recording.entries().map_while(Result::ok).collect();
+            // A chunk whose opcode or frame is hit may be passed over; what is read is what was written.
+            assert!(entries.iter().all(|entry| expected.contains(entry)), "byte {at} ^ {flip:#x}");
         }
     }
 }

@@ -4,20 +4,13 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::path::Path;
 
-use mcap::read::{ChunkReader, parse_record};
-use mcap::records::Record;
+use mcap::records::{Record, op};
 
 use super::channels::Channels;
 use super::error::ReadError;
+use super::frame::{RECORD_HEAD_BYTES, parse, record_at, unpack_chunk};
 use super::header::{FORMAT, METADATA_NAME, RecordingHeader};
 use super::topic::TimedEntry;
-
-/// A chunk that claims to be larger than this is damage, not data (ours are some 4 MiB).
-const CHUNK_BYTES_MAX: u64 = 256 << 20;
-/// MCAP's frame of a record: opcode, then the length of the body, little-endian.
-const RECORD_HEAD_BYTES: usize = 1 + 8;
-/// Opcode of the record after which a file is whole.
-const OPCODE_FOOTER: u8 = 0x02;
 
 /// An opened recording, all of it in memory as it stands in the file.
 #[derive(Debug)]
@@ -79,14 +72,14 @@ impl Recording {
     /// Finds the records by their frames; nothing is decompressed here.
     fn scan(&mut self) -> Result<(), ReadError> {
         let mut at = mcap::MAGIC.len();
-        while let Some((opcode, record)) = frame(&self.bytes, at) {
+        while let Some((opcode, record)) = record_at(&self.bytes, at) {
             let end = record.end;
-            if opcode == OPCODE_FOOTER {
+            if opcode == op::FOOTER {
                 self.truncated = false;
                 break;
             }
             let body = &self.bytes[record.start + RECORD_HEAD_BYTES..end];
-            match parse_record(opcode, body) {
+            match parse(opcode, body) {
                 Ok(Record::Metadata(metadata)) if metadata.name == METADATA_NAME => {
                     let format = self.header.take_metadata(&metadata.metadata);
                     if let Some(found) = format.filter(|found| *found > FORMAT) {
@@ -127,15 +120,6 @@ impl Recording {
     }
 }
 
-/// The frame of the record at `at`; `None` if it is not there in full.
-fn frame(bytes: &[u8], at: usize) -> Option<(u8, Range<usize>)> {
-    let head = bytes.get(at..)?.first_chunk::<RECORD_HEAD_BYTES>()?;
-    let [opcode, length @ ..] = *head;
-    let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
-    let end = at.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)?;
-    (end <= bytes.len()).then_some((opcode, at..end))
-}
-
 fn what_it_begins_with(bytes: &[u8]) -> String {
     match bytes {
         [] => "nothing: the file is empty".to_owned(),
@@ -165,31 +149,25 @@ impl Entries<'_> {
         let [opcode, ..] = self.recording.bytes[range.clone()] else {
             return Err(damaged("an empty record".to_owned()));
         };
-        let body = &self.recording.bytes[range.start + RECORD_HEAD_BYTES..range.end];
-        match parse_record(opcode, body).map_err(|error| damaged(error.to_string()))? {
-            Record::Chunk { header, data } => {
-                if header.uncompressed_size > CHUNK_BYTES_MAX {
-                    return Err(damaged(format!("a chunk of {} bytes", header.uncompressed_size)));
-                }
-                // A chunk counts whole or not at all: its checksum stands behind its last message.
-                let mut taken = VecDeque::new();
-                let reader = ChunkReader::new(header, &data).map_err(|error| damaged(error.to_string()))?;
-                for record in reader {
-                    let record = record.map_err(|error| damaged(error.to_string()))?;
-                    taken.extend(self.take(record, at_byte)?);
-                }
-                self.ready.append(&mut taken);
-            }
-            bare => {
-                let entry = self.take(bare.into_owned(), at_byte)?;
-                self.ready.extend(entry);
-            }
+        if opcode == op::CHUNK {
+            // A chunk counts whole or not at all.
+            let mut taken = VecDeque::new();
+            let record = &self.recording.bytes[range];
+            unpack_chunk(record, damaged, |opcode, body| {
+                taken.extend(self.take(opcode, body, at_byte)?);
+                Ok(())
+            })?;
+            self.ready.append(&mut taken);
+        } else {
+            let body = &self.recording.bytes[range.start + RECORD_HEAD_BYTES..range.end];
+            let entry = self.take(opcode, body, at_byte)?;
+            self.ready.extend(entry);
         }
         Ok(())
     }
 
-    fn take(&mut self, record: Record<'_>, at_byte: usize) -> Result<Option<TimedEntry>, ReadError> {
-        match record {
+    fn take(&mut self, opcode: u8, body: &[u8], at_byte: usize) -> Result<Option<TimedEntry>, ReadError> {
+        match parse(opcode, body).map_err(|reason| ReadError::Damaged { at_byte, reason })? {
             Record::Schema { header, data } => self.channels.add_schema(header, data.into_owned()),
             Record::Channel(channel) => self.channels.add_channel(channel)?,
             Record::Message { header, data } => {
