@@ -23,26 +23,57 @@ pub(super) fn record_at(bytes: &[u8], at: usize) -> Option<(u8, Range<usize>)> {
     (end <= bytes.len()).then_some((opcode, at..end))
 }
 
-/// The body of a record as mcap reads it.
+/// The body of a record as mcap reads it; `None` for the kinds that a recording's messages do not need.
 ///
 /// # Errors
 /// What is wrong with it, in words.
-pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
-    // mcap 0.26 slices an attachment before it compares the lengths within.
-    if opcode == op::ATTACHMENT && !attachment_fits(body) {
-        return Err("an attachment longer than its record".to_owned());
+pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record<'_>>, String> {
+    use Part::{Bytes, Map, Text};
+    let parts: &[Part] = match opcode {
+        op::SCHEMA => &[Bytes(2), Text, Text, Bytes(4)],
+        op::CHANNEL => &[Bytes(4), Text, Text, Map],
+        op::MESSAGE => &[Bytes(22)],
+        op::CHUNK => &[Bytes(28), Text, Bytes(8)],
+        op::ATTACHMENT => &[Bytes(16), Text, Text, Bytes(8 + 4)],
+        op::METADATA => &[Text, Map],
+        _ => return Ok(None),
+    };
+    // mcap 0.26 allocates what a length claims before it looks whether so much is there.
+    if parts.iter().try_fold(0, |at, part| part.end(body, at)).is_none() {
+        return Err("a text longer than its record".to_owned());
     }
-    parse_record(opcode, body).map_err(|error| error.to_string())
+    parse_record(opcode, body).map(Some).map_err(|error| error.to_string())
 }
 
-/// Two times, two strings, the length of the data, the data and a checksum.
-fn attachment_fits(body: &[u8]) -> bool {
-    let string_end = |at: usize| {
-        let length = body.get(at..)?.first_chunk::<4>()?;
-        at.checked_add(4)?.checked_add(u32::from_le_bytes(*length) as usize)
-    };
-    let head_end = string_end(16).and_then(string_end).and_then(|end| end.checked_add(8));
-    head_end.and_then(|end| end.checked_add(4)).is_some_and(|end| end <= body.len())
+/// A part of a record's body (mcap.dev/spec).
+enum Part {
+    Bytes(usize),
+    /// A length of 4 bytes and as many bytes.
+    Text,
+    /// A length of 4 bytes and texts in as many bytes.
+    Map,
+}
+
+impl Part {
+    /// Where the part that begins at `at` ends; `None` if that lies behind the body.
+    fn end(&self, body: &[u8], at: usize) -> Option<usize> {
+        let counted = || {
+            let length = body.get(at..)?.first_chunk::<4>()?;
+            at.checked_add(4)?.checked_add(u32::from_le_bytes(*length) as usize)
+        };
+        let end = match self {
+            Part::Bytes(length) => at.checked_add(*length),
+            Part::Text | Part::Map => counted(),
+        };
+        let end = end.filter(|end| *end <= body.len())?;
+        if let Part::Map = self {
+            let mut text = at + 4;
+            while text < end {
+                text = Part::Text.end(&body[..end], text)?;
+            }
+        }
+        Some(end)
+    }
 }
 
 /// Hands every record of a chunk to `take`, after the chunk's checksum was found right.
@@ -58,7 +89,7 @@ pub(super) fn unpack_chunk<E>(
 ) -> Result<(), E> {
     let body = record.get(RECORD_HEAD_BYTES..).unwrap_or_default();
     match parse(op::CHUNK, body) {
-        Ok(Record::Chunk { header, .. }) => {
+        Ok(Some(Record::Chunk { header, .. })) => {
             let head_bytes = CHUNK_HEAD_BYTES + header.compression.len() as u64;
             // mcap 0.26 subtracts without a check where bytes follow an uncompressed chunk's data.
             if head_bytes.checked_add(header.compressed_size) != Some(body.len() as u64) {

@@ -80,25 +80,19 @@ impl Recording {
             }
             let body = &self.bytes[record.start + RECORD_HEAD_BYTES..end];
             match parse(opcode, body) {
-                Ok(Record::Metadata(metadata)) if metadata.name == METADATA_NAME => {
+                Ok(Some(Record::Metadata(metadata))) if metadata.name == METADATA_NAME => {
                     let format = self.header.take_metadata(&metadata.metadata);
                     if let Some(found) = format.filter(|found| *found > FORMAT) {
                         let software_version = self.header.software_version.clone();
                         return Err(ReadError::LaterFormat { found, software_version });
                     }
                 }
-                Ok(Record::Attachment { header, data, .. }) => {
+                Ok(Some(Record::Attachment { header, data, .. })) => {
                     self.header.take_attachment(&header.name, &data);
                 }
+                Ok(Some(Record::Metadata(_)) | None) => {}
                 // What cannot be parsed is kept too: the reader says where it stands when it gets there.
-                Ok(
-                    Record::Chunk { .. }
-                    | Record::Schema { .. }
-                    | Record::Channel(_)
-                    | Record::Message { .. },
-                )
-                | Err(_) => self.records.push(record),
-                Ok(_) => {}
+                Ok(Some(_)) | Err(_) => self.records.push(record),
             }
             at = end;
         }
@@ -168,9 +162,9 @@ impl Entries<'_> {
 
     fn take(&mut self, opcode: u8, body: &[u8], at_byte: usize) -> Result<Option<TimedEntry>, ReadError> {
         match parse(opcode, body).map_err(|reason| ReadError::Damaged { at_byte, reason })? {
-            Record::Schema { header, data } => self.channels.add_schema(header, data.into_owned()),
-            Record::Channel(channel) => self.channels.add_channel(channel)?,
-            Record::Message { header, data } => {
+            Some(Record::Schema { header, data }) => self.channels.add_schema(header, data.into_owned()),
+            Some(Record::Channel(channel)) => self.channels.add_channel(channel)?,
+            Some(Record::Message { header, data }) => {
                 let entry = self.channels.decode(header.channel_id, &data);
                 let entry = entry.map_err(|reason| ReadError::Damaged { at_byte, reason })?;
                 return Ok(Some(TimedEntry { log_time_ns: header.log_time, entry }));
