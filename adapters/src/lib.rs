@@ -5,3 +5,6 @@
 #![forbid(unsafe_code)]
 
 pub mod wire;
+
+pub mod capture;
+pub mod recording;

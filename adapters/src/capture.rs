@@ -1,0 +1,18 @@
+//! Captures by other programs: motion and forces as CSV, network traffic as `.pcap` and `.pcapng`.
+//!
+//! A capture is read as far as it is sound. What had to be left out is counted by reason, with the place of the
+//! first of each ([`Rejected`]).
+
+pub mod csv;
+mod csv_columns;
+pub mod pcap;
+mod pcap_packets;
+pub mod pcap_writer;
+pub mod rejected;
+mod udp;
+
+pub use csv::{CsvCapture, CsvError};
+pub use pcap::{PcapCapture, PcapError};
+pub use pcap_writer::{PcapWriteError, PcapWriter};
+pub use rejected::Rejected;
+pub use udp::UdpDatagram;

@@ -1,0 +1,136 @@
+//! From a captured packet of any link layer to a UDP datagram.
+
+use std::cell::Cell;
+use std::net::{IpAddr, SocketAddr};
+
+use etherparse::defrag::IpDefragPool;
+use etherparse::{EtherType, IpNumber, NetSlice, SlicedPacket, TransportSlice, UdpSlice};
+
+/// Linux forgets fragments after this time (net.ipv4.ipfrag_time), so later ones belong to another datagram.
+const FRAGMENT_LIFE_NS: u64 = 30_000_000_000;
+
+/// One UDP datagram of a capture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UdpDatagram {
+    /// When it was captured: wall-clock time, ns since 1970 (the capture's own clock). For fragments, the last one's.
+    pub time_ns: u64,
+    /// Who sent it.
+    pub source: SocketAddr,
+    /// To whom.
+    pub destination: SocketAddr,
+    /// What it carries.
+    pub payload: Vec<u8>,
+}
+
+/// Link-layer header types (tcpdump.org/linktypes.html).
+mod link_type {
+    pub(super) const NULL: i32 = 0;
+    pub(super) const ETHERNET: i32 = 1;
+    /// DLT_RAW as OpenBSD and others number it in files.
+    pub(super) const RAW_BSD: i32 = 12;
+    pub(super) const RAW_OPENBSD: i32 = 14;
+    pub(super) const RAW: i32 = 101;
+    pub(super) const LOOP: i32 = 108;
+    pub(super) const LINUX_SLL: i32 = 113;
+    pub(super) const IPV4: i32 = 228;
+    pub(super) const IPV6: i32 = 229;
+    pub(super) const LINUX_SLL2: i32 = 276;
+}
+
+/// Puts datagrams together; keeps the fragments of incomplete ones.
+pub(super) struct UdpAssembler {
+    fragments: IpDefragPool<u64, u32>,
+}
+
+impl UdpAssembler {
+    pub(super) fn new() -> UdpAssembler {
+        UdpAssembler { fragments: IpDefragPool::new() }
+    }
+
+    /// The datagram that a packet completes; `None` for a fragment with others still to come.
+    ///
+    /// # Errors
+    /// The reason why the packet is passed over.
+    pub(super) fn take(
+        &mut self,
+        time_ns: u64,
+        link_type: i32,
+        interface: u32,
+        bytes: &[u8],
+    ) -> Result<Option<UdpDatagram>, &'static str> {
+        let packet = slice(link_type, bytes)?;
+        let (source, destination) = match &packet.net {
+            Some(NetSlice::Ipv4(ip)) => {
+                (IpAddr::V4(ip.header().source_addr()), IpAddr::V4(ip.header().destination_addr()))
+            }
+            Some(NetSlice::Ipv6(ip)) => {
+                (IpAddr::V6(ip.header().source_addr()), IpAddr::V6(ip.header().destination_addr()))
+            }
+            _ => return Err("not_ip"),
+        };
+        let datagram = |udp: &UdpSlice<'_>| UdpDatagram {
+            time_ns,
+            source: SocketAddr::new(source, udp.source_port()),
+            destination: SocketAddr::new(destination, udp.destination_port()),
+            payload: udp.payload().to_vec(),
+        };
+        if let Some(TransportSlice::Udp(udp)) = &packet.transport {
+            return Ok(Some(datagram(udp)));
+        }
+        let ip = packet.ip_payload().ok_or("not_ip")?;
+        if ip.ip_number != IpNumber::UDP {
+            return Err("not_udp");
+        }
+        // Only a fragment is UDP and was not sliced as UDP.
+        self.fragments.retain(|newest_ns| time_ns.saturating_sub(*newest_ns) < FRAGMENT_LIFE_NS);
+        match self.fragments.process_sliced_packet(&packet, time_ns, interface) {
+            Ok(None) => Ok(None),
+            Ok(Some(whole)) => {
+                let udp = UdpSlice::from_slice(&whole.payload).map_err(|_| "malformed")?;
+                let datagram = datagram(&udp);
+                self.fragments.return_buf(whole);
+                Ok(Some(datagram))
+            }
+            Err(_) => Err("malformed_fragment"),
+        }
+    }
+
+    /// How many datagrams lack fragments; forgets them.
+    pub(super) fn forget_incomplete(&mut self) -> u64 {
+        let incomplete = Cell::new(0);
+        // The pool tells its size to no one; a predicate that keeps all is asked once for each.
+        self.fragments.retain(|_| {
+            incomplete.set(incomplete.get() + 1);
+            true
+        });
+        self.fragments = IpDefragPool::new();
+        incomplete.get()
+    }
+}
+
+/// Takes the link layer off.
+fn slice(link_type: i32, bytes: &[u8]) -> Result<SlicedPacket<'_>, &'static str> {
+    use link_type::{ETHERNET, IPV4, IPV6, LINUX_SLL, LINUX_SLL2, LOOP, NULL, RAW, RAW_BSD, RAW_OPENBSD};
+    let behind = |length: usize| bytes.get(length..).ok_or("malformed");
+    // Linux "cooked" heads hold the EtherType at a fixed place.
+    let cooked = |ether_type_at: usize, length: usize| match bytes.get(ether_type_at..ether_type_at + 2) {
+        Some(&[high, low]) => Ok((EtherType(u16::from_be_bytes([high, low])), behind(length)?)),
+        _ => Err("malformed"),
+    };
+    let packet = match link_type {
+        ETHERNET => SlicedPacket::from_ethernet(bytes),
+        // Four bytes of address family, in the byte order of whoever captured; the IP version says the same.
+        NULL | LOOP => SlicedPacket::from_ip(behind(4)?),
+        RAW | RAW_BSD | RAW_OPENBSD | IPV4 | IPV6 => SlicedPacket::from_ip(bytes),
+        LINUX_SLL => {
+            let (ether_type, rest) = cooked(14, 16)?;
+            SlicedPacket::from_ether_type(ether_type, rest)
+        }
+        LINUX_SLL2 => {
+            let (ether_type, rest) = cooked(0, 20)?;
+            SlicedPacket::from_ether_type(ether_type, rest)
+        }
+        _ => return Err("unknown_link_type"),
+    };
+    packet.map_err(|_| "malformed")
+}

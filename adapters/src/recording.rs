@@ -1,0 +1,25 @@
+//! Recordings: MCAP files of the messages of the bus, byte for byte.
+//!
+//! A message is packed little-endian without padding, so its bytes *are* the ROS 1 serialization of a message of
+//! fixed-size arrays. A recording therefore says `ros1` / `ros1msg` with a schema generated from
+//! `Message::FIELDS`, and Foxglove, Lichtblick and the `mcap` tools read it without a plugin, while we read the
+//! same bytes back into the same struct.
+//!
+//! Times in a recording are CLOCK_MONOTONIC ns of the recording machine; the head keeps the wall-clock time of the
+//! start. Nothing names the host or the person.
+//!
+//! Floors, ground first: [`topic`] → [`header`] → [`error`] → `channels`, `frame` → [`writer`], [`reader`]
+
+mod channels;
+pub mod error;
+mod frame;
+pub mod header;
+pub mod reader;
+pub mod topic;
+pub mod writer;
+
+pub use error::ReadError;
+pub use header::RecordingHeader;
+pub use reader::{Entries, Recording};
+pub use topic::{Entry, Recorded, TimedEntry};
+pub use writer::{Recorder, WriteError};

@@ -1,0 +1,80 @@
+//! Why a recording cannot be read: what was found, and what to do.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::header::FORMAT;
+
+/// Why a recording could not be read.
+#[derive(Debug, Error)]
+pub enum ReadError {
+    /// The file could not be read.
+    #[error("cannot read the recording {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// It is not an MCAP file.
+    #[error(
+        "not a recording: it begins with {found}; give an .mcap file that `equipoise record` or `import` wrote"
+    )]
+    NotMcap {
+        /// What it begins with.
+        found: String,
+    },
+    /// An MCAP file of something else.
+    #[error(
+        "an MCAP file, but not of Equipoise: it holds {found}; give one that `equipoise record` or `import` wrote"
+    )]
+    Foreign {
+        /// Topics found.
+        found: String,
+    },
+    /// Its layout is of a later release.
+    #[error(
+        "the recording has layout {found}, this release reads layout {FORMAT}; use the release that wrote it ({software_version})"
+    )]
+    LaterFormat {
+        /// The layout's version as found.
+        found: u32,
+        /// The release that wrote it.
+        software_version: String,
+    },
+    /// A topic holds another version of its message.
+    #[error(
+        "topic {topic} holds {found}, this release reads {expected}; use the release that wrote the recording"
+    )]
+    OtherType {
+        /// The topic.
+        topic: String,
+        /// The type found.
+        found: String,
+        /// The type this release reads.
+        expected: &'static str,
+    },
+    /// A message of that name, but its fields differ.
+    #[error(
+        "topic {topic} holds {type_name} with other fields than this release's (schema {found}, not {expected}); use the release that wrote the recording"
+    )]
+    OtherFields {
+        /// The topic.
+        topic: String,
+        /// The type's name.
+        type_name: &'static str,
+        /// Schema hash found.
+        found: String,
+        /// Schema hash of this release.
+        expected: String,
+    },
+    /// The file is whole to look at, but what it holds is broken.
+    #[error("the recording is damaged at byte {at_byte}: {reason}; what stands before is sound")]
+    Damaged {
+        /// Where the broken record begins.
+        at_byte: usize,
+        /// What is wrong.
+        reason: String,
+    },
+}

@@ -1,0 +1,124 @@
+//! The frames of an MCAP file: where records lie, and what a chunk holds. Trusts no length that it reads.
+
+use std::ops::Range;
+
+use mcap::McapError;
+use mcap::read::parse_record;
+use mcap::records::{Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+/// The frame of a record: opcode, then the length of the body, little-endian.
+pub(super) const RECORD_HEAD_BYTES: usize = 1 + 8;
+/// A chunk or record that claims to be larger than this is damage, not data (our chunks have some 4 MiB).
+const RECORD_BYTES_MAX: usize = 64 << 20;
+/// A chunk's head without its compression's name.
+const CHUNK_HEAD_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
+
+/// The record at `at` with its opcode; `None` if it is not there in full.
+pub(super) fn record_at(bytes: &[u8], at: usize) -> Option<(u8, Range<usize>)> {
+    let head = bytes.get(at..)?.first_chunk::<RECORD_HEAD_BYTES>()?;
+    let [opcode, length @ ..] = *head;
+    let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
+    let end = at.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)?;
+    (end <= bytes.len()).then_some((opcode, at..end))
+}
+
+/// The body of a record as mcap reads it; `None` for the kinds that a recording's messages do not need.
+///
+/// # Errors
+/// What is wrong with it, in words.
+pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record<'_>>, String> {
+    use Part::{Bytes, Map, Text};
+    let parts: &[Part] = match opcode {
+        op::SCHEMA => &[Bytes(2), Text, Text, Bytes(4)],
+        op::CHANNEL => &[Bytes(4), Text, Text, Map],
+        op::MESSAGE => &[Bytes(22)],
+        op::CHUNK => &[Bytes(28), Text, Bytes(8)],
+        op::ATTACHMENT => &[Bytes(16), Text, Text, Bytes(8 + 4)],
+        op::METADATA => &[Text, Map],
+        _ => return Ok(None),
+    };
+    // mcap 0.26 allocates what a length claims before it looks whether so much is there.
+    if parts.iter().try_fold(0, |at, part| part.end(body, at)).is_none() {
+        return Err("a text longer than its record".to_owned());
+    }
+    parse_record(opcode, body).map(Some).map_err(|error| error.to_string())
+}
+
+/// A part of a record's body (mcap.dev/spec).
+enum Part {
+    Bytes(usize),
+    /// A length of 4 bytes and as many bytes.
+    Text,
+    /// A length of 4 bytes and texts in as many bytes.
+    Map,
+}
+
+impl Part {
+    /// Where the part that begins at `at` ends; `None` if that lies behind the body.
+    fn end(&self, body: &[u8], at: usize) -> Option<usize> {
+        let counted = || {
+            let length = body.get(at..)?.first_chunk::<4>()?;
+            at.checked_add(4)?.checked_add(u32::from_le_bytes(*length) as usize)
+        };
+        let end = match self {
+            Part::Bytes(length) => at.checked_add(*length),
+            Part::Text | Part::Map => counted(),
+        };
+        let end = end.filter(|end| *end <= body.len())?;
+        if let Part::Map = self {
+            let mut text = at + 4;
+            while text < end {
+                text = Part::Text.end(&body[..end], text)?;
+            }
+        }
+        Some(end)
+    }
+}
+
+/// Hands every record of a chunk to `take`, after the chunk's checksum was found right.
+///
+/// `record` is the whole chunk record with its frame.
+///
+/// # Errors
+/// What `take` returns, or what `damaged` makes of the words for what is wrong.
+pub(super) fn unpack_chunk<E>(
+    record: &[u8],
+    damaged: impl Fn(String) -> E,
+    mut take: impl FnMut(u8, &[u8]) -> Result<(), E>,
+) -> Result<(), E> {
+    let body = record.get(RECORD_HEAD_BYTES..).unwrap_or_default();
+    match parse(op::CHUNK, body) {
+        Ok(Some(Record::Chunk { header, .. })) => {
+            let head_bytes = CHUNK_HEAD_BYTES + header.compression.len() as u64;
+            // mcap 0.26 subtracts without a check where bytes follow an uncompressed chunk's data.
+            if head_bytes.checked_add(header.compressed_size) != Some(body.len() as u64) {
+                return Err(damaged("a chunk of another size than its record".to_owned()));
+            }
+        }
+        Ok(_) => return Err(damaged("no chunk".to_owned())),
+        Err(reason) => return Err(damaged(reason)),
+    }
+    let mut reader = LinearReader::new_with_options(
+        LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(RECORD_BYTES_MAX),
+    );
+    let failed = |error: McapError| damaged(error.to_string());
+    let mut rest = record;
+    while let Some(event) = reader.next_event() {
+        match event.map_err(failed)? {
+            LinearReadEvent::ReadRequest(_) if rest.is_empty() => break,
+            LinearReadEvent::ReadRequest(wanted) => {
+                let (now, later) = rest.split_at(wanted.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+            LinearReadEvent::Record { data, opcode } => take(opcode, data)?,
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,199 @@
+//! Writing a recording so that a crash costs at most its last second.
+
+use std::borrow::Cow;
+use std::fs::{File, OpenOptions};
+use std::io::BufWriter;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+use equipoise_core::time::NS_PER_S;
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Attachment, McapError, WriteOptions, Writer};
+use thiserror::Error;
+
+use super::header::{METADATA_NAME, RecordingHeader, TOML_MEDIA_TYPE};
+use super::topic::{MESSAGE_ENCODING, Recorded, SCHEMA_ENCODING, TOPICS};
+
+/// A chunk is closed when a message comes this much later than its first one.
+const CHUNK_SPAN_NS: u64 = NS_PER_S;
+/// … or when it has grown to this size before compression.
+const CHUNK_BYTES: u64 = 4 << 20;
+/// The fastest level: the recorder shares the machine with the loop.
+const ZSTD_LEVEL: u32 = 1;
+/// A recording tells how a person moves: not for everyone on the machine.
+const FILE_MODE: u32 = 0o640;
+
+/// Why a recording could not be written.
+#[derive(Debug, Error)]
+pub enum WriteError {
+    /// The file could not be created.
+    #[error("cannot create the recording {}: {source}; choose a new name in a writable directory", path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file could not be written on.
+    #[error("cannot write the recording {}: {source}; what was written before stays readable", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: McapError,
+    },
+}
+
+/// One kind of message in the file.
+struct Channel {
+    topic: &'static str,
+    id: u16,
+    next_sequence: u32,
+}
+
+/// Writes one recording: zstd chunks of about a second, so a crash or a full disk costs at most the last of them.
+///
+/// Call [`Recorder::finish`] at the end; a recorder that is dropped finishes too, but cannot say whether it could.
+pub struct Recorder {
+    path: PathBuf,
+    writer: Writer<BufWriter<File>>,
+    channels: Vec<Channel>,
+    chunk_start_ns: Option<u64>,
+    failed: bool,
+}
+
+impl Recorder {
+    /// Creates a recording and writes its head through to the system. Never overwrites a file.
+    ///
+    /// # Errors
+    /// [`WriteError`] if the file exists, or cannot be created or written.
+    pub fn create(path: impl AsRef<Path>, header: &RecordingHeader) -> Result<Recorder, WriteError> {
+        let path = path.as_ref().to_owned();
+        let file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(FILE_MODE)
+            .open(&path)
+            .map_err(|source| WriteError::Create { path: path.clone(), source })?;
+        Recorder::on(path, file, header)
+    }
+
+    fn on(path: PathBuf, file: File, header: &RecordingHeader) -> Result<Recorder, WriteError> {
+        let writer =
+            start(file, header).map_err(|source| WriteError::Write { path: path.clone(), source })?;
+        let mut recorder =
+            Recorder { path, writer, channels: Vec::new(), chunk_start_ns: None, failed: false };
+        recorder.add_channels().map_err(|source| recorder.failed(source))?;
+        Ok(recorder)
+    }
+
+    /// Every topic is announced in the first chunk, so that a reader knows them all after it.
+    fn add_channels(&mut self) -> Result<(), McapError> {
+        for table in TOPICS {
+            let schema_text = (table.schema_text)();
+            let schema =
+                self.writer.add_schema(&table.schema_name(), SCHEMA_ENCODING, schema_text.as_bytes())?;
+            let id = self.writer.add_channel(schema, table.topic, MESSAGE_ENCODING, &table.metadata())?;
+            self.channels.push(Channel { topic: table.topic, id, next_sequence: 0 });
+        }
+        Ok(())
+    }
+
+    /// Writes one message; `log_time_ns` is the message's own time, CLOCK_MONOTONIC.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`], for example on a full disk; every later call then fails too, and the file stays
+    /// readable up to its last whole chunk.
+    pub fn write<M: Recorded>(&mut self, log_time_ns: u64, message: &M) -> Result<(), WriteError> {
+        if self.failed {
+            return Err(self.failed(McapError::AttemptedWriteAfterFailure));
+        }
+        let chunk_start_ns = *self.chunk_start_ns.get_or_insert(log_time_ns);
+        // Streams interleave, so times may step back a little.
+        if log_time_ns.abs_diff(chunk_start_ns) >= CHUNK_SPAN_NS {
+            self.flush()?;
+            self.chunk_start_ns = Some(log_time_ns);
+        }
+        let Some(channel) = self.channels.iter_mut().find(|channel| channel.topic == M::TOPIC) else {
+            return Err(self.failed(McapError::UnknownChannel(0, 0)));
+        };
+        let header = MessageHeader {
+            channel_id: channel.id,
+            sequence: channel.next_sequence,
+            log_time: log_time_ns,
+            publish_time: log_time_ns,
+        };
+        channel.next_sequence = channel.next_sequence.wrapping_add(1);
+        self.writer
+            .write_to_known_channel(&header, bytemuck::bytes_of(message))
+            .map_err(|source| self.failed(source))
+    }
+
+    /// Closes the current chunk and hands it to the system: what was written so far survives a crash of the process.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`] if the chunk cannot be written.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        self.chunk_start_ns = None;
+        self.writer.flush().map_err(|source| self.failed(source))
+    }
+
+    /// Writes the index and the foot, and waits until all of it lies on the disk.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`] if something of it cannot be written.
+    pub fn finish(mut self) -> Result<(), WriteError> {
+        let path = self.path.clone();
+        let failed = |source| WriteError::Write { path: path.clone(), source };
+        self.writer.finish().map_err(failed)?;
+        let file = self.writer.into_inner();
+        let file = file.into_inner().map_err(|error| failed(McapError::Io(error.into_error())))?;
+        file.sync_all().map_err(|error| failed(McapError::Io(error)))
+    }
+
+    fn failed(&mut self, source: McapError) -> WriteError {
+        self.failed = true;
+        WriteError::Write { path: self.path.clone(), source }
+    }
+}
+
+fn start(file: File, header: &RecordingHeader) -> Result<Writer<BufWriter<File>>, McapError> {
+    let options = WriteOptions::new()
+        .library(concat!("equipoise ", env!("CARGO_PKG_VERSION")))
+        .chunk_size(Some(CHUNK_BYTES))
+        // Chunks are made in memory and written whole; else a crash would leave one with a length still to be
+        // filled in.
+        .disable_seeking(true)
+        .compression_level(ZSTD_LEVEL)
+        // In the caller's thread: the loop needs the other cores.
+        .compression_threads(0);
+    let mut writer = Writer::with_options(BufWriter::new(file), options)?;
+    writer.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.metadata() })?;
+    for (name, text) in header.attachments() {
+        writer.attach(&Attachment {
+            log_time: header.started_monotonic_ns,
+            create_time: header.started_unix_ns,
+            name: name.to_owned(),
+            media_type: TOML_MEDIA_TYPE.to_owned(),
+            data: Cow::Borrowed(text.as_bytes()),
+        })?;
+    }
+    writer.flush()?;
+    Ok(writer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_an_error_that_names_the_file() {
+        let path = PathBuf::from("/dev/full");
+        let Ok(file) = OpenOptions::new().write(true).open(&path) else {
+            println!("skipped: there is no /dev/full here");
+            return;
+        };
+        let error = Recorder::on(path, file, &RecordingHeader::default()).err().unwrap().to_string();
+        assert!(error.contains("/dev/full") && error.contains("stays readable"), "{error}");
+    }
+}

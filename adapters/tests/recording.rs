@@ -1,0 +1,211 @@
+//! Recordings: bit-exact round trip, files cut anywhere, foreign and newer files.
+#![expect(clippy::unwrap_used, reason = "helpers of tests, outside #[test] functions")]
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use bytemuck::Zeroable;
+use equipoise_adapters::recording::{
+    Entry, ReadError, Recorded, Recorder, Recording, RecordingHeader, TimedEntry,
+};
+use equipoise_core::message::layout::Primitive;
+use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample};
+use proptest::prelude::*;
+
+const MS: u64 = 1_000_000;
+
+fn header() -> RecordingHeader {
+    RecordingHeader {
+        software_version: "0.1.0".to_owned(),
+        started_unix_ns: 1_700_000_000_000_000_000,
+        started_monotonic_ns: 5_000 * MS,
+        config_toml: "station = \"station-1\"\n".to_owned(),
+        subject_toml: "id = \"anon-1\"\n".to_owned(),
+        model_toml: String::new(),
+    }
+}
+
+/// A message of arbitrary bits, all numbers finite.
+fn arbitrary<M: Message>() -> impl Strategy<Value = M> {
+    proptest::collection::vec(any::<u8>(), size_of::<M>()).prop_map(|mut bytes| {
+        for field in M::FIELDS.iter().filter(|field| field.primitive == Primitive::F64) {
+            for number in bytes[field.offset..field.offset + 8 * field.count].chunks_exact_mut(8) {
+                // An exponent of all ones would be infinite or NaN.
+                number[7] &= 0b1011_1111;
+            }
+        }
+        bytemuck::pod_read_unaligned(&bytes)
+    })
+}
+
+fn read(bytes: &[u8]) -> Vec<TimedEntry> {
+    let recording = Recording::from_bytes(bytes.to_vec()).unwrap();
+    assert!(!recording.truncated());
+    recording.entries().map(Result::unwrap).collect()
+}
+
+/// A recording of `cycles` cycles, one every 250 ms, so four to a chunk.
+fn recorded(cycles: u64) -> Vec<u8> {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.mcap");
+    let mut recorder = Recorder::create(&path, &header()).unwrap();
+    for cycle in 1..=cycles {
+        let time_ns = cycle * 250 * MS;
+        let ground = GroundSample { sequence: cycle, sample_time_ns: time_ns, ..Zeroable::zeroed() };
+        recorder.write(time_ns, &ground).unwrap();
+        recorder.write(time_ns, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
+    }
+    recorder.finish().unwrap();
+    std::fs::read(path).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+    #[test]
+    fn what_was_written_is_read_bit_for_bit(
+        suit in arbitrary::<SuitSample>(),
+        ground in arbitrary::<GroundSample>(),
+        state in arbitrary::<State>(),
+        cycle in arbitrary::<CycleRecord>(),
+        time_ns in 0..u64::MAX / 2,
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap");
+        let mut recorder = Recorder::create(&path, &header()).unwrap();
+        recorder.write(time_ns, &suit).unwrap();
+        recorder.write(time_ns + 1, &ground).unwrap();
+        recorder.write(time_ns + 2_000 * MS, &state).unwrap();
+        recorder.write(time_ns + 2, &cycle).unwrap();
+        recorder.finish().unwrap();
+
+        let recording = Recording::open(&path).unwrap();
+        prop_assert_eq!(recording.header(), &header());
+        let entries: Vec<_> = recording.entries().map(Result::unwrap).collect();
+        let times: Vec<_> = entries.iter().map(|entry| entry.log_time_ns - time_ns).collect();
+        prop_assert_eq!(times, [0, 1, 2_000 * MS, 2]);
+        let [Entry::Suit(s), Entry::Ground(g), Entry::State(t), Entry::Cycle(c)] =
+            [0, 1, 2, 3].map(|index| entries[index].entry.clone()) else { panic!("{entries:?}") };
+        prop_assert_eq!(bytemuck::bytes_of(&*s), bytemuck::bytes_of(&suit));
+        prop_assert_eq!(bytemuck::bytes_of(&*g), bytemuck::bytes_of(&ground));
+        prop_assert_eq!(bytemuck::bytes_of(&*t), bytemuck::bytes_of(&state));
+        prop_assert_eq!(bytemuck::bytes_of(&*c), bytemuck::bytes_of(&cycle));
+    }
+}
+
+#[test]
+fn a_flipped_byte_anywhere_neither_panics_nor_invents_messages() {
+    let whole = recorded(12);
+    let expected = read(&whole);
+    for at in 0..whole.len() {
+        for flip in [0x01, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= flip;
+            let Ok(recording) = Recording::from_bytes(bytes) else { continue };
+            let entries: Vec<_> = recording.entries().map_while(Result::ok).collect();
+            // A chunk whose opcode or frame is hit may be passed over; what is read is what was written.
+            assert!(entries.iter().all(|entry| expected.contains(entry)), "byte {at} ^ {flip:#x}");
+        }
+    }
+}
+
+#[test]
+fn a_file_cut_anywhere_gives_back_its_whole_chunks() {
+    let whole = recorded(40);
+    let expected = read(&whole);
+    assert_eq!(expected.len(), 80);
+    let mut most = 0;
+    for length in (0..whole.len()).step_by(7).chain(whole.len() - 40..whole.len()) {
+        let recording = match Recording::from_bytes(whole[..length].to_vec()) {
+            Ok(recording) => recording,
+            Err(ReadError::NotMcap { .. }) if length < 8 => continue,
+            Err(error) => panic!("cut at {length}: {error}"),
+        };
+        let entries: Vec<_> = recording.entries().map(Result::unwrap).collect();
+        assert!(expected.starts_with(&entries), "cut at {length}");
+        assert!(recording.truncated() || entries.len() == expected.len());
+        assert!(entries.len() >= most.min(entries.len()) && entries.len() % 2 == 0);
+        most = most.max(entries.len());
+    }
+    assert_eq!(most, 80);
+}
+
+#[test]
+fn a_crash_costs_at_most_the_last_second() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.mcap");
+    let mut recorder = Recorder::create(&path, &header()).unwrap();
+    for cycle in 0..=3_500 {
+        recorder.write(cycle * MS, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
+    }
+    // The recorder still runs, so nothing but its own habit has closed a chunk.
+    let recording = Recording::open(&path).unwrap();
+    assert!(recording.truncated());
+    let last = recording.entries().map(Result::unwrap).last().unwrap();
+    assert!(last.log_time_ns >= 2_500 * MS, "{last:?}");
+    assert_eq!(recording.header().config_toml, header().config_toml);
+}
+
+#[test]
+fn a_recording_is_never_overwritten() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.mcap");
+    Recorder::create(&path, &header()).unwrap().finish().unwrap();
+    let error = Recorder::create(&path, &header()).err().unwrap().to_string();
+    assert!(error.contains("a.mcap") && error.contains("choose a new name"), "{error}");
+}
+
+fn foreign(topic: &str, schema: &str, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    let mut writer = mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
+    let schema = writer.add_schema(schema, "ros1msg", b"uint64 x\n").unwrap();
+    let channel_id = writer.add_channel(schema, topic, "ros1", metadata).unwrap();
+    let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, &[0; 8]).unwrap();
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
+fn refusal(bytes: &[u8]) -> String {
+    Recording::from_bytes(bytes.to_vec()).unwrap_err().to_string()
+}
+
+#[test]
+fn foreign_and_newer_files_are_named() {
+    let none = BTreeMap::new();
+    let other = refusal(&foreign("/camera/image", "sensor_msgs/Image", &none));
+    assert!(other.contains("not of Equipoise") && other.contains("/camera/image"), "{other}");
+
+    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_2", &none));
+    assert!(newer.contains("equipoise/State_2") && newer.contains("equipoise/State/1"), "{newer}");
+
+    let mut metadata = BTreeMap::new();
+    metadata.insert("equipoise.type_name".to_owned(), State::TYPE_NAME.to_owned());
+    metadata.insert("equipoise.schema_hash".to_owned(), "00000000deadbeef".to_owned());
+    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_1", &metadata));
+    assert!(fields.contains("deadbeef") && fields.contains("other fields"), "{fields}");
+
+    let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);
+    assert!(pcap.contains(".pcap"), "{pcap}");
+    assert!(refusal(b"").contains("empty"));
+}
+
+#[test]
+fn unknown_topics_come_through_as_they_are() {
+    let mut writer = mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
+    for topic in ["/equipoise/novelty", GroundSample::TOPIC] {
+        let (name, text) = match topic {
+            GroundSample::TOPIC => {
+                ("equipoise/Ground_1", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
+            }
+            _ => ("equipoise/Novelty_1", "uint8[128] x\n".to_owned()),
+        };
+        let schema = writer.add_schema(name, "ros1msg", text.as_bytes()).unwrap();
+        // Without our metadata, as another tool may leave it.
+        let channel_id = writer.add_channel(schema, topic, "ros1", &BTreeMap::new()).unwrap();
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+        writer.write_to_known_channel(&header, &[0; 128]).unwrap();
+    }
+    writer.finish().unwrap();
+    let entries = read(&writer.into_inner().into_inner());
+    assert!(matches!(&entries[0].entry, Entry::Other { topic, .. } if topic == "/equipoise/novelty"));
+    assert!(matches!(&entries[1].entry, Entry::Ground(_)));
+}
