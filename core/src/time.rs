@@ -1,5 +1,9 @@
 //! Time as the pipeline knows it. `core` has no clock: every time comes in from outside.
 
+pub mod clock_fit;
+
+pub use clock_fit::{ClockFit, Estimate};
+
 /// Nanoseconds in a second.
 pub const NS_PER_S: u64 = 1_000_000_000;
 

@@ -1,0 +1,157 @@
+//! Orders samples by a wrapping counter: what is next, what is old, and when the counter has started anew.
+
+const NS_PER_S: u64 = 1_000_000_000;
+/// So many samples in a row must move forward, each within [`RESTART_WITHIN_NS`], before a jump is believed.
+const RESTART_CONFIRMATIONS: u32 = 2;
+const RESTART_WITHIN_NS: u64 = NS_PER_S / 4;
+/// A step back of at most so many counts is a datagram that was overtaken, never a new session.
+const REORDER_WINDOW: u32 = 8;
+/// A leap of at most so many counts is a gap, however short the time.
+const PLAUSIBLE_LEAP: u64 = 1000;
+
+/// Where a sample stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The first sample of all.
+    First,
+    /// Later than the newest one by so many counts.
+    Next {
+        /// At least 1. More than the device's stride means loss.
+        gap: u32,
+    },
+    /// The newest one again.
+    Same,
+    /// Before the newest one, or a jump that is not yet believed.
+    Old,
+    /// The counter has started anew and this is its first sample to be used.
+    NewSession,
+}
+
+/// The newest counter of a stream, and the suspicion of a new session.
+///
+/// A mere gap never makes a new session; neither does a single datagram with a wild counter.
+#[derive(Debug, Clone)]
+pub struct Sequence {
+    max_rate_hz: u64,
+    newest: Option<Seen>,
+    suspect: Option<(Seen, u32)>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    counter: u32,
+    arrival_ns: u64,
+}
+
+impl Seen {
+    /// Counts from `self` to `counter`, negative backwards, over the wrap.
+    fn steps_to(self, counter: u32) -> i32 {
+        counter.wrapping_sub(self.counter).cast_signed()
+    }
+}
+
+impl Sequence {
+    /// For a device whose counter runs at `max_rate_hz` at most; a faster leap is not believed.
+    pub fn new(max_rate_hz: u64) -> Self {
+        Sequence { max_rate_hz, newest: None, suspect: None }
+    }
+
+    /// The next sample is the first: the stream was asked to start anew.
+    pub fn forget(&mut self) {
+        self.newest = None;
+        self.suspect = None;
+    }
+
+    /// Takes a sample in and says where it stands.
+    pub fn place(&mut self, counter: u32, arrival_ns: u64) -> Place {
+        let seen = Seen { counter, arrival_ns };
+        let Some(newest) = self.newest else {
+            self.newest = Some(seen);
+            return Place::First;
+        };
+        let steps = newest.steps_to(counter);
+        if steps == 0 {
+            return Place::Same;
+        }
+        let elapsed_ns = arrival_ns.saturating_sub(newest.arrival_ns);
+        let believable =
+            PLAUSIBLE_LEAP.saturating_add((elapsed_ns / 1000).saturating_mul(self.max_rate_hz) / 1_000_000);
+        if steps > 0 && u64::from(steps.unsigned_abs()) <= believable {
+            self.newest = Some(seen);
+            self.suspect = None;
+            return Place::Next { gap: steps.unsigned_abs() };
+        }
+        if steps < 0 && steps.unsigned_abs() <= REORDER_WINDOW {
+            return Place::Old;
+        }
+        self.doubt(seen)
+    }
+
+    /// A jump: believed once the counter goes on from there.
+    fn doubt(&mut self, seen: Seen) -> Place {
+        let confirmations = match self.suspect {
+            Some((before, _)) if before.steps_to(seen.counter) == 0 => return Place::Old,
+            Some((before, confirmations)) => {
+                let forward = before.steps_to(seen.counter) > 0
+                    && u64::from(before.steps_to(seen.counter).unsigned_abs()) <= PLAUSIBLE_LEAP;
+                let soon = seen.arrival_ns.saturating_sub(before.arrival_ns) <= RESTART_WITHIN_NS;
+                if forward && soon { confirmations + 1 } else { 0 }
+            }
+            None => 0,
+        };
+        if confirmations < RESTART_CONFIRMATIONS {
+            self.suspect = Some((seen, confirmations));
+            return Place::Old;
+        }
+        self.newest = Some(seen);
+        self.suspect = None;
+        Place::NewSession
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Place::{First, NewSession, Next, Old, Same};
+
+    const MS: u64 = 1_000_000;
+
+    fn places(stream: &[(u32, u64)]) -> Vec<Place> {
+        let mut sequence = Sequence::new(1000);
+        stream.iter().map(|(counter, ms)| sequence.place(*counter, ms * MS)).collect()
+    }
+
+    #[test]
+    fn forward_same_and_overtaken() {
+        let got = places(&[(10, 0), (11, 4), (11, 5), (14, 16), (12, 17), (13, 18), (15, 20)]);
+        assert_eq!(got, [First, Next { gap: 1 }, Same, Next { gap: 3 }, Old, Old, Next { gap: 1 }]);
+    }
+
+    #[test]
+    fn the_counter_wraps() {
+        assert_eq!(places(&[(u32::MAX, 0), (1, 8)]), [First, Next { gap: 2 }]);
+    }
+
+    #[test]
+    fn a_gap_is_no_new_session() {
+        assert_eq!(places(&[(10, 0), (20_000, 60_000)]), [First, Next { gap: 19_990 }]);
+    }
+
+    #[test]
+    fn a_restart_is_believed_at_the_second_step_forward() {
+        assert_eq!(
+            places(&[(5000, 0), (0, 4), (0, 5), (1, 8), (2, 12), (3, 16)]),
+            [First, Old, Old, Old, NewSession, Next { gap: 1 }]
+        );
+        // Too slow, or broken by the stream that still runs: not believed.
+        assert_eq!(places(&[(5000, 0), (0, 4), (1, 300), (2, 600)]), [First, Old, Old, Old]);
+        let got = places(&[(5000, 0), (0, 1), (5001, 4), (1, 5), (5002, 8), (2, 9), (5003, 12)]);
+        assert!(!got.contains(&NewSession), "{got:?}");
+    }
+
+    #[test]
+    fn one_wild_counter_does_no_harm() {
+        let got = places(&[(10, 0), (2_000_000_000, 4), (11, 5), (12, 8)]);
+        assert_eq!(got, [First, Old, Next { gap: 1 }, Next { gap: 1 }]);
+    }
+}

@@ -1,0 +1,265 @@
+//! A UDP socket whose datagrams bear the kernel's receive stamp.
+
+use crate::clock::{StampTranslator, now_monotonic_ns};
+use nix::cmsg_space;
+use nix::errno::Errno;
+use nix::sys::socket::{
+    ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt, sockopt::RcvBuf,
+    sockopt::ReceiveTimestampns,
+};
+use nix::sys::time::TimeSpec;
+use std::io::{self, IoSliceMut};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+use std::os::fd::AsRawFd;
+use std::time::Duration;
+
+/// The largest UDP datagram there is.
+const BUFFER_SIZE: usize = 65_536;
+/// Asked of the kernel; it grants at most `net.core.rmem_max`. A second of everything is about 1 MB.
+const KERNEL_BUFFER_SIZE: usize = 4 << 20;
+
+/// Why a source does not work.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// The port is in use.
+    #[error(
+        "port {port} is taken: another program (another Equipoise, MVN itself, a viewer) listens on {address}; \
+             close it or set {key}"
+    )]
+    PortTaken {
+        /// The port asked for.
+        port: u16,
+        /// The whole address asked for.
+        address: SocketAddr,
+        /// The configuration key that chooses it.
+        key: &'static str,
+    },
+    /// The socket could not be opened for another reason.
+    #[error("cannot listen on {address}: {error}; is {key} an address of this computer?")]
+    Open {
+        /// The address asked for.
+        address: SocketAddr,
+        /// The configuration key that chooses it.
+        key: &'static str,
+        /// What the system says.
+        #[source]
+        error: io::Error,
+    },
+    /// Receiving failed for another reason than silence.
+    #[error("cannot receive on {address}: {error}")]
+    Receive {
+        /// The local address.
+        address: SocketAddr,
+        /// What the system says.
+        #[source]
+        error: io::Error,
+    },
+    /// A request could not be sent.
+    #[error("cannot send to {address}: {error}; check the cable and {key}")]
+    Send {
+        /// The device.
+        address: SocketAddr,
+        /// The configuration key that chooses it.
+        key: &'static str,
+        /// What the system says.
+        #[source]
+        error: io::Error,
+    },
+}
+
+/// Who may send.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Senders {
+    /// This computer only.
+    Loopback,
+    /// This address only.
+    Only(IpAddr),
+    /// Anyone who can reach the socket.
+    Anyone,
+}
+
+impl Senders {
+    /// Whether a sender may send.
+    pub fn admit(self, sender: IpAddr) -> bool {
+        match self {
+            Senders::Loopback => sender.is_loopback(),
+            Senders::Only(address) => sender == address,
+            Senders::Anyone => true,
+        }
+    }
+}
+
+/// One datagram.
+#[derive(Debug, Clone, Copy)]
+pub struct Received<'a> {
+    /// What was sent.
+    pub bytes: &'a [u8],
+    /// Who sent it.
+    pub sender: SocketAddr,
+    /// Whether that sender may send. If not, `bytes` must not be used.
+    pub admitted: bool,
+    /// When the kernel received it, CLOCK_MONOTONIC.
+    pub arrival_ns: u64,
+}
+
+/// The socket and its buffers.
+#[derive(Debug)]
+pub struct UdpDoor {
+    socket: UdpSocket,
+    local: SocketAddr,
+    key: &'static str,
+    senders: Senders,
+    stamps: StampTranslator,
+    buffer: Box<[u8]>,
+    control: Vec<u8>,
+}
+
+impl UdpDoor {
+    /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` names the address in errors.
+    ///
+    /// # Errors
+    /// [`SourceError::PortTaken`] or [`SourceError::Open`].
+    pub fn open(
+        address: SocketAddr,
+        senders: Senders,
+        timeout: Duration,
+        key: &'static str,
+    ) -> Result<UdpDoor, SourceError> {
+        let failed = |error: io::Error| match error.kind() {
+            io::ErrorKind::AddrInUse => SourceError::PortTaken { port: address.port(), address, key },
+            _ => SourceError::Open { address, key, error },
+        };
+        let socket = UdpSocket::bind(address).map_err(failed)?;
+        // A timeout of zero would mean to wait for ever.
+        socket.set_read_timeout(Some(timeout.max(Duration::from_micros(1)))).map_err(failed)?;
+        setsockopt(&socket, ReceiveTimestampns, &true).map_err(|errno| failed(errno.into()))?;
+        setsockopt(&socket, RcvBuf, &KERNEL_BUFFER_SIZE).map_err(|errno| failed(errno.into()))?;
+        let local = socket.local_addr().map_err(failed)?;
+        let mut stamps = StampTranslator::default();
+        stamps.monotonic_ns(0);
+        Ok(UdpDoor {
+            socket,
+            local,
+            key,
+            senders,
+            stamps,
+            buffer: vec![0; BUFFER_SIZE].into_boxed_slice(),
+            control: cmsg_space!(TimeSpec),
+        })
+    }
+
+    /// The address it listens on, with the port the system chose if 0 was asked for.
+    pub fn local_address(&self) -> SocketAddr {
+        self.local
+    }
+
+    /// Waits for one datagram; `None` after the timeout.
+    ///
+    /// # Errors
+    /// [`SourceError::Receive`] if the socket itself fails.
+    pub fn receive(&mut self) -> Result<Option<Received<'_>>, SourceError> {
+        let mut slices = [IoSliceMut::new(&mut self.buffer)];
+        let message = recvmsg::<SockaddrStorage>(
+            self.socket.as_raw_fd(),
+            &mut slices,
+            Some(&mut self.control),
+            MsgFlags::empty(),
+        );
+        let (length, sender, stamp_ns) = match message {
+            Ok(message) => {
+                let stamp_ns =
+                    message.cmsgs().ok().and_then(|mut messages| messages.find_map(kernel_stamp_ns));
+                (message.bytes, message.address.as_ref().and_then(socket_address), stamp_ns)
+            }
+            // Silence, a signal, or an echo that a device we wrote to is not there: all of them are "nothing yet".
+            Err(Errno::EAGAIN | Errno::EINTR | Errno::ECONNREFUSED) => return Ok(None),
+            Err(errno) => return Err(SourceError::Receive { address: self.local, error: errno.into() }),
+        };
+        let arrival_ns = match stamp_ns {
+            Some(stamp_ns) => self.stamps.monotonic_ns(stamp_ns),
+            None => now_monotonic_ns(),
+        };
+        let sender = sender.unwrap_or(SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 0));
+        let bytes = self.buffer.get(..length).unwrap_or_default();
+        Ok(Some(Received { bytes, sender, admitted: self.senders.admit(sender.ip()), arrival_ns }))
+    }
+
+    /// Sends to a device.
+    ///
+    /// # Errors
+    /// [`SourceError::Send`].
+    pub fn send_to(&self, bytes: &[u8], address: SocketAddr) -> Result<(), SourceError> {
+        match self.socket.send_to(bytes, address) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(SourceError::Send { address, key: self.key, error }),
+        }
+    }
+}
+
+fn kernel_stamp_ns(message: ControlMessageOwned) -> Option<u64> {
+    match message {
+        ControlMessageOwned::ScmTimestampns(stamp) => u64::try_from(Duration::from(stamp).as_nanos()).ok(),
+        _ => None,
+    }
+}
+
+fn socket_address(address: &SockaddrStorage) -> Option<SocketAddr> {
+    if let Some(v4) = address.as_sockaddr_in() {
+        return Some(SocketAddr::new(IpAddr::V4(v4.ip()), v4.port()));
+    }
+    let v6 = address.as_sockaddr_in6()?;
+    let ip: Ipv6Addr = v6.ip();
+    // A dual-stack socket shows IPv4 senders in mapped form.
+    Some(SocketAddr::new(ip.to_canonical(), v6.port()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn loopback(senders: Senders) -> UdpDoor {
+        UdpDoor::open("127.0.0.1:0".parse().unwrap(), senders, Duration::from_millis(200), "suit.listen")
+            .unwrap()
+    }
+
+    #[test]
+    fn a_datagram_bears_its_arrival_and_its_sender() {
+        let mut door = loopback(Senders::Loopback);
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        // The kernel begins to stamp a moment after the first socket asked for it; until then it stamps on reading.
+        std::thread::sleep(Duration::from_millis(100));
+        let before_ns = now_monotonic_ns();
+        sender.send_to(b"hello", door.local_address()).unwrap();
+        std::thread::sleep(Duration::from_millis(30));
+        let read_ns = now_monotonic_ns();
+        let local = sender.local_addr().unwrap();
+        let received = door.receive().unwrap().unwrap();
+        assert_eq!((received.bytes, received.sender, received.admitted), (&b"hello"[..], local, true));
+        assert!(
+            received.arrival_ns >= before_ns && received.arrival_ns < read_ns,
+            "the kernel's stamp, not ours"
+        );
+        assert!(door.receive().unwrap().is_none());
+    }
+
+    #[test]
+    fn a_taken_port_is_named() {
+        let door = loopback(Senders::Loopback);
+        let error =
+            UdpDoor::open(door.local_address(), Senders::Loopback, Duration::from_millis(1), "suit.listen")
+                .unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains(&format!("port {} is taken", door.local_address().port())), "{text}");
+        assert!(text.contains("set suit.listen"), "{text}");
+    }
+
+    #[test]
+    fn strangers_are_told_apart() {
+        assert!(!Senders::Loopback.admit("192.168.1.4".parse().unwrap()));
+        assert!(Senders::Loopback.admit("::1".parse().unwrap()));
+        assert!(Senders::Anyone.admit("192.168.1.4".parse().unwrap()));
+        let mut door = loopback(Senders::Only("127.0.0.9".parse().unwrap()));
+        UdpSocket::bind("127.0.0.1:0").unwrap().send_to(b"x", door.local_address()).unwrap();
+        assert!(!door.receive().unwrap().unwrap().admitted);
+    }
+}

@@ -1,0 +1,187 @@
+//! One datagram's share of a sample, checked before anything is changed by it.
+
+use super::refusal::SuitRefusal;
+use crate::wire::mvn::{AngularKinematics, CentreOfMass, JointAngle, LinearKinematics, SegmentPose};
+use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
+use equipoise_core::message::SuitSample;
+use equipoise_core::message::suit::SuitBlocks;
+
+/// Rounding to f32 and streaming keep the norm within 1e-6 of 1; this much off is damage.
+const NORM_TOLERANCE: f64 = 0.05;
+/// Head or pelvis must be this far above the feet: a person squatting, stooping or kneeling upright is.
+const MIN_STATURE_M: f64 = 0.3;
+
+/// Positions (m) and orientations (scalar first, unit norm) of all segments.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pose {
+    position_m: [[f64; 3]; SEGMENTS],
+    orientation_wxyz: [[f64; 4]; SEGMENTS],
+}
+
+/// A checked datagram.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Part {
+    /// From type 02, or from type 01 if `from_euler`.
+    Pose {
+        pose: Pose,
+        from_euler: bool,
+    },
+    Linear {
+        velocity_m_per_s: [[f64; 3]; SEGMENTS],
+        acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
+    },
+    Angular {
+        velocity_rad_per_s: [[f64; 3]; SEGMENTS],
+    },
+    Joints {
+        angle_deg: [[f64; 3]; JOINTS],
+    },
+    Com {
+        position_m: [f64; 3],
+    },
+}
+
+impl Part {
+    pub(super) fn pose(
+        items: impl Iterator<Item = SegmentPose>,
+        from_euler: bool,
+        check_up: bool,
+    ) -> Result<Part, SuitRefusal> {
+        let mut pose = Pose { position_m: [[0.0; 3]; SEGMENTS], orientation_wxyz: [[0.0; 4]; SEGMENTS] };
+        by_segment(
+            items,
+            |item| item.segment_id,
+            |index, item| {
+                pose.position_m[index] = finite(item.position_m)?;
+                pose.orientation_wxyz[index] = unit(finite(item.orientation_wxyz)?)?;
+                Ok(())
+            },
+        )?;
+        if check_up && !pose.stands() {
+            return Err(SuitRefusal::UpsideDown);
+        }
+        Ok(Part::Pose { pose, from_euler })
+    }
+
+    pub(super) fn linear(items: impl Iterator<Item = LinearKinematics>) -> Result<Part, SuitRefusal> {
+        let mut velocity_m_per_s = [[0.0; 3]; SEGMENTS];
+        let mut acceleration_m_per_s2 = [[0.0; 3]; SEGMENTS];
+        by_segment(
+            items,
+            |item| item.segment_id,
+            |index, item| {
+                velocity_m_per_s[index] = finite(item.velocity_m_per_s)?;
+                acceleration_m_per_s2[index] = finite(item.acceleration_m_per_s2)?;
+                Ok(())
+            },
+        )?;
+        Ok(Part::Linear { velocity_m_per_s, acceleration_m_per_s2 })
+    }
+
+    pub(super) fn angular(items: impl Iterator<Item = AngularKinematics>) -> Result<Part, SuitRefusal> {
+        let mut velocity_rad_per_s = [[0.0; 3]; SEGMENTS];
+        by_segment(
+            items,
+            |item| item.segment_id,
+            |index, item| {
+                velocity_rad_per_s[index] = finite(item.angular_velocity_rad_per_s)?;
+                Ok(())
+            },
+        )?;
+        Ok(Part::Angular { velocity_rad_per_s })
+    }
+
+    /// The 22 joints of the body come first and in order; ergonomic ones may follow.
+    pub(super) fn joints(items: impl Iterator<Item = JointAngle>) -> Result<Part, SuitRefusal> {
+        let mut angle_deg = [[0.0; 3]; JOINTS];
+        let mut count = 0;
+        for (index, (angle, item)) in angle_deg.iter_mut().zip(items).enumerate() {
+            // Joint j ends at segment j + 1, whose id is j + 2; the local point ids differ between versions.
+            if item.child_point >> 8 != index as u32 + 2 {
+                return Err(SuitRefusal::UnknownJoint);
+            }
+            *angle = finite(item.angle_deg)?;
+            count += 1;
+        }
+        if count < JOINTS {
+            return Err(SuitRefusal::MissingSegment);
+        }
+        Ok(Part::Joints { angle_deg })
+    }
+
+    pub(super) fn com(com: &CentreOfMass) -> Result<Part, SuitRefusal> {
+        Ok(Part::Com { position_m: finite(com.position_m)? })
+    }
+
+    /// Writes the part into a sample; cannot fail.
+    pub(super) fn apply(&self, sample: &mut SuitSample) {
+        match self {
+            Part::Pose { pose, .. } => {
+                sample.position_m = pose.position_m;
+                sample.orientation_wxyz = pose.orientation_wxyz;
+            }
+            Part::Linear { velocity_m_per_s, acceleration_m_per_s2 } => {
+                sample.velocity_m_per_s = *velocity_m_per_s;
+                sample.acceleration_m_per_s2 = *acceleration_m_per_s2;
+                sample.blocks |= SuitBlocks::LinearKinematics as u32;
+            }
+            Part::Angular { velocity_rad_per_s } => {
+                sample.angular_velocity_rad_per_s = *velocity_rad_per_s;
+                sample.blocks |= SuitBlocks::AngularKinematics as u32;
+            }
+            Part::Joints { angle_deg } => {
+                sample.joint_angle_deg = *angle_deg;
+                sample.blocks |= SuitBlocks::JointAngles as u32;
+            }
+            Part::Com { position_m } => {
+                sample.com_m = *position_m;
+                sample.blocks |= SuitBlocks::CentreOfMass as u32;
+            }
+        }
+    }
+}
+
+impl Pose {
+    /// Whether head or pelvis is above the feet, as for anyone on their feet, however bent.
+    fn stands(&self) -> bool {
+        let height = |segment: Segment| self.position_m[segment.index()][2];
+        let feet = height(Segment::LeftFoot).min(height(Segment::RightFoot));
+        height(Segment::Head).max(height(Segment::Pelvis)) - feet > MIN_STATURE_M
+    }
+}
+
+/// Hands each body segment's item to `take`, and makes sure that each comes exactly once. Props and fingers, which
+/// follow the body, are passed over.
+fn by_segment<T>(
+    items: impl Iterator<Item = T>,
+    segment_id: impl Fn(&T) -> u32,
+    mut take: impl FnMut(usize, T) -> Result<(), SuitRefusal>,
+) -> Result<(), SuitRefusal> {
+    let mut seen = [false; SEGMENTS];
+    for item in items {
+        let index = (segment_id(&item) as usize).wrapping_sub(1);
+        let Some(seen) = seen.get_mut(index) else { continue };
+        if core::mem::replace(seen, true) {
+            return Err(SuitRefusal::DuplicateSegment);
+        }
+        take(index, item)?;
+    }
+    if seen.contains(&false) { Err(SuitRefusal::MissingSegment) } else { Ok(()) }
+}
+
+fn finite<const N: usize>(values: [f32; N]) -> Result<[f64; N], SuitRefusal> {
+    if values.iter().all(|value| value.is_finite()) {
+        Ok(values.map(f64::from))
+    } else {
+        Err(SuitRefusal::NotFinite)
+    }
+}
+
+fn unit(quaternion: [f64; 4]) -> Result<[f64; 4], SuitRefusal> {
+    let norm = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() <= NORM_TOLERANCE {
+        Ok(quaternion.map(|part| part / norm))
+    } else {
+        Err(SuitRefusal::NotUnitQuaternion)
+    }
+}
