@@ -2,13 +2,15 @@
 
 pub mod assembler;
 pub mod refusal;
+pub mod settings;
 pub mod subject;
 
 mod part;
 mod stride;
 
-pub use assembler::{SuitAssembler, SuitSettings, TypeSet};
+pub use assembler::SuitAssembler;
 pub use refusal::SuitRefusal;
+pub use settings::{SuitSettings, TypeSet};
 pub use subject::{NullPose, SuitSubject};
 
 #[cfg(test)]

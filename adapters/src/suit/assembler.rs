@@ -5,6 +5,7 @@
 
 use super::part::Part;
 use super::refusal::SuitRefusal;
+use super::settings::{SuitSettings, TypeSet};
 use super::stride::Stride;
 use super::subject::SuitSubject;
 use crate::counts::Counts;
@@ -20,69 +21,6 @@ const MAX_RATE_HZ: u64 = 1000;
 const LEARNING_SAMPLES: u32 = 3;
 /// A type that was missing from so many samples in a row is no longer waited for.
 const FORGET_AFTER: u8 = 8;
-
-/// A set of the datagram types that go into a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct TypeSet(u8);
-
-impl TypeSet {
-    /// Type 01.
-    pub const POSE_EULER: TypeSet = TypeSet(1);
-    /// Type 02.
-    pub const POSE_QUATERNION: TypeSet = TypeSet(1 << 1);
-    /// Type 20.
-    pub const JOINT_ANGLES: TypeSet = TypeSet(1 << 2);
-    /// Type 21.
-    pub const LINEAR_KINEMATICS: TypeSet = TypeSet(1 << 3);
-    /// Type 22.
-    pub const ANGULAR_KINEMATICS: TypeSet = TypeSet(1 << 4);
-    /// Type 24.
-    pub const CENTRE_OF_MASS: TypeSet = TypeSet(1 << 5);
-    const COUNT: usize = 6;
-
-    /// Both sets together.
-    #[must_use]
-    pub const fn and(self, other: TypeSet) -> TypeSet {
-        TypeSet(self.0 | other.0)
-    }
-
-    /// Whether all of `other` is in it.
-    pub const fn has(self, other: TypeSet) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    fn of(part: &Part) -> TypeSet {
-        match part {
-            Part::Pose { from_euler: true, .. } => TypeSet::POSE_EULER,
-            Part::Pose { from_euler: false, .. } => TypeSet::POSE_QUATERNION,
-            Part::Linear { .. } => TypeSet::LINEAR_KINEMATICS,
-            Part::Angular { .. } => TypeSet::ANGULAR_KINEMATICS,
-            Part::Joints { .. } => TypeSet::JOINT_ANGLES,
-            Part::Com { .. } => TypeSet::CENTRE_OF_MASS,
-        }
-    }
-
-    fn has_pose(self) -> bool {
-        self.has(TypeSet::POSE_QUATERNION) || self.has(TypeSet::POSE_EULER)
-    }
-}
-
-/// What to expect of the suit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SuitSettings {
-    /// The character to follow; others share the port.
-    pub avatar: u8,
-    /// The types to wait for; `None` to learn them from the stream.
-    pub required: Option<TypeSet>,
-    /// Refuse poses in which neither head nor pelvis is above the feet (a stream that is not Z up, a person lying).
-    pub check_up_axis: bool,
-}
-
-impl Default for SuitSettings {
-    fn default() -> Self {
-        SuitSettings { avatar: 0, required: None, check_up_axis: true }
-    }
-}
 
 /// The sample whose datagrams are arriving, kept after its publication to know repetitions.
 #[derive(Debug, Clone)]
@@ -280,10 +218,10 @@ impl SuitAssembler {
         };
         self.samples_watched = self.samples_watched.saturating_add(1);
         for (bit, missing) in self.missing.iter_mut().enumerate() {
-            let kind = TypeSet(1 << bit);
+            let kind = TypeSet::bit(bit);
             *missing = if current.seen.has(kind) { 0 } else { missing.saturating_add(1) };
             if *missing >= FORGET_AFTER {
-                self.learnt.0 &= !kind.0;
+                self.learnt = self.learnt.without(kind);
             }
         }
         if current.published {

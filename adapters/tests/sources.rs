@@ -1,0 +1,108 @@
+//! The sources over real sockets on loopback, against a suit and a device played by the test.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
+use equipoise_adapters::source::{MvnUdpSettings, MvnUdpSource, RdtSource, RdtSourceSettings};
+use equipoise_adapters::suit::SuitSettings;
+use equipoise_adapters::wire::ati_rdt::{Command, Record, Request};
+use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
+use std::net::UdpSocket;
+use std::time::{Duration, Instant};
+
+/// Long enough for a loaded machine; nothing here measures speed.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+#[test]
+fn a_suit_on_the_wire_becomes_samples() {
+    let mut source = MvnUdpSource::open(MvnUdpSettings {
+        listen: "127.0.0.1:0".parse().unwrap(),
+        suit: SuitSettings::default(),
+        ..MvnUdpSettings::default()
+    })
+    .unwrap();
+    let suit = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let poses: Vec<_> = (1..=23)
+        .map(|segment_id| SegmentPose {
+            segment_id,
+            position_m: [0.0, 0.0, if segment_id == 7 { 1.6 } else { 0.1 }],
+            orientation_wxyz: [1.0, 0.0, 0.0, 0.0],
+        })
+        .collect();
+    let mut bytes = Vec::new();
+    let mut counters = Vec::new();
+    for counter in 0..20 {
+        pose_quaternion::encode(&Header::new(counter, counter * 4, 0), &poses, &mut bytes).unwrap();
+        suit.send_to(&bytes, source.local_address()).unwrap();
+        suit.send_to(b"noise", source.local_address()).unwrap();
+        while counters.len() < counter as usize {
+            let Some(sample) = source.receive().unwrap() else { break };
+            assert!(sample.sample_time_ns <= sample.arrival_ns && sample.arrival_ns > 0);
+            counters.push(sample.device_counter);
+        }
+    }
+    while let Some(sample) = source.receive().unwrap() {
+        counters.push(sample.device_counter);
+    }
+    assert_eq!(counters, (0..20).collect::<Vec<_>>());
+    let health = source.health();
+    assert_eq!((health.stream, health.received, health.published, health.lost), (1, 40, 20, 0));
+    assert_eq!(health.refused[0], 20, "noise is too short");
+}
+
+/// A device that answers the second request only, streams, and ends at the request to stop.
+fn device(socket: &UdpSocket) -> Vec<Command> {
+    let mut commands = Vec::new();
+    let mut client = None;
+    let mut record = Record {
+        rdt_sequence: 0,
+        ft_sequence: 500,
+        status: 0,
+        force_counts: [0, 0, -700_000_000],
+        torque_counts: [0; 3],
+    };
+    let mut bytes = [0; 64];
+    socket.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+    let began = Instant::now();
+    while began.elapsed() < PATIENCE {
+        if let Ok((length, sender)) = socket.recv_from(&mut bytes) {
+            let request = Request::parse(&bytes[..length]).unwrap();
+            commands.push(request.command);
+            match request.command {
+                Command::Stop => return commands,
+                // The first request gets lost on the way.
+                _ if commands.len() > 1 => client = Some(sender),
+                _ => {}
+            }
+        }
+        if let Some(client) = client {
+            record.rdt_sequence += 1;
+            record.ft_sequence += 1;
+            socket.send_to(&record.to_bytes(), client).unwrap();
+        }
+    }
+    commands
+}
+
+#[test]
+fn a_plate_is_asked_until_it_streams_and_told_to_stop() {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = socket.local_addr().unwrap();
+    let played = std::thread::spawn(move || device(&socket));
+    let mut source = RdtSource::open(RdtSourceSettings { address, ..RdtSourceSettings::default() }).unwrap();
+    let mut samples = Vec::new();
+    let began = Instant::now();
+    while samples.len() < 50 && began.elapsed() < PATIENCE {
+        source.receive(&mut samples).unwrap();
+    }
+    assert!(samples.len() >= 50, "{:?}", source.counts());
+    for (index, sample) in samples.iter().enumerate() {
+        assert_eq!(sample.force_n, [0.0, 0.0, 700.0]);
+        assert_eq!(sample.device_counter, 501 + index as u32);
+        assert!(sample.sample_time_ns <= sample.arrival_ns);
+    }
+    assert_eq!(source.health().stream, 2);
+    drop(source);
+    let commands = played.join().unwrap();
+    assert!(commands.len() >= 3, "{commands:?}");
+    assert_eq!(commands.first(), Some(&Command::StartRealTime));
+    assert_eq!(commands.last(), Some(&Command::Stop));
+}

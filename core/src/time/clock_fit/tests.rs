@@ -1,0 +1,104 @@
+extern crate std;
+
+use super::*;
+
+const PERIOD_NS: f64 = 1e9 / 240.0;
+const START_NS: u64 = 77_000_000_000_000;
+
+/// Exponential delays from a fixed seed.
+struct Jitter {
+    state: u64,
+    mean_ns: f64,
+}
+
+impl Jitter {
+    fn next_ns(&mut self) -> f64 {
+        self.state =
+            self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let uniform = ((self.state >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
+        -self.mean_ns * uniform.ln()
+    }
+}
+
+/// Feeds `seconds` of a stream that is `drift` too slow; yields (error, σ) of every estimate, ns.
+fn run(seconds: u64, drift: f64, mean_jitter_ns: f64) -> std::vec::Vec<(f64, f64)> {
+    let mut fit = ClockFit::new();
+    let mut jitter = Jitter { state: 42, mean_ns: mean_jitter_ns };
+    let (mut last_arrival, mut last_estimate) = (0, 0);
+    let mut results = std::vec::Vec::new();
+    for index in 0..seconds * 240 {
+        let taken_ns = START_NS + (index as f64 * PERIOD_NS * (1.0 + drift)) as u64;
+        let arrival_ns = (taken_ns + jitter.next_ns() as u64).max(last_arrival);
+        last_arrival = arrival_ns;
+        fit.observe(1000 + index, arrival_ns);
+        if let Some(estimate) = fit.estimate(1000 + index) {
+            assert!(estimate.host_ns <= arrival_ns, "a sample is not taken after it arrived");
+            assert!(estimate.host_ns >= last_estimate, "time does not run backwards");
+            last_estimate = estimate.host_ns;
+            let error = estimate.host_ns as f64 - taken_ns as f64;
+            results.push((error, estimate.sigma_ns as f64));
+        }
+    }
+    results
+}
+
+#[test]
+fn jitter_does_not_enter_and_drift_is_followed() {
+    for drift in [0.0, 50e-6, -50e-6] {
+        let settled = run(90, drift, 1e6).split_off(30 * 240);
+        let worst = settled.iter().fold(0.0f64, |worst, (error, _)| worst.max(error.abs()));
+        assert!(worst < 60e3, "drift {drift}: {worst} ns, although the mean delay is 1 ms");
+    }
+}
+
+#[test]
+fn sigma_is_honest() {
+    for mean_jitter_ns in [50e3, 1e6, 5e6] {
+        let results = run(60, 20e-6, mean_jitter_ns);
+        let within = results.iter().filter(|(error, sigma)| error.abs() <= 3.0 * sigma).count();
+        assert!(within as f64 > 0.95 * results.len() as f64, "{within} of {} within 3 σ", results.len());
+        let (_, last_sigma) = results[results.len() - 1];
+        assert!(last_sigma < 0.1 * mean_jitter_ns + 2e3, "{last_sigma} of {mean_jitter_ns}");
+    }
+}
+
+#[test]
+fn a_few_samples_are_enough_and_fewer_are_not() {
+    let mut fit = ClockFit::new();
+    assert_eq!(fit.estimate(0), None);
+    for index in 0..MIN_SAMPLES {
+        assert_eq!(fit.estimate(index), None);
+        fit.observe(index, START_NS + index * 4_000_000);
+    }
+    let estimate = fit.estimate(MIN_SAMPLES - 1).unwrap();
+    assert!(estimate.host_ns.abs_diff(START_NS + (MIN_SAMPLES - 1) * 4_000_000) < 10, "{estimate:?}");
+    assert!((fit.period_ns().unwrap() - 4e6).abs() < 1.0);
+}
+
+#[test]
+fn a_counter_that_paused_or_leapt_gets_a_new_line() {
+    // Ten seconds of silence in which the device did not count; then a leap of 1000 counts in no time.
+    for (silence_ns, leap) in [(10_000_000_000, 0), (0, 1000)] {
+        let mut fit = ClockFit::new();
+        for index in 0..2400u64 {
+            let (pause, leapt) = if index < 1200 { (0, 0) } else { (silence_ns, leap) };
+            let arrival_ns = START_NS + index * 4_000_000 + pause;
+            fit.observe(index + leapt, arrival_ns);
+            let Some(estimate) = fit.estimate(index + leapt) else { continue };
+            let error = arrival_ns.abs_diff(estimate.host_ns);
+            assert!(error < 1000 || error <= estimate.sigma_ns + 1000, "{index}: {error} {estimate:?}");
+        }
+        assert!(fit.estimate(2400 + leap).unwrap().sigma_ns < 2000);
+    }
+}
+
+#[test]
+fn equal_and_falling_counters_are_ignored() {
+    let mut fit = ClockFit::new();
+    for index in 0..20 {
+        fit.observe(index, START_NS + index * 1_000_000);
+        fit.observe(index, 0);
+        fit.observe(0, u64::MAX);
+    }
+    assert!(fit.estimate(19).unwrap().host_ns.abs_diff(START_NS + 19_000_000) < 10);
+}
