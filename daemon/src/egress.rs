@@ -136,22 +136,21 @@ struct Hlog {
     path: PathBuf,
     writer: Option<HlogWriter<BufWriter<File>>>,
     interval: PathHistograms,
-    started: SystemTime,
+    started: Instant,
     since: Instant,
 }
 
 impl Hlog {
     fn create(path: &Path) -> Option<Hlog> {
-        let started = SystemTime::now();
         let writer = File::create(path)
             .map_err(|error| error.to_string())
-            .and_then(|file| HlogWriter::new(BufWriter::new(file), started).map_err(|error| error.to_string()));
+            .and_then(|file| HlogWriter::new(BufWriter::new(file), SystemTime::now()).map_err(|error| error.to_string()));
         match writer {
             Ok(writer) => Some(Hlog {
                 path: path.to_owned(),
                 writer: Some(writer),
                 interval: PathHistograms::new(),
-                started,
+                started: Instant::now(),
                 since: Instant::now(),
             }),
             Err(error) => {
@@ -166,12 +165,11 @@ impl Hlog {
             return;
         }
         let Some(writer) = &mut self.writer else { return };
-        let ended = SystemTime::now();
-        if let Err(error) = writer.write_interval(&self.interval, self.started, ended) {
+        let since_start = self.since.duration_since(self.started);
+        if let Err(error) = writer.write_interval(since_start, self.since.elapsed(), &self.interval) {
             warn!("the latency log ends: cannot write {}: {error}", self.path.display());
             self.writer = None;
         }
-        self.started = ended;
         self.since = Instant::now();
         self.interval.start_interval();
     }

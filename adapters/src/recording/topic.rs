@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Message, State, SuitSample,
+    AdapterHealth, Checkpoint, Command, CycleRecord, GroundSample, Message, State, SuitSample,
 };
 
 /// How messages are encoded (mcap.dev registry): little-endian, fixed-size arrays without length prefix.
@@ -84,6 +84,8 @@ recorded! {
         State(State),
     "/equipoise/cycle" => /// Stamps and inputs of one cycle.
         Cycle(CycleRecord),
+    "/equipoise/checkpoint" => /// The loop's memory after a cycle.
+        Checkpoint(Checkpoint),
     "/equipoise/command" => /// A command as it was asked.
         Command(Command),
     "/equipoise/health" => /// Counts of an adapter.

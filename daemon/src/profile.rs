@@ -1,0 +1,213 @@
+//! A worker's profile on disk: what was learnt, under a pseudonym.
+//!
+//! Written whole or not at all (temporary file, fsync, rename), readable by its owner and group only. A file that
+//! cannot be understood is refused and never overwritten.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+use equipoise_core::body::SEGMENTS;
+use equipoise_core::cycle::identification::Stored;
+use equipoise_core::cycle::{Identification, Settings};
+use serde::{Deserialize, Serialize};
+
+/// Grows with every change of the file's layout or meaning.
+const FORMAT: u32 = 1;
+
+/// A profile as it stands in the file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// Layout of the file.
+    format: u32,
+    /// The pseudonym.
+    pub subject: String,
+    /// Number of identified parameters; must match the configured reduction.
+    pub parameters: usize,
+    /// Body mass, kg; 0 while unknown.
+    pub mass_kg: f64,
+    /// Held poses that entered the filter.
+    pub poses_used: u64,
+    /// Whether identification was finished.
+    pub identified: bool,
+    /// Bones: each segment's origin in its parent, m.
+    skeleton_m: Vec<[f64; 3]>,
+    /// θ, m.
+    theta_m: Vec<f64>,
+    /// P, m², row by row.
+    covariance_m2: Vec<f64>,
+}
+
+/// Why a profile cannot be used or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ProfileError {
+    /// The file cannot be read or written.
+    #[error("cannot {doing} the profile {path}: {source}")]
+    Io {
+        /// "read" or "write".
+        doing: &'static str,
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not a profile, or not one for this configuration.
+    #[error("the profile {path} is not used: {why}; it is left as it is")]
+    Refused {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
+}
+
+impl Profile {
+    /// The profile of a worker whose bones are known; `None` before that.
+    pub fn of(subject: &str, worker: &Identification) -> Option<Profile> {
+        let stored = worker.stored()?;
+        let count = stored.theta_m.len();
+        Some(Profile {
+            format: FORMAT,
+            subject: subject.to_owned(),
+            parameters: count,
+            mass_kg: stored.mass_kg,
+            poses_used: stored.poses_used,
+            identified: stored.identified,
+            skeleton_m: stored.skeleton_m.to_vec(),
+            theta_m: stored.theta_m.to_vec(),
+            covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
+        })
+    }
+
+    /// The worker of this profile under these settings.
+    ///
+    /// # Errors
+    /// Why it does not fit, in words.
+    pub fn worker(&self, settings: &Settings) -> Result<Box<Identification>, String> {
+        let skeleton_m: [[f64; 3]; SEGMENTS] = self
+            .skeleton_m
+            .clone()
+            .try_into()
+            .map_err(|_| format!("it has {} segments instead of {SEGMENTS}", self.skeleton_m.len()))?;
+        let mut worker = bytemuck::zeroed_box::<Identification>();
+        worker.start(settings);
+        let stored = Stored {
+            skeleton_m,
+            mass_kg: settings.mass_kg.unwrap_or(self.mass_kg),
+            theta_m: &self.theta_m,
+            poses_used: self.poses_used,
+            identified: self.identified,
+        };
+        if worker.restore(&stored, &self.covariance_m2, settings) {
+            Ok(worker)
+        } else {
+            Err(format!(
+                "its {} parameters do not fit the configured reduction, or a number in it is out of range",
+                self.parameters
+            ))
+        }
+    }
+
+    /// Reads a profile; `None` if there is none.
+    ///
+    /// # Errors
+    /// [`ProfileError`].
+    pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
+        let text = match fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(source) => return Err(ProfileError::Io { doing: "read", path: path.to_owned(), source }),
+        };
+        let refused = |why: String| ProfileError::Refused { path: path.to_owned(), why };
+        let profile: Profile = toml::from_str(&text).map_err(|error| refused(error.message().to_owned()))?;
+        if profile.format != FORMAT {
+            return Err(refused(format!("its format is {}, this version reads {FORMAT}", profile.format)));
+        }
+        Ok(Some(profile))
+    }
+
+    /// Writes a profile whole or not at all.
+    ///
+    /// # Errors
+    /// [`ProfileError::Io`]; the file before is then still there.
+    pub fn write(&self, path: &Path) -> Result<(), ProfileError> {
+        let text = toml::to_string(self).unwrap_or_default();
+        write_whole(path, text.as_bytes()).map_err(|source| ProfileError::Io {
+            doing: "write",
+            path: path.to_owned(),
+            source,
+        })
+    }
+}
+
+/// Writes a file so that a crash at any instant leaves either the old content or the new.
+///
+/// # Errors
+/// What the system said; the old content is then still there.
+pub fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::create_dir_all(directory)?;
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".new");
+    let temporary = PathBuf::from(temporary);
+    let written = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o640)
+        .open(&temporary)
+        .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()));
+    if let Err(error) = written {
+        let _ = fs::remove_file(&temporary);
+        return Err(error);
+    }
+    fs::rename(&temporary, path)?;
+    // The rename itself lies in the directory.
+    File::open(directory)?.sync_all()
+}
+
+/// Where state lives: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else `~/.local/state/equipoise`.
+pub fn state_directory() -> PathBuf {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    if let Some(directories) = set("STATE_DIRECTORY") {
+        let first = directories.to_string_lossy().split(':').next().unwrap_or_default().to_owned();
+        return PathBuf::from(first);
+    }
+    match (set("XDG_STATE_HOME"), set("HOME")) {
+        (Some(state), _) => PathBuf::from(state).join("equipoise"),
+        (None, Some(home)) => PathBuf::from(home).join(".local/state/equipoise"),
+        (None, None) => std::env::temp_dir().join("equipoise"),
+    }
+}
+
+/// The file of a subject; the id is checked by the configuration.
+pub fn path_of(subject: &str) -> PathBuf {
+    state_directory().join("subjects").join(format!("{subject}.toml"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_whole() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("deep").join("a.toml");
+        write_whole(&path, b"one").unwrap();
+        write_whole(&path, b"two").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"two");
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_broken_profile_is_refused_and_left_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.toml");
+        assert_eq!(Profile::read(&path).unwrap(), None);
+        fs::write(&path, "format = 1\nsubject = ").unwrap();
+        assert!(Profile::read(&path).unwrap_err().to_string().contains("left as it is"));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "format = 1\nsubject = ");
+    }
+}
