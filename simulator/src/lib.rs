@@ -9,7 +9,9 @@
 #![forbid(unsafe_code)]
 
 pub mod balance;
+pub mod clock;
 pub mod dynamics;
+pub mod faults;
 pub mod intention;
 pub mod kinematics;
 pub mod leg;
@@ -17,12 +19,15 @@ pub mod limits;
 pub mod motion;
 pub mod noise;
 pub mod person;
+pub mod plate_server;
 pub mod pose;
 pub mod random;
 pub mod repertoire;
 pub mod schedule;
 pub mod stance;
+pub mod suit_sender;
 pub mod truth;
+pub mod wire;
 
 /// Standard gravity as the simulated plate feels it, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
