@@ -132,3 +132,36 @@ impl SuitSender {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Habits;
+    use crate::noise::SuitNoise;
+    use crate::person::Person;
+    use core::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn a_suit_turned_to_the_left_sees_the_toes_to_its_right() {
+        let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
+        let suit = Suit::new(SuitNoise::NONE, 1);
+        let world = SuitWorld { origin_m: [0.5, 0.0, 0.0], yaw_rad: FRAC_PI_2 };
+        let seen = frame(&worker, &suit, world, Streams::default(), 0, (6, 60.0));
+        let ankle = worker.stance().ankle_m[0];
+        let foot = seen.position_m[equipoise_core::body::Segment::LeftFoot.index()];
+        assert!((foot[0] - ankle.y).abs() < 1e-9 && (foot[1] - (0.5 - ankle.x)).abs() < 1e-9, "{foot:?}");
+        let toe = seen.position_m[equipoise_core::body::Segment::LeftToe.index()];
+        assert!(toe[1] < foot[1] - 0.1);
+    }
+
+    #[test]
+    fn a_seed_gives_the_same_frames_and_another_seed_others() {
+        let at = |seed: u64| {
+            let worker = Worker::new(Person::new(seed, 1.77, 72.0), seed);
+            let suit = Suit::new(SuitNoise::ORDINARY, seed);
+            frame(&worker, &suit, SuitWorld::default(), Streams::default(), 0, (600, 60.0))
+        };
+        assert_eq!(at(1), at(1));
+        assert_ne!(at(1), at(2));
+    }
+}
