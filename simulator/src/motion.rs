@@ -116,7 +116,7 @@ impl Worker {
         let mut random = Random::new(seed, "sway");
         let [forward, aside] = habits.sway_m;
         let sway = [forward, aside, habits.sway_rad, habits.sway_rad]
-            .map(|sigma| Wander::new(&mut random, sigma, 0.03, 0.4));
+            .map(|sigma| Wander::new(&mut random, sigma, 0.03, 1.0));
         let aim = Aim { pose: Intention::STAND.pose(), balance_m: usual_balance_m(&person, &stance) };
         Worker {
             person,
