@@ -1,7 +1,8 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`motion`] → [`dynamics`] → [`truth`], [`noise`].
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`motion`] → [`dynamics`] → [`truth`], [`noise`]
+//! → [`wire`], [`plate`] → [`suit_sender`], [`plate_server`] (through [`faults`]) → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
 //!
@@ -19,6 +20,7 @@ pub mod limits;
 pub mod motion;
 pub mod noise;
 pub mod person;
+pub mod plate;
 pub mod plate_server;
 pub mod player;
 pub mod pose;

@@ -13,9 +13,10 @@ use nalgebra::Vector3;
 use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
 use crate::dynamics::Wrench;
 use crate::faults::Faults;
+use crate::plate::Plate;
 use crate::plate_server::PlateServer;
 use crate::suit_sender::SuitSender;
-use crate::wire::{Plate, SuitFrame};
+use crate::wire::SuitFrame;
 
 /// How often the plate looks for requests while nothing is due, s.
 const LISTEN_S: f64 = 0.005;

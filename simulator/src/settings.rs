@@ -5,8 +5,8 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use crate::faults::Faults;
 use crate::motion::Habits;
 use crate::noise::{PlateNoise, SuitNoise};
+use crate::plate::Plate;
 use crate::suit_sender::{Streams, SuitWorld};
-use crate::wire::Plate;
 
 /// What to simulate.
 #[derive(Debug, Clone, PartialEq)]

@@ -23,7 +23,6 @@ use crate::random::Random;
 use crate::settings::SimulationSettings;
 use crate::suit_sender::{SuitSender, frame};
 use crate::truth::Truth;
-use crate::wire::Plate;
 
 /// The worker obeys this long after a command, so that no sensor has yet seen the time from which it holds, s.
 const REACTION_S: f64 = 0.02;
@@ -93,7 +92,7 @@ impl Shared {
             }
             let time_s = f64::from(number) / settings.rate_hz;
             let on_person = self.with_worker(|worker| worker.ground_reaction(time_s));
-            let felt = settings.plate.felt(&in_the_station(&on_person, &settings.plate));
+            let felt = settings.plate.felt(&settings.plate.in_the_station(&on_person));
             // Each sample has noise of its own, whether or not those before it were asked for.
             let mut random = Random::numbered(self.settings.seed, "plate noise", number);
             let felt = settings.noise.on(felt, &mut random);
@@ -108,12 +107,6 @@ impl Shared {
             server.send(settings.plate.record(&unbiased, number, self.plate_status.load(Ordering::Relaxed)))
         })
     }
-}
-
-/// The simulated floor is `z = 0`; in the station's world it is the plate's surface.
-fn in_the_station(on_person: &Wrench, plate: &Plate) -> Wrench {
-    let up = Vector3::z() * plate.surface_z_m();
-    Wrench { moment_nm: on_person.moment_nm + up.cross(&on_person.force_n), ..*on_person }
 }
 
 /// A simulated station.

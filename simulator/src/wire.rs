@@ -1,13 +1,11 @@
-//! From bodies and wrenches to the bytes of the real sensors.
+//! From bodies to the bytes of a real suit.
 
-use equipoise_adapters::wire::ati_rdt::Record;
 use equipoise_adapters::wire::mvn;
 use equipoise_adapters::wire::mvn::header::{Header, Oversized};
 use equipoise_adapters::wire::mvn::joint_angles::BODY_JOINT_POINTS;
 use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::dynamics::Wrench;
 use crate::kinematics::origins_m;
 use crate::person::Person;
 
@@ -108,56 +106,6 @@ pub fn introduction(person: &Person, avatar: u8) -> Result<[Vec<u8>; 2], Oversiz
     Ok([meta, scale])
 }
 
-/// How a plate stands in the station's world and what its numbers mean.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plate {
-    /// The sensor's origin in the station's world, m.
-    pub origin_m: [f64; 3],
-    /// Turn of the sensor's axes about Z, rad.
-    pub yaw_rad: f64,
-    /// Height of the walking surface above the sensor's origin, m.
-    pub surface_height_m: f64,
-    /// Counts per newton and per newton metre.
-    pub counts_per_unit: [f64; 2],
-}
-
-impl Default for Plate {
-    fn default() -> Plate {
-        Plate { origin_m: [0.0; 3], yaw_rad: 0.0, surface_height_m: 0.0, counts_per_unit: [1e6; 2] }
-    }
-}
-
-impl Plate {
-    /// Height of the walking surface in the station's world, m.
-    pub fn surface_z_m(&self) -> f64 {
-        self.origin_m[2] + self.surface_height_m
-    }
-
-    /// What the sensor feels when the ground does `on_person` to the person (about the station's origin): the
-    /// opposite ("action"), about the sensor's origin, in the sensor's axes.
-    pub fn felt(&self, on_person: &Wrench) -> Wrench {
-        let about_sensor = on_person.moment_nm - Vector3::from(self.origin_m).cross(&on_person.force_n);
-        let plate_from_world = UnitQuaternion::from_scaled_axis(Vector3::z() * -self.yaw_rad);
-        Wrench { force_n: plate_from_world * -on_person.force_n, moment_nm: plate_from_world * -about_sensor }
-    }
-
-    /// The record of what the sensor feels; beyond the range of 32 bits it saturates, as a sensor does.
-    pub fn record(&self, felt: &Wrench, ft_sequence: u32, status: u32) -> Record {
-        let counts = |value: Vector3<f64>, per_unit: f64| {
-            let rounded = value.map(|number| (number * per_unit).round());
-            [rounded.x as i32, rounded.y as i32, rounded.z as i32]
-        };
-        let [per_newton, per_newton_metre] = self.counts_per_unit;
-        Record {
-            rdt_sequence: 0, // the server counts what it sends
-            ft_sequence,
-            status,
-            force_counts: counts(felt.force_n, per_newton),
-            torque_counts: counts(felt.moment_nm, per_newton_metre),
-        }
-    }
-}
-
 /// Joint angles as MVN has them (Euler ZXY in ISB axes: X forward, Y up, Z right): abduction, axial rotation, flexion.
 ///
 /// Signs: the left side mirrors the right, and knees bend positively.
@@ -209,22 +157,6 @@ mod tests {
         let segments: Vec<_> = scale.segments().collect();
         assert_eq!(segments.len(), SEGMENTS);
         assert!((0.9..1.0).contains(&segments[0].origin_m[2]));
-    }
-
-    #[test]
-    fn the_sensor_feels_a_weight_downwards_where_it_stands() {
-        let plate =
-            Plate { origin_m: [0.3, -0.1, 0.02], yaw_rad: 0.5, surface_height_m: 0.04, ..Plate::default() };
-        let on_person =
-            Wrench::at(Vector3::new(0.35, -0.05, plate.surface_z_m()), Vector3::new(5.0, 8.0, 700.0));
-        let felt = plate.felt(&on_person);
-        assert!(felt.force_n.z < -699.0);
-        // The height of the surface above the sensor brings the shear in: x = (h Fx − My)/Fz, y = (h Fy + Mx)/Fz.
-        let (f, m, h) = (felt.force_n, felt.moment_nm, plate.surface_height_m);
-        let in_plate = Vector3::new((h * f.x - m.y) / f.z, (h * f.y + m.x) / f.z, 0.0);
-        let in_world = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.5) * in_plate;
-        assert!((in_world.xy() - nalgebra::Vector2::new(0.05, 0.05)).norm() < 1e-12);
-        assert_eq!(plate.record(&felt, 7, 0).force_counts[2], -700_000_000);
     }
 
     #[test]
