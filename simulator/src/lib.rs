@@ -1,22 +1,38 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`]. Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`motion`] → [`dynamics`] → [`truth`], [`noise`]
+//! → [`wire`], [`plate`] → [`suit_sender`], [`plate_server`] (through [`faults`]) → [`simulation`], [`player`].
+//! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
 //!
 //! World: X forward, Y left, Z up, metres; the floor under the feet is `z = 0`.
 #![forbid(unsafe_code)]
 
 pub mod balance;
+pub mod clock;
+pub mod dynamics;
+pub mod faults;
 pub mod intention;
 pub mod kinematics;
 pub mod leg;
 pub mod limits;
+pub mod motion;
+pub mod noise;
 pub mod person;
+pub mod plate;
+pub mod plate_server;
+pub mod player;
 pub mod pose;
 pub mod random;
 pub mod repertoire;
+pub mod schedule;
+pub mod settings;
+pub mod simulation;
 pub mod stance;
+pub mod suit_sender;
+pub mod truth;
+pub mod wire;
 
 /// Standard gravity as the simulated plate feels it, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;

@@ -11,8 +11,14 @@ pub struct Random(Pcg64Mcg);
 impl Random {
     /// The stream for one purpose, for example `"plate noise"`: streams of other purposes do not disturb it.
     pub fn new(seed: u64, purpose: &str) -> Random {
-        // FNV-1a spreads the purpose over the seed's bits.
-        let spread = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64 ^ seed, |hash, byte| {
+        Random::numbered(seed, purpose, 0)
+    }
+
+    /// One of many streams for a purpose, for example that of one sample: to be had without those before it.
+    pub fn numbered(seed: u64, purpose: &str, number: u32) -> Random {
+        // FNV-1a spreads all three over 64 bits.
+        let bytes = seed.to_le_bytes().into_iter().chain(number.to_le_bytes()).chain(purpose.bytes());
+        let spread = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
         Random(Pcg64Mcg::seed_from_u64(spread))

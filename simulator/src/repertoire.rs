@@ -116,6 +116,18 @@ pub const REPERTOIRE: &[(&str, Intention)] = &[
     ),
 ];
 
+/// A box lifted from a table: reach for it, hold it close, stretch it out, raise it, set it back.
+pub const LIFTING: [Intention; 5] = {
+    let reach = Intention { pelvis_drop: 0.04, ..lean(15.0, 15.0).arms(arm(50.0, 85.0, 30.0, 25.0)) };
+    [
+        reach,
+        S.arms(arm(20.0, 80.0, 40.0, 85.0)),
+        S.arms(arm(75.0, 85.0, 40.0, 15.0)),
+        S.arms(arm(125.0, 85.0, 40.0, 20.0)),
+        reach,
+    ]
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,120 @@
+//! Newton and Euler over all segments and the box: what the ground must do for the body to move as it does.
+
+use equipoise_core::body::SEGMENTS;
+use nalgebra::{Vector2, Vector3};
+
+use crate::GRAVITY_M_PER_S2;
+use crate::motion::BodyState;
+use crate::person::Person;
+
+/// A force and its moment about the world's origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wrench {
+    /// Force, N.
+    pub force_n: Vector3<f64>,
+    /// Moment about the world's origin, N m.
+    pub moment_nm: Vector3<f64>,
+}
+
+impl Wrench {
+    /// A force at a point (m).
+    pub fn at(point_m: Vector3<f64>, force_n: Vector3<f64>) -> Wrench {
+        Wrench { force_n, moment_nm: point_m.cross(&force_n) }
+    }
+
+    /// Centre of pressure on the floor (`z = 0`), m. Means nothing without a vertical force.
+    pub fn cop_m(&self) -> Vector2<f64> {
+        Vector2::new(-self.moment_nm.y, self.moment_nm.x) / self.force_n.z
+    }
+}
+
+/// What the ground does to the person, from three states `step_s` apart: the rates of the momenta, less gravity.
+///
+/// Each segment's angular momentum is taken at the half steps, where its angular velocity is the rotation of one step.
+/// The box is a point at the middle of the grips; while it is grasped the hands carry a growing share of it.
+pub fn ground_reaction(person: &Person, [before, now, after]: &[BodyState; 3], step_s: f64) -> Wrench {
+    let mut wrench = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
+    let mut carry = |mass_kg: f64, past: Vector3<f64>, here: Vector3<f64>, next: Vector3<f64>| {
+        let acceleration = (next - here * 2.0 + past) / (step_s * step_s);
+        let force = mass_kg * (acceleration + Vector3::z() * GRAVITY_M_PER_S2);
+        wrench.force_n += force;
+        wrench.moment_nm += here.cross(&force);
+    };
+    for i in 0..SEGMENTS {
+        carry(person.segment_mass_kg[i], before.com_m[i], now.com_m[i], after.com_m[i]);
+    }
+    carry(now.load_kg, before.load_m(), now.load_m(), after.load_m());
+    for i in 0..SEGMENTS {
+        let spin = |from: &BodyState, to: &BodyState| spin_nms(person, i, from, to, step_s);
+        wrench.moment_nm += (spin(now, after) - spin(before, now)) / step_s;
+    }
+    wrench
+}
+
+/// Angular momentum of a segment about its own centre between two states, N m s.
+fn spin_nms(person: &Person, i: usize, from: &BodyState, to: &BodyState, step_s: f64) -> Vector3<f64> {
+    let (start, end) = (from.world_from_segment[i], to.world_from_segment[i]);
+    let turn = (end * start.inverse()).scaled_axis();
+    let middle = nalgebra::UnitQuaternion::from_scaled_axis(turn * 0.5) * start;
+    middle * (person.inertia_kg_m2[i] * (middle.inverse() * (turn / step_s)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::UnitQuaternion;
+
+    /// A body that flies: its centre falls freely, every segment turns with it as one rigid whole about that centre.
+    fn falling(person: &Person, time_s: f64) -> BodyState {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, 1.1, -0.7) * time_s);
+        let fall = Vector3::new(0.5 * time_s, 0.1, 2.0 + time_s - 0.5 * GRAVITY_M_PER_S2 * time_s * time_s);
+        let rest = crate::kinematics::origins_m(person, Vector3::zeros(), &[turn; SEGMENTS]);
+        let com = crate::kinematics::coms_m(&person.com_m, &rest, &[turn; SEGMENTS]);
+        let centre = crate::kinematics::centre_m(&person.segment_mass_kg, &com);
+        let move_there = |points: [Vector3<f64>; SEGMENTS]| points.map(|point| point - centre + fall);
+        BodyState {
+            time_s,
+            origin_m: move_there(rest),
+            world_from_segment: [turn; SEGMENTS],
+            com_m: move_there(com),
+            grip_m: [fall; 2],
+            load_kg: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_falling_body_needs_no_ground() {
+        let person = Person::new(4, 1.77, 72.0);
+        let h = 1e-3;
+        let around = [0.3 - h, 0.3, 0.3 + h].map(|t| falling(&person, t));
+        assert!(ground_reaction(&person, &around, h).force_n.norm() < 1e-4);
+    }
+
+    #[test]
+    fn the_moment_of_a_spinning_rigid_body_is_eulers() {
+        // One rigid whole: its moment about the centre must be ω × Iω with the inertia of the whole.
+        let person = Person::new(4, 1.77, 72.0);
+        let (t, h) = (0.3, 1e-3);
+        let around = [t - h, t, t + h].map(|t| falling(&person, t));
+        let state = &around[1];
+        let centre = crate::kinematics::centre_m(&person.segment_mass_kg, &state.com_m);
+        let mut inertia = nalgebra::Matrix3::zeros();
+        for i in 0..SEGMENTS {
+            let r = state.com_m[i] - centre;
+            let turn = state.world_from_segment[i].to_rotation_matrix();
+            inertia += turn.matrix() * person.inertia_kg_m2[i] * turn.matrix().transpose();
+            inertia += person.segment_mass_kg[i]
+                * (nalgebra::Matrix3::identity() * r.norm_squared() - r * r.transpose());
+        }
+        let spin = Vector3::new(0.4, 1.1, -0.7);
+        let expected = spin.cross(&(inertia * spin));
+        let moment = ground_reaction(&person, &around, h).moment_nm;
+        assert!((moment - expected).norm() < 1e-3, "{moment:?} {expected:?}");
+    }
+
+    #[test]
+    fn a_force_has_its_centre_of_pressure_where_its_line_meets_the_floor() {
+        let wrench = Wrench::at(Vector3::new(0.1, -0.2, 0.0), Vector3::new(30.0, 10.0, 700.0));
+        assert!((wrench.cop_m() - Vector2::new(0.1, -0.2)).norm() < 1e-12);
+    }
+}

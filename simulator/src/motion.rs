@@ -1,0 +1,244 @@
+//! A person who follows poses in time, breathes, sways, and lifts a box. A pure function of time once told what to do.
+
+use core::f64::consts::TAU;
+use equipoise_core::body::{SEGMENTS, Segment};
+use equipoise_core::pose_suggestion::Posture;
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+use crate::balance::{Standing, grips_m};
+use crate::dynamics::{Wrench, ground_reaction};
+use crate::intention::Intention;
+use crate::kinematics::Rotations;
+use crate::person::Person;
+use crate::pose::Pose;
+use crate::random::{Random, Wander};
+use crate::schedule::Schedule;
+use crate::stance::Stance;
+
+/// Half the span of the central differences of dynamics, s.
+const DIFFERENCE_S: f64 = 0.002;
+/// From "the box is on the table" to "the hands carry it all", s.
+const GRASP_S: f64 = 0.3;
+/// The body leans against a new load more slowly than the load comes, s.
+const LEAN_S: f64 = 1.2;
+
+/// What a living person does besides what is asked. All zero is a statue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Habits {
+    /// The chest's centre of mass moves back and forth by this with each breath, m.
+    pub breathing_m: f64,
+    /// Breaths per second.
+    pub breathing_hz: f64,
+    /// Standard deviation of the sway of the centre of mass, forward and to the side, m.
+    pub sway_m: [f64; 2],
+    /// Standard deviation of the slow tilt of the pelvis, rad.
+    pub sway_rad: f64,
+    /// Standard deviation of each joint's deviation from the pose that was asked for, rad.
+    pub pose_error_rad: f64,
+    /// Standard deviation of where the person chooses to balance, pose by pose, m.
+    pub balance_error_m: f64,
+}
+
+impl Habits {
+    /// A healthy adult.
+    pub const ORDINARY: Habits = Habits {
+        breathing_m: 0.003,
+        breathing_hz: 0.25,
+        sway_m: [0.003, 0.002],
+        sway_rad: 0.003,
+        pose_error_rad: 0.05,
+        balance_error_m: 0.008,
+    };
+    /// A statue that takes poses exactly.
+    pub const NONE: Habits = Habits {
+        breathing_m: 0.0,
+        breathing_hz: 0.25,
+        sway_m: [0.0; 2],
+        sway_rad: 0.0,
+        pose_error_rad: 0.0,
+        balance_error_m: 0.0,
+    };
+}
+
+/// Where everything is at one time. World: X forward, Y left, Z up, the floor at 0; m.
+#[derive(Debug, Clone)]
+pub struct BodyState {
+    /// The time, s.
+    pub time_s: f64,
+    /// Segment origins (proximal joint centres), m.
+    pub origin_m: [Vector3<f64>; SEGMENTS],
+    /// `world_from_segment`.
+    pub world_from_segment: Rotations,
+    /// Centres of mass of the segments, m.
+    pub com_m: [Vector3<f64>; SEGMENTS],
+    /// Where the left and the right hand grip, m.
+    pub grip_m: [Vector3<f64>; 2],
+    /// What the hands carry, kg; grows from nothing while a box is grasped.
+    pub load_kg: f64,
+}
+
+impl BodyState {
+    /// The box's centre: the middle between the grips, m.
+    pub fn load_m(&self) -> Vector3<f64> {
+        (self.grip_m[0] + self.grip_m[1]) * 0.5
+    }
+}
+
+/// What is asked of the body: a pose, and the point above which to balance it.
+#[derive(Debug, Clone, Copy)]
+struct Aim {
+    pose: Pose,
+    balance_m: Vector2<f64>,
+}
+
+/// The simulated worker.
+#[derive(Debug, Clone)]
+pub struct Worker {
+    person: Person,
+    stance: Stance,
+    habits: Habits,
+    aims: Schedule<Aim>,
+    load_kg: Schedule<f64>,
+    expected_load_kg: Schedule<f64>,
+    deviation: Random,
+    sway: [Wander; 4],
+}
+
+impl Worker {
+    /// An ordinary person, standing straight with the feet left and right of the origin.
+    pub fn new(person: Person, seed: u64) -> Worker {
+        Worker::with_habits(person, seed, Habits::ORDINARY)
+    }
+
+    /// The same, with other habits.
+    pub fn with_habits(person: Person, seed: u64, habits: Habits) -> Worker {
+        let stance = Stance::shoulder_wide(&person);
+        let mut random = Random::new(seed, "sway");
+        let [forward, aside] = habits.sway_m;
+        let sway = [forward, aside, habits.sway_rad, habits.sway_rad]
+            .map(|sigma| Wander::new(&mut random, sigma, 0.03, 1.0));
+        let aim = Aim { pose: Intention::STAND.pose(), balance_m: usual_balance_m(&person, &stance) };
+        Worker {
+            person,
+            stance,
+            habits,
+            aims: Schedule::starting_with(aim),
+            load_kg: Schedule::starting_with(0.0),
+            expected_load_kg: Schedule::starting_with(0.0),
+            deviation: Random::new(seed, "deviation from the pose"),
+            sway,
+        }
+    }
+
+    /// Who it is.
+    pub fn person(&self) -> &Person {
+        &self.person
+    }
+
+    /// Where the feet are.
+    pub fn stance(&self) -> &Stance {
+        &self.stance
+    }
+
+    /// Starts to take a posture of the library at `at_s` and has it after `over_s`, as well as the habits allow.
+    pub fn take_pose(&mut self, posture: &Posture, at_s: f64, over_s: f64) {
+        let pose = Pose::of_posture(posture, &self.person);
+        self.follow(pose, at_s, over_s);
+    }
+
+    /// Likewise for an intention.
+    pub fn intend(&mut self, intention: &Intention, at_s: f64, over_s: f64) {
+        self.follow(intention.pose(), at_s, over_s);
+    }
+
+    /// Grasps a box of that mass at `at_s`; its centre is the middle between the hands from then on.
+    pub fn lift(&mut self, mass_kg: f64, at_s: f64) {
+        self.load_kg.push(mass_kg, at_s, GRASP_S);
+        self.expected_load_kg.push(mass_kg, at_s, LEAN_S);
+    }
+
+    /// Lets go of the box at `at_s`.
+    pub fn put_down(&mut self, at_s: f64) {
+        self.lift(0.0, at_s);
+    }
+
+    /// Picks up a box in front, holds it close, stretches it out, raises it, puts it down: about 16 s from `at_s`.
+    pub fn lift_and_show(&mut self, mass_kg: f64, at_s: f64) {
+        for (intention, after_s) in crate::repertoire::LIFTING.iter().zip([0.0, 3.0, 6.0, 9.0, 12.0]) {
+            self.intend(intention, at_s + after_s, 1.8);
+        }
+        self.lift(mass_kg, at_s + 2.2);
+        self.put_down(at_s + 14.5);
+    }
+
+    fn follow(&mut self, mut pose: Pose, at_s: f64, over_s: f64) {
+        let habits = self.habits;
+        let mut off = |sigma: f64| sigma * self.deviation.normal();
+        for rotation in &mut pose.parent_from_segment[..Segment::RightUpperLeg.index()] {
+            let error = Vector3::from_fn(|_, _| off(habits.pose_error_rad / 3.0_f64.sqrt()));
+            *rotation *= UnitQuaternion::from_scaled_axis(error);
+        }
+        let limit = 2.0 * habits.balance_error_m;
+        let error = Vector2::from_fn(|_, _| off(habits.balance_error_m).clamp(-limit, limit));
+        let balance_m = usual_balance_m(&self.person, &self.stance) + error;
+        self.aims.push(Aim { pose, balance_m }, at_s, over_s);
+    }
+
+    /// Where everything is at a time.
+    pub fn sample(&self, time_s: f64) -> BodyState {
+        let mut aim = self.aims.at(time_s, |from, to, s| Aim {
+            pose: from.pose.towards(&to.pose, s),
+            balance_m: from.balance_m.lerp(&to.balance_m, s),
+        });
+        let mix = |from: &f64, to: &f64, s: f64| from + s * (to - from);
+        let [forward, aside, roll, pitch] = [0, 1, 2, 3].map(|i: usize| self.sway[i].at(time_s));
+        let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0));
+        aim.pose.parent_from_segment[0] = tilt * aim.pose.parent_from_segment[0];
+        let com_m = self.breathing_coms_m(time_s);
+        let standing = Standing {
+            person: &self.person,
+            com_m: &com_m,
+            stance: &self.stance,
+            load_kg: self.expected_load_kg.at(time_s, mix),
+        };
+        let body = standing.balance(&aim.pose, aim.balance_m + Vector2::new(forward, aside));
+        BodyState {
+            time_s,
+            origin_m: body.origin_m,
+            world_from_segment: body.world_from_segment,
+            com_m: body.com_m,
+            grip_m: grips_m(&self.person, &body.origin_m, &body.world_from_segment),
+            load_kg: self.load_kg.at(time_s, mix),
+        }
+    }
+
+    /// What the ground does to the person at a time, by the laws of motion.
+    pub fn ground_reaction(&self, time_s: f64) -> Wrench {
+        let around = [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t));
+        ground_reaction(&self.person, &around, DIFFERENCE_S)
+    }
+
+    /// Velocity and acceleration of the segment origins, m/s and m/s².
+    pub fn origin_motion(&self, time_s: f64) -> [[Vector3<f64>; 2]; SEGMENTS] {
+        let [before, now, after] =
+            [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t).origin_m);
+        std::array::from_fn(|i| {
+            let velocity = (after[i] - before[i]) / (2.0 * DIFFERENCE_S);
+            [velocity, (after[i] - now[i] * 2.0 + before[i]) / (DIFFERENCE_S * DIFFERENCE_S)]
+        })
+    }
+
+    fn breathing_coms_m(&self, time_s: f64) -> [Vector3<f64>; SEGMENTS] {
+        let mut com_m = self.person.com_m;
+        let breath = self.habits.breathing_m * (TAU * self.habits.breathing_hz * time_s).sin();
+        for (segment, share) in [(Segment::T8, 1.0), (Segment::T12, 0.8), (Segment::L3, 0.5)] {
+            com_m[segment.index()].x += share * breath;
+        }
+        com_m
+    }
+}
+
+/// People stand with their weight in front of the ankles, near the middle of the foot.
+fn usual_balance_m(person: &Person, stance: &Stance) -> Vector2<f64> {
+    stance.between_the_feet_m(0.025 * person.height_m)
+}

@@ -1,0 +1,117 @@
+//! A force plate's RDT server: answers requests and streams records to whoever asked last.
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+
+use equipoise_adapters::wire::ati_rdt::{Command, Record, Request};
+
+use crate::faults::{Faults, FaultySender};
+
+/// Records of a datagram in the buffered mode.
+const BUFFERED_RECORDS: usize = 10;
+
+/// What a client wants besides records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wish {
+    /// Take the present load as zero.
+    SetBias,
+}
+
+/// The device's side of the RDT protocol. It has no thread: call [`PlateServer::poll`] and [`PlateServer::send`].
+#[derive(Debug)]
+pub struct PlateServer {
+    socket: UdpSocket,
+    network: FaultySender,
+    client: Option<Client>,
+}
+
+#[derive(Debug)]
+struct Client {
+    address: SocketAddr,
+    /// Records still to send; `None` without end.
+    left: Option<u32>,
+    rdt_sequence: u32,
+    records_per_datagram: usize,
+    waiting: Vec<u8>,
+    waiting_records: usize,
+}
+
+impl PlateServer {
+    /// Listens on an address (port 0: any free one).
+    ///
+    /// # Errors
+    /// Those of the socket, for example that the address is taken.
+    pub fn bind(address: SocketAddr, faults: Faults, seed: u64) -> io::Result<PlateServer> {
+        let socket = UdpSocket::bind(address)?;
+        socket.set_nonblocking(true)?;
+        Ok(PlateServer { socket, network: FaultySender::new(faults, seed), client: None })
+    }
+
+    /// Where it listens.
+    ///
+    /// # Errors
+    /// Those of the socket.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.socket.local_addr()
+    }
+
+    /// Whether anybody wants records.
+    pub fn has_client(&self) -> bool {
+        self.client.is_some()
+    }
+
+    /// Takes in all requests that have come; a later client takes the stream from an earlier one.
+    pub fn poll(&mut self) -> Option<Wish> {
+        let mut wish = None;
+        let mut bytes = [0; 64];
+        // An error is either "nothing there" or an echo of a client that has gone: nothing to do in both cases.
+        while let Ok((length, address)) = self.socket.recv_from(&mut bytes) {
+            // A real device ignores what it does not understand.
+            let Ok(request) = Request::parse(&bytes[..length]) else { continue };
+            match request.command {
+                Command::Stop => self.client = None,
+                Command::StartBuffered => self.start(address, request.sample_count, BUFFERED_RECORDS),
+                Command::StartRealTime | Command::StartSingleBlock | Command::StartMultiUnit => {
+                    self.start(address, request.sample_count, 1);
+                }
+                Command::SetBias => wish = Some(Wish::SetBias),
+                Command::ResetThresholdLatch => {}
+            }
+        }
+        wish
+    }
+
+    fn start(&mut self, address: SocketAddr, sample_count: u32, records_per_datagram: usize) {
+        self.client = Some(Client {
+            address,
+            left: (sample_count > 0).then_some(sample_count),
+            rdt_sequence: 0,
+            records_per_datagram,
+            waiting: Vec::new(),
+            waiting_records: 0,
+        });
+    }
+
+    /// Sends a record, numbered for the client; nothing happens without one.
+    ///
+    /// # Errors
+    /// Those of the socket.
+    pub fn send(&mut self, record: Record) -> io::Result<()> {
+        let Some(client) = &mut self.client else { return Ok(()) };
+        client.rdt_sequence = client.rdt_sequence.wrapping_add(1);
+        let record = Record { rdt_sequence: client.rdt_sequence, ..record };
+        client.waiting.extend_from_slice(&record.to_bytes());
+        client.waiting_records += 1;
+        client.left = client.left.map(|left| left - 1);
+        let done = client.left == Some(0);
+        if done || client.waiting_records >= client.records_per_datagram {
+            let datagram = std::mem::take(&mut client.waiting);
+            client.waiting_records = 0;
+            self.network.send(&self.socket, &datagram, client.address)?;
+        }
+        if done {
+            self.client = None;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,190 @@
+//! Streams a recording on the wires of the sensors: what was recorded from a suit and a plate comes again as if live.
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+use equipoise_core::message::suit::SuitBlocks;
+use equipoise_core::message::{GroundSample, SuitSample};
+use nalgebra::Vector3;
+
+use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
+use crate::dynamics::Wrench;
+use crate::faults::Faults;
+use crate::plate::Plate;
+use crate::plate_server::PlateServer;
+use crate::suit_sender::SuitSender;
+use crate::wire::SuitFrame;
+
+/// How often the plate looks for requests while nothing is due, s.
+const LISTEN_S: f64 = 0.005;
+
+/// One sample of a recording.
+#[derive(Debug, Clone)]
+pub enum Recorded {
+    /// Of the suit.
+    Suit(Box<SuitSample>),
+    /// Of the plate.
+    Ground(GroundSample),
+}
+
+/// Where and how fast to play.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlayerSettings {
+    /// Where the suit's datagrams go.
+    pub suit_target: SocketAddr,
+    /// Where the plate listens for requests; port 0 for any free one.
+    pub plate_address: SocketAddr,
+    /// Where the plate stands and what it counts.
+    pub plate: Plate,
+    /// 1 is real time, 2 twice as fast.
+    pub speed: f64,
+    /// Play only once a client has asked the plate for records, so that the beginning is not lost.
+    pub wait_for_client: bool,
+    /// The network's faults.
+    pub faults: Faults,
+    /// The faults' luck.
+    pub seed: u64,
+}
+
+/// Streams samples of `(time in seconds, sample)`, ordered by time, from a thread of its own.
+///
+/// # Errors
+/// Those of the sockets.
+pub fn play<Recording>(recording: Recording, settings: PlayerSettings) -> io::Result<PlayerHandle>
+where
+    Recording: IntoIterator<Item = (f64, Recorded)> + Send + 'static,
+{
+    let server = PlateServer::bind(settings.plate_address, settings.faults, settings.seed.wrapping_add(1))?;
+    let sender = SuitSender::new(settings.suit_target, settings.faults, settings.seed)?;
+    let plate_address = server.address()?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut player = Player { server, sender, settings, stop: Arc::clone(&stop), played: [0; 2] };
+    let run = move || player.run(recording);
+    let thread = std::thread::Builder::new().name("player".into()).spawn(run)?;
+    Ok(PlayerHandle { plate_address, stop, thread: Some(thread) })
+}
+
+struct Player {
+    server: PlateServer,
+    sender: SuitSender,
+    settings: PlayerSettings,
+    stop: Arc<AtomicBool>,
+    /// Samples of suit and plate so far.
+    played: [u32; 2],
+}
+
+impl Player {
+    fn run(&mut self, recording: impl IntoIterator<Item = (f64, Recorded)>) -> io::Result<[u32; 2]> {
+        while self.settings.wait_for_client && !self.server.has_client() && !self.stopped() {
+            self.listen_until(monotonic_ns() + span_ns(LISTEN_S));
+        }
+        let mut zero = None;
+        for (time_s, sample) in recording {
+            let (first_s, start_ns) = *zero.get_or_insert_with(|| (time_s, monotonic_ns()));
+            self.listen_until(start_ns + span_ns((time_s - first_s) / self.settings.speed));
+            if self.stopped() {
+                break;
+            }
+            match sample {
+                Recorded::Suit(sample) => self.play_suit(&sample)?,
+                Recorded::Ground(sample) => self.play_ground(&sample)?,
+            }
+        }
+        Ok(self.played)
+    }
+
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Sleeps in short naps, for a request may come at any time.
+    fn listen_until(&mut self, due_ns: u64) {
+        loop {
+            // A recording cannot be tared again.
+            let _ = self.server.poll();
+            let nap_ns = monotonic_ns() + span_ns(LISTEN_S);
+            sleep_until_ns(due_ns.min(nap_ns));
+            if due_ns <= nap_ns || self.stopped() {
+                return;
+            }
+        }
+    }
+
+    fn play_suit(&mut self, sample: &SuitSample) -> io::Result<()> {
+        self.played[0] += 1;
+        self.sender.send(&SuitFrame {
+            sample_counter: sample.device_counter,
+            time_code_ms: sample.device_time_ms,
+            avatar: sample.avatar as u8,
+            position_m: sample.position_m,
+            orientation_wxyz: sample.orientation_wxyz,
+            motion: sample.has(SuitBlocks::LinearKinematics).then(|| {
+                std::array::from_fn(|i| [sample.velocity_m_per_s[i], sample.acceleration_m_per_s2[i]])
+            }),
+            joint_angle_deg: sample.has(SuitBlocks::JointAngles).then_some(sample.joint_angle_deg),
+            com_m: sample.has(SuitBlocks::CentreOfMass).then_some(sample.com_m),
+        })
+    }
+
+    fn play_ground(&mut self, sample: &GroundSample) -> io::Result<()> {
+        self.played[1] += 1;
+        let on_person =
+            Wrench { force_n: Vector3::from(sample.force_n), moment_nm: Vector3::from(sample.moment_nm) };
+        let felt = self.settings.plate.felt(&on_person);
+        let record = self.settings.plate.record(&felt, sample.device_counter, sample.device_status);
+        self.server.send(record)
+    }
+}
+
+/// A recording that is being played. Dropped, it stops.
+#[derive(Debug)]
+pub struct PlayerHandle {
+    plate_address: SocketAddr,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<io::Result<[u32; 2]>>>,
+}
+
+impl PlayerHandle {
+    /// Where the plate listens.
+    pub fn plate_address(&self) -> SocketAddr {
+        self.plate_address
+    }
+
+    /// Whether all has been played.
+    pub fn is_finished(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Waits for the end; how many samples of suit and plate were played.
+    ///
+    /// # Errors
+    /// What ended it before its time.
+    pub fn wait(mut self) -> io::Result<[u32; 2]> {
+        self.join()
+    }
+
+    /// Stops now; how many samples of suit and plate were played.
+    ///
+    /// # Errors
+    /// What ended it before its time.
+    pub fn stop(mut self) -> io::Result<[u32; 2]> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.join()
+    }
+
+    fn join(&mut self) -> io::Result<[u32; 2]> {
+        let Some(thread) = self.thread.take() else { return Ok([0; 2]) };
+        thread.join().unwrap_or_else(|_| Err(io::Error::other("the player panicked")))
+    }
+}
+
+impl Drop for PlayerHandle {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        // Who drops without asking does not want to know.
+        let _ = self.join();
+    }
+}

@@ -1,0 +1,92 @@
+//! What to simulate: who, in which suit, on which plate, over which network.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+
+use crate::faults::Faults;
+use crate::motion::Habits;
+use crate::noise::{PlateNoise, SuitNoise};
+use crate::plate::Plate;
+use crate::suit_sender::{Streams, SuitWorld};
+
+/// What to simulate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulationSettings {
+    /// Everything random follows from it.
+    pub seed: u64,
+    /// Stature, m.
+    pub height_m: f64,
+    /// Body mass, kg.
+    pub mass_kg: f64,
+    /// What the person does besides what is asked.
+    pub habits: Habits,
+    /// The suit.
+    pub suit: SuitSettings,
+    /// The plate.
+    pub plate: PlateSettings,
+}
+
+/// The suit's side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SuitSettings {
+    /// Where MVN streams to: the receiver's address.
+    pub target: SocketAddr,
+    /// Samples per second, 60 to 240.
+    pub rate_hz: f64,
+    /// Character id.
+    pub avatar: u8,
+    /// From a sample's time to its sending, s.
+    pub latency_s: f64,
+    /// The suit's world in the station's.
+    pub world: SuitWorld,
+    /// Optional datagrams.
+    pub streams: Streams,
+    /// Its errors.
+    pub noise: SuitNoise,
+    /// The network's.
+    pub faults: Faults,
+}
+
+/// The plate's side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlateSettings {
+    /// Where the plate listens for requests; port 0 for any free one.
+    pub address: SocketAddr,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Where it stands and what it counts.
+    pub plate: Plate,
+    /// Its errors.
+    pub noise: PlateNoise,
+    /// The network's.
+    pub faults: Faults,
+}
+
+impl Default for SimulationSettings {
+    /// An ordinary person of 1.77 m and 72 kg in an ordinary suit on a good plate, on loopback and default ports.
+    fn default() -> SimulationSettings {
+        let loopback = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
+        SimulationSettings {
+            seed: 1,
+            height_m: 1.77,
+            mass_kg: 72.0,
+            habits: Habits::ORDINARY,
+            suit: SuitSettings {
+                target: loopback(equipoise_adapters::wire::mvn::DEFAULT_PORT),
+                rate_hz: 60.0,
+                avatar: 0,
+                latency_s: 0.0,
+                world: SuitWorld::default(),
+                streams: Streams::default(),
+                noise: SuitNoise::ORDINARY,
+                faults: Faults::default(),
+            },
+            plate: PlateSettings {
+                address: loopback(equipoise_adapters::wire::ati_rdt::DEFAULT_PORT),
+                rate_hz: 1000.0,
+                plate: Plate::default(),
+                noise: PlateNoise::ORDINARY,
+                faults: Faults::default(),
+            },
+        }
+    }
+}

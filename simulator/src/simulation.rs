@@ -1,0 +1,270 @@
+//! The whole simulated station, live: a worker, a suit that streams, a plate that answers.
+//!
+//! Simulated time runs one to one with CLOCK_MONOTONIC from the moment of the start. Each sensor is a thread that
+//! sleeps to absolute times and never skips a sample: what is late is sent at once.
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::thread::JoinHandle;
+
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use nalgebra::Vector3;
+
+use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
+use crate::dynamics::Wrench;
+use crate::intention::Intention;
+use crate::motion::Worker;
+use crate::noise::Suit;
+use crate::person::Person;
+use crate::plate_server::{PlateServer, Wish};
+use crate::random::Random;
+use crate::settings::SimulationSettings;
+use crate::suit_sender::{SuitSender, frame};
+use crate::truth::Truth;
+
+/// The worker obeys this long after a command, so that no sensor has yet seen the time from which it holds, s.
+const REACTION_S: f64 = 0.02;
+/// How long a pose takes unless said otherwise, s.
+const POSE_S: f64 = 1.8;
+
+/// What the threads and the handle share.
+#[derive(Debug)]
+struct Shared {
+    settings: SimulationSettings,
+    worker: RwLock<Worker>,
+    start_ns: u64,
+    stop: AtomicBool,
+    suit_silent: AtomicBool,
+    plate_silent: AtomicBool,
+    plate_status: AtomicU32,
+}
+
+impl Shared {
+    /// Runs `look` on the worker; a thread that panicked elsewhere cannot have left it half changed.
+    fn with_worker<T>(&self, look: impl FnOnce(&Worker) -> T) -> T {
+        look(&self.worker.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Calls `step` with the number of every sample at its time until told to stop.
+    fn pace(
+        &self,
+        rate_hz: f64,
+        latency_s: f64,
+        mut step: impl FnMut(u32) -> io::Result<()>,
+    ) -> io::Result<()> {
+        for number in 0.. {
+            sleep_until_ns(self.start_ns + span_ns(f64::from(number) / rate_hz + latency_s));
+            if self.stop.load(Ordering::Relaxed) {
+                break;
+            }
+            step(number)?;
+        }
+        Ok(())
+    }
+
+    fn run_suit(&self, mut sender: SuitSender) -> io::Result<()> {
+        let settings = &self.settings.suit;
+        let suit = Suit::new(settings.noise, self.settings.seed);
+        let samples_per_second = settings.rate_hz.round().max(1.0) as u32;
+        self.pace(settings.rate_hz, settings.latency_s, |number| {
+            if self.suit_silent.load(Ordering::Relaxed) {
+                return Ok(());
+            }
+            if number % samples_per_second == 0 {
+                self.with_worker(|worker| sender.introduce(worker.person(), settings.avatar))?;
+            }
+            let clock = (number, settings.rate_hz);
+            sender.send(&self.with_worker(|worker| {
+                frame(worker, &suit, settings.world, settings.streams, settings.avatar, clock)
+            }))
+        })
+    }
+
+    fn run_plate(&self, mut server: PlateServer) -> io::Result<()> {
+        let settings = &self.settings.plate;
+        let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
+        self.pace(settings.rate_hz, 0.0, |number| {
+            let wish = server.poll();
+            if !server.has_client() && wish.is_none() {
+                return Ok(());
+            }
+            let time_s = f64::from(number) / settings.rate_hz;
+            let on_person = self.with_worker(|worker| worker.ground_reaction(time_s));
+            let felt = settings.plate.felt(&settings.plate.in_the_station(&on_person));
+            // Each sample has noise of its own, whether or not those before it were asked for.
+            let mut random = Random::numbered(self.settings.seed, "plate noise", number);
+            let felt = settings.noise.on(felt, &mut random);
+            if wish == Some(Wish::SetBias) {
+                bias = felt;
+            }
+            if self.plate_silent.load(Ordering::Relaxed) {
+                return Ok(());
+            }
+            let unbiased =
+                Wrench { force_n: felt.force_n - bias.force_n, moment_nm: felt.moment_nm - bias.moment_nm };
+            server.send(settings.plate.record(&unbiased, number, self.plate_status.load(Ordering::Relaxed)))
+        })
+    }
+}
+
+/// A simulated station.
+#[derive(Debug)]
+pub struct Simulation;
+
+impl Simulation {
+    /// Starts the worker and both sensors.
+    ///
+    /// # Errors
+    /// Those of the sockets, for example that the plate's address is taken.
+    pub fn start(settings: SimulationSettings) -> io::Result<SimulationHandle> {
+        let sender = SuitSender::new(settings.suit.target, settings.suit.faults, settings.seed)?;
+        let server =
+            PlateServer::bind(settings.plate.address, settings.plate.faults, settings.seed.wrapping_add(1))?;
+        let plate_address = server.address()?;
+        let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
+        let shared = Arc::new(Shared {
+            worker: RwLock::new(Worker::with_habits(person, settings.seed, settings.habits)),
+            settings,
+            start_ns: monotonic_ns(),
+            stop: AtomicBool::new(false),
+            suit_silent: AtomicBool::new(false),
+            plate_silent: AtomicBool::new(false),
+            plate_status: AtomicU32::new(0),
+        });
+        let mut handle = SimulationHandle { shared: Arc::clone(&shared), plate_address, threads: Vec::new() };
+        let suit = Arc::clone(&shared);
+        handle.spawn("sim-suit", move || suit.run_suit(sender))?;
+        handle.spawn("sim-plate", move || shared.run_plate(server))?;
+        Ok(handle)
+    }
+}
+
+/// There is no such pose in the library.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the library has no pose {0}; the last is {last}", last = LIBRARY.len() - 1)]
+pub struct NoSuchPose(pub usize);
+
+/// Tells a running simulation what to do and asks it what is so. Dropped, it stops the simulation.
+#[derive(Debug)]
+pub struct SimulationHandle {
+    shared: Arc<Shared>,
+    plate_address: SocketAddr,
+    threads: Vec<JoinHandle<io::Result<()>>>,
+}
+
+impl SimulationHandle {
+    fn spawn(&mut self, name: &str, run: impl FnOnce() -> io::Result<()> + Send + 'static) -> io::Result<()> {
+        self.threads.push(std::thread::Builder::new().name(name.into()).spawn(run)?);
+        Ok(())
+    }
+
+    fn command(&self, order: impl FnOnce(&mut Worker, f64)) {
+        let mut worker = self.shared.worker.write().unwrap_or_else(PoisonError::into_inner);
+        // Read with the lock held: while we waited for it the sensors went on.
+        let at_s = self.now_s() + REACTION_S;
+        order(&mut worker, at_s);
+    }
+
+    /// Where the plate listens.
+    pub fn plate_address(&self) -> SocketAddr {
+        self.plate_address
+    }
+
+    /// What is simulated.
+    pub fn settings(&self) -> &SimulationSettings {
+        &self.shared.settings
+    }
+
+    /// CLOCK_MONOTONIC at simulated time 0, ns.
+    pub fn start_ns(&self) -> u64 {
+        self.shared.start_ns
+    }
+
+    /// Simulated time now, s.
+    pub fn now_s(&self) -> f64 {
+        (monotonic_ns() - self.shared.start_ns) as f64 * 1e-9
+    }
+
+    /// The worker takes a pose of `equipoise_core`'s library.
+    ///
+    /// # Errors
+    /// [`NoSuchPose`] for an index beyond it.
+    pub fn take_pose(&self, index: usize) -> Result<(), NoSuchPose> {
+        let posture = LIBRARY.get(index).ok_or(NoSuchPose(index))?;
+        self.command(|worker, at_s| worker.take_pose(posture, at_s, POSE_S));
+        Ok(())
+    }
+
+    /// The worker does what is meant, within `over_s`.
+    pub fn intend(&self, intention: &Intention, over_s: f64) {
+        self.command(|worker, at_s| worker.intend(intention, at_s, over_s));
+    }
+
+    /// A box of that mass comes into the worker's hands.
+    pub fn lift(&self, mass_kg: f64) {
+        self.command(|worker, at_s| worker.lift(mass_kg, at_s));
+    }
+
+    /// The worker lets go of the box.
+    pub fn put_down(&self) {
+        self.command(Worker::put_down);
+    }
+
+    /// The worker picks up a box, shows it around and puts it down: [`Worker::lift_and_show`].
+    pub fn lift_and_show(&self, mass_kg: f64) {
+        self.command(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
+    }
+
+    /// The suit stops (or starts again) sending, as when its battery is changed.
+    pub fn silence_suit(&self, silent: bool) {
+        self.shared.suit_silent.store(silent, Ordering::Relaxed);
+    }
+
+    /// The plate stops (or starts again) sending, as when its cable is pulled.
+    pub fn silence_plate(&self, silent: bool) {
+        self.shared.plate_silent.store(silent, Ordering::Relaxed);
+    }
+
+    /// The status word of all records from now on; 0 is sound.
+    pub fn set_plate_status(&self, status: u32) {
+        self.shared.plate_status.store(status, Ordering::Relaxed);
+    }
+
+    /// What is so at a simulated time. For times to come: if nothing more is asked of the worker.
+    pub fn truth_at(&self, time_s: f64) -> Truth {
+        self.shared.with_worker(|worker| Truth::of(worker, time_s))
+    }
+
+    /// What is so now.
+    pub fn truth(&self) -> Truth {
+        self.truth_at(self.now_s())
+    }
+
+    /// Stops both sensors.
+    ///
+    /// # Errors
+    /// What ended a sensor before its time.
+    pub fn stop(mut self) -> io::Result<()> {
+        self.join()
+    }
+
+    fn join(&mut self) -> io::Result<()> {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        let mut first = Ok(());
+        for thread in self.threads.drain(..) {
+            let ended =
+                thread.join().unwrap_or_else(|_| Err(io::Error::other("a simulated sensor panicked")));
+            first = first.and(ended);
+        }
+        first
+    }
+}
+
+impl Drop for SimulationHandle {
+    fn drop(&mut self) {
+        // Who drops without asking does not want to know.
+        let _ = self.join();
+    }
+}
