@@ -107,7 +107,7 @@ topics! {
     GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers;
     State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 16 subscribers;
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
-    Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 16 subscribers;
+    Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;
 }
 

@@ -142,9 +142,9 @@ struct Hlog {
 
 impl Hlog {
     fn create(path: &Path) -> Option<Hlog> {
-        let writer = File::create(path)
-            .map_err(|error| error.to_string())
-            .and_then(|file| HlogWriter::new(BufWriter::new(file), SystemTime::now()).map_err(|error| error.to_string()));
+        let writer = File::create(path).map_err(|error| error.to_string()).and_then(|file| {
+            HlogWriter::new(BufWriter::new(file), SystemTime::now()).map_err(|error| error.to_string())
+        });
         match writer {
             Ok(writer) => Some(Hlog {
                 path: path.to_owned(),

@@ -4,10 +4,12 @@
 //! [`sensors`], [`ingress`], [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
 
 pub mod cli;
+pub mod commands;
 pub mod config;
 pub mod egress;
 pub mod housekeeping;
 pub mod ingress;
+pub mod page_feed;
 pub mod pipeline;
 pub mod profile;
 pub mod realtime;

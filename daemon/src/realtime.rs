@@ -47,9 +47,10 @@ impl ThreadReport {
             ));
         }
         match self.asked.cpu {
-            Some(cpu) if self.granted.cpus != [cpu] => {
-                Some(format!("thread {} asked for core {cpu} and may run on {:?}", self.thread, self.granted.cpus))
-            }
+            Some(cpu) if self.granted.cpus != [cpu] => Some(format!(
+                "thread {} asked for core {cpu} and may run on {:?}",
+                self.thread, self.granted.cpus
+            )),
             _ => None,
         }
     }
@@ -91,7 +92,8 @@ fn set_fifo(priority: u32) {
 fn fifo_priority() -> u32 {
     let mut parameter = libc::sched_param { sched_priority: 0 };
     // SAFETY: the pointer is to a live sched_param, and 0 is the calling thread.
-    let (policy, read) = unsafe { (libc::sched_getscheduler(0), libc::sched_getparam(0, &raw mut parameter)) };
+    let (policy, read) =
+        unsafe { (libc::sched_getscheduler(0), libc::sched_getparam(0, &raw mut parameter)) };
     if policy == libc::SCHED_FIFO && read == 0 { parameter.sched_priority as u32 } else { 0 }
 }
 
@@ -103,8 +105,10 @@ fn fifo_priority() -> u32 {
 pub fn lock_memory() -> Result<(), String> {
     let limited = getrlimit(Resource::Memlock).current.is_some();
     if limited && !rustix::process::geteuid().is_root() {
-        return Err("locked memory is limited (ulimit -l); run as root, or under systemd with LimitMEMLOCK=infinity"
-            .to_owned());
+        return Err(
+            "locked memory is limited (ulimit -l); run as root, or under systemd with LimitMEMLOCK=infinity"
+                .to_owned(),
+        );
     }
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| format!("mlockall: {error}"))
 }

@@ -4,9 +4,7 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::ground::{GroundFrame, Measures, RdtSettings};
-use equipoise_adapters::source::{
-    MvnUdpSettings, MvnUdpSource, RdtSource, RdtSourceSettings, SourceError,
-};
+use equipoise_adapters::source::{MvnUdpSettings, MvnUdpSource, RdtSource, RdtSourceSettings, SourceError};
 use equipoise_adapters::suit::SuitSettings;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event};
 use equipoise_core::message::{AdapterHealth, GroundSample};
@@ -31,11 +29,18 @@ pub enum AdapterError {
     Bus(#[from] BusError),
 }
 
-/// Runs the suit's adapter until `stopping` says so. The first opening must succeed; later faults are retried.
+/// Runs the suit's adapter until `stopping` says so; `ready` is called once it listens.
+///
+/// The first opening must succeed; later faults are retried.
 ///
 /// # Errors
 /// The port is taken, or the bus cannot be joined.
-pub fn run_suit(station: &str, config: &SuitConfig, stopping: &dyn Fn() -> bool) -> Result<(), AdapterError> {
+pub fn run_suit(
+    station: &str,
+    config: &SuitConfig,
+    ready: impl FnOnce(),
+    stopping: &dyn Fn() -> bool,
+) -> Result<(), AdapterError> {
     let settings = MvnUdpSettings {
         listen: config.listen,
         allow_remote: config.allow_remote,
@@ -46,6 +51,7 @@ pub fn run_suit(station: &str, config: &SuitConfig, stopping: &dyn Fn() -> bool)
     let (samples, wake) = (bus.publisher()?, bus.notifier(Channel::Inputs)?);
     let mut health = Health::new(&bus)?;
     let mut source = MvnUdpSource::open(settings)?;
+    ready();
     while !stopping() {
         match source.receive() {
             Ok(Some(mut sample)) => {
@@ -67,11 +73,18 @@ pub fn run_suit(station: &str, config: &SuitConfig, stopping: &dyn Fn() -> bool)
     Ok(())
 }
 
-/// Runs the ground's adapter until `stopping` says so. A silent device is asked again and again.
+/// Runs the ground's adapter until `stopping` says so; `ready` is called once the device was asked to stream.
+///
+/// A silent device is asked again and again.
 ///
 /// # Errors
 /// No socket can be had, or the bus cannot be joined.
-pub fn run_ground(station: &str, config: &GroundConfig, stopping: &dyn Fn() -> bool) -> Result<(), AdapterError> {
+pub fn run_ground(
+    station: &str,
+    config: &GroundConfig,
+    ready: impl FnOnce(),
+    stopping: &dyn Fn() -> bool,
+) -> Result<(), AdapterError> {
     let settings = RdtSourceSettings {
         address: config.address,
         rdt: rdt_settings(config),
@@ -81,6 +94,7 @@ pub fn run_ground(station: &str, config: &GroundConfig, stopping: &dyn Fn() -> b
     let (publisher, wake) = (bus.publisher::<GroundSample>()?, bus.notifier(Channel::Inputs)?);
     let mut health = Health::new(&bus)?;
     let mut source = RdtSource::open(settings)?;
+    ready();
     let mut samples = Vec::with_capacity(64);
     while !stopping() {
         samples.clear();

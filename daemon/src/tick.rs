@@ -117,8 +117,7 @@ impl Loop {
         self.take_over_worker(command);
         let (suit_taken, ground_taken) = self.take_samples();
         let compute_start_ns = now_ns();
-        let inputs =
-            Inputs { suit: &self.suit[..suit_taken], ground: &self.ground[..ground_taken], command };
+        let inputs = Inputs { suit: &self.suit[..suit_taken], ground: &self.ground[..ground_taken], command };
         let state = *step(&self.settings, &mut self.memory, tick, inputs);
         let compute_end_ns = now_ns();
 
@@ -147,7 +146,8 @@ impl Loop {
     }
 
     fn note_samples(&mut self, suit_taken: usize, ground_taken: usize) {
-        let (suit, ground, record) = (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
+        let (suit, ground, record) =
+            (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
         record.suit_taken = suit_taken as u32;
         record.ground_taken = ground_taken as u32;
         record.suit_first = suit.first().map_or(0, |sample| sample.sequence);

@@ -11,11 +11,12 @@ pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> Config
     let said = error.message();
     let what = match unknown(said) {
         Some((unknown, known)) => {
-            let nearest = known.iter().max_by(|a, b| {
-                strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
-            });
+            let nearest = known
+                .iter()
+                .max_by(|a, b| strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown)));
             let hint = nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"));
-            let rest = if known.len() > 1 { format!(" (known here: {})", known.join(", ")) } else { String::new() };
+            let rest =
+                if known.len() > 1 { format!(" (known here: {})", known.join(", ")) } else { String::new() };
             format!("`{unknown}` is not known{hint}{rest}")
         }
         None => said.to_owned(),

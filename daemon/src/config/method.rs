@@ -74,7 +74,10 @@ impl SubjectConfig {
                     .into_iter()
                     .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)))
                     .unwrap_or_default();
-                return Err(("subject.tau_max_nm", format!("`{name}` is no joint; did you mean `{nearest}`?")));
+                return Err((
+                    "subject.tau_max_nm",
+                    format!("`{name}` is no joint; did you mean `{nearest}`?"),
+                ));
             }
             between("subject.tau_max_nm", *limit_nm, 1.0, 1000.0)?;
         }

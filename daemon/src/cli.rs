@@ -1,0 +1,84 @@
+//! The command line: one file per command.
+
+mod check;
+mod run;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// How a command ended, as the shell sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// 0: done.
+    Done,
+    /// 3: the data were read, but part of them was rejected.
+    PartRejected,
+}
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "equipoise",
+    version,
+    about = "Overload torques of a worker's joints, live, from a motion-capture suit and a force plate",
+    after_help = "Start with: equipoise demo\n\nExit codes: 0 done, 1 failed, 2 wrong usage, 3 part of the data was \
+                  rejected.\nNot a medical device and not a safety function."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::Arguments),
+    Check(check::Arguments),
+}
+
+/// Which station to talk to.
+#[derive(Debug, clap::Args)]
+struct StationArgument {
+    /// Station of the running daemon
+    #[arg(long, default_value = "station-1", env = "EQUIPOISE_STATION")]
+    station: String,
+}
+
+/// Which configuration to use.
+#[derive(Debug, clap::Args)]
+struct ConfigArgument {
+    /// Configuration file
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+}
+
+/// Runs the command that the arguments ask for.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let outcome = match cli.command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::PartRejected) => ExitCode::from(3),
+        Err(error) => {
+            eprintln!("equipoise: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Logs to standard error: under systemd with the journal's own priorities in mind, without colours and times.
+fn log_to_stderr(default: &str) {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
+    let journal = std::env::var_os("JOURNAL_STREAM").is_some();
+    let builder =
+        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false);
+    if journal {
+        builder.without_time().with_ansi(false).init();
+    } else {
+        builder.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init();
+    }
+}

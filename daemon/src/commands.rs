@@ -1,0 +1,142 @@
+//! Answers what people and controllers ask of a running daemon.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytemuck::Zeroable;
+use equipoise_bus::{Bus, BusError, CommandServer, Subscriber};
+use equipoise_core::cycle::Settings;
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::{Command, Reply, State, Validity};
+
+use crate::profile::{self, Profile};
+use crate::rings::Rings;
+
+/// How often waiting commands are looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// Somebody stands on a plate that shows more than this, N.
+const OCCUPIED_N: f64 = 150.0;
+
+/// The command server's thread.
+pub struct Commands {
+    server: CommandServer,
+    state: Subscriber<State>,
+    rings: Arc<Rings>,
+    settings: Settings,
+    subject: String,
+    latest: Option<State>,
+    // Ports die before the node they hang on.
+    _bus: Bus,
+}
+
+/// What to answer: the cycle from which it holds and a sentence, or why not.
+type Answer = Result<String, String>;
+
+impl Commands {
+    /// Takes the station's one command server. The bus refuses a second: that is how a second daemon is told.
+    ///
+    /// # Errors
+    /// Another daemon runs on this station, or the bus breaks.
+    pub fn open(
+        bus: Bus,
+        server: CommandServer,
+        rings: Arc<Rings>,
+        settings: Settings,
+        subject: &str,
+    ) -> Result<Commands, BusError> {
+        let state = bus.subscriber::<State>(1)?;
+        Ok(Commands { server, state, rings, settings, subject: subject.to_owned(), latest: None, _bus: bus })
+    }
+
+    /// Answers until it shall stop.
+    ///
+    /// # Errors
+    /// The bus breaks.
+    pub fn run(mut self) -> Result<(), BusError> {
+        while !self.rings.is_stopping() {
+            if let Some(state) = self.state.latest()? {
+                self.latest = Some(state);
+            }
+            let (rings, settings, subject, latest) =
+                (&self.rings, &self.settings, &self.subject, self.latest.as_ref());
+            while self.server.poll(|command| answer(command, rings, settings, subject, latest))? {}
+            while self.rings.worker_back.pop().is_some() {}
+            std::thread::sleep(LOOK_EVERY);
+        }
+        Ok(())
+    }
+}
+
+fn answer(
+    command: &Command,
+    rings: &Rings,
+    settings: &Settings,
+    subject: &str,
+    latest: Option<&State>,
+) -> Reply {
+    let outcome = match CommandKind::from_number(command.kind) {
+        None => Err(format!("this version does not know command {}", command.kind)),
+        Some(CommandKind::Tare) => tare(rings, latest),
+        Some(CommandKind::SubjectLoad) => load(command, rings, settings),
+        Some(CommandKind::SubjectSave) => hand_over(rings, CommandKind::Checkpoint)
+            .map(|()| format!("the worker is being saved as {subject}")),
+        Some(kind @ CommandKind::IdentifyStart) => {
+            hand_over(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
+        }
+        Some(kind @ CommandKind::IdentifyStop) => hand_over(rings, kind)
+            .map(|()| "learning has ended; the worker is monitored with what is known".to_owned()),
+        Some(kind @ CommandKind::IdentifyReset) => {
+            hand_over(rings, kind).map(|()| "all poses are forgotten; learning starts anew".to_owned())
+        }
+        Some(kind @ CommandKind::Checkpoint) => {
+            hand_over(rings, kind).map(|()| "a checkpoint is being published".to_owned())
+        }
+    };
+    reply(rings.last_cycle() + 1, outcome)
+}
+
+fn hand_over(rings: &Rings, kind: CommandKind) -> Result<(), String> {
+    rings.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
+}
+
+fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
+    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::GROUND_STALE)) else {
+        return Err("the plate is silent; nothing to tare".to_owned());
+    };
+    if state.ground_force_n[2].abs() > OCCUPIED_N {
+        return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
+    }
+    hand_over(rings, CommandKind::Tare).map(|()| "what the empty plate shows is zero from now on".to_owned())
+}
+
+fn load(command: &Command, rings: &Rings, settings: &Settings) -> Answer {
+    let id = text_of(&command.subject);
+    if id.is_empty() || !id.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_') {
+        return Err("a subject's id is made of letters, digits, '-' and '_'".to_owned());
+    }
+    let path = profile::path_of(&id);
+    let profile = Profile::read(&path)
+        .map_err(|error| error.to_string())?
+        .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
+    let worker = profile.worker(settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
+    rings.worker.force_push(worker);
+    hand_over(rings, CommandKind::SubjectLoad)
+        .map(|()| format!("{id} is in use: {} poses, {:.1} kg", profile.poses_used, profile.mass_kg))
+}
+
+fn reply(cycle: u64, outcome: Answer) -> Reply {
+    let mut reply = Reply { cycle, refused: u32::from(outcome.is_err()), ..Reply::zeroed() };
+    let text = outcome.unwrap_or_else(|why| why);
+    let mut length = text.len().min(reply.text.len());
+    while !text.is_char_boundary(length) {
+        length -= 1;
+    }
+    reply.text[..length].copy_from_slice(&text.as_bytes()[..length]);
+    reply
+}
+
+/// The text of a zero-filled field.
+pub fn text_of(field: &[u8]) -> String {
+    let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
+    String::from_utf8_lossy(&field[..end]).into_owned()
+}

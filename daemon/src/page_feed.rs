@@ -1,0 +1,65 @@
+//! Feeds the page: one more consumer of the bus, that takes the newest state and nothing else.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use anyhow::Context;
+use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_core::body::Skeleton;
+use equipoise_core::message::State;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_view::page::{Page, PageFrame};
+use equipoise_view::suggested_pose::SuggestedPose;
+
+use crate::config::Config;
+use crate::config::method::StopConfig;
+
+/// How often the newest state is looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// The newest state, or why there is none any more.
+type Newest = Arc<Mutex<Option<State>>>;
+
+/// Serves the page of a station.
+///
+/// # Errors
+/// The port is taken, or the bus cannot be joined.
+pub fn serve(station: &str, listen: SocketAddr, config: &Config) -> anyhow::Result<Page> {
+    let newest: Newest = Arc::default();
+    let seen = Arc::downgrade(&newest);
+    let station = station.to_owned();
+    // The bus's ports belong to one thread, so this one takes the states off the bus. It ends with the page, which
+    // holds the other end.
+    std::thread::Builder::new().name("page-feed".into()).spawn(move || {
+        let outcome: Result<(), BusError> = (|| {
+            let bus = Bus::join(&BusSettings::new(&station, "page"))?;
+            let mut states = bus.subscriber::<State>(1)?;
+            while let Some(newest) = seen.upgrade() {
+                if let (Some(state), Ok(mut newest)) = (states.latest()?, newest.lock()) {
+                    *newest = Some(state);
+                }
+                std::thread::sleep(LOOK_EVERY);
+            }
+            Ok(())
+        })();
+        if let Err(error) = outcome {
+            tracing::warn!("the page has no data: {error}");
+        }
+    })?;
+
+    let skeleton = Skeleton::nominal(config.subject.height_m);
+    let target_m = (config.identification.stop == StopConfig::PredictedCop)
+        .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
+    let feed = move || {
+        let state = newest.lock().ok().and_then(|newest| *newest)?;
+        let suggested = LIBRARY
+            .get(state.suggested_pose as usize)
+            .map(|posture| SuggestedPose::on_the_spot(posture, &skeleton, &state.segment_origin_m));
+        let mut frame = PageFrame::new(state);
+        frame.suggested = suggested;
+        frame.cop_sigma_target_m = target_m;
+        Some(frame)
+    };
+    Page::start(listen, feed).with_context(|| format!("the page at {listen}"))
+}

@@ -1,0 +1,331 @@
+//! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
+
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+use anyhow::{Context, anyhow, bail};
+use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_core::cycle::Memory;
+use equipoise_latency::Report;
+use equipoise_view::page::Page;
+use tracing::{info, warn};
+
+use crate::commands::Commands;
+use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use crate::egress::Egress;
+use crate::housekeeping::{Housekeeping, Saving};
+use crate::page_feed;
+use crate::profile::{self, Profile};
+use crate::realtime::{self, Asked, ThreadReport};
+use crate::rings::Rings;
+use crate::status::{Status, StatusFile, ThreadStatus};
+use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
+use crate::{ingress, sensors};
+
+/// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
+const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
+/// Stack of every thread; the loop's is prefaulted, and locked memory counts each.
+const STACK_BYTES: usize = 2 << 20;
+/// The role under which the daemon itself is found on the bus.
+const DAEMON_ROLE: &str = "daemon";
+
+/// A running daemon.
+pub struct Pipeline {
+    rings: Arc<Rings>,
+    looping: JoinHandle<anyhow::Result<LoopSummary>>,
+    egress: JoinHandle<anyhow::Result<Report>>,
+    others: Vec<(&'static str, JoinHandle<anyhow::Result<()>>)>,
+    page: Option<Page>,
+    status: StatusFile,
+    threads: Vec<ThreadReport>,
+}
+
+/// How a daemon fared.
+#[derive(Debug, Clone)]
+pub struct Summary {
+    /// The loop.
+    pub cycles: LoopSummary,
+    /// Latency by stage.
+    pub latency: Report,
+    /// What each thread asked for and had.
+    pub threads: Vec<ThreadReport>,
+}
+
+impl Pipeline {
+    /// Starts everything that a configuration asks for.
+    ///
+    /// # Errors
+    /// A sentence for the person who started it: another daemon on this station, a port taken, real time refused
+    /// under `strict`.
+    pub fn start(config: &Config) -> anyhow::Result<Pipeline> {
+        Pipeline::start_observed(config, Box::new(NoObserver))
+    }
+
+    /// The same with an observer inside the loop.
+    ///
+    /// # Errors
+    /// As [`Pipeline::start`].
+    pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
+        let settings = config.settings();
+        let station = config.station.clone();
+        let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
+        let memory_lock = lock_memory(config)?;
+
+        // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
+        // so it is opened there, and this thread waits for the word.
+        let (commands_rings, subject) = (Arc::clone(&rings), config.subject.id.clone());
+        let (commands, ()) = started("commands", move |ready| {
+            let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
+            let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
+            let commands = Commands::open(bus, server, commands_rings, settings, &subject)?;
+            let _ = ready.send(());
+            Ok(commands.run()?)
+        })?;
+        // From here on other threads run; a failure must end them.
+        let start = Start { config, rings: &rings, memory_lock, observer };
+        match start.the_rest(settings, commands) {
+            Ok(pipeline) => Ok(pipeline),
+            Err(error) => {
+                rings.stop();
+                Err(error)
+            }
+        }
+    }
+
+    /// Where the page is, if it is served.
+    pub fn page_url(&self) -> Option<String> {
+        self.page.as_ref().map(Page::url)
+    }
+
+    /// What each thread asked for and has.
+    pub fn threads(&self) -> &[ThreadReport] {
+        &self.threads
+    }
+
+    /// The newest cycle.
+    pub fn last_cycle(&self) -> u64 {
+        self.rings.last_cycle()
+    }
+
+    /// Whether every thread still runs.
+    pub fn is_whole(&self) -> bool {
+        !self.looping.is_finished()
+            && !self.egress.is_finished()
+            && self.others.iter().all(|(_, thread)| !thread.is_finished())
+    }
+
+    /// Ends every thread and says how it went.
+    ///
+    /// # Errors
+    /// What a thread died of, if one did.
+    pub fn stop(self) -> anyhow::Result<Summary> {
+        self.rings.stop();
+        if let Some(page) = self.page {
+            page.stop();
+        }
+        let cycles = self.looping.join().map_err(|_| anyhow!("the loop panicked"))?;
+        let latency = self.egress.join().map_err(|_| anyhow!("egress panicked"))?;
+        self.status.remove();
+        let mut fault = None;
+        for (name, thread) in self.others {
+            match thread.join() {
+                Ok(Ok(())) => {}
+                Ok(Err(error)) => fault = fault.or(Some(error.context(format!("thread {name}")))),
+                Err(_) => fault = fault.or(Some(anyhow!("thread {name} panicked"))),
+            }
+        }
+        match fault {
+            Some(fault) => Err(fault),
+            None => Ok(Summary { cycles: cycles?, latency: latency?, threads: self.threads }),
+        }
+    }
+}
+
+/// What the later threads are started from.
+struct Start<'a> {
+    config: &'a Config,
+    rings: &'a Arc<Rings>,
+    memory_lock: String,
+    observer: Box<dyn Observer>,
+}
+
+type Other = (&'static str, JoinHandle<anyhow::Result<()>>);
+
+impl Start<'_> {
+    fn the_rest(
+        self,
+        settings: equipoise_core::cycle::Settings,
+        commands: JoinHandle<anyhow::Result<()>>,
+    ) -> anyhow::Result<Pipeline> {
+        let config = self.config;
+        let mut others: Vec<Other> = vec![("commands", commands)];
+        let mut threads = Vec::new();
+        let asked =
+            |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
+
+        // The page's thread inherits the ordinary scheduler from this one.
+        let page = match &config.page {
+            Some(page) => Some(page_feed::serve(&config.station, page.listen, config)?),
+            None => None,
+        };
+
+        let (worker_changed, changed_workers) = mpsc::channel();
+        let (rings, station, hlog) =
+            (Arc::clone(self.rings), config.station.clone(), config.latency.hlog.clone());
+        let ask = asked(BELOW_LOOP[1].1);
+        let (egress, report) = started("egress", move |ready| {
+            let report = realtime::ask("egress", ask);
+            let egress = Egress::open(&station, rings, worker_changed, hlog.as_deref())?;
+            let _ = ready.send(report);
+            Ok(egress.run()?)
+        })?;
+        threads.push(report);
+
+        let (memory, saving) = remembered(config, &settings);
+        let (rings, cpu) = (Arc::clone(self.rings), config.tick.cpu);
+        let (asked_loop, period_ns) =
+            (Asked { fifo_priority: config.tick.priority, cpu }, config.period_ns());
+        let mut observer = self.observer;
+        let (looping, report) = started("loop", move |ready| {
+            realtime::prefault_stack();
+            let _ = ready.send(realtime::ask("loop", asked_loop));
+            Ok(Loop::new(settings, memory, rings, period_ns).run(&mut *observer))
+        })?;
+        threads.push(report);
+
+        let (rings, station, ask) = (Arc::clone(self.rings), config.station.clone(), asked(BELOW_LOOP[0].1));
+        let (ingress, report) = started("ingress", move |ready| {
+            let report = realtime::ask("ingress", ask);
+            Ok(ingress::run(&station, &rings, || drop(ready.send(report)))?)
+        })?;
+        threads.push(report);
+        others.push(("ingress", ingress));
+        others.extend(start_adapters(config, self.rings)?);
+
+        for missing in threads.iter().filter_map(ThreadReport::missing) {
+            if config.tick.strict {
+                bail!("loop.strict: {missing}");
+            }
+            warn!("{missing}");
+        }
+        let status = StatusFile::new(&Status {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            process_id: std::process::id(),
+            station: config.station.clone(),
+            config_toml: config.to_toml(),
+            page: page.as_ref().map(Page::url),
+            memory_lock: self.memory_lock,
+            threads: threads.iter().map(ThreadStatus::from).collect(),
+        });
+        status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
+        let (rings, station, file) = (Arc::clone(self.rings), config.station.clone(), status.clone());
+        let (housekeeping, ()) = started("housekeeping", move |ready| {
+            let housekeeping = Housekeeping::open(&station, rings, changed_workers, saving, file)?;
+            let _ = ready.send(());
+            housekeeping.run();
+            Ok(())
+        })?;
+        others.push(("housekeeping", housekeeping));
+        Ok(Pipeline { rings: Arc::clone(self.rings), looping, egress, others, page, status, threads })
+    }
+}
+
+/// Starts a thread and waits until it says that it is ready; if it ends before, that is the error.
+fn started<Ready: Send + 'static, T: Send + 'static>(
+    name: &'static str,
+    body: impl FnOnce(mpsc::Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
+) -> anyhow::Result<(JoinHandle<anyhow::Result<T>>, Ready)> {
+    let (sender, receiver) = mpsc::channel();
+    let thread =
+        std::thread::Builder::new().name(name.into()).stack_size(STACK_BYTES).spawn(move || body(sender))?;
+    match receiver.recv() {
+        Ok(ready) => Ok((thread, ready)),
+        Err(_) => match thread.join() {
+            Ok(Err(error)) => Err(error),
+            _ => Err(anyhow!("thread {name} ended before it began")),
+        },
+    }
+}
+
+/// Names the daemon that is there already.
+fn second_daemon(bus: &Bus, error: BusError) -> anyhow::Error {
+    let own = std::process::id();
+    let other = bus
+        .participants()
+        .ok()
+        .and_then(|all| all.into_iter().find(|one| one.role == DAEMON_ROLE && one.process_id != own));
+    match (&error, other) {
+        (BusError::Full { .. }, Some(other)) => anyhow!(
+            "station {} already has a daemon: process {}; stop it, or give this one another `station`",
+            bus.station(),
+            other.process_id
+        ),
+        _ => error.into(),
+    }
+}
+
+fn lock_memory(config: &Config) -> anyhow::Result<String> {
+    if !config.tick.lock_memory {
+        return Ok("not asked for".to_owned());
+    }
+    match realtime::lock_memory() {
+        Ok(()) => Ok("locked".to_owned()),
+        Err(why) if config.tick.strict => bail!("loop.strict: memory is not locked: {why}"),
+        Err(why) => {
+            info!("memory is not locked: {why}");
+            Ok(format!("not locked: {why}"))
+        }
+    }
+}
+
+/// The loop's memory, with what is known of this worker, and where it is saved.
+fn remembered(config: &Config, settings: &equipoise_core::cycle::Settings) -> (Box<Memory>, Saving) {
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(settings);
+    let subject = config.subject.id.clone();
+    let path = profile::path_of(&subject);
+    let mut saving = Saving { subject, path: path.clone(), allowed: true };
+    match Profile::read(&path) {
+        Ok(None) => {}
+        Ok(Some(profile)) => match profile.worker(settings) {
+            Ok(worker) => {
+                info!(
+                    poses = profile.poses_used,
+                    identified = profile.identified,
+                    "profile {} is in use",
+                    profile.subject
+                );
+                memory.identification = *worker;
+            }
+            Err(why) => {
+                warn!("the profile {} is not used and will not be overwritten: {why}", path.display());
+                saving.allowed = false;
+            }
+        },
+        Err(error) => {
+            warn!("{error}");
+            saving.allowed = false;
+        }
+    }
+    (memory, saving)
+}
+
+fn start_adapters(config: &Config, rings: &Arc<Rings>) -> anyhow::Result<Vec<Other>> {
+    let mut adapters: Vec<Other> = Vec::new();
+    if config.suit.source == SuitSourceKind::MvnUdp {
+        let (rings, station, suit) = (Arc::clone(rings), config.station.clone(), config.suit.clone());
+        let (thread, ()) = started("suit", move |ready| {
+            Ok(sensors::run_suit(&station, &suit, || ready.send(()).unwrap_or(()), &|| rings.is_stopping())?)
+        })?;
+        adapters.push(("suit", thread));
+    }
+    if config.ground.source == GroundSourceKind::AtiRdt {
+        let (rings, station, ground) = (Arc::clone(rings), config.station.clone(), config.ground.clone());
+        let (thread, ()) = started("ground", move |ready| {
+            Ok(sensors::run_ground(&station, &ground, || ready.send(()).unwrap_or(()), &|| rings.is_stopping())?)
+        })?;
+        adapters.push(("ground", thread));
+    }
+    Ok(adapters)
+}

@@ -1,0 +1,94 @@
+//! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::profile::write_whole;
+use crate::realtime::ThreadReport;
+
+/// The facts of one daemon.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Status {
+    /// Version of the program.
+    pub version: String,
+    /// Process.
+    pub process_id: u32,
+    /// Station.
+    pub station: String,
+    /// The whole configuration, defaults included.
+    pub config_toml: String,
+    /// Where the page is, if it is served.
+    pub page: Option<String>,
+    /// Whether memory is locked, or why not.
+    pub memory_lock: String,
+    /// What each thread asked for and has, in words.
+    pub threads: Vec<ThreadStatus>,
+}
+
+/// One thread's real-time settings.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ThreadStatus {
+    /// Role.
+    pub thread: String,
+    /// SCHED_FIFO priority asked for; 0 for none.
+    pub asked_fifo: u32,
+    /// SCHED_FIFO priority granted.
+    pub granted_fifo: u32,
+    /// Cores it may run on.
+    pub cpus: Vec<usize>,
+}
+
+impl From<&ThreadReport> for ThreadStatus {
+    fn from(report: &ThreadReport) -> ThreadStatus {
+        ThreadStatus {
+            thread: report.thread.to_owned(),
+            asked_fifo: report.asked.fifo_priority,
+            granted_fifo: report.granted.fifo_priority,
+            cpus: report.granted.cpus.clone(),
+        }
+    }
+}
+
+/// The file of a station's daemon; removed when it ends.
+#[derive(Debug, Clone)]
+pub struct StatusFile {
+    /// Where.
+    pub path: PathBuf,
+    text: String,
+}
+
+impl StatusFile {
+    /// A file for these facts.
+    pub fn new(status: &Status) -> StatusFile {
+        let text = serde_json::to_string_pretty(status).unwrap_or_default();
+        StatusFile { path: path_of(&status.station), text }
+    }
+
+    /// Writes it, if it is not there as it should be.
+    ///
+    /// # Errors
+    /// What the system said.
+    pub fn write(&self) -> std::io::Result<()> {
+        if std::fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {
+            return Ok(());
+        }
+        write_whole(&self.path, self.text.as_bytes())
+    }
+
+    /// Removes it.
+    pub fn remove(&self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Reads the facts of a station's daemon; `None` if there are none.
+pub fn read(station: &str) -> Option<Status> {
+    let text = std::fs::read_to_string(path_of(station)).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// Beside the files of the bus, so that whoever finds the one finds the other.
+fn path_of(station: &str) -> PathBuf {
+    equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}.json"))
+}
