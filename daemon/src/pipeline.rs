@@ -285,7 +285,10 @@ fn remembered(config: &Config, settings: &equipoise_core::cycle::Settings) -> (B
     memory.start(settings);
     let subject = config.subject.id.clone();
     let path = profile::path_of(&subject);
-    let mut saving = Saving { subject, path: path.clone(), allowed: true };
+    let mut saving = Saving { subject, path: path.clone(), allowed: config.subject.remember };
+    if !config.subject.remember {
+        return (memory, saving);
+    }
     match Profile::read(&path) {
         Ok(None) => {}
         Ok(Some(profile)) => match profile.worker(settings) {
@@ -323,7 +326,9 @@ fn start_adapters(config: &Config, rings: &Arc<Rings>) -> anyhow::Result<Vec<Oth
     if config.ground.source == GroundSourceKind::AtiRdt {
         let (rings, station, ground) = (Arc::clone(rings), config.station.clone(), config.ground.clone());
         let (thread, ()) = started("ground", move |ready| {
-            Ok(sensors::run_ground(&station, &ground, || ready.send(()).unwrap_or(()), &|| rings.is_stopping())?)
+            Ok(sensors::run_ground(&station, &ground, || ready.send(()).unwrap_or(()), &|| {
+                rings.is_stopping()
+            })?)
         })?;
         adapters.push(("ground", thread));
     }

@@ -23,9 +23,16 @@ pub struct SubjectConfig {
     /// Which anthropometric table.
     #[serde(default)]
     pub sex: SexConfig,
+    /// Keep what is learnt in a profile and go on with it after a restart.
+    #[serde(default = "yes")]
+    pub remember: bool,
     /// Largest overload per joint, N m, by MVN's joint name; defaults for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tau_max_nm: BTreeMap<String, f64>,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// Which anthropometric table.

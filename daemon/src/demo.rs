@@ -1,0 +1,154 @@
+//! The whole path on one machine, without hardware: a simulated person on real wires, the real daemon, the real page.
+//!
+//! The person sees what a worker would see, the state on the bus, and follows it: takes the suggested poses, stands in
+//! poses that were not learnt from, then lifts a box as in the paper.
+
+mod scene;
+pub mod summary;
+
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use equipoise_bus::{Bus, BusSettings, Channel, Subscriber};
+use equipoise_core::message::State;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use equipoise_view::terminal::live_line;
+
+use crate::config::Config;
+use crate::pipeline::Pipeline;
+use scene::{Scene, Script};
+use summary::DemoSummary;
+
+/// The page is served here if nobody else is.
+const PAGE_PORT: u16 = 8017;
+/// One live line this often.
+const LINE_EVERY: Duration = Duration::from_millis(1000);
+
+/// What to show.
+#[derive(Debug, Clone)]
+pub struct DemoSettings {
+    /// Everything random follows from it.
+    pub seed: u64,
+    /// Name of the station.
+    pub station: String,
+    /// End after this long at the latest.
+    pub duration: Duration,
+    /// Address of the page; `None` for no page.
+    pub page: Option<SocketAddr>,
+    /// Print live lines.
+    pub talk: bool,
+}
+
+/// Where the page is served by default; another free port if somebody has that one.
+pub fn default_page() -> SocketAddr {
+    let preferred = SocketAddr::from((Ipv4Addr::LOCALHOST, PAGE_PORT));
+    let free = std::net::TcpListener::bind(preferred).is_ok();
+    if free { preferred } else { SocketAddr::from((Ipv4Addr::LOCALHOST, 0)) }
+}
+
+/// Runs the demonstration.
+///
+/// # Errors
+/// A sentence: what could not be started, or what the demonstration failed to show.
+pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSummary> {
+    let suit_port = free_udp_port()?;
+    let mut simulated = SimulationSettings { seed: settings.seed, ..SimulationSettings::default() };
+    simulated.suit.target = suit_port;
+    simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let person = Simulation::start(simulated).context("the simulated person")?;
+    let config = config(settings, suit_port, person.plate_address())?;
+    let pipeline = Pipeline::start(&config)?;
+    if settings.talk {
+        match pipeline.page_url() {
+            Some(url) => println!("page: {url}"),
+            None => println!("no page (--headless)"),
+        }
+    }
+    let bus = Bus::join(&BusSettings::new(&settings.station, "worker"))?;
+    let eyes = Eyes { states: bus.subscriber(64)?, wake: bus.listener(Channel::Results)? };
+    let shown = show(settings, stop, eyes, &person);
+    drop(bus);
+    // The person stays until the daemon is down, or its last cycles would see the sensors fall silent.
+    let pipeline = pipeline.stop();
+    person.stop().context("the simulated person")?;
+    let script = shown?;
+    let pipeline = pipeline?;
+    Ok(DemoSummary::of(script, &pipeline))
+}
+
+/// What the person sees of the pipeline.
+struct Eyes {
+    states: Subscriber<State>,
+    wake: equipoise_bus::Listener,
+}
+
+fn show(
+    settings: &DemoSettings,
+    stop: &AtomicBool,
+    mut eyes: Eyes,
+    person: &SimulationHandle,
+) -> anyhow::Result<Script> {
+    let (started, mut last_line) = (Instant::now(), Instant::now());
+    let mut script = Script::new(settings.duration);
+    while script.scene() != Scene::Over {
+        if stop.load(Ordering::Relaxed) {
+            bail!("stopped before the end; nothing to summarise");
+        }
+        if started.elapsed() > settings.duration {
+            bail!(
+                "{} s were not enough: still {} with {} poses; give it more with --duration",
+                settings.duration.as_secs(),
+                script.scene().name(),
+                script.poses_used()
+            );
+        }
+        eyes.wake.wait(Duration::from_millis(100))?;
+        while let Some(state) = eyes.states.receive()? {
+            script.see(&state, person, started.elapsed());
+            if settings.talk && last_line.elapsed() >= LINE_EVERY {
+                last_line = Instant::now();
+                let pose = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
+                println!("{:5.1} s  {}", started.elapsed().as_secs_f64(), live_line(&state, pose));
+            }
+        }
+    }
+    Ok(script)
+}
+
+/// A port that is free now. Between here and its use another process could take it; then the daemon says so.
+fn free_udp_port() -> anyhow::Result<SocketAddr> {
+    Ok(UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))
+        .and_then(|socket| socket.local_addr())
+        .context("a free port")?)
+}
+
+/// The configuration of the demonstration: a plain one, written as a person would write it.
+fn config(settings: &DemoSettings, suit: SocketAddr, plate: SocketAddr) -> anyhow::Result<Config> {
+    let page = settings.page.map_or_else(String::new, |page| format!("[page]\nlisten = \"{page}\"\n"));
+    let text = format!(
+        r#"
+station = "{}"
+[suit]
+source = "mvn-udp"
+listen = "{suit}"
+[ground]
+source = "ati-rdt"
+address = "{plate}"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+measures = "action"
+[subject]
+id = "demo"
+height_m = 1.77
+mass_kg = 72.0
+sex = "male"
+remember = false
+{page}"#,
+        settings.station
+    );
+    Ok(Config::parse(&text, "the demonstration's configuration")?)
+}

@@ -1,0 +1,231 @@
+//! What the simulated person does, scene by scene, and what is measured meanwhile.
+
+use std::time::Duration;
+
+use equipoise_core::body::Joint;
+use equipoise_core::message::state::Phase;
+use equipoise_core::message::{State, Validity};
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::simulation::SimulationHandle;
+use nalgebra::Vector3;
+
+use super::summary::JOINTS_SHOWN;
+
+/// The box of the paper, kg.
+pub(super) const BOX_KG: f64 = 4.0;
+/// A suggested pose that was not learnt after this long is left; the worker tries something else, s.
+const PATIENCE_S: f64 = 6.0;
+/// How long each pose is held that checks the model, s; it takes 1.8 s to get there.
+const CHECK_POSE_S: f64 = 3.2;
+/// How many of them.
+const CHECK_POSES: usize = 6;
+/// From taking the box to having put it down, s.
+const LIFT_S: f64 = 16.5;
+
+/// Where the demonstration is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scene {
+    /// Sensors come up.
+    Begin,
+    /// The person takes suggested poses.
+    Identify,
+    /// The person stands in poses that were not learnt from.
+    Check,
+    /// The person lifts the box.
+    Lift,
+    /// Done.
+    Over,
+}
+
+impl Scene {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Scene::Begin => "waiting for the sensors",
+            Scene::Identify => "identifying",
+            Scene::Check => "checking the model",
+            Scene::Lift => "lifting",
+            Scene::Over => "done",
+        }
+    }
+}
+
+/// Sums for one joint while lifting.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct JointSums {
+    pub(super) told_nm: f64,
+    pub(super) true_nm: f64,
+    pub(super) error_nm2: f64,
+    pub(super) sigma_nm: f64,
+    pub(super) true_max_nm: f64,
+    pub(super) told_max_nm: f64,
+}
+
+/// Sums of a pair of centres of pressure, m.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct CopSums {
+    pub(super) samples: f64,
+    pub(super) error_m2: [f64; 2],
+    pub(super) measured_m: [f64; 2],
+    pub(super) measured_m2: [f64; 2],
+}
+
+impl CopSums {
+    fn add(&mut self, state: &State) {
+        self.samples += 1.0;
+        for axis in 0..2 {
+            let measured = state.cop_measured_m[axis];
+            self.error_m2[axis] += (measured - state.cop_estimated_m[axis]).powi(2);
+            self.measured_m[axis] += measured;
+            self.measured_m2[axis] += measured * measured;
+        }
+    }
+}
+
+/// The script, how far it has come, and its measurements.
+#[derive(Debug)]
+pub(super) struct Script {
+    scene: Scene,
+    scene_since_s: f64,
+    duration_s: f64,
+    suggested: u32,
+    asked_since_s: f64,
+    check_pose: usize,
+    last_sample_ns: u64,
+    asked: u64,
+    pub(super) poses_used: u32,
+    pub(super) identified_after_s: f64,
+    pub(super) predicted_sigma_m: f64,
+    pub(super) unloaded: CopSums,
+    pub(super) loaded_samples: f64,
+    pub(super) delta_f_n: f64,
+    pub(super) joints: [JointSums; JOINTS_SHOWN.len()],
+}
+
+impl Script {
+    pub(super) fn new(duration: Duration) -> Script {
+        Script {
+            scene: Scene::Begin,
+            scene_since_s: 0.0,
+            duration_s: duration.as_secs_f64(),
+            suggested: u32::MAX,
+            asked_since_s: 0.0,
+            check_pose: 0,
+            last_sample_ns: 0,
+            asked: 0,
+            poses_used: 0,
+            identified_after_s: 0.0,
+            predicted_sigma_m: 0.0,
+            unloaded: CopSums::default(),
+            loaded_samples: 0.0,
+            delta_f_n: 0.0,
+            joints: [JointSums::default(); JOINTS_SHOWN.len()],
+        }
+    }
+
+    pub(super) fn scene(&self) -> Scene {
+        self.scene
+    }
+
+    pub(super) fn poses_used(&self) -> u32 {
+        self.poses_used
+    }
+
+    /// The person sees one state and acts.
+    pub(super) fn see(&mut self, state: &State, person: &SimulationHandle, elapsed: Duration) {
+        let now_s = elapsed.as_secs_f64();
+        let fresh = state.suit_sample_time_ns != self.last_sample_ns;
+        self.last_sample_ns = state.suit_sample_time_ns;
+        self.poses_used = state.poses_used;
+        match self.scene {
+            Scene::Begin => {
+                if state.phase == Phase::Identifying as u32 {
+                    self.enter(Scene::Identify, now_s);
+                }
+            }
+            Scene::Identify => self.identify(state, person, now_s),
+            Scene::Check => self.check(state, person, now_s, fresh),
+            Scene::Lift => self.lift(state, person, now_s, fresh),
+            Scene::Over => {}
+        }
+    }
+
+    fn enter(&mut self, scene: Scene, now_s: f64) {
+        self.scene = scene;
+        self.scene_since_s = now_s;
+    }
+
+    fn identify(&mut self, state: &State, person: &SimulationHandle, now_s: f64) {
+        if state.phase == Phase::Monitoring as u32 {
+            self.identified_after_s = now_s;
+            self.predicted_sigma_m = state.predicted_cop_sigma_m;
+            self.enter(Scene::Check, now_s);
+            self.take_check_pose(person);
+            return;
+        }
+        if state.suggested_pose != self.suggested {
+            self.suggested = state.suggested_pose;
+            self.asked_since_s = now_s;
+            self.take(person, state.suggested_pose as usize);
+        } else if now_s - self.asked_since_s > PATIENCE_S {
+            // As a person would: if nothing happens, try another one.
+            self.asked_since_s = now_s;
+            self.take(person, (state.suggested_pose as usize + 7) % LIBRARY.len());
+        }
+    }
+
+    fn take(&mut self, person: &SimulationHandle, pose: usize) {
+        if person.take_pose(pose).is_ok() {
+            self.asked |= 1 << pose.min(63);
+        }
+    }
+
+    /// Poses that were never asked for check the model.
+    fn take_check_pose(&mut self, person: &SimulationHandle) {
+        let unasked = (0..LIBRARY.len()).filter(|pose| self.asked & (1 << pose) == 0);
+        if let Some(pose) = unasked.step_by(5).nth(self.check_pose).or(Some(self.check_pose)) {
+            // Every index of the library is a pose.
+            let _ = person.take_pose(pose);
+        }
+    }
+
+    fn check(&mut self, state: &State, person: &SimulationHandle, now_s: f64, fresh: bool) {
+        let spoilt =
+            state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED));
+        if fresh && state.static_pose == 1 && !spoilt {
+            self.unloaded.add(state);
+        }
+        if now_s - self.scene_since_s > CHECK_POSE_S * (self.check_pose + 1) as f64 {
+            self.check_pose += 1;
+            if self.check_pose < CHECK_POSES {
+                self.take_check_pose(person);
+            } else {
+                person.lift_and_show(BOX_KG);
+                self.enter(Scene::Lift, now_s);
+            }
+        }
+    }
+
+    fn lift(&mut self, state: &State, person: &SimulationHandle, now_s: f64, fresh: bool) {
+        if fresh && !state.validity().any_of(Validity::SPOILS_TORQUES) {
+            let time_s = (state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9;
+            let truth = person.truth_at(time_s);
+            self.loaded_samples += 1.0;
+            self.delta_f_n += state.delta_f_n[2];
+            for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
+                let Some(joint) = Joint::named(name).map(Joint::index) else { continue };
+                let told = Vector3::from(state.torque_nm[joint]);
+                // Both feet's forces act at the common centre of pressure, as in Eq. 15.
+                let real = truth.overload_at_cop_nm[joint];
+                sums.told_nm += told.norm();
+                sums.true_nm += real.norm();
+                sums.told_max_nm = sums.told_max_nm.max(told.norm());
+                sums.true_max_nm = sums.true_max_nm.max(real.norm());
+                sums.error_nm2 += (told - real).norm_squared();
+                sums.sigma_nm += state.torque_sigma_nm[joint];
+            }
+        }
+        if now_s - self.scene_since_s > LIFT_S || now_s > self.duration_s - 0.5 {
+            self.enter(Scene::Over, now_s);
+        }
+    }
+}

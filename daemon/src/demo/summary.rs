@@ -1,0 +1,202 @@
+//! What the demonstration showed, for people and for programs.
+
+use std::fmt;
+
+use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_latency::Report;
+use serde::Serialize;
+
+use super::scene::{BOX_KG, Script};
+use crate::pipeline::Summary;
+
+/// The joints of the paper's Fig. 6 and the lower back: what to call them, and MVN's name.
+pub(super) const JOINTS_SHOWN: [(&str, &str); 6] = [
+    ("hip", "RightHip"),
+    ("knee", "RightKnee"),
+    ("ankle", "RightAnkle"),
+    ("shoulder", "RightShoulder"),
+    ("elbow", "RightElbow"),
+    ("lower_back", "L5S1"),
+];
+
+/// What the demonstration showed.
+#[derive(Debug, Clone, Serialize)]
+pub struct DemoSummary {
+    /// Whether everything was shown: identified, checked, lifted.
+    pub complete: bool,
+    /// Held poses that entered the filter.
+    pub poses_used: u32,
+    /// How long identification took, s.
+    pub identified_after_s: f64,
+    /// What the filter promised for the CoP, mm.
+    pub predicted_cop_sigma_mm: f64,
+    /// Estimated against measured CoP, unloaded, in poses that were not learnt from.
+    pub unloaded_cop: CopError,
+    /// The box.
+    pub lift: Lift,
+    /// Cycles, slots, deadlines.
+    pub cycles: u64,
+    /// Slots of the schedule that passed without a cycle.
+    pub slots_skipped: u64,
+    /// Cycles whose state was ready only after the next was due.
+    pub deadlines_missed: u64,
+    /// Whether `elapsed / period == cycles + slots_skipped`.
+    pub schedule_adds_up: bool,
+    /// Latency by stage, ns.
+    pub latency: Report,
+    /// SCHED_FIFO priority that the loop was granted; 0 without real time.
+    pub loop_fifo_priority: u32,
+}
+
+/// Error of the estimated CoP while still and unloaded.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct CopError {
+    /// Suit samples compared.
+    pub samples: u64,
+    /// Root mean square forward, mm.
+    pub forward_mm: f64,
+    /// Root mean square sideways, mm.
+    pub sideways_mm: f64,
+    /// Root mean square of the distance, mm.
+    pub distance_mm: f64,
+    /// The same over the root mean square excursion of the measured CoP from its mean, per cent.
+    ///
+    /// The paper states 16.17 % without its formula; this is the ratio that fits its Fig. 6.
+    pub percent: f64,
+}
+
+/// While lifting.
+#[derive(Debug, Clone, Serialize)]
+pub struct Lift {
+    /// What was lifted, kg.
+    pub mass_kg: f64,
+    /// Suit samples with valid torques.
+    pub samples: u64,
+    /// Mean external force told, N.
+    pub delta_f_n: f64,
+    /// The box's weight, N.
+    pub delta_f_true_n: f64,
+    /// Joints, right side.
+    pub joints: Vec<JointTorque>,
+}
+
+/// One joint while lifting, means over the samples, N m.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointTorque {
+    /// Plain name.
+    pub joint: &'static str,
+    /// MVN's name.
+    pub name: &'static str,
+    /// Magnitude told.
+    pub torque_nm: f64,
+    /// True magnitude, from the simulator.
+    pub true_nm: f64,
+    /// 1-σ told.
+    pub sigma_nm: f64,
+    /// Root mean square of the vector difference.
+    pub error_nm: f64,
+    /// Largest magnitude told.
+    pub torque_max_nm: f64,
+    /// Largest true magnitude.
+    pub true_max_nm: f64,
+}
+
+impl DemoSummary {
+    pub(super) fn of(script: Script, pipeline: &Summary) -> DemoSummary {
+        let samples = script.loaded_samples.max(1.0);
+        let joints = JOINTS_SHOWN
+            .iter()
+            .zip(&script.joints)
+            .map(|((joint, name), sums)| JointTorque {
+                joint,
+                name,
+                torque_nm: sums.told_nm / samples,
+                true_nm: sums.true_nm / samples,
+                sigma_nm: sums.sigma_nm / samples,
+                error_nm: (sums.error_nm2 / samples).sqrt(),
+                torque_max_nm: sums.told_max_nm,
+                true_max_nm: sums.true_max_nm,
+            })
+            .collect();
+        let unloaded_cop = cop_error(&script);
+        let loop_thread = pipeline.threads.iter().find(|report| report.thread == "loop");
+        DemoSummary {
+            complete: unloaded_cop.samples > 0 && script.loaded_samples > 0.0,
+            poses_used: script.poses_used,
+            identified_after_s: script.identified_after_s,
+            predicted_cop_sigma_mm: script.predicted_sigma_m * 1e3,
+            unloaded_cop,
+            lift: Lift {
+                mass_kg: BOX_KG,
+                samples: script.loaded_samples as u64,
+                delta_f_n: script.delta_f_n / samples,
+                delta_f_true_n: BOX_KG * GRAVITY_M_PER_S2,
+                joints,
+            },
+            cycles: pipeline.cycles.cycles,
+            slots_skipped: pipeline.cycles.slots_skipped,
+            deadlines_missed: pipeline.cycles.deadlines_missed,
+            schedule_adds_up: pipeline.cycles.adds_up,
+            latency: pipeline.latency.clone(),
+            loop_fifo_priority: loop_thread.map_or(0, |report| report.granted.fifo_priority),
+        }
+    }
+}
+
+fn cop_error(script: &Script) -> CopError {
+    let sums = &script.unloaded;
+    let samples = sums.samples.max(1.0);
+    let square = |axis: usize| sums.error_m2[axis] / samples;
+    let excursion =
+        |axis: usize| sums.measured_m2[axis] / samples - (sums.measured_m[axis] / samples).powi(2);
+    let distance = (square(0) + square(1)).sqrt();
+    let spread = (excursion(0) + excursion(1)).max(0.0).sqrt();
+    CopError {
+        samples: sums.samples as u64,
+        forward_mm: square(0).sqrt() * 1e3,
+        sideways_mm: square(1).sqrt() * 1e3,
+        distance_mm: distance * 1e3,
+        percent: if spread > 0.0 { 100.0 * distance / spread } else { 0.0 },
+    }
+}
+
+impl fmt::Display for DemoSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let cop = &self.unloaded_cop;
+        writeln!(
+            f,
+            "identified with {} poses in {:.0} s; the filter promised {:.1} mm",
+            self.poses_used, self.identified_after_s, self.predicted_cop_sigma_mm
+        )?;
+        writeln!(
+            f,
+            "unloaded CoP error in new poses: {:.1} mm forward, {:.1} mm sideways, {:.1} mm = {:.0} % of its excursion",
+            cop.forward_mm, cop.sideways_mm, cop.distance_mm, cop.percent
+        )?;
+        writeln!(
+            f,
+            "\nlifting {} kg: external force {:.1} N, true {:.1} N ({} samples with valid torques)",
+            self.lift.mass_kg, self.lift.delta_f_n, self.lift.delta_f_true_n, self.lift.samples
+        )?;
+        writeln!(f, "  joint        told N m    1-sigma       true      error")?;
+        for joint in &self.lift.joints {
+            writeln!(
+                f,
+                "  {:<10} {:>10.1} {:>10.1} {:>10.1} {:>10.1}",
+                joint.joint, joint.torque_nm, joint.sigma_nm, joint.true_nm, joint.error_nm
+            )?;
+        }
+        writeln!(
+            f,
+            "\n{} cycles, {} deadlines missed, {} slots skipped, loop at {}",
+            self.cycles,
+            self.deadlines_missed,
+            self.slots_skipped,
+            match self.loop_fifo_priority {
+                0 => "ordinary priority".to_owned(),
+                priority => format!("SCHED_FIFO {priority}"),
+            }
+        )?;
+        write!(f, "{}", self.latency)
+    }
+}
