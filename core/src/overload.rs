@@ -45,6 +45,8 @@ pub struct LoadingSigma {
     pub cop_estimated_m: [f64; 2],
     /// Of the vertical ground reaction and of the body weight together, N.
     pub delta_f_n: f64,
+    /// Of the load's share in one hand, in [0, 0.5].
+    pub eta: f64,
 }
 
 /// One joint's overload.
@@ -60,16 +62,19 @@ pub struct Torque {
 #[derive(Clone, Copy)]
 struct Distal {
     hands: [f64; 2],
+    /// −1 for the left, 1 for the right hand if it hangs there: how a larger share of the right hand shows.
+    hand_slope: [f64; 2],
     feet: f64,
 }
 
 impl Distal {
     fn of(joint: Joint, sharing: &Sharing) -> Distal {
         let root = joint.segment();
-        let mut distal = Distal { hands: [0.0; 2], feet: 0.0 };
+        let mut distal = Distal { hands: [0.0; 2], hand_slope: [0.0; 2], feet: 0.0 };
         for (index, side) in Side::BOTH.into_iter().enumerate() {
             if side.hand().is_distal_to(root) {
                 distal.hands[index] = sharing.eta[index];
+                distal.hand_slope[index] = if side == Side::Right { 1.0 } else { -1.0 };
             }
             if side.foot().is_distal_to(root) {
                 distal.feet += sharing.zeta[index];
@@ -87,12 +92,13 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
         let distal = Distal::of(joint, &loading.sharing);
         let origin = pose.origin_of(joint.segment());
         // Horizontal arms of the load and of the ground reaction, weighted by their shares.
-        let mut load_arm = [0.0; 2];
+        let (mut load_arm, mut load_arm_slope) = ([0.0; 2], [0.0; 2]);
         let mut by_axis = [0.0; 2];
         let mut variance = [0.0; 2];
         for axis in 0..2 {
-            for (grip, share) in loading.grip_m.iter().zip(distal.hands) {
-                load_arm[axis] += share * (grip[axis] - origin[axis]);
+            for (hand, grip) in loading.grip_m.iter().enumerate() {
+                load_arm[axis] += distal.hands[hand] * (grip[axis] - origin[axis]);
+                load_arm_slope[axis] += distal.hand_slope[hand] * (grip[axis] - origin[axis]);
             }
             let displacement = loading.cop_measured_m[axis] - loading.cop_estimated_m[axis];
             by_axis[axis] = load_arm[axis] * loading.delta_f_n
@@ -103,8 +109,10 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
             let by_estimate = distal.feet * weight_n * sigma.cop_estimated_m[axis];
             let by_measurement = distal.feet * loading.vertical_n * sigma.cop_measured_m;
             let force_arm = load_arm[axis] - distal.feet * (loading.cop_measured_m[axis] - origin[axis]);
+            let by_sharing = load_arm_slope[axis] * loading.delta_f_n * sigma.eta;
             variance[axis] = by_estimate * by_estimate
                 + by_measurement * by_measurement
+                + by_sharing * by_sharing
                 + force_arm * force_arm * sigma.delta_f_n * sigma.delta_f_n;
         }
         // r × f ẑ = (r_y f, −r_x f, 0).
@@ -131,7 +139,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     const NO_SIGMA: LoadingSigma =
-        LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0 };
+        LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0 };
 
     fn t_pose() -> Pose<StationWorld> {
         let origin = Skeleton::nominal(1.77).t_pose_m();
@@ -196,10 +204,21 @@ mod tests {
     }
 
     #[test]
+    fn an_unsure_share_makes_arms_unsure_and_leaves_legs_alone() {
+        let pose = t_pose();
+        let loading = loaded(&pose, 60.0);
+        let torque = torques(&pose, &loading, &LoadingSigma { eta: 0.1, ..NO_SIGMA });
+        let sigma_nm = |name: &str| torque[Joint::named(name).unwrap().index()].sigma_nm;
+        // A tenth of 60 N at 0.3 m in front of the wrist.
+        assert!((sigma_nm("RightWrist") - 1.8).abs() < 1e-9, "{}", sigma_nm("RightWrist"));
+        assert_eq!(sigma_nm("RightHip"), 0.0);
+    }
+
+    #[test]
     fn sigma_is_the_spread_of_the_magnitude() {
         let pose = t_pose();
         let loading = loaded(&pose, 60.0);
-        let sigma = LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [1e-7, 0.0], delta_f_n: 0.0 };
+        let sigma = LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [1e-7, 0.0], ..NO_SIGMA };
         let base = torques(&pose, &loading, &sigma);
         let mut moved = loading;
         moved.cop_estimated_m[0] += 1e-7;

@@ -160,7 +160,10 @@ fn record_skipped(times_ns: &mut Histogram<u64>, time_ns: u64, period_ns: u64, s
     for n in 1..=told_apart {
         times_ns.saturating_record(time_ns.saturating_add(n.saturating_mul(period_ns)));
     }
-    times_ns.saturating_record_n(HIGHEST_NS, skipped - told_apart);
+    // Entering a value zero times would still make it the maximum.
+    if skipped > told_apart {
+        times_ns.saturating_record_n(HIGHEST_NS, skipped - told_apart);
+    }
 }
 
 #[cfg(test)]
@@ -178,6 +181,15 @@ mod tests {
             period_ns: 1_000_000,
             ..Zeroable::zeroed()
         }
+    }
+
+    #[test]
+    fn the_maximum_is_the_lateness_of_the_first_skipped_period() {
+        let mut histograms = PathHistograms::new();
+        histograms.record(&cycle(1, 0, 10_000));
+        histograms.record(&cycle(2, 3, 20_000));
+        let max_ns = histograms.stage(Stage::LoopWake).times_ns.max();
+        assert!((3_020_000..3_030_000).contains(&max_ns), "{max_ns}");
     }
 
     #[test]

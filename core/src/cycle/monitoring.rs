@@ -35,7 +35,7 @@ impl Memory {
         self.state.suit_sample_time_ns = suit.sample_time_ns;
         self.state.stance = self.anchor.stance() as u32;
         self.state.segment_origin_m = pose.origin.map(Into::into);
-        self.estimate(&pose);
+        self.estimate(&pose, settings);
         self.compare_with_suggestion(&pose, settings);
 
         let standing = aligned.ground.and_then(|ground| ground.cop_m().ok().map(|cop_m| (ground, cop_m)));
@@ -67,8 +67,8 @@ impl Memory {
         self.found = found.0;
     }
 
-    /// Centre of mass and, for a still body, of pressure, with the filter's σ and the stance's.
-    fn estimate(&mut self, pose: &Pose<StationWorld>) {
+    /// Centre of mass and, for a still body, of pressure, with the filter's σ, the stance's, and one pose's.
+    fn estimate(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
         if !self.identification.has_body() {
             return;
         }
@@ -78,7 +78,9 @@ impl Memory {
         self.state.cop_estimated_m = [centre.x, centre.y];
         self.state.cop_sigma_m = [0, 1].map(|axis| {
             let variance = self.identification.filter.projected_variance_m2(&rows.h[axis]);
-            nalgebra::ComplexField::sqrt(variance + STANCE_SIGMA_M * STANCE_SIGMA_M)
+            let pose_sigma_m = settings.measurement_sigma_m;
+            let known_to = STANCE_SIGMA_M * STANCE_SIGMA_M + pose_sigma_m * pose_sigma_m;
+            nalgebra::ComplexField::sqrt(variance + known_to)
         });
     }
 
@@ -130,15 +132,17 @@ impl Memory {
         let sharing =
             Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, &grip_m);
         let loading = Loading { cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, grip_m, sharing };
-        let sigma = LoadingSigma {
-            cop_measured_m: settings.cop_sigma_m,
-            cop_estimated_m: self.state.cop_sigma_m,
-            delta_f_n: settings.force_sigma_n,
-        };
         // The load's place is known as well as the two centres of pressure, magnified by weight over load.
         let place_sigma_m = self.state.cop_sigma_m.iter().copied().fold(0.0, f64::max)
             * (vertical_n - delta_f_n)
             / delta_f_n.abs();
+        let between_hands_m = (grip_m[0] - grip_m[1]).xy().norm();
+        let sigma = LoadingSigma {
+            cop_measured_m: settings.cop_sigma_m,
+            cop_estimated_m: self.state.cop_sigma_m,
+            delta_f_n: settings.force_sigma_n,
+            eta: (place_sigma_m / between_hands_m.max(1e-3)).min(0.5),
+        };
         found.raise(
             Validity::LOAD_NOT_AT_HANDS,
             sharing.load_distance_m > settings.load_distance_max_m + 2.0 * place_sigma_m,
