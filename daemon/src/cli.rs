@@ -1,8 +1,15 @@
 //! The command line: one file per command.
 
+mod adapter;
 mod check;
+mod client;
 mod demo;
+mod identify;
+mod latency;
 mod run;
+mod simulate;
+mod status;
+mod subject;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -35,7 +42,15 @@ struct Cli {
 enum Command {
     Demo(demo::Arguments),
     Run(run::Arguments),
+    Adapter(adapter::Arguments),
     Check(check::Arguments),
+    Status(status::Arguments),
+    Watch(status::WatchArguments),
+    Identify(identify::Arguments),
+    Subject(subject::Arguments),
+    Tare(identify::TareArguments),
+    Latency(latency::Arguments),
+    Simulate(simulate::Arguments),
 }
 
 /// Which station to talk to.
@@ -60,7 +75,15 @@ pub fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Run(arguments) => run::run(&arguments),
+        Command::Adapter(arguments) => adapter::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Status(arguments) => status::run(&arguments),
+        Command::Watch(arguments) => status::watch(&arguments),
+        Command::Identify(arguments) => identify::run(&arguments),
+        Command::Subject(arguments) => subject::run(&arguments),
+        Command::Tare(arguments) => identify::tare(&arguments),
+        Command::Latency(arguments) => latency::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -121,9 +121,7 @@ fn show(
 
 /// A port that is free now. Between here and its use another process could take it; then the daemon says so.
 fn free_udp_port() -> anyhow::Result<SocketAddr> {
-    Ok(UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))
-        .and_then(|socket| socket.local_addr())
-        .context("a free port")?)
+    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).context("a free port")
 }
 
 /// The configuration of the demonstration: a plain one, written as a person would write it.

@@ -1,0 +1,52 @@
+//! `equipoise adapter`: one adapter as a process of its own, so that its crash takes nothing else along.
+
+use std::sync::atomic::Ordering;
+
+use anyhow::bail;
+use clap::ValueEnum;
+use tracing::info;
+
+use super::{ConfigArgument, Outcome, log_to_stderr};
+use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use crate::sensors;
+
+/// Run one adapter as a process of its own; the daemon's config then says source = "external"
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: equipoise adapter suit --config /etc/equipoise/suit.toml")]
+pub(super) struct Arguments {
+    stream: Stream,
+    #[command(flatten)]
+    config: ConfigArgument,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Stream {
+    /// The motion-capture suit
+    Suit,
+    /// The force plate
+    Ground,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    log_to_stderr("info");
+    let config = Config::read(&arguments.config.config)?;
+    let stop = super::run::stop_on_signals()?;
+    let stopping = || stop.load(Ordering::Relaxed);
+    let ready = || {
+        info!("station {}: the {:?} adapter runs", config.station, arguments.stream);
+        let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
+    };
+    match arguments.stream {
+        Stream::Suit if config.suit.source == SuitSourceKind::External => external("suit")?,
+        Stream::Ground if config.ground.source == GroundSourceKind::External => external("ground")?,
+        Stream::Suit => sensors::run_suit(&config.station, &config.suit, ready, &stopping)?,
+        Stream::Ground => sensors::run_ground(&config.station, &config.ground, ready, &stopping)?,
+    }
+    Ok(Outcome::Done)
+}
+
+fn external(stream: &str) -> anyhow::Result<()> {
+    bail!(
+        "{stream}.source is \"external\" in this file: it is for the daemon; give the adapter one with the device"
+    )
+}

@@ -1,0 +1,162 @@
+//! `equipoise status` and `equipoise watch`: what a running daemon says now, once or again and again.
+
+use std::io::{IsTerminal, Write};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::suit::SuitRefusal;
+use equipoise_core::message::{AdapterHealth, State};
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_core::time::seconds;
+use equipoise_view::state_json::StateJson;
+use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
+
+use super::{Outcome, StationArgument, client};
+use crate::status::{self, Status};
+
+/// How long to wait for the adapters' word, which comes once a second.
+const HEALTH_PATIENCE: Duration = Duration::from_millis(1200);
+
+/// Show what a running daemon says, once
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: equipoise status --json | jq .state.phase")]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    station: StationArgument,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let station = &arguments.station.station;
+    let bus = client::join(station, "status")?;
+    let mut health = bus.subscriber::<AdapterHealth>(8)?;
+    let state = client::newest_state(&bus)?;
+    let (mut adapters, started): (Vec<AdapterHealth>, _) = (Vec::new(), Instant::now());
+    while started.elapsed() < HEALTH_PATIENCE && adapters.len() < 2 {
+        while let Some(told) = health.receive()? {
+            adapters.retain(|other| other.stream != told.stream);
+            adapters.push(told);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    adapters.sort_by_key(|adapter| adapter.stream);
+    let facts = status::read(station);
+    if arguments.json {
+        let state = serde_json::to_value(StateJson::new(&state, seconds(state.time_ns)))?;
+        let adapters: Vec<_> = adapters.iter().map(adapter_json).collect();
+        let text = serde_json::json!({ "daemon": facts, "state": state, "adapters": adapters });
+        println!("{}", serde_json::to_string_pretty(&text)?);
+    } else {
+        print!("{}", dashboard(&state, station, pose_name(&state)));
+        adapters.iter().for_each(print_adapter);
+        if let Some(facts) = &facts {
+            print_facts(facts);
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+fn pose_name(state: &State) -> Option<&'static str> {
+    LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name)
+}
+
+/// An adapter's name and the names of its reasons.
+fn reasons(adapter: &AdapterHealth) -> (&'static str, &'static [&'static str]) {
+    match adapter.stream {
+        1 => ("suit", SuitRefusal::NAMES),
+        _ => ("ground", RdtRefusal::NAMES),
+    }
+}
+
+fn refused(adapter: &AdapterHealth) -> impl Iterator<Item = (&'static str, u64)> {
+    let (_, names) = reasons(adapter);
+    names.iter().copied().zip(adapter.refused).filter(|(_, count)| *count > 0)
+}
+
+fn adapter_json(adapter: &AdapterHealth) -> serde_json::Value {
+    serde_json::json!({
+        "stream": reasons(adapter).0,
+        "process_id": adapter.process_id,
+        "received": adapter.received,
+        "published": adapter.published,
+        "lost": adapter.lost,
+        "rate_hz": adapter.rate_hz,
+        "refused": refused(adapter).collect::<std::collections::BTreeMap<_, _>>(),
+    })
+}
+
+fn print_adapter(adapter: &AdapterHealth) {
+    print!(
+        "  {:<7} {:.0} Hz, {} received, {} published, {} lost",
+        reasons(adapter).0,
+        adapter.rate_hz,
+        adapter.received,
+        adapter.published,
+        adapter.lost
+    );
+    for (reason, count) in refused(adapter) {
+        print!(", {count} {reason}");
+    }
+    println!();
+}
+
+fn print_facts(facts: &Status) {
+    println!("  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock);
+    for thread in &facts.threads {
+        println!(
+            "  thread {:<8} SCHED_FIFO asked {} granted {}, cores {:?}",
+            thread.thread, thread.asked_fifo, thread.granted_fifo, thread.cpus
+        );
+    }
+    if let Some(page) = &facts.page {
+        println!("  page {page}");
+    }
+}
+
+/// Show what a running daemon says, again and again
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: equipoise watch\nIn a pipe it prints one line a second.")]
+pub(super) struct WatchArguments {
+    #[command(flatten)]
+    station: StationArgument,
+    /// End after this many seconds
+    #[arg(long = "for", value_name = "SECONDS")]
+    seconds: Option<f64>,
+}
+
+pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
+    let stop = super::run::stop_on_signals()?;
+    let station = &arguments.station.station;
+    let bus = client::join(station, "watch")?;
+    let mut state = client::newest_state(&bus)?;
+    let mut states = bus.subscriber::<State>(1)?;
+    let (started, terminal) = (Instant::now(), std::io::stdout().is_terminal());
+    let pause = Duration::from_millis(if terminal { 100 } else { 1000 });
+    let (mut drawn, mut seen) = (false, Instant::now());
+    while !stop.load(Ordering::Relaxed)
+        && arguments.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds)
+    {
+        if let Some(newer) = states.latest()? {
+            (state, seen) = (newer, Instant::now());
+        }
+        let silent = seen.elapsed() > Duration::from_secs(1);
+        if terminal {
+            // Back to the block's first line; each line is cleared to its end.
+            let up = if drawn { format!("\x1b[{}A", DASHBOARD_LINES + 1) } else { String::new() };
+            let block = dashboard(&state, station, pose_name(&state)).replace('\n', "\x1b[K\n");
+            let note = if silent { "  the daemon is silent; what stands here is old" } else { "" };
+            println!("{up}{block}{note}\x1b[K");
+            std::io::stdout().flush()?;
+            drawn = true;
+        } else if silent {
+            println!("the daemon is silent");
+        } else {
+            println!("{}", live_line(&state, pose_name(&state)));
+        }
+        std::thread::sleep(pause);
+    }
+    Ok(Outcome::Done)
+}
