@@ -1,0 +1,37 @@
+# shellcheck shell=bash
+# Sourced by the checks that need the demonstration running. All that is known of its command line stands here.
+
+# The binary; `.ci/run` builds it.
+equipoise=${EQUIPOISE:-${CARGO_TARGET_DIR:-target}/release/equipoise}
+demo_seconds=${DEMO_SECONDS:-240}
+demo_station=demo
+
+demo_headless() { "$equipoise" demo --headless --json --duration "$demo_seconds"; }
+demo_with_page=("$equipoise" demo --duration "$demo_seconds" --page) # and an address
+record_demo=("$equipoise" record --station "$demo_station")          # and a file
+
+scratch=$(mktemp -d)
+# A bus of its own: nothing that runs on this machine is heard, nothing is left behind. Short, for sockets lie in it.
+export EQUIPOISE_BUS_ROOT=$scratch/bus
+started=()
+
+end_started() {
+    local process
+    for process in "${started[@]}"; do
+        kill -TERM "$process" 2>/dev/null || true
+        wait "$process" 2>/dev/null || true
+    done
+    rm -rf "$scratch"
+}
+trap end_started EXIT
+
+need_packages() { # command, Debian packages...
+    local command=$1
+    shift
+    command -v "$command" >/dev/null && return
+    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+if [[ ! -x $equipoise ]]; then
+    cargo build --quiet --release -p equipoise-daemon
+fi

@@ -1,0 +1,174 @@
+//! The shape of the house, held by test: who may use whom, and what must not be there.
+//!
+//! Read as text, since that is what a reviewer sees; comments and string literals are taken out first.
+
+#[path = "architecture/source.rs"]
+mod source;
+
+use std::collections::BTreeSet;
+
+use source::{Crate, committed_texts, crates};
+
+/// Which of our crates each may use outside its tests. A new crate gets its line here.
+const MAY_USE: [(&str, &[&str]); 9] = [
+    ("core", &[]),
+    ("latency", &["core"]),
+    ("bus", &["core", "latency"]),
+    ("adapters", &["core", "bus", "latency"]),
+    ("simulator", &["core", "adapters"]),
+    ("discrepancy", &["core", "adapters"]),
+    ("view", &["core", "bus", "latency"]),
+    ("daemon", &["core", "latency", "bus", "adapters", "simulator", "discrepancy", "view"]),
+    ("tests", &[]),
+];
+
+/// Parts of the core that the simulated person must not know: agreement with its own estimator would prove nothing.
+const NOT_FOR_THE_SIMULATOR: [&str; 6] = ["sesc", "kalman", "overload", "cycle", "anchor", "static_pose"];
+
+/// The traits and derives that messages need; the core takes nothing else of iceoryx2.
+const CORE_OF_ICEORYX2: [&str; 2] = ["iceoryx2-bb-derive-macros", "iceoryx2-bb-elementary-traits"];
+
+const LINES_TO_MENTION: usize = 400;
+const LINES_MAX: usize = 450;
+
+#[test]
+fn dependencies_point_down() {
+    for found in crates() {
+        let allowed = MAY_USE.iter().find(|(folder, _)| *folder == found.folder);
+        let (_, allowed) = allowed.unwrap_or_else(|| panic!("{} has no line in MAY_USE", found.folder));
+        for dependency in found.dependencies("dependencies") {
+            if let Some(ours) = dependency.strip_prefix("equipoise-") {
+                assert!(allowed.contains(&ours), "{} must not depend on {ours}", found.folder);
+            }
+        }
+    }
+}
+
+#[test]
+fn nobody_but_the_tests_knows_the_daemon() {
+    for found in crates().filter(|found| !["daemon", "tests"].contains(&found.folder.as_str())) {
+        for table in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            let uses = found.dependencies(table).contains("equipoise-daemon");
+            assert!(!uses, "{} must not depend on the daemon ({table})", found.folder);
+        }
+    }
+}
+
+#[test]
+fn only_the_bus_speaks_to_iceoryx2() {
+    for found in crates().filter(|found| found.folder != "bus") {
+        let allowed: &[&str] = if found.folder == "core" { &CORE_OF_ICEORYX2 } else { &[] };
+        for table in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            for dependency in found.dependencies(table).iter().filter(|name| name.starts_with("iceoryx2")) {
+                let allowed = allowed.contains(&dependency.as_str());
+                assert!(allowed, "{} names {dependency}: go through bus/", found.folder);
+            }
+        }
+        let allowed: Vec<String> = allowed.iter().map(|name| name.replace('-', "_")).collect();
+        for file in found.sources() {
+            for (line, word) in file.words().filter(|(_, word)| word.starts_with("iceoryx2")) {
+                let place = format!("{}:{line}", file.path.display());
+                assert!(allowed.contains(&word), "{place} names {word}: go through bus/");
+            }
+        }
+    }
+}
+
+#[test]
+fn unsafe_stands_where_it_is_expected() {
+    let expected = |path: &str| {
+        path.starts_with("bus/")
+            || path.starts_with("daemon/src/realtime")
+            || (path.starts_with("tests/") && path.contains("alloc"))
+    };
+    for found in crates() {
+        for file in found.sources() {
+            let path = file.path.to_string_lossy();
+            let line = file.words().find(|(_, word)| word == "unsafe").map(|(line, _)| line);
+            assert!(line.is_none() || expected(&path), "{path}:{}: unsafe", line.unwrap_or_default());
+        }
+    }
+}
+
+#[test]
+fn every_crate_keeps_the_lints_of_the_workspace() {
+    for found in crates() {
+        let kept = found.manifest.get("lints").and_then(|lints| lints.get("workspace"));
+        assert_eq!(kept.and_then(toml::Value::as_bool), Some(true), "{}: [lints] workspace", found.folder);
+    }
+}
+
+#[test]
+fn versions_stand_once_in_the_root_manifest() {
+    for found in crates() {
+        for table in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            for (name, value) in
+                found.manifest.get(table).and_then(toml::Value::as_table).into_iter().flatten()
+            {
+                let inherits = value.get("workspace").and_then(toml::Value::as_bool) == Some(true);
+                assert!(inherits, "{}: {name} must say `workspace = true`", found.folder);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_core_stands_on_nothing() {
+    let core = crates().find(|found| found.folder == "core").unwrap();
+    let head = core.sources().into_iter().find(|file| file.path.ends_with("src/lib.rs")).unwrap().code;
+    assert!(head.contains("#![no_std]"), "core/src/lib.rs lacks #![no_std]");
+    assert!(head.contains("#![forbid(unsafe_code)]"), "core/src/lib.rs lacks #![forbid(unsafe_code)]");
+    // That its dependencies bring neither std nor a heap, `.ci/bare-core` proves by linking.
+}
+
+#[test]
+fn the_simulated_person_does_not_know_the_estimator() {
+    let simulator: Crate = crates().find(|found| found.folder == "simulator").unwrap();
+    for file in simulator.sources().into_iter().filter(|file| file.path.starts_with("simulator/src")) {
+        for module in file.used_modules("equipoise_core") {
+            let known = NOT_FOR_THE_SIMULATOR.contains(&module.as_str());
+            assert!(!known, "{} uses equipoise_core::{module}", file.path.display());
+        }
+        for (line, word) in file.words() {
+            let place = format!("{}:{line}", file.path.display());
+            assert!(
+                !word.eq_ignore_ascii_case("anthropometry"),
+                "{place}: a body of its own, not the core's table"
+            );
+        }
+    }
+}
+
+#[test]
+fn files_are_short_enough_to_read() {
+    let mut too_long = Vec::new();
+    for file in crates().flat_map(|found| found.sources()) {
+        let lines = file.lines;
+        if file.path.components().any(|part| part.as_os_str() == "src") && lines > LINES_TO_MENTION {
+            println!("{}: {lines} lines", file.path.display());
+            if lines > LINES_MAX {
+                too_long.push((file.path, lines));
+            }
+        }
+    }
+    assert!(too_long.is_empty(), "more than {LINES_MAX} lines: {too_long:?}");
+}
+
+#[test]
+fn no_file_names_a_place_on_somebodys_machine() {
+    // Put together here, so that this file does not name them either.
+    let homes: BTreeSet<String> =
+        ["work/", "root/", "home/", "Users/"].iter().map(|end| format!("/{end}")).collect();
+    for (path, text) in committed_texts() {
+        for (number, line) in text.lines().enumerate() {
+            for home in &homes {
+                let named = line.match_indices(home.as_str()).any(|(at, _)| {
+                    // `a/root/b` and `https://host/work/` are not absolute paths of this machine.
+                    let before = line[..at].chars().next_back();
+                    before.is_none_or(|c| c.is_whitespace() || "\"'`(=:[<".contains(c))
+                });
+                assert!(!named, "{}:{}: {}", path.display(), number + 1, line.trim());
+            }
+        }
+    }
+}
