@@ -1,0 +1,158 @@
+//! Warm, the loop neither allocates nor frees, whoever comes or goes.
+//!
+//! A counting allocator is armed on the loop's own thread, from inside the loop, after a warm-up; then sensors stream,
+//! poses are learnt, subscribers stay, join and leave, and checkpoints are asked for, over 100 000 cycles.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use bytemuck::Zeroable;
+use equipoise_bus::{Bus, BusSettings};
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::{Command, State};
+use equipoise_daemon::config::Config;
+use equipoise_daemon::pipeline::Pipeline;
+use equipoise_daemon::tick::Observer;
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+
+thread_local! {
+    static ARMED: Cell<bool> = const { Cell::new(false) };
+}
+static TOUCHED: AtomicU64 = AtomicU64::new(0);
+
+struct Counting;
+
+impl Counting {
+    fn count() {
+        // A thread that is being torn down has no flag any more, and is not the loop.
+        if ARMED.try_with(Cell::get).unwrap_or(false) {
+            TOUCHED.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[expect(unsafe_code, reason = "GlobalAlloc is an unsafe trait")]
+// SAFETY: every call is handed on to the system allocator as it came; counting touches no heap.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        Counting::count();
+        // SAFETY: the caller keeps GlobalAlloc's contract, which is System's.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        Counting::count();
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        Counting::count();
+        // SAFETY: as above.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const RATE_HZ: u32 = 4000;
+const WARM_CYCLES: u64 = 4000;
+const ARMED_CYCLES: u64 = 100_000;
+
+/// Arms the calling thread's allocator, which is the loop's.
+struct Arm {
+    seen: Arc<AtomicU64>,
+    disarm: Arc<AtomicBool>,
+}
+
+impl Observer for Arm {
+    fn cycle_begins(&mut self, cycle: u64) {
+        let armed = cycle > WARM_CYCLES && !self.disarm.load(Ordering::Relaxed);
+        ARMED.set(armed);
+        if armed {
+            self.seen.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+fn free_port() -> SocketAddr {
+    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).expect("a free port")
+}
+
+fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
+    let text = format!(
+        "station = \"{station}\"\n[loop]\nrate_hz = {RATE_HZ}\nlock_memory = false\n[suit]\nsource = \"mvn-udp\"\nlisten = \
+         \"{suit}\"\n[ground]\nsource = \"ati-rdt\"\naddress = \"{plate}\"\ncounts_per_newton = 1e6\n\
+         counts_per_newton_metre = 1e6\n[subject]\nid = \"t\"\nheight_m = 1.77\nremember = false\n"
+    );
+    Config::parse(&text, "the test's configuration").expect("a good configuration")
+}
+
+/// Poses change, subscribers come and go, checkpoints are asked for, until the loop has been armed long enough.
+fn keep_busy(station: &str, person: &SimulationHandle, seen: &AtomicU64) -> u64 {
+    let bus = Bus::join(&BusSettings::new(station, "test")).expect("the bus");
+    let mut living = bus.subscriber::<State>(64).expect("a subscriber");
+    let client = bus.command_client().expect("a client");
+    let (started, mut received, mut round) = (Instant::now(), 0, 0_usize);
+    while seen.load(Ordering::Relaxed) < ARMED_CYCLES {
+        assert!(started.elapsed() < Duration::from_secs(180), "the loop is too slow to be tested");
+        drop(bus.subscriber::<State>(8).expect("a passing subscriber"));
+        while living.receive().expect("a living bus").is_some() {
+            received += 1;
+        }
+        if round.is_multiple_of(60) {
+            person.take_pose(round / 60).expect("a pose of the library");
+            let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
+            client.ask(&command, Duration::from_secs(5)).expect("an answer");
+        }
+        round += 1;
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    received
+}
+
+#[test]
+fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
+    let station = format!("no-alloc-{}", std::process::id());
+    let suit = free_port();
+    let mut simulated = SimulationSettings::default();
+    simulated.suit.target = suit;
+    simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let person = Simulation::start(simulated).expect("a simulated person");
+
+    let (seen, disarm) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+    let observer = Arm { seen: Arc::clone(&seen), disarm: Arc::clone(&disarm) };
+    let config = config(&station, suit, person.plate_address());
+    let pipeline = Pipeline::start_observed(&config, Box::new(observer)).expect("a pipeline");
+    let received = keep_busy(&station, &person, &seen);
+    disarm.store(true, Ordering::Relaxed);
+    // The flag is looked at once a cycle.
+    std::thread::sleep(Duration::from_millis(50));
+    let touched = TOUCHED.load(Ordering::Relaxed);
+    let summary = pipeline.stop().expect("an orderly end");
+    person.stop().expect("an orderly end of the simulation");
+
+    assert_eq!(touched, 0, "the loop touched the heap");
+    assert!(seen.load(Ordering::Relaxed) >= ARMED_CYCLES);
+    assert!(received > 0, "the living subscriber received nothing");
+    assert!(summary.cycles.adds_up, "{:?}", summary.cycles);
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = TOUCHED.load(Ordering::Relaxed);
+    std::thread::spawn(|| {
+        ARMED.set(true);
+        drop(std::hint::black_box(Box::new(7)));
+        ARMED.set(false);
+    })
+    .join()
+    .expect("the thread ends");
+    assert!(TOUCHED.load(Ordering::Relaxed) >= before + 2);
+}
