@@ -11,6 +11,7 @@ use equipoise_core::message::{Command, Reply, State, Validity};
 
 use crate::profile::{self, Profile};
 use crate::rings::Rings;
+use crate::workers::{self, Saving};
 
 /// How often waiting commands are looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
@@ -23,10 +24,16 @@ pub struct Commands {
     state: Subscriber<State>,
     rings: Arc<Rings>,
     settings: Settings,
-    subject: String,
+    workers: Workers,
     latest: Option<State>,
     // Ports die before the node they hang on.
     _bus: Bus,
+}
+
+/// Whom the daemon knows, and who of them is in use.
+struct Workers {
+    all: Arc<workers::Workers>,
+    in_use: u64,
 }
 
 /// What to answer: the cycle from which it holds and a sentence, or why not.
@@ -42,10 +49,11 @@ impl Commands {
         server: CommandServer,
         rings: Arc<Rings>,
         settings: Settings,
-        subject: &str,
+        workers: Arc<workers::Workers>,
     ) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        Ok(Commands { server, state, rings, settings, subject: subject.to_owned(), latest: None, _bus: bus })
+        let workers = Workers { all: workers, in_use: workers::CONFIGURED };
+        Ok(Commands { server, state, rings, settings, workers, latest: None, _bus: bus })
     }
 
     /// Answers until it shall stop.
@@ -57,9 +65,9 @@ impl Commands {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
             }
-            let (rings, settings, subject, latest) =
-                (&self.rings, &self.settings, &self.subject, self.latest.as_ref());
-            while self.server.poll(|command| answer(command, rings, settings, subject, latest))? {}
+            let (rings, settings, workers, latest) =
+                (&self.rings, &self.settings, &mut self.workers, self.latest.as_ref());
+            while self.server.poll(|command| answer(command, rings, settings, workers, latest))? {}
             while self.rings.worker_back.pop().is_some() {}
             std::thread::sleep(LOOK_EVERY);
         }
@@ -71,15 +79,14 @@ fn answer(
     command: &Command,
     rings: &Rings,
     settings: &Settings,
-    subject: &str,
+    workers: &mut Workers,
     latest: Option<&State>,
 ) -> Reply {
     let outcome = match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
         Some(CommandKind::Tare) => tare(rings, latest),
-        Some(CommandKind::SubjectLoad) => load(command, rings, settings),
-        Some(CommandKind::SubjectSave) => hand_over(rings, CommandKind::Checkpoint)
-            .map(|()| format!("the worker is being saved as {subject}")),
+        Some(CommandKind::SubjectLoad) => load(command, rings, settings, workers),
+        Some(CommandKind::SubjectSave) => save(rings, workers, latest),
         Some(kind @ CommandKind::IdentifyStart) => {
             hand_over(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
         }
@@ -109,7 +116,20 @@ fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
     hand_over(rings, CommandKind::Tare).map(|()| "what the empty plate shows is zero from now on".to_owned())
 }
 
-fn load(command: &Command, rings: &Rings, settings: &Settings) -> Answer {
+fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> Answer {
+    let saving = workers.all.get(workers.in_use).ok_or("nobody is in use")?;
+    if let Some(why) = saving.refusal {
+        return Err(format!("{} is not saved: {why}", saving.subject));
+    }
+    // The filter has a variance as soon as it has a body to work on.
+    if latest.is_none_or(|state| state.variance_max_m2 <= 0.0) {
+        return Err("nothing is known of the worker yet; let the suit stream first".to_owned());
+    }
+    hand_over(rings, CommandKind::Checkpoint)
+        .map(|()| format!("the worker is being saved as {}", saving.subject))
+}
+
+fn load(command: &Command, rings: &Rings, settings: &Settings, workers: &mut Workers) -> Answer {
     let id = text_of(&command.subject);
     if id.is_empty() || !id.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_') {
         return Err("a subject's id is made of letters, digits, '-' and '_'".to_owned());
@@ -119,8 +139,13 @@ fn load(command: &Command, rings: &Rings, settings: &Settings) -> Answer {
         .map_err(|error| error.to_string())?
         .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
     let worker = profile.worker(settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
-    rings.worker.force_push(worker);
+    // Whether anything is remembered is the configuration's word, for every worker.
+    let configured = workers.all.get(workers::CONFIGURED);
+    let remember = configured.is_some_and(|saving| saving.remember);
+    let number = workers.all.add(Saving::of(&id, remember));
+    rings.worker.force_push((number, worker));
     hand_over(rings, CommandKind::SubjectLoad)
+        .inspect(|()| workers.in_use = number)
         .map(|()| format!("{id} is in use: {} poses, {:.1} kg", profile.poses_used, profile.mass_kg))
 }
 

@@ -8,12 +8,12 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant, SystemTime};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher};
-use equipoise_core::cycle::Identification;
 use equipoise_core::message::{Checkpoint, CycleRecord, State};
 use equipoise_latency::hlog::HlogWriter;
 use equipoise_latency::{PathHistograms, Report};
 use tracing::{info, warn};
 
+use crate::housekeeping::ChangedWorker;
 use crate::realtime::now_ns;
 use crate::rings::{Outcome, Rings};
 
@@ -28,7 +28,7 @@ pub struct Egress {
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
     events: Notifier,
-    worker_changed: Sender<Box<Identification>>,
+    worker_changed: Sender<ChangedWorker>,
     phase: u32,
     deadlines_missed: u64,
     latency: PathHistograms,
@@ -46,7 +46,7 @@ impl Egress {
     pub fn open(
         station: &str,
         rings: Arc<Rings>,
-        worker_changed: Sender<Box<Identification>>,
+        worker_changed: Sender<ChangedWorker>,
         hlog: Option<&Path>,
     ) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
@@ -77,8 +77,8 @@ impl Egress {
             while let Some(outcome) = self.rings.outcome.pop() {
                 self.publish(outcome)?;
             }
-            while let Some(checkpoint) = self.rings.taken.pop() {
-                self.publish_checkpoint(checkpoint)?;
+            while let Some((worker, checkpoint)) = self.rings.taken.pop() {
+                self.publish_checkpoint(worker, checkpoint)?;
             }
             if self.last_checkpoint_service.elapsed() > Duration::from_secs(1) {
                 self.checkpoint.serve_late_subscribers()?;
@@ -118,11 +118,11 @@ impl Egress {
         Ok(())
     }
 
-    fn publish_checkpoint(&mut self, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
+    fn publish_checkpoint(&mut self, worker: u64, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
         self.checkpoint.send(&checkpoint)?;
         if let Some(memory) = checkpoint.memory() {
             // Housekeeping may have ended already; then nothing is saved any more.
-            let _ = self.worker_changed.send(Box::new(memory.identification));
+            let _ = self.worker_changed.send((worker, Box::new(memory.identification)));
         }
         self.events.notify(Event::NewCheckpoint)?;
         // There are as many places as boxes.

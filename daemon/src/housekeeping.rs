@@ -1,6 +1,5 @@
 //! What must be done now and then, and may take time: saving the worker, clearing away the dead, feeding the watchdog.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -12,26 +11,19 @@ use tracing::{info, warn};
 use crate::profile::Profile;
 use crate::rings::Rings;
 use crate::status::StatusFile;
+use crate::workers::Workers;
 
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// Where the worker is saved.
-#[derive(Debug, Clone)]
-pub struct Saving {
-    /// The pseudonym.
-    pub subject: String,
-    /// The file.
-    pub path: PathBuf,
-    /// `false` if the file is there and was refused: it is not overwritten.
-    pub allowed: bool,
-}
+/// A worker's number and what is known of that worker now.
+pub type ChangedWorker = (u64, Box<Identification>);
 
 /// Housekeeping, with its place on the bus.
 pub struct Housekeeping {
     bus: Bus,
     rings: Arc<Rings>,
-    worker_changed: Receiver<Box<Identification>>,
-    saving: Saving,
+    worker_changed: Receiver<ChangedWorker>,
+    workers: Arc<Workers>,
     status: StatusFile,
     last_cycle: u64,
 }
@@ -44,12 +36,12 @@ impl Housekeeping {
     pub fn open(
         station: &str,
         rings: Arc<Rings>,
-        worker_changed: Receiver<Box<Identification>>,
-        saving: Saving,
+        worker_changed: Receiver<ChangedWorker>,
+        workers: Arc<Workers>,
         status: StatusFile,
     ) -> Result<Housekeeping, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "housekeeping"))?;
-        Ok(Housekeeping { bus, rings, worker_changed, saving, status, last_cycle: 0 })
+        Ok(Housekeeping { bus, rings, worker_changed, workers, status, last_cycle: 0 })
     }
 
     /// Runs until egress, which sends the workers to save, has ended.
@@ -57,7 +49,7 @@ impl Housekeeping {
         let mut last = Instant::now();
         loop {
             match self.worker_changed.recv_timeout(INTERVAL) {
-                Ok(worker) => self.save(&worker),
+                Ok(worker) => self.save(worker),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
@@ -68,13 +60,23 @@ impl Housekeeping {
         }
     }
 
-    fn save(&mut self, newest: &Identification) {
-        // Several poses may have come while the disk was slow; only the last counts.
-        let newest = self.worker_changed.try_iter().last().map_or(*newest, |later| *later);
-        let Some(profile) = Profile::of(&self.saving.subject, &newest).filter(|_| self.saving.allowed) else {
+    fn save(&mut self, mut newest: ChangedWorker) {
+        // Several poses may have come while the disk was slow; only the last of each worker counts.
+        while let Ok(later) = self.worker_changed.try_recv() {
+            if later.0 != newest.0 {
+                self.write(&newest);
+            }
+            newest = later;
+        }
+        self.write(&newest);
+    }
+
+    fn write(&self, (number, worker): &ChangedWorker) {
+        let Some(saving) = self.workers.get(*number).filter(|saving| saving.refusal.is_none()) else {
             return;
         };
-        if let Err(error) = profile.write(&self.saving.path) {
+        let Some(profile) = Profile::of(&saving.subject, worker) else { return };
+        if let Err(error) = profile.write(&saving.path) {
             warn!("{error}; the worker is kept in memory and saved again after the next pose");
         }
     }

@@ -19,3 +19,4 @@ pub mod schedule;
 pub mod sensors;
 pub mod status;
 pub mod tick;
+pub mod workers;

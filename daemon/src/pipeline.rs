@@ -14,13 +14,14 @@ use tracing::{info, warn};
 use crate::commands::Commands;
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
-use crate::housekeeping::{Housekeeping, Saving};
+use crate::housekeeping::Housekeeping;
 use crate::page_feed;
-use crate::profile::{self, Profile};
+use crate::profile::Profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
 use crate::status::{Status, StatusFile, ThreadStatus};
 use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
+use crate::workers::{self, Saving, Workers};
 use crate::{ingress, sensors};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
@@ -74,16 +75,18 @@ impl Pipeline {
 
         // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
         // so it is opened there, and this thread waits for the word.
-        let (commands_rings, subject) = (Arc::clone(&rings), config.subject.id.clone());
+        let workers = Workers::new(Saving::of(&config.subject.id, config.subject.remember));
+        let workers = Arc::new(workers);
+        let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
         let (commands, ()) = started("commands", move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
-            let commands = Commands::open(bus, server, commands_rings, settings, &subject)?;
+            let commands = Commands::open(bus, server, commands_rings, settings, commands_workers)?;
             let _ = ready.send(());
             Ok(commands.run()?)
         })?;
         // From here on other threads run; a failure must end them.
-        let start = Start { config, rings: &rings, memory_lock, observer };
+        let start = Start { config, rings: &rings, workers, memory_lock, observer };
         match start.the_rest(settings, commands) {
             Ok(pipeline) => Ok(pipeline),
             Err(error) => {
@@ -146,6 +149,7 @@ impl Pipeline {
 struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
+    workers: Arc<Workers>,
     memory_lock: String,
     observer: Box<dyn Observer>,
 }
@@ -182,7 +186,7 @@ impl Start<'_> {
         })?;
         threads.push(report);
 
-        let (memory, saving) = remembered(config, &settings);
+        let memory = remembered(&settings, &self.workers);
         let (rings, cpu) = (Arc::clone(self.rings), config.tick.cpu);
         let (asked_loop, period_ns) =
             (Asked { fifo_priority: config.tick.priority, cpu }, config.period_ns());
@@ -220,8 +224,9 @@ impl Start<'_> {
         });
         status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
         let (rings, station, file) = (Arc::clone(self.rings), config.station.clone(), status.clone());
+        let workers = self.workers;
         let (housekeeping, ()) = started("housekeeping", move |ready| {
-            let housekeeping = Housekeeping::open(&station, rings, changed_workers, saving, file)?;
+            let housekeeping = Housekeeping::open(&station, rings, changed_workers, workers, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
@@ -279,39 +284,33 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
     }
 }
 
-/// The loop's memory, with what is known of this worker, and where it is saved.
-fn remembered(config: &Config, settings: &equipoise_core::cycle::Settings) -> (Box<Memory>, Saving) {
+/// The loop's memory, with what is known of the configured worker. A profile that cannot be used is left alone.
+fn remembered(settings: &equipoise_core::cycle::Settings, workers: &Workers) -> Box<Memory> {
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(settings);
-    let subject = config.subject.id.clone();
-    let path = profile::path_of(&subject);
-    let mut saving = Saving { subject, path: path.clone(), allowed: config.subject.remember };
-    if !config.subject.remember {
-        return (memory, saving);
-    }
-    match Profile::read(&path) {
+    let Some(saving) = workers.get(workers::CONFIGURED).filter(|saving| saving.remember) else {
+        return memory;
+    };
+    let known = Profile::read(&saving.path).map_err(|error| error.to_string()).and_then(|profile| {
+        let Some(profile) = profile else { return Ok(None) };
+        let worker = profile.worker(settings).map_err(|why| {
+            format!("the profile {} is not used: {why}; it is left as it is", saving.path.display())
+        })?;
+        Ok(Some((profile, worker)))
+    });
+    match known {
         Ok(None) => {}
-        Ok(Some(profile)) => match profile.worker(settings) {
-            Ok(worker) => {
-                info!(
-                    poses = profile.poses_used,
-                    identified = profile.identified,
-                    "profile {} is in use",
-                    profile.subject
-                );
-                memory.identification = *worker;
-            }
-            Err(why) => {
-                warn!("the profile {} is not used and will not be overwritten: {why}", path.display());
-                saving.allowed = false;
-            }
-        },
-        Err(error) => {
-            warn!("{error}");
-            saving.allowed = false;
+        Ok(Some((profile, worker))) => {
+            let (poses, identified) = (profile.poses_used, profile.identified);
+            info!(poses, identified, "profile {} is in use", profile.subject);
+            memory.identification = *worker;
+        }
+        Err(why) => {
+            warn!("{why}; what is learnt now is not saved");
+            workers.refuse(workers::CONFIGURED, format!("{why} (not overwritten; move it away and restart)"));
         }
     }
-    (memory, saving)
+    memory
 }
 
 fn start_adapters(config: &Config, rings: &Arc<Rings>) -> anyhow::Result<Vec<Other>> {

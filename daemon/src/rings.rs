@@ -39,14 +39,14 @@ pub struct Rings {
     pub ground: ArrayQueue<GroundSample>,
     /// Commands to the loop, one a cycle.
     pub command: ArrayQueue<CommandKind>,
-    /// A worker to take over, with the command that says so.
-    pub worker: ArrayQueue<Box<Identification>>,
+    /// A worker to take over and its number, with the command that says so.
+    pub worker: ArrayQueue<(u64, Box<Identification>)>,
     /// The worker's empty box on its way back.
     pub worker_back: ArrayQueue<Box<Identification>>,
     /// Blank checkpoints for the loop.
     pub blank: ArrayQueue<Box<Checkpoint>>,
-    /// Taken checkpoints to egress.
-    pub taken: ArrayQueue<Box<Checkpoint>>,
+    /// Taken checkpoints to egress, with the number of the worker in them.
+    pub taken: ArrayQueue<(u64, Box<Checkpoint>)>,
     /// Loop to egress.
     pub outcome: ArrayQueue<Outcome>,
     outcome_ready: OwnedFd,

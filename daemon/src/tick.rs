@@ -11,6 +11,7 @@ use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample
 use crate::realtime::{now_ns, sleep_until};
 use crate::rings::{Outcome, Rings};
 use crate::schedule::Schedule;
+use crate::workers;
 
 /// At most so many samples are taken in by one cycle; the rest wait in the ring.
 const SUIT_TAKEN_MAX: usize = 8;
@@ -54,6 +55,8 @@ pub struct Loop {
     /// A checkpoint is owed: taken as soon as a blank one is there.
     owes_checkpoint: bool,
     told: Told,
+    /// Number of the worker in `memory`.
+    worker: u64,
 }
 
 /// What of the worker was last checkpointed.
@@ -90,6 +93,7 @@ impl Loop {
             record: bytemuck::Zeroable::zeroed(),
             owes_checkpoint: true,
             told,
+            worker: workers::CONFIGURED,
         }
     }
 
@@ -169,9 +173,10 @@ impl Loop {
     /// Puts a loaded worker in place whole; the emptied box goes back to who may free it.
     fn take_over_worker(&mut self, command: Option<CommandKind>) {
         if command == Some(CommandKind::SubjectLoad)
-            && let Some(worker) = self.rings.worker.pop()
+            && let Some((number, worker)) = self.rings.worker.pop()
         {
             self.memory.identification = *worker;
+            self.worker = number;
             let _ = self.rings.worker_back.push(worker);
         }
     }
@@ -186,7 +191,7 @@ impl Loop {
             self.owes_checkpoint = false;
             self.told = worker;
             // There are as many places as boxes.
-            let _ = self.rings.taken.push(checkpoint);
+            let _ = self.rings.taken.push((self.worker, checkpoint));
         }
     }
 }
