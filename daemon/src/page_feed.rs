@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -18,20 +19,20 @@ use crate::config::method::StopConfig;
 /// How often the newest state is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// The newest state, or why there is none any more.
-type Newest = Arc<Mutex<Option<State>>>;
+/// The newest state, once there is one.
+#[derive(Debug, Default)]
+pub struct Newest(Arc<Mutex<Option<State>>>);
 
-/// Serves the page of a station.
+/// Starts the thread that takes the newest state of a station off the bus; it ends once nobody holds [`Newest`].
 ///
 /// # Errors
-/// The port is taken, or the bus cannot be joined.
-pub fn serve(station: &str, listen: SocketAddr, config: &Config) -> anyhow::Result<Page> {
-    let newest: Newest = Arc::default();
-    let seen = Arc::downgrade(&newest);
+/// The system gives no thread.
+pub fn follow(station: &str) -> std::io::Result<(JoinHandle<()>, Newest)> {
+    let newest = Newest::default();
+    let seen = Arc::downgrade(&newest.0);
     let station = station.to_owned();
-    // The bus's ports belong to one thread, so this one takes the states off the bus. It ends with the page, which
-    // holds the other end.
-    std::thread::Builder::new().name("page-feed".into()).spawn(move || {
+    // The bus's ports belong to one thread, so this one has them.
+    let thread = std::thread::Builder::new().name("page-feed".into()).spawn(move || {
         let outcome: Result<(), BusError> = (|| {
             let bus = Bus::join(&BusSettings::new(&station, "page"))?;
             let mut states = bus.subscriber::<State>(1)?;
@@ -47,12 +48,19 @@ pub fn serve(station: &str, listen: SocketAddr, config: &Config) -> anyhow::Resu
             tracing::warn!("the page has no data: {error}");
         }
     })?;
+    Ok((thread, newest))
+}
 
+/// Serves the page.
+///
+/// # Errors
+/// The port is taken.
+pub fn serve(listen: SocketAddr, config: &Config, newest: Newest) -> anyhow::Result<Page> {
     let skeleton = Skeleton::nominal(config.subject.height_m);
     let target_m = (config.identification.stop == StopConfig::PredictedCop)
         .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
     let feed = move || {
-        let state = newest.lock().ok().and_then(|newest| *newest)?;
+        let state = newest.0.lock().ok().and_then(|newest| *newest)?;
         let suggested = LIBRARY
             .get(state.suggested_pose as usize)
             .map(|posture| SuggestedPose::on_the_spot(posture, &skeleton, &state.segment_origin_m));
@@ -61,5 +69,5 @@ pub fn serve(station: &str, listen: SocketAddr, config: &Config) -> anyhow::Resu
         frame.cop_sigma_target_m = target_m;
         Some(frame)
     };
-    Page::start(listen, feed).with_context(|| format!("the page at {listen}"))
+    Page::start(listen, feed).context("page.listen")
 }

@@ -34,12 +34,54 @@ const DAEMON_ROLE: &str = "daemon";
 /// A running daemon.
 pub struct Pipeline {
     rings: Arc<Rings>,
-    looping: JoinHandle<anyhow::Result<LoopSummary>>,
-    egress: JoinHandle<anyhow::Result<Report>>,
-    others: Vec<(&'static str, JoinHandle<anyhow::Result<()>>)>,
+    running: Running,
     page: Option<Page>,
     status: StatusFile,
     threads: Vec<ThreadReport>,
+}
+
+/// The threads that were started so far.
+#[derive(Default)]
+struct Running {
+    looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
+    egress: Option<JoinHandle<anyhow::Result<Report>>>,
+    others: Vec<Other>,
+    /// Takes states off the bus for the page; if it ends, the page says so and all else goes on.
+    page_feed: Option<JoinHandle<()>>,
+}
+
+impl Running {
+    fn is_whole(&self) -> bool {
+        fn runs<T>(thread: &Option<JoinHandle<T>>) -> bool {
+            thread.as_ref().is_some_and(|thread| !thread.is_finished())
+        }
+        runs(&self.looping)
+            && runs(&self.egress)
+            && self.others.iter().all(|(_, thread)| !thread.is_finished())
+    }
+
+    /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with.
+    fn join(self) -> anyhow::Result<(LoopSummary, Report)> {
+        let cycles = self.looping.map(|thread| joined("loop", thread));
+        let latency = self.egress.map(|thread| joined("egress", thread));
+        let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
+        if let Some(feed) = self.page_feed {
+            // A panic was printed by its own thread.
+            let _ = feed.join();
+        }
+        others.into_iter().collect::<anyhow::Result<()>>()?;
+        match (cycles, latency) {
+            (Some(cycles), Some(latency)) => Ok((cycles?, latency?)),
+            _ => bail!("the pipeline was not started whole"),
+        }
+    }
+}
+
+fn joined<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyhow::Result<T> {
+    match thread.join() {
+        Ok(outcome) => outcome.with_context(|| format!("thread {name}")),
+        Err(_) => Err(anyhow!("thread {name} panicked")),
+    }
 }
 
 /// How a daemon fared.
@@ -85,12 +127,15 @@ impl Pipeline {
             let _ = ready.send(());
             Ok(commands.run()?)
         })?;
-        // From here on other threads run; a failure must end them.
+        // From here on threads run: a failure must end them, and wait until they have left the bus.
+        let mut running = Running { others: vec![("commands", commands)], ..Running::default() };
         let start = Start { config, rings: &rings, workers, memory_lock, observer };
-        match start.the_rest(settings, commands) {
-            Ok(pipeline) => Ok(pipeline),
+        match start.the_rest(settings, &mut running) {
+            Ok((page, status, threads)) => Ok(Pipeline { rings, running, page, status, threads }),
             Err(error) => {
                 rings.stop();
+                // The first failure is the one to tell.
+                let _ = running.join();
                 Err(error)
             }
         }
@@ -113,9 +158,7 @@ impl Pipeline {
 
     /// Whether every thread still runs.
     pub fn is_whole(&self) -> bool {
-        !self.looping.is_finished()
-            && !self.egress.is_finished()
-            && self.others.iter().all(|(_, thread)| !thread.is_finished())
+        self.running.is_whole()
     }
 
     /// Ends every thread and says how it went.
@@ -127,21 +170,11 @@ impl Pipeline {
         if let Some(page) = self.page {
             page.stop();
         }
-        let cycles = self.looping.join().map_err(|_| anyhow!("the loop panicked"))?;
-        let latency = self.egress.join().map_err(|_| anyhow!("egress panicked"))?;
+        let outcome = self.running.join();
+        // Housekeeping, which keeps the file in place, has ended.
         self.status.remove();
-        let mut fault = None;
-        for (name, thread) in self.others {
-            match thread.join() {
-                Ok(Ok(())) => {}
-                Ok(Err(error)) => fault = fault.or(Some(error.context(format!("thread {name}")))),
-                Err(_) => fault = fault.or(Some(anyhow!("thread {name} panicked"))),
-            }
-        }
-        match fault {
-            Some(fault) => Err(fault),
-            None => Ok(Summary { cycles: cycles?, latency: latency?, threads: self.threads }),
-        }
+        let (cycles, latency) = outcome?;
+        Ok(Summary { cycles, latency, threads: self.threads })
     }
 }
 
@@ -160,17 +193,20 @@ impl Start<'_> {
     fn the_rest(
         self,
         settings: equipoise_core::cycle::Settings,
-        commands: JoinHandle<anyhow::Result<()>>,
-    ) -> anyhow::Result<Pipeline> {
+        running: &mut Running,
+    ) -> anyhow::Result<(Option<Page>, StatusFile, Vec<ThreadReport>)> {
         let config = self.config;
-        let mut others: Vec<Other> = vec![("commands", commands)];
         let mut threads = Vec::new();
         let asked =
             |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
 
         // The page's thread inherits the ordinary scheduler from this one.
         let page = match &config.page {
-            Some(page) => Some(page_feed::serve(&config.station, page.listen, config)?),
+            Some(page) => {
+                let (feed, states) = page_feed::follow(&config.station)?;
+                running.page_feed = Some(feed);
+                Some(page_feed::serve(page.listen, config, states)?)
+            }
             None => None,
         };
 
@@ -184,6 +220,7 @@ impl Start<'_> {
             let _ = ready.send(report);
             Ok(egress.run()?)
         })?;
+        running.egress = Some(egress);
         threads.push(report);
 
         let memory = remembered(&settings, &self.workers);
@@ -196,6 +233,7 @@ impl Start<'_> {
             let _ = ready.send(realtime::ask("loop", asked_loop));
             Ok(Loop::new(settings, memory, rings, period_ns).run(&mut *observer))
         })?;
+        running.looping = Some(looping);
         threads.push(report);
 
         let (rings, station, ask) = (Arc::clone(self.rings), config.station.clone(), asked(BELOW_LOOP[0].1));
@@ -204,8 +242,8 @@ impl Start<'_> {
             Ok(ingress::run(&station, &rings, || drop(ready.send(report)))?)
         })?;
         threads.push(report);
-        others.push(("ingress", ingress));
-        others.extend(start_adapters(config, self.rings)?);
+        running.others.push(("ingress", ingress));
+        start_adapters(config, self.rings, &mut running.others)?;
 
         for missing in threads.iter().filter_map(ThreadReport::missing) {
             if config.tick.strict {
@@ -230,9 +268,10 @@ impl Start<'_> {
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
-        })?;
-        others.push(("housekeeping", housekeeping));
-        Ok(Pipeline { rings: Arc::clone(self.rings), looping, egress, others, page, status, threads })
+        })
+        .inspect_err(|_| status.remove())?;
+        running.others.push(("housekeeping", housekeeping));
+        Ok((page, status, threads))
     }
 }
 
@@ -313,8 +352,7 @@ fn remembered(settings: &equipoise_core::cycle::Settings, workers: &Workers) -> 
     memory
 }
 
-fn start_adapters(config: &Config, rings: &Arc<Rings>) -> anyhow::Result<Vec<Other>> {
-    let mut adapters: Vec<Other> = Vec::new();
+fn start_adapters(config: &Config, rings: &Arc<Rings>, adapters: &mut Vec<Other>) -> anyhow::Result<()> {
     if config.suit.source == SuitSourceKind::MvnUdp {
         let (rings, station, suit) = (Arc::clone(rings), config.station.clone(), config.suit.clone());
         let (thread, ()) = started("suit", move |ready| {
@@ -331,5 +369,5 @@ fn start_adapters(config: &Config, rings: &Arc<Rings>) -> anyhow::Result<Vec<Oth
         })?;
         adapters.push(("ground", thread));
     }
-    Ok(adapters)
+    Ok(())
 }
