@@ -88,10 +88,27 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::PartRejected) => ExitCode::from(3),
+        // Whoever read our output has seen enough, as in `equipoise watch | head -n 1`.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("equipoise: {error:#}");
             ExitCode::FAILURE
         }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let cause = error.root_cause().downcast_ref::<std::io::Error>();
+    cause.is_some_and(|cause| cause.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// A span of time on the command line.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().unwrap_or(f64::NAN);
+    if seconds > 0.0 && f64::is_finite(seconds) {
+        Ok(seconds)
+    } else {
+        Err("give a number of seconds above 0".to_owned())
     }
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     station: StationArgument,
     /// For how many seconds
-    #[arg(long = "for", default_value_t = 10.0, value_name = "SECONDS")]
+    #[arg(long = "for", default_value_t = 10.0, value_name = "SECONDS", value_parser = super::seconds)]
     seconds: f64,
     /// Write an interval log in the HdrHistogram format, one entry per stage
     #[arg(long, value_name = "FILE")]

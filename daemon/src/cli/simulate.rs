@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value = "127.0.0.1:49152", value_name = "ADDRESS")]
     plate: SocketAddr,
     /// End after this many seconds
-    #[arg(long = "for", value_name = "SECONDS")]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = super::seconds)]
     seconds: Option<f64>,
     /// Another seed is another person
     #[arg(long, default_value_t = 1, conflicts_with = "play")]

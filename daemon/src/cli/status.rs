@@ -44,16 +44,19 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     adapters.sort_by_key(|adapter| adapter.stream);
     let facts = status::read(station);
+    let mut out = std::io::stdout().lock();
     if arguments.json {
         let state = serde_json::to_value(StateJson::new(&state, seconds(state.time_ns)))?;
         let adapters: Vec<_> = adapters.iter().map(adapter_json).collect();
         let text = serde_json::json!({ "daemon": facts, "state": state, "adapters": adapters });
-        println!("{}", serde_json::to_string_pretty(&text)?);
+        writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
-        print!("{}", dashboard(&state, station, pose_name(&state)));
-        adapters.iter().for_each(print_adapter);
+        write!(out, "{}", dashboard(&state, station, pose_name(&state)))?;
+        for adapter in &adapters {
+            write_adapter(&mut out, adapter)?;
+        }
         if let Some(facts) = &facts {
-            print_facts(facts);
+            write_facts(&mut out, facts)?;
         }
     }
     Ok(Outcome::Done)
@@ -88,32 +91,35 @@ fn adapter_json(adapter: &AdapterHealth) -> serde_json::Value {
     })
 }
 
-fn print_adapter(adapter: &AdapterHealth) {
-    print!(
+fn write_adapter(out: &mut impl Write, adapter: &AdapterHealth) -> std::io::Result<()> {
+    write!(
+        out,
         "  {:<7} {:.0} Hz, {} received, {} published, {} lost",
         reasons(adapter).0,
         adapter.rate_hz,
         adapter.received,
         adapter.published,
         adapter.lost
-    );
+    )?;
     for (reason, count) in refused(adapter) {
-        print!(", {count} {reason}");
+        write!(out, ", {count} {reason}")?;
     }
-    println!();
+    writeln!(out)
 }
 
-fn print_facts(facts: &Status) {
-    println!("  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock);
+fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
+    writeln!(out, "  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock)?;
     for thread in &facts.threads {
-        println!(
+        writeln!(
+            out,
             "  thread {:<8} SCHED_FIFO asked {} granted {}, cores {:?}",
             thread.thread, thread.asked_fifo, thread.granted_fifo, thread.cpus
-        );
+        )?;
     }
     if let Some(page) = &facts.page {
-        println!("  page {page}");
+        writeln!(out, "  page {page}")?;
     }
+    Ok(())
 }
 
 /// Show what a running daemon says, again and again
@@ -123,7 +129,7 @@ pub(super) struct WatchArguments {
     #[command(flatten)]
     station: StationArgument,
     /// End after this many seconds
-    #[arg(long = "for", value_name = "SECONDS")]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = super::seconds)]
     seconds: Option<f64>,
 }
 
@@ -133,7 +139,8 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
     let bus = client::join(station, "watch")?;
     let mut state = client::newest_state(&bus)?;
     let mut states = bus.subscriber::<State>(1)?;
-    let (started, terminal) = (Instant::now(), std::io::stdout().is_terminal());
+    let mut out = std::io::stdout().lock();
+    let (started, terminal) = (Instant::now(), out.is_terminal());
     let pause = Duration::from_millis(if terminal { 100 } else { 1000 });
     let (mut drawn, mut seen) = (false, Instant::now());
     while !stop.load(Ordering::Relaxed)
@@ -148,13 +155,13 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
             let up = if drawn { format!("\x1b[{}A", DASHBOARD_LINES + 1) } else { String::new() };
             let block = dashboard(&state, station, pose_name(&state)).replace('\n', "\x1b[K\n");
             let note = if silent { "  the daemon is silent; what stands here is old" } else { "" };
-            println!("{up}{block}{note}\x1b[K");
-            std::io::stdout().flush()?;
+            writeln!(out, "{up}{block}{note}\x1b[K")?;
+            out.flush()?;
             drawn = true;
         } else if silent {
-            println!("the daemon is silent");
+            writeln!(out, "the daemon is silent")?;
         } else {
-            println!("{}", live_line(&state, pose_name(&state)));
+            writeln!(out, "{}", live_line(&state, pose_name(&state)))?;
         }
         std::thread::sleep(pause);
     }
