@@ -11,6 +11,11 @@ const NORM_TOLERANCE: f64 = 0.05;
 /// Head or pelvis must be this far above the feet: a person squatting, stooping or kneeling upright is.
 const MIN_STATURE_M: f64 = 0.3;
 
+/// No coordinate (m), velocity, acceleration or angle of a person, in its unit, is larger.
+const LARGEST: f32 = 1e4;
+/// No segment begins farther from the pelvis.
+const REACH_M: f64 = 3.0;
+
 /// Positions (m) and orientations (scalar first, unit norm) of all segments.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose {
@@ -57,6 +62,9 @@ impl Part {
                 Ok(())
             },
         )?;
+        if !pose.holds_together() {
+            return Err(SuitRefusal::Implausible);
+        }
         if check_up && !pose.stands() {
             return Err(SuitRefusal::UpsideDown);
         }
@@ -148,6 +156,16 @@ impl Pose {
         let feet = height(Segment::LeftFoot).min(height(Segment::RightFoot));
         height(Segment::Head).max(height(Segment::Pelvis)) - feet > MIN_STATURE_M
     }
+
+    /// Whether all segments are within a person's reach of the pelvis.
+    fn holds_together(&self) -> bool {
+        let pelvis = self.position_m[Segment::Pelvis.index()];
+        let distances = self
+            .position_m
+            .iter()
+            .map(|origin| (0..3).map(|axis| (origin[axis] - pelvis[axis]).powi(2)).sum());
+        distances.into_iter().all(|square: f64| square <= REACH_M * REACH_M)
+    }
 }
 
 /// Hands each body segment's item to `take`, and makes sure that each comes exactly once. Props and fingers, which
@@ -170,10 +188,12 @@ fn by_segment<T>(
 }
 
 fn finite<const N: usize>(values: [f32; N]) -> Result<[f64; N], SuitRefusal> {
-    if values.iter().all(|value| value.is_finite()) {
-        Ok(values.map(f64::from))
-    } else {
+    if values.iter().any(|value| !value.is_finite()) {
         Err(SuitRefusal::NotFinite)
+    } else if values.iter().any(|value| value.abs() > LARGEST) {
+        Err(SuitRefusal::Implausible)
+    } else {
+        Ok(values.map(f64::from))
     }
 }
 

@@ -44,6 +44,8 @@ refusals! {
         UpsideDown = "upside_down",
         /// A whole sample without a pose: types 02 and 01 are both off in the Network Streamer, or were lost.
         NoPose = "no_pose",
+        /// A number that no body has: a flipped bit that checksums did not see, or a sender gone astray.
+        Implausible = "implausible",
     }
 }
 
