@@ -105,6 +105,9 @@ fn play(arguments: &Arguments, path: PathBuf) -> anyhow::Result<Outcome> {
         samples.push((time_s, Recorded::Suit(Box::new(suit))));
     }
     let rejected = capture.rejected().total();
+    if samples.is_empty() {
+        bail!("{} has no rows that can be played; {rejected} were rejected", path.display());
+    }
     let settings = PlayerSettings {
         suit_target: arguments.suit,
         plate_address: arguments.plate,
