@@ -1,0 +1,103 @@
+//! Commands to a running daemon, to none, and those that it refuses.
+
+use rustix::process::Signal;
+
+use crate::eyes::Eyes;
+use crate::process::wait_for;
+use crate::station::Station;
+
+#[test]
+fn without_a_daemon_every_command_says_so() {
+    let station = Station::new();
+    let no_daemon = |arguments: &[&str]| {
+        station.run(arguments).failed_with(1, &["no daemon", "equipoise run"]);
+    };
+    for arguments in [
+        &["status"][..],
+        &["status", "--json"],
+        &["watch"],
+        &["latency"],
+        &["tare"],
+        &["identify", "start"],
+        &["identify", "stop"],
+        &["identify", "reset"],
+        &["subject", "load", "anon-1"],
+        &["subject", "save"],
+    ] {
+        no_daemon(arguments);
+    }
+    assert!(station.run(&["subject", "list"]).done().contains("no profiles in"));
+    station.run(&["subject", "delete", "anon-1"]).failed_with(1, &["anon-1", "No such file"]);
+    station.run(&["status", "--station", "a/b"]).failed_with(1, &["is no name for a station"]);
+}
+
+#[test]
+fn identification_and_profiles_are_steered_and_nonsense_is_refused() {
+    let station = Station::new();
+    let person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    eyes.until_poses(&person, 2);
+
+    station.run(&["identify", "stop"]).done();
+    eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring");
+    station.run(&["subject", "save"]).done();
+    wait_for("a profile", || station.profile("anon-1").exists().then_some(()));
+    assert!(station.run(&["subject", "list"]).done().contains("anon-1"));
+
+    station.run(&["identify", "reset"]).done();
+    // The pose that is held now may have been learnt anew.
+    eyes.until("all poses to be forgotten", |eyes| eyes.state.poses_used < 2);
+    station.run(&["identify", "start"]).done();
+    eyes.until("learning", |eyes| eyes.state.phase_name() == "identifying");
+
+    // Somebody stands there.
+    station.run(&["tare"]).failed_with(1, &["refused", "stand on the plate", "step off"]);
+
+    let characters = "made of letters, digits, '-' and '_'";
+    station.run(&["subject", "load", "nobody"]).failed_with(1, &["there is no profile nobody"]);
+    for trick in ["../../etc/passwd", "/etc/passwd", "..", "", "a b", "anon-1.toml", "ä"] {
+        station.run(&["subject", "load", trick]).failed_with(1, &[characters]);
+        station.run(&["subject", "delete", trick]).failed_with(1, &[characters]);
+    }
+    let long = "x".repeat(65);
+    station.run(&["subject", "load", &long]).failed_with(1, &["at most"]);
+    station.run(&["subject", "load", &long[..64]]).failed_with(1, &["subject"]);
+    assert!(std::fs::exists("/etc/passwd").expect("a file"));
+    assert!(daemon.is_running());
+    assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    station.run(&["subject", "delete", "anon-1"]).done();
+    assert!(!station.profile("anon-1").exists());
+}
+
+#[test]
+fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
+    let station = Station::new();
+    let person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    eyes.until_poses(&person, 1);
+    station.run(&["identify", "stop"]).done();
+    let saved = |subject: &str| std::fs::read_to_string(station.profile(subject)).unwrap_or_default();
+    wait_for("the first one's profile", || saved("anon-1").contains("identified = true").then_some(()));
+    let first = saved("anon-1");
+
+    // Another worker, with other poses to the name.
+    let mut second: toml::Table = first.parse().expect("a profile");
+    second.insert("subject".to_owned(), "anon-2".into());
+    second.insert("poses_used".to_owned(), 77.into());
+    let second = toml::to_string(&second).expect("TOML");
+    std::fs::write(station.profile("anon-2"), &second).expect("a second profile");
+
+    let said = station.run(&["subject", "load", "anon-2"]);
+    assert!(said.done().contains("anon-2 is in use: 77 poses"), "{}", said.stdout);
+    eyes.until("the second worker", |eyes| eyes.state.poses_used == 77);
+    assert!(station.run(&["subject", "save"]).done().contains("anon-2"));
+    station.run(&["identify", "start"]).done();
+    eyes.until_poses(&person, 78);
+    wait_for("the second one's new pose", || saved("anon-2").contains("poses_used = 78").then_some(()));
+    assert_eq!(saved("anon-1"), first, "the first worker's profile was overwritten");
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert_eq!(saved("anon-1"), first, "the first worker's profile was overwritten");
+}

@@ -1,0 +1,99 @@
+//! Consumers that die or stop reading.
+
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use crate::eyes::Eyes;
+use crate::process::wait_for;
+use crate::station::Station;
+
+#[test]
+fn the_loop_does_not_notice_consumers_that_die_or_stop_reading() {
+    let station = Station::new();
+    let _person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+
+    for _ in 0..3 {
+        let mut watch = station.spawn(&["watch"]);
+        let mut latency = station.spawn(&["latency", "--for", "600"]);
+        wait_for("a line of the watch", || (!watch.stdout().is_empty()).then_some(()));
+        assert!(latency.is_running(), "{}", latency.stderr());
+        let before = eyes.look().cycle;
+        watch.kill();
+        latency.kill();
+        eyes.until("cycles after the killing", |eyes| eyes.state.cycle > before + 100);
+    }
+
+    let mut stopped = station.spawn(&["watch"]);
+    let mut reader = station.spawn(&["latency", "--for", "600"]);
+    wait_for("a line of the watch", || (!stopped.stdout().is_empty()).then_some(()));
+    stopped.send(Signal::STOP);
+    reader.send(Signal::STOP);
+    // More than any buffer holds: a publisher that waited for its readers would stand still now.
+    let before = eyes.look().cycle;
+    eyes.until("cycles while consumers are stopped", |eyes| eyes.state.cycle > before + 1500);
+    eyes.until("both sensors", Eyes::both_fresh);
+
+    // New ones find a place, and the stopped ones wake up to a daemon that still knows them.
+    station.run(&["watch", "--for", "1"]).done();
+    assert!(station.run(&["latency", "--for", "1"]).done().contains("cycles"));
+    stopped.send(Signal::CONT);
+    reader.send(Signal::CONT);
+    let lines = stopped.stdout().lines().count();
+    wait_for("the woken watch to go on", || (stopped.stdout().lines().count() > lines + 1).then_some(()));
+    assert_eq!(stopped.stop(Signal::TERM), Some(0), "{}", stopped.stderr());
+    // If it has lost cycles it says so; it may also have been stopped before its first.
+    let code = reader.stop(Signal::TERM);
+    assert!(matches!(code, Some(0 | 3)), "{code:?} {}", reader.stderr());
+
+    assert!(daemon.is_running());
+    assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
+
+#[test]
+fn consumers_killed_while_they_come_or_go_are_cleared_away_once() {
+    let station = Station::new();
+    let mut daemon = station.daemon(&station.configuration());
+    for milliseconds in (2..80).step_by(3) {
+        let mut consumer = station.spawn(&["latency", "--for", "600"]);
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        consumer.kill();
+    }
+    // Those that are not really gone would be cleared away again every second, for ever.
+    let cleared = || daemon.stderr().matches("cleared away").count();
+    wait_for("an end of the clearing", || {
+        let before = cleared();
+        std::thread::sleep(Duration::from_millis(2500));
+        (cleared() == before).then_some(())
+    });
+    assert!(station.run(&["latency", "--for", "1"]).done().contains("cycles"));
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+}
+
+#[test]
+fn a_reader_that_goes_away_in_the_middle_of_a_line_is_no_crash() {
+    use std::io::Read;
+    use std::process::{Command, Stdio};
+
+    let station = Station::new();
+    let _person = station.person();
+    let _daemon = station.daemon(&station.configuration());
+    // As in `equipoise watch | head -n 1`.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_equipoise"))
+        .args(["watch", "--for", "20", "--station", crate::station::NAME])
+        .env("EQUIPOISE_BUS_ROOT", station.root())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let mut first = [0; 1];
+    child.stdout.take().expect("a pipe").read_exact(&mut first).expect("a first byte");
+    let mut said = String::new();
+    child.stderr.take().expect("a pipe").read_to_string(&mut said).expect("its end");
+    let status = child.wait().expect("its end");
+    assert!(!said.contains("panicked"), "{status}: {said}");
+}

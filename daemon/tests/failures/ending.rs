@@ -1,0 +1,50 @@
+//! An orderly end.
+
+use std::os::unix::fs::MetadataExt;
+
+use rustix::process::Signal;
+
+use crate::eyes::Eyes;
+use crate::station::{Station, free_tcp_port};
+
+/// Nothing of the bus is left but what iceoryx2 never removes: its small `*.global_mgmt` files.
+#[track_caller]
+pub(crate) fn assert_nothing_left(station: &Station) {
+    let mut left = station.files_of_the_bus();
+    left.retain(|path| {
+        let size = path.metadata().map_or(0, |metadata| metadata.size());
+        !(path.extension().is_some_and(|extension| extension == "global_mgmt") && size <= 16)
+    });
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn both_signals_end_it_cleanly_with_sensors_clients_and_page() {
+    let station = Station::new();
+    let _person = station.person();
+    for signal in [Signal::TERM, Signal::INT] {
+        let page = free_tcp_port();
+        let mut daemon = station.daemon(&format!("{}[page]\nlisten = \"{page}\"\n", station.configuration()));
+        let mut eyes = Eyes::open(&station);
+        eyes.until("both sensors", Eyes::both_fresh);
+        // An open connection does not hold the daemon up.
+        let _browser = std::net::TcpStream::connect(page).expect("the page");
+        drop(eyes);
+        assert_eq!(daemon.stop(signal), Some(0), "{}", daemon.stderr());
+        let said = daemon.stderr();
+        assert!(said.contains("ended") && said.contains("schedule_adds_up=true"), "{said}");
+        assert!(!said.contains("panicked"), "{said}");
+        assert_nothing_left(&station);
+        station.run(&["status"]).failed_with(1, &["no daemon"]);
+        assert_nothing_left(&station);
+    }
+}
+
+#[test]
+fn a_daemon_without_sensors_ends_as_well() {
+    let station = Station::new();
+    let mut daemon = station.daemon(&station.configuration());
+    assert_eq!(station.status().expect("the daemon answers")["state"]["phase"], "waiting");
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+    assert_nothing_left(&station);
+}

@@ -1,0 +1,151 @@
+//! A consumer inside the test: sees every state and what the adapters count.
+
+use std::time::{Duration, Instant};
+
+use bytemuck::Zeroable;
+use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::suit::SuitRefusal;
+use equipoise_bus::{Bus, BusSettings, Subscriber};
+use equipoise_core::message::{AdapterHealth, State, Validity};
+use equipoise_simulator::simulation::SimulationHandle;
+
+use crate::process::PATIENCE;
+use crate::station::{NAME, Station};
+
+/// How long a person holds a pose before another is tried.
+const HOLD: Duration = Duration::from_secs(8);
+
+pub(crate) struct Eyes {
+    states: Subscriber<State>,
+    health: Subscriber<AdapterHealth>,
+    pub(crate) state: State,
+    /// The newest word of suit and ground.
+    adapters: [AdapterHealth; 2],
+    _bus: Bus,
+}
+
+impl Eyes {
+    pub(crate) fn open(station: &Station) -> Eyes {
+        let settings =
+            BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
+        let bus = Bus::join(&settings).expect("the bus");
+        Eyes {
+            states: bus.subscriber(256).expect("a place for the states"),
+            health: bus.subscriber(16).expect("a place for the counts"),
+            state: State::zeroed(),
+            adapters: [AdapterHealth::zeroed(); 2],
+            _bus: bus,
+        }
+    }
+
+    /// Takes in all that has come; every number must be one.
+    pub(crate) fn look(&mut self) -> &State {
+        while let Some(state) = self.states.receive().expect("the bus") {
+            assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
+            self.state = state;
+        }
+        while let Some(told) = self.health.receive().expect("the bus") {
+            self.adapters[told.stream as usize - 1] = told;
+        }
+        &self.state
+    }
+
+    /// Looks until it is so.
+    #[track_caller]
+    pub(crate) fn until(&mut self, what: &str, mut is_so: impl FnMut(&Eyes) -> bool) -> State {
+        let started = Instant::now();
+        loop {
+            self.look();
+            if is_so(self) {
+                return self.state;
+            }
+            assert!(
+                started.elapsed() < PATIENCE,
+                "waited in vain for {what}: {} {:?}, {} poses; suit {:?}, ground {:?}",
+                self.state.phase_name(),
+                self.reasons(),
+                self.state.poses_used,
+                self.adapters[0],
+                self.adapters[1]
+            );
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Looks for so long.
+    pub(crate) fn during(&mut self, time: Duration, mut see: impl FnMut(&Eyes)) {
+        let started = Instant::now();
+        while started.elapsed() < time {
+            self.look();
+            see(self);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// The reasons raised in the newest state.
+    pub(crate) fn reasons(&self) -> Vec<&'static str> {
+        self.state.validity().names().collect()
+    }
+
+    pub(crate) fn has(&self, reason: Validity) -> bool {
+        self.state.validity().any_of(reason)
+    }
+
+    pub(crate) fn both_fresh(&self) -> bool {
+        self.state.cycle > 0 && !self.has(Validity::SUIT_STALE.and(Validity::GROUND_STALE))
+    }
+
+    pub(crate) fn suit(&self) -> &AdapterHealth {
+        &self.adapters[0]
+    }
+
+    pub(crate) fn ground(&self) -> &AdapterHealth {
+        &self.adapters[1]
+    }
+
+    pub(crate) fn suit_refused(&self, reason: SuitRefusal) -> u64 {
+        self.adapters[0].refused[reason.index()]
+    }
+
+    pub(crate) fn ground_refused(&self, reason: RdtRefusal) -> u64 {
+        self.adapters[1].refused[reason.index()]
+    }
+
+    /// The person goes through the library until so many poses have been learnt.
+    #[track_caller]
+    pub(crate) fn until_poses(&mut self, person: &SimulationHandle, count: u32) {
+        let started = Instant::now();
+        let (mut pose, mut begun) = (0, None::<(Instant, u32)>);
+        while self.look().poses_used < count {
+            assert!(
+                started.elapsed() < 3 * PATIENCE,
+                "{} poses, {:?}",
+                self.state.poses_used,
+                self.reasons()
+            );
+            if begun.is_none_or(|(since, had)| since.elapsed() > HOLD || self.state.poses_used > had) {
+                person.take_pose(pose).expect("a pose of the library");
+                pose += 1;
+                begun = Some((Instant::now(), self.state.poses_used));
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+fn numbers(state: &State) -> impl Iterator<Item = f64> {
+    let plane = state.cop_measured_m.into_iter().chain(state.cop_estimated_m).chain(state.cop_sigma_m);
+    let space = state.com_m.into_iter().chain(state.ground_force_n).chain(state.delta_f_n);
+    let shares = state.zeta.into_iter().chain(state.eta);
+    let single = [
+        state.mass_kg,
+        state.load_distance_m,
+        state.variance_max_m2,
+        state.predicted_cop_sigma_m,
+        state.nis,
+        state.pose_mismatch_rad,
+    ];
+    let joints = state.torque_nm.into_iter().flatten().chain(state.torque_sigma_nm);
+    let segments = state.segment_origin_m.into_iter().flatten();
+    plane.chain(space).chain(shares).chain(single).chain(joints).chain(segments)
+}

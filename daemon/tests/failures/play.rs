@@ -1,0 +1,112 @@
+//! `simulate`: a recorded motion from a CSV, and arguments out of range.
+
+use std::fmt::Write;
+
+use equipoise_core::body::Segment;
+use equipoise_simulator::motion::{Habits, Worker};
+use equipoise_simulator::noise::{Suit, SuitNoise};
+use equipoise_simulator::person::Person;
+use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
+
+use crate::eyes::Eyes;
+use crate::process::wait_for;
+use crate::station::Station;
+
+const RATE_HZ: f64 = 60.0;
+
+/// So many rows of somebody who stands, in the layout that is read; every row at `broken` has no number for Fz.
+fn csv(rows: u32, broken: &[u32]) -> String {
+    let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
+    let suit = Suit::new(SuitNoise::NONE, 1);
+    let streams = Streams { joint_angles: false, linear_kinematics: false, centre_of_mass: false };
+    let mut text = String::from("t_s");
+    for segment in Segment::ALL {
+        for column in ["px_m", "py_m", "pz_m", "qw", "qx", "qy", "qz"] {
+            write!(text, ",{}_{column}", segment.name()).expect("text");
+        }
+    }
+    text.push_str(",Fx_N,Fy_N,Fz_N,Mx_Nm,My_Nm,Mz_Nm\n");
+    for number in 0..rows {
+        let frame = frame(&worker, &suit, SuitWorld::default(), streams, 0, (number, RATE_HZ));
+        write!(text, "{}", f64::from(number) / RATE_HZ).expect("text");
+        for (position, orientation) in frame.position_m.iter().zip(&frame.orientation_wxyz) {
+            for value in position.iter().chain(orientation) {
+                write!(text, ",{value}").expect("text");
+            }
+        }
+        let fz = if broken.contains(&number) { "heavy" } else { "706.3" };
+        writeln!(text, ",0,0,{fz},0,0,0").expect("text");
+    }
+    text
+}
+
+#[test]
+fn a_recorded_motion_is_played_to_a_daemon() {
+    let station = Station::new();
+    let _daemon = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    let path = station.write("motion.csv", &csv(300, &[])).display().to_string();
+    let (suit, plate) = (station.suit.to_string(), station.plate.to_string());
+    let mut player = station.spawn(&["simulate", "--play", &path, "--suit", &suit, "--plate", &plate]);
+    eyes.until("both sensors", Eyes::both_fresh);
+    eyes.until("the recorded weight", |eyes| (eyes.state.ground_force_n[2] - 706.3).abs() < 0.01);
+    assert_eq!(player.wait().code(), Some(0), "{}", player.stderr());
+    let said = player.stdout();
+    assert!(said.contains("played 300 suit samples and 300 plate samples; 0 rows were rejected"), "{said}");
+    eyes.until("silence after the end", |eyes| !eyes.both_fresh());
+}
+
+#[test]
+fn rejected_rows_are_counted_and_told_by_the_exit_code() {
+    let station = Station::new();
+    let _daemon = station.daemon(&station.configuration());
+    let path = station.write("motion.csv", &csv(30, &[7, 11])).display().to_string();
+    let (suit, plate) = (station.suit.to_string(), station.plate.to_string());
+    let ended = station.run(&["simulate", "--play", &path, "--suit", &suit, "--plate", &plate]);
+    assert_eq!(ended.code, Some(3), "{}{}", ended.stdout, ended.stderr);
+    assert!(ended.stdout.contains("2 rows were rejected"), "{}", ended.stdout);
+}
+
+#[test]
+fn what_cannot_be_simulated_or_played_is_refused() {
+    let station = Station::new();
+    for (option, value, range) in [
+        ("--height-m", "3", "--height-m 3 is not between 1.2 and 2.2"),
+        ("--mass-kg", "1e9", "is not between 30 and 200"),
+        ("--mass-kg", "NaN", "is not between 30 and 200"),
+        ("--suit-rate-hz", "0", "is not between 10 and 1000"),
+    ] {
+        let argument = format!("{option}={value}");
+        station.run(&["simulate", &argument]).failed_with(1, &[range]);
+    }
+    for seconds in ["-1", "0", "NaN", "inf"] {
+        for command in ["simulate", "watch", "latency"] {
+            let ended = station.run(&[command, &format!("--for={seconds}")]);
+            ended.failed_with(2, &["--for", "a number of seconds above 0"]);
+        }
+    }
+    station.run(&["simulate", "--play", "/nowhere.csv"]).failed_with(1, &["cannot read /nowhere.csv"]);
+    let path = station.write("other.csv", &csv(3, &[]).replace("Head_qw", "head_qw")).display().to_string();
+    station.run(&["simulate", "--play", &path]).failed_with(1, &["no column Head_qw", "head_qw"]);
+    let path = station.write("empty.csv", &csv(0, &[])).display().to_string();
+    station.run(&["simulate", "--play", &path]).failed_with(1, &["empty.csv", "no rows"]);
+
+    // The plate's port is taken: by the simulation of another station, say.
+    let taken = std::net::UdpSocket::bind(station.plate).expect("the port");
+    let plate = taken.local_addr().expect("its address").to_string();
+    let path = station.write("motion.csv", &csv(30, &[])).display().to_string();
+    for arguments in [&["simulate", "--plate", &plate][..], &["simulate", "--plate", &plate, "--play", &path]]
+    {
+        station.run(arguments).failed_with(1, &[&format!("the plate at {plate}"), "in use"]);
+    }
+}
+
+#[test]
+fn a_simulation_ends_when_its_time_is_over_and_when_told() {
+    let station = Station::new();
+    let (suit, plate) = (station.suit.to_string(), station.plate.to_string());
+    station.run(&["simulate", "--suit", &suit, "--plate", &plate, "--for", "1"]).done();
+    let mut endless = station.spawn(&["simulate", "--suit", &suit, "--plate", &plate]);
+    wait_for("it to begin", || endless.stdout().contains("Ctrl-C ends").then_some(()));
+    assert_eq!(endless.stop(rustix::process::Signal::INT), Some(0), "{}", endless.stderr());
+}

@@ -1,0 +1,99 @@
+//! A daemon that cannot start says why, disturbs nobody and leaves nothing behind.
+
+use std::net::{TcpListener, UdpSocket};
+
+use rustix::process::Signal;
+
+use crate::ending::assert_nothing_left;
+use crate::eyes::Eyes;
+use crate::station::{Station, free_tcp_port};
+
+#[test]
+fn a_second_daemon_names_the_first_and_does_it_no_harm() {
+    let station = Station::new();
+    let _person = station.person();
+    let mut first = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+
+    let (pid, before) = (first.id(), eyes.state.cycle);
+    for _ in 0..2 {
+        // Ports of its own: it is the station that is taken.
+        let other = Station::new();
+        let configuration = station
+            .configuration()
+            .replace(&station.suit.to_string(), &other.suit.to_string())
+            .replace(&station.plate.to_string(), &other.plate.to_string());
+        let mut second = station.try_daemon(&configuration);
+        assert_eq!(second.wait().code(), Some(1));
+        let said = second.stderr();
+        assert!(said.contains(&format!("station bench already has a daemon: process {pid}")), "{said}");
+    }
+
+    let state = eyes.until("more cycles of the first", |eyes| eyes.state.cycle > before + 100);
+    assert!(state.cycle > before, "its cycles go on, they do not begin anew");
+    eyes.until("both sensors", Eyes::both_fresh);
+    assert!(first.is_running());
+    assert_eq!(station.status().expect("the first answers")["daemon"]["process_id"], pid);
+    assert_eq!(first.stop(Signal::TERM), Some(0));
+}
+
+#[test]
+fn a_taken_suit_port_is_named_with_its_key() {
+    let station = Station::new();
+    let taken = UdpSocket::bind(station.suit).expect("the port");
+    let mut daemon = station.try_daemon(&station.configuration());
+    assert_eq!(daemon.wait().code(), Some(1));
+    let said = daemon.stderr();
+    let sentence = format!("port {} is taken", station.suit.port());
+    assert!(said.contains(&sentence) && said.contains("set suit.listen"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    assert_nothing_left(&station);
+
+    let path = station.write("adapter.toml", &station.configuration()).display().to_string();
+    station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&sentence, "suit.listen"]);
+    assert_nothing_left(&station);
+
+    drop(taken);
+    let mut daemon = station.daemon(&station.configuration());
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
+
+#[test]
+fn a_taken_page_port_is_named_with_its_key() {
+    let station = Station::new();
+    let page = free_tcp_port();
+    let _taken = TcpListener::bind(page).expect("the port");
+    let mut daemon =
+        station.try_daemon(&format!("{}\n[page]\nlisten = \"{page}\"\n", station.configuration()));
+    assert_eq!(daemon.wait().code(), Some(1));
+    let said = daemon.stderr();
+    assert!(said.contains(&page.to_string()) && said.contains("taken"), "{said}");
+    assert!(said.contains("page.listen"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    assert_nothing_left(&station);
+}
+
+#[test]
+fn a_page_for_the_whole_network_is_refused() {
+    let station = Station::new();
+    for everybody in ["0.0.0.0:8017", "[::]:8017", "192.168.1.2:8017"] {
+        let text = format!("{}[page]\nlisten = \"{everybody}\"\n", station.configuration());
+        let line = text.lines().count();
+        let path = station.write("page.toml", &text).display().to_string();
+        let place = format!("{path}, line {line}: page.listen");
+        station.run(&["check", &path]).failed_with(1, &[&place, "loopback only", "SSH tunnel"]);
+        station.run(&["run", "--config", &path]).failed_with(1, &[&place, "loopback only"]);
+    }
+}
+
+#[test]
+fn a_root_that_cannot_hold_a_bus_is_refused() {
+    let station = Station::new();
+    std::fs::write(station.root(), "a file where a directory should be").expect("a file");
+    let mut daemon = station.try_daemon(&station.configuration());
+    assert_eq!(daemon.wait().code(), Some(1));
+    let said = daemon.stderr();
+    assert!(said.contains("cannot join the bus under"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+}

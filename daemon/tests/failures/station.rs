@@ -1,0 +1,229 @@
+//! A station of its own for each test: bus, state directory, ports, configuration.
+
+use std::cell::Cell;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use tempfile::TempDir;
+
+use crate::process::{Process, wait_for};
+
+/// The station's name on its own bus.
+pub(crate) const NAME: &str = "bench";
+
+/// What a command that ran to its end left behind.
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Ended {
+    /// It failed, and what it said holds each of these.
+    #[track_caller]
+    pub(crate) fn failed_with(&self, code: i32, parts: &[&str]) {
+        assert_eq!(self.code, Some(code), "out: {} err: {}", self.stdout, self.stderr);
+        for part in parts {
+            assert!(self.stderr.contains(part), "{part:?} is not in: {}", self.stderr);
+        }
+        assert!(!self.stderr.contains("panicked"), "{}", self.stderr);
+    }
+
+    /// It did what it was asked to.
+    #[track_caller]
+    pub(crate) fn done(&self) -> &str {
+        assert_eq!(self.code, Some(0), "out: {} err: {}", self.stdout, self.stderr);
+        &self.stdout
+    }
+}
+
+pub(crate) struct Station {
+    directory: TempDir,
+    pub(crate) suit: SocketAddr,
+    pub(crate) plate: SocketAddr,
+    processes: Cell<u32>,
+}
+
+impl Station {
+    pub(crate) fn new() -> Station {
+        // Short: the root of a bus has at most 46 bytes.
+        let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").expect("a directory");
+        Station { directory, suit: free_udp_port(), plate: free_udp_port(), processes: Cell::new(0) }
+    }
+
+    /// Where the bus keeps its files.
+    pub(crate) fn root(&self) -> PathBuf {
+        self.directory.path().join("bus")
+    }
+
+    pub(crate) fn state_directory(&self) -> PathBuf {
+        self.directory.path().join("state")
+    }
+
+    pub(crate) fn profile(&self, subject: &str) -> PathBuf {
+        self.state_directory().join("subjects").join(format!("{subject}.toml"))
+    }
+
+    /// A file of the test.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.directory.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, content: &str) -> PathBuf {
+        let path = self.file(name);
+        std::fs::write(&path, content).expect("a file of the test");
+        path
+    }
+
+    /// A plain configuration. Slow, and without real time, so that many stations fit on a small machine.
+    pub(crate) fn configuration(&self) -> String {
+        format!(
+            r#"station = "{NAME}"
+[loop]
+rate_hz = 200
+priority = 0
+lock_memory = false
+[suit]
+source = "mvn-udp"
+listen = "{}"
+[ground]
+source = "ati-rdt"
+address = "{}"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.77
+mass_kg = 72.0
+[identification]
+poses_min = 1000
+"#,
+            self.suit, self.plate
+        )
+    }
+
+    fn command<Argument: AsRef<std::ffi::OsStr>>(&self, arguments: &[Argument]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
+        command.args(arguments).env("EQUIPOISE_BUS_ROOT", self.root());
+        command.env("STATE_DIRECTORY", self.state_directory()).env("EQUIPOISE_STATION", NAME);
+        for inherited in ["RUST_LOG", "JOURNAL_STREAM", "NOTIFY_SOCKET", "RUNTIME_DIRECTORY"] {
+            command.env_remove(inherited);
+        }
+        command
+    }
+
+    /// Starts a command and lets it run.
+    pub(crate) fn spawn(&self, arguments: &[&str]) -> Process {
+        self.spawn_in(arguments, &self.state_directory())
+    }
+
+    fn spawn_in(&self, arguments: &[&str], state_directory: &Path) -> Process {
+        let number = self.processes.replace(self.processes.get() + 1);
+        let mut command = self.command(arguments);
+        command.env("STATE_DIRECTORY", state_directory);
+        Process::start(command, self.file(&format!("{number}.out")), self.file(&format!("{number}.err")))
+    }
+
+    /// Runs a command to its end.
+    pub(crate) fn run(&self, arguments: &[&str]) -> Ended {
+        let mut process = self.spawn(arguments);
+        let code = process.wait().code();
+        Ended { code, stdout: process.stdout(), stderr: process.stderr() }
+    }
+
+    /// Starts a daemon of this configuration.
+    pub(crate) fn try_daemon(&self, configuration: &str) -> Process {
+        let path = self.write(&format!("{}.toml", self.processes.get()), configuration);
+        self.spawn(&["run", "--config", &path.to_string_lossy()])
+    }
+
+    /// A daemon whose cycles run.
+    pub(crate) fn daemon(&self, configuration: &str) -> Process {
+        ready(self.try_daemon(configuration))
+    }
+
+    /// A daemon that keeps its state elsewhere.
+    pub(crate) fn daemon_keeping_state_in(&self, state_directory: &Path) -> Process {
+        let path = self.write("elsewhere.toml", &self.configuration());
+        ready(self.spawn_in(&["run", "--config", &path.to_string_lossy()], state_directory))
+    }
+
+    /// The simulated sensors of this station, still to be started.
+    pub(crate) fn sensors(&self) -> SimulationSettings {
+        let mut settings = SimulationSettings::default();
+        settings.suit.target = self.suit;
+        settings.plate.address = self.plate;
+        // Enough for every test, and kind to the machine.
+        settings.plate.rate_hz = 250.0;
+        settings
+    }
+
+    /// A simulated person in suit and on plate.
+    pub(crate) fn person(&self) -> SimulationHandle {
+        Simulation::start(self.sensors()).expect("a simulated person")
+    }
+
+    /// `equipoise status --json`; `None` while no daemon publishes.
+    pub(crate) fn status(&self) -> Option<serde_json::Value> {
+        let ended = self.run(&["status", "--json"]);
+        (ended.code == Some(0)).then(|| serde_json::from_str(&ended.stdout).expect("JSON"))
+    }
+
+    /// Every file below the root of the bus, and its shared memory.
+    pub(crate) fn files_of_the_bus(&self) -> Vec<PathBuf> {
+        let mut files = Vec::new();
+        collect(&self.root(), &mut files);
+        files.extend(self.shared_memory());
+        files
+    }
+
+    fn shared_memory(&self) -> Vec<PathBuf> {
+        let prefix = equipoise_bus::root::shared_memory_prefix(&self.root());
+        let mut files = Vec::new();
+        collect(Path::new("/dev/shm"), &mut files);
+        files.retain(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix)));
+        files
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        // What a killed process left lies outside the temporary directory.
+        for path in self.shared_memory() {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Waits until a daemon says that it runs.
+#[track_caller]
+pub(crate) fn ready(mut daemon: Process) -> Process {
+    wait_for("the daemon to run", || {
+        assert!(daemon.is_running(), "it ended: {}", daemon.stderr());
+        daemon.stderr().contains("cycles a second").then_some(())
+    });
+    daemon
+}
+
+fn collect(directory: &Path, files: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(directory).into_iter().flatten().flatten() {
+        if entry.path().is_dir() {
+            collect(&entry.path(), files);
+        } else {
+            files.push(entry.path());
+        }
+    }
+}
+
+/// A port that was free a moment ago.
+pub(crate) fn free_udp_port() -> SocketAddr {
+    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).expect("a free port")
+}
+
+/// As [`free_udp_port`].
+pub(crate) fn free_tcp_port() -> SocketAddr {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).expect("a free port")
+}

@@ -1,0 +1,138 @@
+//! Hand-made sensors: sound samples at a steady rate, and whatever a test slips in behind them.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use equipoise_adapters::wire::ati_rdt::{Command, Record, Request};
+use equipoise_simulator::motion::{Habits, Worker};
+use equipoise_simulator::noise::{Suit, SuitNoise};
+use equipoise_simulator::person::Person;
+use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
+
+/// Samples per second of the suit.
+const SUIT_RATE_HZ: f64 = 60.0;
+/// Body weight on the plate, counts; the plate reports the force on itself.
+const WEIGHT_COUNTS: i32 = -706_000_000;
+
+/// Makes a bad datagram of the sound one before it.
+type Trick = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
+
+/// Tricks that wait for their turn; one goes out behind each sound datagram.
+#[derive(Clone, Default)]
+struct Tricks(Arc<Mutex<std::collections::VecDeque<Trick>>>);
+
+impl Tricks {
+    fn next(&self, sound: &[u8]) -> Option<Vec<u8>> {
+        self.0.lock().expect("no test panics here").pop_front().map(|mut trick| trick(sound))
+    }
+}
+
+/// A sensor's thread; ends when dropped.
+pub(crate) struct Stream {
+    tricks: Tricks,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Stream {
+    fn start(run: impl FnOnce(Tricks, &AtomicBool) + Send + 'static) -> Stream {
+        let (tricks, stop) = (Tricks::default(), Arc::new(AtomicBool::new(false)));
+        let (theirs, stopping) = (tricks.clone(), Arc::clone(&stop));
+        let thread = std::thread::spawn(move || run(theirs, &stopping));
+        Stream { tricks, stop, thread: Some(thread) }
+    }
+
+    /// Sends what `trick` makes of a sound datagram behind it.
+    pub(crate) fn slip_in(&self, trick: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) {
+        self.tricks.0.lock().expect("no stream panics").push_back(Box::new(trick));
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A suit that sends type 02 alone: one datagram a sample, each published at once.
+pub(crate) fn suit(target: SocketAddr) -> Stream {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    Stream::start(move |tricks, stop| {
+        let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
+        let suit = Suit::new(SuitNoise::NONE, 1);
+        let streams = Streams { joint_angles: false, linear_kinematics: false, centre_of_mass: false };
+        // High enough to step back from.
+        for number in 1000.. {
+            if stop.load(Ordering::Relaxed) {
+                return;
+            }
+            let frame = frame(&worker, &suit, SuitWorld::default(), streams, 0, (number, SUIT_RATE_HZ));
+            let sound = frame.datagrams().expect("a body has 23 segments").remove(0);
+            // Nobody may listen yet, and some tricks are too long for a datagram: neither is our affair.
+            let _ = socket.send_to(&sound, target);
+            if let Some(bad) = tricks.next(&sound) {
+                let _ = socket.send_to(&bad, target);
+            }
+            std::thread::sleep(Duration::from_secs_f64(1.0 / SUIT_RATE_HZ));
+        }
+    })
+}
+
+/// A plate on which somebody of 72 kg stands still.
+pub(crate) struct FakePlate {
+    pub(crate) stream: Stream,
+    /// Who asked for records.
+    client: Arc<Mutex<Option<SocketAddr>>>,
+}
+
+impl FakePlate {
+    pub(crate) fn start(address: SocketAddr) -> FakePlate {
+        let socket = UdpSocket::bind(address).expect("the plate's port");
+        socket.set_read_timeout(Some(Duration::from_millis(4))).expect("a socket");
+        let client = Arc::default();
+        let known = Arc::clone(&client);
+        let stream = Stream::start(move |tricks, stop| run_plate(&socket, &known, &tricks, stop));
+        FakePlate { stream, client }
+    }
+
+    /// Who asked for records.
+    pub(crate) fn client(&self) -> Option<SocketAddr> {
+        *self.client.lock().expect("no plate panics")
+    }
+}
+
+fn run_plate(socket: &UdpSocket, known: &Mutex<Option<SocketAddr>>, tricks: &Tricks, stop: &AtomicBool) {
+    let (mut rdt_sequence, mut ft_sequence) = (0, 5000);
+    while !stop.load(Ordering::Relaxed) {
+        let mut bytes = [0; 64];
+        // The pause between two records is this read's timeout.
+        if let Ok((length, sender)) = socket.recv_from(&mut bytes)
+            && let Ok(request) = Request::parse(&bytes[..length])
+        {
+            rdt_sequence = 0;
+            *known.lock().expect("no test panics here") =
+                (request.command != Command::Stop).then_some(sender);
+        }
+        ft_sequence += 1;
+        let Some(client) = *known.lock().expect("no test panics here") else { continue };
+        rdt_sequence += 1;
+        let record = Record {
+            rdt_sequence,
+            ft_sequence,
+            status: 0,
+            force_counts: [0, 0, WEIGHT_COUNTS],
+            torque_counts: [0; 3],
+        };
+        let sound = record.to_bytes();
+        let _ = socket.send_to(&sound, client);
+        if let Some(bad) = tricks.next(&sound) {
+            let _ = socket.send_to(&bad, client);
+        }
+    }
+}

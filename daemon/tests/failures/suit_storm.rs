@@ -1,0 +1,202 @@
+//! Bad datagrams between good ones on the suit's port.
+
+use equipoise_adapters::suit::SuitRefusal;
+
+use crate::eyes::Eyes;
+use crate::station::Station;
+use crate::streams::{self, FakePlate, Stream};
+
+/// How often each trick is played.
+const ROUNDS: u64 = 8;
+/// Bytes of a header and of one item of type 02.
+const HEADER: usize = 24;
+const ITEM: usize = 32;
+
+/// A sound datagram of type 02, spoilt.
+fn spoilt(sound: &[u8], spoil: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut bad = sound.to_vec();
+    spoil(&mut bad);
+    bad
+}
+
+fn put(bytes: &mut [u8], at: usize, what: &[u8]) {
+    bytes[at..at + what.len()].copy_from_slice(what);
+}
+
+/// Writes a header's payload size and number of items as the length has them.
+fn announce(bytes: &mut [u8], items: u8) {
+    let payload = (bytes.len() - HEADER) as u16;
+    bytes[11] = items;
+    put(bytes, 22, &payload.to_be_bytes());
+}
+
+fn counter(bytes: &[u8]) -> u32 {
+    u32::from_be_bytes(bytes[6..10].try_into().expect("four bytes"))
+}
+
+fn with_counter(sound: &[u8], steps: i32) -> Vec<u8> {
+    let counter = counter(sound).wrapping_add_signed(steps);
+    spoilt(sound, |bad| put(bad, 6, &counter.to_be_bytes()))
+}
+
+/// A float of an item, by its place in the item (0 is the segment's id).
+fn with_float(sound: &[u8], item: usize, word: usize, value: f32) -> Vec<u8> {
+    spoilt(sound, |bad| put(bad, HEADER + item * ITEM + word * 4, &value.to_be_bytes()))
+}
+
+type Make = fn(&[u8]) -> Vec<u8>;
+
+/// What is wrong with it, and why it is refused.
+const TRICKS: &[(&str, SuitRefusal, Make)] = &[
+    ("empty", SuitRefusal::TooShort, |_| Vec::new()),
+    ("one byte", SuitRefusal::TooShort, |_| vec![b'M']),
+    ("23 bytes", SuitRefusal::TooShort, |sound| sound[..23].to_vec()),
+    ("a header alone", SuitRefusal::Length, |sound| sound[..HEADER].to_vec()),
+    ("truncated", SuitRefusal::Length, |sound| sound[..sound.len() - 1].to_vec()),
+    ("larger than any", SuitRefusal::Length, |sound| spoilt(sound, |bad| bad.resize(2041, 0))),
+    ("65 kB", SuitRefusal::Length, |sound| spoilt(sound, |bad| bad.resize(65_507, 0))),
+    ("a payload size of 0", SuitRefusal::Length, |sound| spoilt(sound, |bad| put(bad, 22, &[0, 0]))),
+    ("a payload size too small", SuitRefusal::Length, |sound| spoilt(sound, |bad| put(bad, 22, &[0, 1]))),
+    ("more items than bytes", SuitRefusal::Items, |sound| spoilt(sound, |bad| bad[11] = 63)),
+    ("no items", SuitRefusal::Items, |sound| spoilt(sound, |bad| bad[11] = 0)),
+    ("a position that is NaN", SuitRefusal::NotFinite, |sound| with_float(sound, 3, 1, f32::NAN)),
+    ("an infinite position", SuitRefusal::NotFinite, |sound| with_float(sound, 22, 3, f32::INFINITY)),
+    ("a hand 4 m off", SuitRefusal::Implausible, |sound| with_float(sound, 14, 2, 4.0)),
+    ("everybody far away", SuitRefusal::Implausible, |sound| with_float(sound, 0, 1, -1e30)),
+    ("a quaternion of norm 2", SuitRefusal::NotUnitQuaternion, |sound| with_float(sound, 0, 4, 2.0)),
+    ("a quaternion of zeros", SuitRefusal::NotUnitQuaternion, |sound| {
+        spoilt(sound, |bad| bad[HEADER + 16..HEADER + 32].fill(0))
+    }),
+    ("one segment twice", SuitRefusal::DuplicateSegment, |sound| {
+        spoilt(sound, |bad| put(bad, HEADER + ITEM, &1_u32.to_be_bytes()))
+    }),
+    ("22 segments", SuitRefusal::MissingSegment, |sound| {
+        spoilt(sound, |bad| {
+            bad.truncate(HEADER + 22 * ITEM);
+            announce(bad, 22);
+        })
+    }),
+    ("a segment that is none", SuitRefusal::MissingSegment, |sound| {
+        spoilt(sound, |bad| put(bad, HEADER + 5 * ITEM, &u32::MAX.to_be_bytes()))
+    }),
+    ("another avatar", SuitRefusal::OtherAvatar, |sound| spoilt(sound, |bad| bad[16] = 3)),
+    ("the same counter again", SuitRefusal::Duplicate, <[u8]>::to_vec),
+    ("overtaken", SuitRefusal::OutOfOrder, |sound| with_counter(sound, -2)),
+    ("of long ago", SuitRefusal::OutOfOrder, |sound| with_counter(sound, -900)),
+    ("a wild counter", SuitRefusal::OutOfOrder, |sound| with_counter(sound, i32::MAX)),
+    ("another protocol", SuitRefusal::NotMvn, |sound| spoilt(sound, |bad| put(bad, 0, b"MXTQ"))),
+    ("type 99", SuitRefusal::UnknownType, |sound| spoilt(sound, |bad| put(bad, 4, b"99"))),
+    ("upside down", SuitRefusal::UpsideDown, |sound| {
+        spoilt(sound, |bad| {
+            for item in 0..23 {
+                // The sign of z.
+                bad[HEADER + item * ITEM + 12] ^= 0x80;
+            }
+        })
+    }),
+];
+
+/// Datagrams that are passed over in silence: the remote control shares the port.
+const JSON: &[u8] = br#"{"type":"transport","value":"record"}"#;
+
+#[test]
+fn a_storm_of_bad_datagrams_is_counted_by_reason_and_nothing_else() {
+    let station = Station::new();
+    let _plate = FakePlate::start(station.plate);
+    let mut daemon = station.daemon(&station.configuration());
+    let suit = streams::suit(station.suit);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    eyes.until("the bones", |eyes| eyes.state.phase_name() == "identifying");
+
+    let before = eyes.until("a word of the suit", |eyes| eyes.suit().published > 0);
+    let published = eyes.suit().published;
+    play_all(&suit);
+    // Random bytes: whatever each is refused for.
+    let mut noise = Noise(0x5eed);
+    for _ in 0..ROUNDS {
+        let length = noise.next() as usize % 1500;
+        let random: Vec<u8> = (0..length).map(|_| noise.next() as u8).collect();
+        suit.slip_in(move |_| random.clone());
+        let header = random_behind_a_header(&mut noise);
+        suit.slip_in(move |_| header.clone());
+        suit.slip_in(|_| JSON.to_vec());
+    }
+
+    for reason in SuitRefusal::ALL {
+        let expected = ROUNDS * TRICKS.iter().filter(|(_, refusal, _)| refusal == reason).count() as u64;
+        eyes.until(reason.name(), |eyes| {
+            // The storm itself never makes the suit fall silent: good samples come as fast as before.
+            eyes.suit_refused(*reason) >= expected
+        });
+    }
+    let rate_hz = eyes.suit().rate_hz;
+    assert!(eyes.suit().published > published + 100, "good samples went missing");
+    assert!(rate_hz > 5.0, "{rate_hz} Hz");
+    eyes.until("both sensors after the storm", Eyes::both_fresh);
+    assert!(eyes.state.cycle > before.cycle);
+    assert_eq!(eyes.state.phase_name(), "identifying");
+
+    let status = station.status().expect("the daemon answers");
+    let refused = &status["adapters"][0]["refused"];
+    for (what, reason, _) in TRICKS {
+        assert!(refused[reason.name()].as_u64() >= Some(ROUNDS), "{what}: {refused}");
+    }
+    assert!(!status["state"].to_string().contains("null"), "{status}");
+    assert!(status["state"]["cop_estimated"].is_array(), "{status}");
+    assert!(daemon.is_running());
+    assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
+}
+
+fn play_all(suit: &Stream) {
+    for _ in 0..ROUNDS {
+        for (_, _, make) in TRICKS {
+            suit.slip_in(make);
+        }
+    }
+}
+
+/// `MXTP` and a length that fits, before random bytes: it gets past the first doors.
+fn random_behind_a_header(noise: &mut Noise) -> Vec<u8> {
+    let types = [b"01", b"02", b"12", b"13", b"20", b"21", b"22", b"23", b"24", b"25"];
+    let length = HEADER + noise.next() as usize % 900;
+    let mut bytes: Vec<u8> = (0..length.max(HEADER + 1)).map(|_| noise.next() as u8).collect();
+    put(&mut bytes, 0, b"MXTP");
+    put(&mut bytes, 4, types[noise.next() as usize % types.len()]);
+    bytes[16] = 0;
+    let items = bytes[11];
+    announce(&mut bytes, items);
+    bytes
+}
+
+#[test]
+fn a_segment_a_light_year_away_does_not_reach_the_state() {
+    let station = Station::new();
+    let _plate = FakePlate::start(station.plate);
+    let _daemon = station.daemon(&station.configuration());
+    let suit = streams::suit(station.suit);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("the bones", |eyes| eyes.state.phase_name() == "identifying");
+    // Finite, of the next sample, and no place for a person: one flipped bit of an exponent is enough.
+    for _ in 0..ROUNDS {
+        suit.slip_in(|sound| with_float(&with_counter(sound, 1), 4, 2, 1e30));
+    }
+    let published = eyes.suit().published;
+    eyes.until("many samples more", |eyes| {
+        let far = eyes.state.segment_origin_m.iter().flatten().any(|metres| metres.abs() > 100.0);
+        assert!(!far, "{:?}", eyes.state.segment_origin_m);
+        eyes.suit().published > published + 60
+    });
+}
+
+/// Pseudo-random numbers from a seed (xorshift).
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 16) as u32
+    }
+}
