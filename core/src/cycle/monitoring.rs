@@ -25,7 +25,11 @@ impl Memory {
         let suit = &aligned.suit;
         let in_suit_world = Pose::from_sample(suit);
         self.identification.learn_skeleton(&in_suit_world, settings);
-        let pose = self.anchor.hold(&in_suit_world);
+        let pose = if settings.suit_drifts {
+            self.anchor.hold(&in_suit_world)
+        } else {
+            self.anchor.follow(&in_suit_world)
+        };
 
         let mut found = Validity::default();
         let sigma_ns =

@@ -61,6 +61,8 @@ pub struct Settings {
     pub load_threshold_n: f64,
     /// A load farther than this from the line between the hands is not in the hands, m.
     pub load_distance_max_m: f64,
+    /// Whether the suit's position drifts, so that the standing feet must be held; optical markers do not.
+    pub suit_drifts: bool,
     /// Whether identification starts by itself.
     pub start_identifying: bool,
     /// τ_max per joint.
@@ -87,6 +89,7 @@ impl Settings {
             still: Thresholds::default(),
             load_threshold_n: 15.0,
             load_distance_max_m: 0.35,
+            suit_drifts: true,
             start_identifying: true,
             limits: TorqueLimits::default(),
             library: &[],

@@ -10,7 +10,7 @@ use equipoise_core::message::Checkpoint;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::samples::{LeftOut, Sample, Samples};
-use crate::config::Config;
+use crate::config::{Config, SuitPosition};
 
 /// Stature where nobody says one, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;
@@ -125,7 +125,9 @@ impl Input {
     /// The file is refused, or the recording has none that this release reads.
     pub fn configuration(&self, given: Option<&Path>) -> anyhow::Result<Chosen> {
         if let Some(path) = given {
-            return Ok(Chosen { config: Config::read(path)?, origin: format!("from {}", path.display()) });
+            let mut config = Config::read(path)?;
+            self.place_suit(&mut config);
+            return Ok(Chosen { config, origin: format!("from {}", path.display()) });
         }
         if let Input::Recording(recording) = self {
             let text = &recording.header().config_toml;
@@ -138,6 +140,7 @@ impl Input {
         }
         let mut config = Config::parse(DEFAULT_CONFIG, "the default configuration")?;
         config.subject.height_m = DEFAULT_HEIGHT_M;
+        self.place_suit(&mut config);
         let mut origin = format!("defaults; stature {DEFAULT_HEIGHT_M} m is assumed");
         if let Input::Csv(_) = self {
             // Such a capture may have no moment of stillness in which the loop could weigh the worker.
@@ -149,6 +152,13 @@ impl Input {
         }
         origin += "; name a configuration with --config";
         Ok(Chosen { config, origin })
+    }
+
+    /// The CSV's layout has motion and forces in one world; so nothing is shifted, unless the configuration says so.
+    fn place_suit(&self, config: &mut Config) {
+        if let Input::Csv(_) = self {
+            config.suit.position.get_or_insert(SuitPosition::Absolute);
+        }
     }
 }
 
