@@ -5,7 +5,10 @@ mod check;
 mod client;
 mod demo;
 mod identify;
+mod import;
 mod latency;
+mod record;
+mod replay;
 mod run;
 mod simulate;
 mod status;
@@ -49,6 +52,9 @@ enum Command {
     Identify(identify::Arguments),
     Subject(subject::Arguments),
     Tare(identify::TareArguments),
+    Record(record::Arguments),
+    Import(import::Arguments),
+    Replay(replay::Arguments),
     Latency(latency::Arguments),
     Simulate(simulate::Arguments),
 }
@@ -82,6 +88,9 @@ pub fn main() -> ExitCode {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Subject(arguments) => subject::run(&arguments),
         Command::Tare(arguments) => identify::tare(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };
