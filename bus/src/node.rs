@@ -69,7 +69,8 @@ impl Bus {
         let config = root::config(root)?;
         let failed = |detail: String| BusError::Join { root: root.clone(), detail };
         let name = NodeName::new(&node_name(station, role)).map_err(|cause| failed(format!("{cause:?}")))?;
-        set_log_level(LogLevel::Warn);
+        // Its warnings are dumps of its own insides, for example whenever a peer leaves while it is being connected.
+        set_log_level(LogLevel::Error);
         let node = NodeBuilder::new()
             .name(&name)
             .config(&config)
