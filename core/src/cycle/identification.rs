@@ -239,7 +239,8 @@ impl Identification {
         self.skeleton_m.iter().flatten().all(|value| value.is_finite())
             && self.mass_kg.is_finite()
             && (0.0..1000.0).contains(&self.mass_kg)
-            && self.reduction.is_sound()
+            // Made with the bones; nobody looks at it before.
+            && (!self.has_body() || self.reduction.is_sound())
             && self.filter.is_sound()
             && self.filter.count() == self.reduction.count()
             && self.performed.is_sound()
