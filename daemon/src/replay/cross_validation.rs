@@ -52,8 +52,7 @@ pub fn cross_validate(input: &Input, config: &Config, count: usize) -> anyhow::R
     if !(2..=1000).contains(&count) {
         bail!("--cross-validate {count}: give 2 to 1000 blocks");
     }
-    let settings = Settings { stop: StopRule::PredictedCop { sigma_m: 0.0 }, ..config.settings() };
-    let pass = Pass { input, config, settings: Settings { poses_min: u64::MAX, ..settings } };
+    let pass = Pass::new(input, config);
     // The table is what the loop believes while it learns nothing.
     let table = pass.run(&|_| false, None)?;
     let (Some([first_ns, last_ns]), false) = (table.span_ns, table.scored.is_empty()) else {
@@ -77,6 +76,18 @@ pub fn cross_validate(input: &Input, config: &Config, count: usize) -> anyhow::R
     let poses = blocks.iter().map(|block| block.poses_used).sum::<u64>() / count as u64;
     let overall = judged.block([first_ns, last_ns + 1], poses);
     Ok(CrossValidation { blocks, overall, started_ns: input.started_ns() })
+}
+
+/// The worker as learnt from all data but those of a span of suit sample times, ns; the end is not part of it.
+///
+/// # Errors
+/// The input holds no sample.
+pub fn learn_apart_from(
+    input: &Input,
+    config: &Config,
+    span_ns: [u64; 2],
+) -> anyhow::Result<Box<Identification>> {
+    Ok(Pass::new(input, config).run(&|seen| seen.is_apart_from(span_ns), None)?.worker)
 }
 
 /// Which times the next step may look at.
@@ -105,7 +116,14 @@ struct Passed {
     span_ns: Option<[u64; 2]>,
 }
 
-impl Pass<'_> {
+impl<'a> Pass<'a> {
+    fn new(input: &'a Input, config: &'a Config) -> Pass<'a> {
+        // Learning never ends by itself.
+        let stop = StopRule::PredictedCop { sigma_m: 0.0 };
+        let settings = Settings { stop, poses_min: u64::MAX, ..config.settings() };
+        Pass { input, config, settings }
+    }
+
     /// Runs over the whole input; learns where `learns` says so, or judges a frozen worker.
     fn run(&self, learns: &dyn Fn(&Seen) -> bool, frozen: Option<&Identification>) -> anyhow::Result<Passed> {
         let mut memory = bytemuck::zeroed_box::<Memory>();
