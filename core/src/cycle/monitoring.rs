@@ -9,6 +9,7 @@ use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
 use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{JOINTS, Side};
 use crate::frame::{Pose, StationWorld, wxyz};
+use crate::math;
 use crate::message::{GroundSample, State, Validity};
 use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
 use crate::sesc::centre_of_mass;
@@ -84,7 +85,7 @@ impl Memory {
             let variance = self.identification.filter.projected_variance_m2(&rows.h[axis]);
             let pose_sigma_m = settings.measurement_sigma_m;
             let known_to = STANCE_SIGMA_M * STANCE_SIGMA_M + pose_sigma_m * pose_sigma_m;
-            nalgebra::ComplexField::sqrt(variance + known_to)
+            math::sqrt(variance + known_to)
         });
     }
 
