@@ -1,5 +1,6 @@
 //! Recordings of a loop that is driven here, cycle by cycle: what is whole comes again exactly, and what is missing is
 //! said, from where on.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::path::{Path, PathBuf};
 

@@ -4,8 +4,9 @@
 //! sample of the block; then the model is frozen and judged on the block's quasi-static samples alone. The stop rule
 //! is off: it would keep late blocks from being learnt.
 
+mod verdict;
+
 use std::collections::VecDeque;
-use std::fmt;
 
 use anyhow::bail;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
@@ -13,36 +14,10 @@ use equipoise_core::static_pose::WINDOW;
 
 use super::free;
 use super::input::Input;
-use super::output::seconds_since;
-use super::score::{Pair, Scored, difference, rms_mm};
+use super::score::Scored;
 use crate::config::Config;
-
-/// One held-out block.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block {
-    /// First and last suit sample time, ns; the last belongs to the next block.
-    pub span_ns: [u64; 2],
-    /// Quasi-static samples in it.
-    pub samples: usize,
-    /// Poses learnt from the other blocks.
-    pub poses_used: u64,
-    /// Table alone, mm RMS x and y; `None` without samples.
-    pub table_mm: Option<[f64; 2]>,
-    /// Table and the mean offset of the other blocks.
-    pub offset_mm: Option<[f64; 2]>,
-    /// Identified from the other blocks.
-    pub identified_mm: Option<[f64; 2]>,
-}
-
-/// All blocks, and their samples together.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CrossValidation {
-    /// Every block in order.
-    pub blocks: Vec<Block>,
-    /// All samples, each judged by the other blocks; `poses_used` is the mean.
-    pub overall: Block,
-    started_ns: u64,
-}
+use verdict::Judged;
+pub use verdict::{Block, CrossValidation};
 
 /// Judges each of `count` equal blocks of time by the others.
 ///
@@ -171,83 +146,6 @@ impl Recent {
     }
 }
 
-/// Errors of samples by each method, m.
-#[derive(Default)]
-struct Judged {
-    table_m: Vec<[f64; 2]>,
-    offset_m: Vec<[f64; 2]>,
-    identified_m: Vec<[f64; 2]>,
-}
-
-impl Judged {
-    fn of(table: &[Scored], frozen: &[Scored], [begin_ns, end_ns]: [u64; 2]) -> Judged {
-        let inside = |scored: &&Scored| (begin_ns..end_ns).contains(&scored.time_ns);
-        let others = table.iter().filter(|scored| !inside(scored));
-        let (mut sum, mut count) = ([0.0; 2], 0.0_f64);
-        for error in others.map(Scored::table_error_m) {
-            sum = [sum[0] + error[0], sum[1] + error[1]];
-            count += 1.0;
-        }
-        let offset = sum.map(|sum| sum / count.max(1.0));
-        let table_m: Vec<_> = table.iter().filter(inside).map(Scored::table_error_m).collect();
-        Judged {
-            offset_m: table_m.iter().map(|error| difference(*error, offset)).collect(),
-            identified_m: frozen.iter().filter(inside).map(Scored::identified_error_m).collect(),
-            table_m,
-        }
-    }
-
-    fn extend(&mut self, other: Judged) {
-        self.table_m.extend(other.table_m);
-        self.offset_m.extend(other.offset_m);
-        self.identified_m.extend(other.identified_m);
-    }
-
-    fn block(&self, span_ns: [u64; 2], poses_used: u64) -> Block {
-        let rms = |errors: &[[f64; 2]]| rms_mm(errors.iter().copied());
-        Block {
-            span_ns,
-            samples: self.table_m.len(),
-            poses_used,
-            table_mm: rms(&self.table_m),
-            offset_mm: rms(&self.offset_m),
-            identified_mm: rms(&self.identified_m),
-        }
-    }
-}
-
-impl fmt::Display for CrossValidation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "cross-validation: each block is judged by a model of the others; unloaded CoP error while"
-        )?;
-        writeln!(f, "quasi-static, mm RMS forward (x) / sideways (y):")?;
-        let names = ["table alone", "table + offset", "identified"];
-        let [table, offset, identified] = names;
-        writeln!(
-            f,
-            "  {:<20} {:>7}  {table:>15}  {offset:>15}  {identified:>15}  {:>5}",
-            "block", "samples", "poses"
-        )?;
-        for block in &self.blocks {
-            let [begin_s, end_s] = block.span_ns.map(|time_ns| seconds_since(self.started_ns, time_ns));
-            line(f, &format!("{begin_s:.1} s – {end_s:.1} s"), block)?;
-        }
-        line(f, "all", &self.overall)
-    }
-}
-
-fn line(f: &mut fmt::Formatter<'_>, name: &str, block: &Block) -> fmt::Result {
-    let [table, offset, identified] =
-        [block.table_mm, block.offset_mm, block.identified_mm].map(|rms| Pair(rms).to_string());
-    writeln!(
-        f,
-        "  {name:<20} {:>7}  {table:>15}  {offset:>15}  {identified:>15}  {:>5}",
-        block.samples, block.poses_used
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -265,9 +163,9 @@ mod tests {
                 let oldest_in_window = time_ns.saturating_sub(WINDOW as u64 - 1);
                 assert!(time_ns < block[0] || oldest_in_window >= block[1], "{time_ns}");
                 if time_ns < block[0] {
-                    learnt_before = time_ns
+                    learnt_before = time_ns;
                 } else {
-                    learnt_after = learnt_after.min(time_ns)
+                    learnt_after = learnt_after.min(time_ns);
                 }
             }
         }

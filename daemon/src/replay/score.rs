@@ -138,7 +138,7 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 5, "{text}");
         assert!(lines[2].contains("0 s – 10 s") && lines[2].contains("3.00 / 0.00"), "{text}");
-        assert!(lines[3].contains("20 s – 30 s") && lines[3].contains("3.00 / 2.00") == false, "{text}");
+        assert!(lines[3].contains("20 s – 30 s") && lines[3].contains("1.00 / 0.00"), "{text}");
         assert!(lines[4].contains("2.52 / 0.00") && lines[4].contains("2.52 / 2.00"), "{text}");
     }
 }

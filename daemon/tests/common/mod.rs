@@ -1,5 +1,10 @@
 //! A station of its own for a test: bus, state directory and ports that no other has.
-#![allow(dead_code, reason = "each test file uses a part of it")]
+#![allow(
+    dead_code,
+    clippy::allow_attributes,
+    clippy::unwrap_used,
+    reason = "each test file uses a part of it; helpers of tests fail as tests do"
+)]
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -7,12 +12,12 @@ use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 
 /// The program under test.
-pub fn equipoise() -> Command {
+pub(crate) fn equipoise() -> Command {
     Command::new(env!("CARGO_BIN_EXE_equipoise"))
 }
 
 /// A file of the reference data; `None`, with a word, where they are not there.
-pub fn shared(path: &str) -> Option<PathBuf> {
+pub(crate) fn shared(path: &str) -> Option<PathBuf> {
     let shared = std::env::var_os("EQUIPOISE_SHARED")
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")), PathBuf::from);
     let path = shared.join(path);
@@ -24,17 +29,17 @@ pub fn shared(path: &str) -> Option<PathBuf> {
 }
 
 /// The CSV of a real person.
-pub fn human_motion() -> Option<PathBuf> {
+pub(crate) fn human_motion() -> Option<PathBuf> {
     shared("data/human_motion/figaroh_30hz.csv")
 }
 
 /// The example configuration for it.
-pub fn human_motion_config() -> PathBuf {
+pub(crate) fn human_motion_config() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/human-motion.toml"))
 }
 
 /// What a program said, for messages.
-pub fn said(output: &Output) -> String {
+pub(crate) fn said(output: &Output) -> String {
     format!(
         "{:?}\n{}{}",
         output.status,
@@ -44,14 +49,14 @@ pub fn said(output: &Output) -> String {
 }
 
 /// A UDP port of loopback that was free a moment ago.
-pub fn free_address() -> SocketAddr {
+pub(crate) fn free_address() -> SocketAddr {
     UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
 }
 
 /// A daemon on a bus of its own. Dropped, it is ended.
-pub struct Station {
+pub(crate) struct Station {
     /// Bus, state and files; removed at the end.
-    pub directory: tempfile::TempDir,
+    pub(crate) directory: tempfile::TempDir,
     daemon: Child,
 }
 
@@ -59,7 +64,7 @@ const NAME: &str = "test";
 
 impl Station {
     /// Starts the daemon with a configuration whose station is `test`, and waits until it says that it runs.
-    pub fn start(config: &str) -> Station {
+    pub(crate) fn start(config: &str) -> Station {
         // Sockets lie in it: the path must be short.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").unwrap();
         let file = directory.path().join("config.toml");
@@ -77,14 +82,14 @@ impl Station {
     }
 
     /// The program on this station's bus.
-    pub fn command(&self, name: &str) -> Command {
+    pub(crate) fn command(&self, name: &str) -> Command {
         let mut command = command_in(self.directory.path());
         command.arg(name).env("EQUIPOISE_STATION", NAME);
         command
     }
 
     /// A file of this station.
-    pub fn file(&self, name: &str) -> PathBuf {
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)
     }
 }
