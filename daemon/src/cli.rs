@@ -98,10 +98,23 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::PartRejected) => ExitCode::from(3),
         Err(error) => {
-            eprintln!("equipoise: {error:#}");
+            eprintln!("equipoise: {}", in_one_sentence(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// What went wrong and why, outermost first; a cause that was told already is not told again.
+fn in_one_sentence(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if told.is_empty() {
+            told = cause;
+        } else if !told.contains(&cause) {
+            told = format!("{told}: {cause}");
+        }
+    }
+    told
 }
 
 /// Logs to standard error: under systemd with the journal's own priorities in mind, without colours and times.

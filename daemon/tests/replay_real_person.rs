@@ -109,7 +109,8 @@ fn figaroh_what_is_held_out_is_not_learnt() {
 fn with_the_cop_shifted(line: &str) -> String {
     let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
     let count = fields.len();
-    let [force_n, moment_nm]: [f64; 2] = [count - 4, count - 2].map(|at| fields[at].parse().unwrap());
+    let [force_n, moment_nm]: [f64; 2] =
+        [count - 4, count - 2].map(|at| fields[at].parse().expect("a number"));
     fields[count - 2] = (moment_nm - 0.02 * force_n).to_string();
     fields.join(",")
 }

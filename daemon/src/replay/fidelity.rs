@@ -10,7 +10,7 @@ use equipoise_core::message::State;
 pub struct Fidelity {
     /// Cycles replayed.
     pub cycles: u64,
-    /// Cycle records before the first checkpoint: they only lead up to it.
+    /// Cycle records before the first checkpoint, or before the first samples: they only lead up to it.
     pub before_checkpoint: u64,
     /// States that were recorded and are compared.
     pub states_compared: u64,

@@ -33,7 +33,7 @@ pub(super) fn run(
         machine,
         start,
         certain: false,
-        running: start == Start::Afresh,
+        running: false,
         last: None,
         suit: Vec::new(),
         ground: Vec::new(),
@@ -71,6 +71,9 @@ impl Run<'_> {
         let complete = self.take_samples(feed, record);
         let checkpoint = cycle.checkpoint.as_deref().filter(|_| self.start == Start::Checkpoint);
         let resume = checkpoint.and_then(Checkpoint::memory);
+        // Afresh it begins where the recording does: the first cycles took samples from before it.
+        self.running |=
+            self.start == Start::Afresh && complete && !(self.suit.is_empty() && self.ground.is_empty());
         if !self.running {
             return self.begin(resume);
         }
@@ -117,7 +120,7 @@ impl Run<'_> {
             if tick.cycle <= last.cycle {
                 // Another daemon's life; its first cycle comes with a checkpoint.
                 self.fidelity.restarts += 1;
-                self.running = self.start == Start::Afresh;
+                self.running &= self.start == Start::Afresh;
                 self.certain = false;
             } else if tick.cycle > last.cycle + 1 {
                 self.fidelity.cycles_missing += tick.cycle - last.cycle - 1;
