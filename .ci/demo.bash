@@ -15,12 +15,23 @@ scratch=$(mktemp -d)
 export EQUIPOISE_BUS_ROOT=$scratch/bus
 started=()
 
+# How the names of that bus's shared memory begin (`bus/src/root.rs`): what is killed cannot remove its own.
+shared_memory_prefix() { # root
+    local hash=$((0x811c9dc5)) at byte
+    for ((at = 0; at < ${#1}; at++)); do
+        printf -v byte %d "'${1:at:1}"
+        hash=$((((hash ^ byte) * 0x01000193) & 0xffffffff))
+    done
+    printf 'eqp_%08x_' "$hash"
+}
+
 end_started() {
     local process
     for process in "${started[@]}"; do
         kill -TERM "$process" 2>/dev/null || true
         wait "$process" 2>/dev/null || true
     done
+    rm -f "/dev/shm/$(shared_memory_prefix "$EQUIPOISE_BUS_ROOT")"*
     rm -rf "$scratch"
 }
 trap end_started EXIT

@@ -35,10 +35,12 @@ LOOK = """(() => {
     }
   }
   return JSON.stringify({
-    connection: document.body.dataset.connection, phase: document.body.dataset.phase, phaseText: text("phase"),
+    connection: document.body?.dataset.connection, phase: document.body?.dataset.phase, phaseText: text("phase"),
     instruction: text("instruction"), coloured,
   });
 })()"""
+
+NOTHING = {"connection": None, "phase": "", "phaseText": "", "instruction": "", "coloured": 0}
 
 
 class Browser:
@@ -96,7 +98,9 @@ class Browser:
         return json.loads(line)
 
     def look(self):
-        return json.loads(self.ask("Runtime.evaluate", expression=LOOK)["result"]["value"])
+        # Between two documents there is little or nothing to look at.
+        value = self.ask("Runtime.evaluate", expression=LOOK)["result"].get("value")
+        return NOTHING | json.loads(value or "{}")
 
     def look_until(self, wanted, what):
         until = time.monotonic() + LOOK_S

@@ -50,8 +50,18 @@ impl Anchor {
             && self.standing <= 0b11
     }
 
-    /// The pose in the station's world.
+    /// The pose in the station's world, the standing feet held.
     pub fn hold(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
+        self.place(pose, true)
+    }
+
+    /// The same where the suit's own position can be trusted, as that of optical markers in the plate's world: steps
+    /// are counted, nothing is shifted.
+    pub fn follow(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
+        self.place(pose, false)
+    }
+
+    fn place(&mut self, pose: &Pose<SuitWorld>, suit_drifts: bool) -> Pose<StationWorld> {
         let foot = Side::BOTH.map(|side| 0.5 * (pose.origin_of(side.foot()) + pose.origin_of(side.toe())));
         if self.started == 0 {
             *self = Anchor {
@@ -62,7 +72,7 @@ impl Anchor {
             };
         }
         let stands = self.standing_feet(&foot);
-        if let Some(shift) = self.shift_that_holds(&foot, stands) {
+        if let Some(shift) = self.shift_that_holds(&foot, stands).filter(|_| suit_drifts) {
             self.station_from_suit_m = shift;
         }
         for side in 0..2 {
@@ -135,6 +145,15 @@ mod tests {
             assert!((pose.origin_of(Segment::Head) - start.origin_of(Segment::Head)).norm() < 1e-12);
         }
         assert_eq!(anchor.stance(), 0);
+    }
+
+    #[test]
+    fn a_suit_that_does_not_drift_is_followed_wherever_it_says_the_worker_is() {
+        let mut anchor: Anchor = Zeroable::zeroed();
+        anchor.follow(&standing(Vector3::new(0.0, 0.0, 0.96)));
+        let moved = anchor.follow(&standing(Vector3::new(0.2, -0.1, 0.96)));
+        assert!((moved.origin_of(Segment::Pelvis) - Vector3::new(0.2, -0.1, 0.96)).norm() < 1e-12);
+        assert!(anchor.both_feet_stand());
     }
 
     #[test]

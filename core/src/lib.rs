@@ -13,6 +13,7 @@ pub mod body;
 pub mod cycle;
 pub mod frame;
 pub mod kalman;
+mod math;
 pub mod message;
 pub mod overload;
 pub mod pose_suggestion;

@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 
 use crate::body::{JOINTS, Joint, Side};
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 
 pub use level::{Level, TorqueLimits};
 pub use sharing::Sharing;
@@ -129,7 +130,7 @@ fn sigma_of_magnitude(vector: [f64; 2], variance: [f64; 2]) -> f64 {
     } else {
         variance[0].max(variance[1])
     };
-    nalgebra::ComplexField::sqrt(variance)
+    math::sqrt(variance)
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use crate::body::{SEGMENTS, Segment};
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 use crate::sesc::PARAMETERS;
 
 pub use posture::Posture;
@@ -99,7 +100,7 @@ impl Performed {
 
 fn weighted_distance(a: &Coordinates, b: &Coordinates, weight: &[f64; PARAMETERS]) -> f64 {
     let square: f64 = a.iter().zip(b).zip(weight).map(|((a, b), weight)| weight * (a - b) * (a - b)).sum();
-    nalgebra::ComplexField::sqrt(square)
+    math::sqrt(square)
 }
 
 #[cfg(test)]

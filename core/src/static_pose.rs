@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::body::{JOINTS, SEGMENTS};
 use crate::frame::{Pose, StationWorld, wxyz};
+use crate::math;
 
 /// Suit samples in the window (Fortini et al., §III-B).
 pub const WINDOW: usize = 20;
@@ -139,11 +140,16 @@ impl Window {
             let spread: f64 =
                 (0..4).map(|part| moments(samples.iter().map(|held| held.joint_wxyz[joint][part])).1).sum();
             // A small rotation by ω changes the quaternion by |ω|/2.
-            joint_rad = joint_rad.max(2.0 * sqrt(spread));
+            joint_rad = joint_rad.max(2.0 * math::sqrt(spread));
         }
         let [x, y] = [0, 1].map(|axis| moments(samples.iter().map(|held| held.cop_m[axis])));
         let (vertical_n, _) = moments(samples.iter().map(|held| held.vertical_n));
-        Some(Stillness { joint_rad, cop_sigma_m: [sqrt(x.1), sqrt(y.1)], cop_m: [x.0, y.0], vertical_n })
+        Some(Stillness {
+            joint_rad,
+            cop_sigma_m: [math::sqrt(x.1), math::sqrt(y.1)],
+            cop_m: [x.0, y.0],
+            vertical_n,
+        })
     }
 }
 
@@ -167,13 +173,13 @@ pub fn largest_joint_angle(a: &[[f64; 4]; JOINTS], b: &[[f64; 4]; JOINTS]) -> f6
 
 /// Root mean square angle between two sets of joint rotations, rad.
 pub fn rms_joint_angle(a: &[[f64; 4]; JOINTS], b: &[[f64; 4]; JOINTS]) -> f64 {
-    sqrt(joint_angles(a, b).map(|angle| angle * angle).sum::<f64>() / JOINTS as f64)
+    math::sqrt(joint_angles(a, b).map(|angle| angle * angle).sum::<f64>() / JOINTS as f64)
 }
 
 fn joint_angles(a: &[[f64; 4]; JOINTS], b: &[[f64; 4]; JOINTS]) -> impl Iterator<Item = f64> {
     a.iter().zip(b).map(|(a, b)| {
         let cosine: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>().abs().min(1.0);
-        2.0 * nalgebra::ComplexField::acos(cosine)
+        2.0 * math::acos(cosine)
     })
 }
 
@@ -181,10 +187,6 @@ fn joint_angles(a: &[[f64; 4]; JOINTS], b: &[[f64; 4]; JOINTS]) -> impl Iterator
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let mean = values.clone().sum::<f64>() / WINDOW as f64;
     (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / WINDOW as f64)
-}
-
-fn sqrt(value: f64) -> f64 {
-    nalgebra::ComplexField::sqrt(value)
 }
 
 #[cfg(test)]

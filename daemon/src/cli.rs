@@ -5,7 +5,10 @@ mod check;
 mod client;
 mod demo;
 mod identify;
+mod import;
 mod latency;
+mod record;
+mod replay;
 mod run;
 mod simulate;
 mod status;
@@ -49,6 +52,9 @@ enum Command {
     Identify(identify::Arguments),
     Subject(subject::Arguments),
     Tare(identify::TareArguments),
+    Record(record::Arguments),
+    Import(import::Arguments),
+    Replay(replay::Arguments),
     Latency(latency::Arguments),
     Simulate(simulate::Arguments),
 }
@@ -82,6 +88,9 @@ pub fn main() -> ExitCode {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Subject(arguments) => subject::run(&arguments),
         Command::Tare(arguments) => identify::tare(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };
@@ -91,7 +100,7 @@ pub fn main() -> ExitCode {
         // Whoever read our output has seen enough, as in `equipoise watch | head -n 1`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("equipoise: {error:#}");
+            eprintln!("equipoise: {}", in_one_sentence(&error));
             ExitCode::FAILURE
         }
     }
@@ -110,6 +119,19 @@ fn seconds(text: &str) -> Result<f64, String> {
     } else {
         Err("give a number of seconds above 0".to_owned())
     }
+}
+
+/// What went wrong and why, outermost first; a cause that was told already is not told again.
+fn in_one_sentence(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if told.is_empty() {
+            told = cause;
+        } else if !told.contains(&cause) {
+            told = format!("{told}: {cause}");
+        }
+    }
+    told
 }
 
 /// Logs to standard error: under systemd with the journal's own priorities in mind, without colours and times.

@@ -11,7 +11,7 @@ use equipoise_core::cycle::Settings;
 use serde::{Deserialize, Serialize};
 
 pub use method::{IdentificationConfig, OverloadConfig, StaticPoseConfig, SubjectConfig};
-pub use sensors::{GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
+pub use sensors::{GroundConfig, GroundSourceKind, SuitConfig, SuitPosition, SuitSourceKind};
 
 /// A whole configuration file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -166,6 +166,7 @@ impl Config {
             library: equipoise_core::pose_suggestion::library::LIBRARY,
             ..Settings::for_height(self.subject.height_m)
         };
+        settings.suit_drifts = self.suit.position != Some(SuitPosition::Absolute);
         self.subject.apply(&mut settings);
         self.identification.apply(&mut settings);
         self.static_pose.apply(&mut settings);

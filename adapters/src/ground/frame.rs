@@ -20,17 +20,6 @@ pub struct Wrench {
 }
 
 impl Wrench {
-    pub(super) fn minus(self, other: Wrench) -> Wrench {
-        Wrench {
-            force_n: core::array::from_fn(|axis| self.force_n[axis] - other.force_n[axis]),
-            moment_nm: core::array::from_fn(|axis| self.moment_nm[axis] - other.moment_nm[axis]),
-        }
-    }
-
-    pub(super) fn plus(self, other: Wrench) -> Wrench {
-        self.minus(other.negated())
-    }
-
     fn negated(self) -> Wrench {
         Wrench { force_n: self.force_n.map(|n| -n), moment_nm: self.moment_nm.map(|nm| -nm) }
     }

@@ -55,7 +55,6 @@ impl Default for RdtSettings {
 #[derive(Debug, Clone)]
 pub struct RdtReceiver {
     settings: RdtSettings,
-    tare: Wrench,
     rdt_sequence: Sequence,
     clock: ClockFit,
     /// The last `ft_sequence` as sent and unwrapped.
@@ -69,7 +68,6 @@ impl RdtReceiver {
     pub fn new(settings: RdtSettings) -> Self {
         RdtReceiver {
             settings,
-            tare: Wrench::default(),
             rdt_sequence: Sequence::new(MAX_RATE_HZ),
             clock: ClockFit::new(),
             device: None,
@@ -110,22 +108,6 @@ impl RdtReceiver {
         self.rdt_sequence.forget();
     }
 
-    /// Takes `published` (the mean wrench of samples handed on while nobody stood there) as zero from now on.
-    pub fn tare(&mut self, published: Wrench) {
-        let unloaded = self.settings.frame.sensor_from_person(published, self.settings.measures);
-        self.tare = self.tare.plus(unloaded);
-    }
-
-    /// What the sensor reads unloaded, in its own axes and sign, N and N m.
-    pub fn tare_offset(&self) -> Wrench {
-        self.tare
-    }
-
-    /// Sets what the sensor reads unloaded, in its own axes and sign, N and N m.
-    pub fn set_tare_offset(&mut self, unloaded: Wrench) {
-        self.tare = unloaded;
-    }
-
     /// What was counted so far; `refused` in the order of [`RdtRefusal`].
     pub fn counts(&self) -> &Counts {
         &self.counts
@@ -160,7 +142,7 @@ impl RdtReceiver {
                 .torque_counts
                 .map(|counts| f64::from(counts) / settings.counts_per_newton_metre),
         };
-        let person = settings.frame.person_from_sensor(sensor.minus(self.tare), settings.measures);
+        let person = settings.frame.person_from_sensor(sensor, settings.measures);
         Ok(GroundSample {
             arrival_ns,
             sequence: self.counts.published,

@@ -3,7 +3,7 @@
 use super::udp::{Senders, SourceError, UdpDoor};
 use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
-use crate::ground::{RdtReceiver, RdtRefusal, RdtSettings, Wrench};
+use crate::ground::{RdtReceiver, RdtRefusal, RdtSettings};
 use crate::wire::ati_rdt::{Command, DEFAULT_PORT, Request};
 use equipoise_core::message::{AdapterHealth, GroundSample};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -104,11 +104,6 @@ impl RdtSource {
             self.requests = 0;
         }
         Ok(count)
-    }
-
-    /// Takes a published wrench, the mean while nobody stood there, as zero from now on.
-    pub fn tare(&mut self, published: Wrench) {
-        self.receiver.tare(published);
     }
 
     /// What was counted since the start.

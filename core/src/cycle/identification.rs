@@ -7,6 +7,7 @@ use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
 use crate::kalman::Filter;
+use crate::math;
 use crate::pose_suggestion::{Performed, coordinates, posture};
 use crate::sesc::{Phi, Prior, Reduction};
 use crate::static_pose::{Stillness, WINDOW, Window, largest_joint_angle};
@@ -231,7 +232,7 @@ impl Identification {
                 rows_seen += 1.0;
             }
         }
-        if rows_seen > 0.0 { nalgebra::ComplexField::sqrt(sum / rows_seen) } else { 0.0 }
+        if rows_seen > 0.0 { math::sqrt(sum / rows_seen) } else { 0.0 }
     }
 
     /// Whether every count and number is in range; a stored worker is checked before use.
@@ -239,7 +240,8 @@ impl Identification {
         self.skeleton_m.iter().flatten().all(|value| value.is_finite())
             && self.mass_kg.is_finite()
             && (0.0..1000.0).contains(&self.mass_kg)
-            && self.reduction.is_sound()
+            // Made with the bones; nobody looks at it before.
+            && (!self.has_body() || self.reduction.is_sound())
             && self.filter.is_sound()
             && self.filter.count() == self.reduction.count()
             && self.performed.is_sound()

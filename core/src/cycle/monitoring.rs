@@ -9,6 +9,7 @@ use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
 use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{JOINTS, Side};
 use crate::frame::{Pose, StationWorld, wxyz};
+use crate::math;
 use crate::message::{GroundSample, State, Validity};
 use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
 use crate::sesc::centre_of_mass;
@@ -25,7 +26,11 @@ impl Memory {
         let suit = &aligned.suit;
         let in_suit_world = Pose::from_sample(suit);
         self.identification.learn_skeleton(&in_suit_world, settings);
-        let pose = self.anchor.hold(&in_suit_world);
+        let pose = if settings.suit_drifts {
+            self.anchor.hold(&in_suit_world)
+        } else {
+            self.anchor.follow(&in_suit_world)
+        };
 
         let mut found = Validity::default();
         let sigma_ns =
@@ -80,7 +85,7 @@ impl Memory {
             let variance = self.identification.filter.projected_variance_m2(&rows.h[axis]);
             let pose_sigma_m = settings.measurement_sigma_m;
             let known_to = STANCE_SIGMA_M * STANCE_SIGMA_M + pose_sigma_m * pose_sigma_m;
-            nalgebra::ComplexField::sqrt(variance + known_to)
+            math::sqrt(variance + known_to)
         });
     }
 

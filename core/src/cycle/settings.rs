@@ -61,6 +61,8 @@ pub struct Settings {
     pub load_threshold_n: f64,
     /// A load farther than this from the line between the hands is not in the hands, m.
     pub load_distance_max_m: f64,
+    /// Whether the suit's position drifts, so that the standing feet must be held; optical markers do not.
+    pub suit_drifts: bool,
     /// Whether identification starts by itself.
     pub start_identifying: bool,
     /// τ_max per joint.
@@ -78,15 +80,16 @@ impl Settings {
             mass_kg: None,
             reduction: ReductionKind::Symmetric,
             prior: PriorKind::Table,
-            stop: StopRule::PredictedCop { sigma_m: 0.005 },
-            poses_min: 6,
+            stop: StopRule::PredictedCop { sigma_m: 0.0025 },
+            poses_min: 12,
             process_variance_m2: 0.0,
-            measurement_sigma_m: 0.003,
+            measurement_sigma_m: 0.005,
             cop_sigma_m: 0.001,
             force_sigma_n: 3.0,
             still: Thresholds::default(),
             load_threshold_n: 15.0,
             load_distance_max_m: 0.35,
+            suit_drifts: true,
             start_identifying: true,
             limits: TorqueLimits::default(),
             library: &[],

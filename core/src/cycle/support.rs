@@ -2,6 +2,7 @@
 
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 
 /// Half the width of a foot, heel behind the ankle and toe tip in front of the ball, over stature.
 const HALF_WIDTH: f64 = 0.028;
@@ -19,7 +20,7 @@ pub fn is_supported(pose: &Pose<StationWorld>, point_m: [f64; 2], height_m: f64,
     let corners = corners(pose, height_m);
     (0..DIRECTIONS).all(|index| {
         let angle = core::f64::consts::TAU * index as f64 / DIRECTIONS as f64;
-        let (sine, cosine) = nalgebra::ComplexField::sin_cos(angle);
+        let (sine, cosine) = math::sin_cos(angle);
         let along = |point: [f64; 2]| cosine * point[0] + sine * point[1];
         let reach = corners.iter().flatten().map(|corner| along(*corner)).fold(f64::NEG_INFINITY, f64::max);
         along(point_m) <= reach + margin_m
@@ -30,7 +31,7 @@ fn corners(pose: &Pose<StationWorld>, height_m: f64) -> [[[f64; 2]; 4]; 2] {
     Side::BOTH.map(|side| {
         let ankle = pose.origin_of(side.foot());
         let ahead = pose.world_from_segment[side.foot().index()] * nalgebra::Vector3::x();
-        let norm = nalgebra::ComplexField::sqrt(ahead.x * ahead.x + ahead.y * ahead.y).max(1e-9);
+        let norm = math::hypot([ahead.x, ahead.y]).max(1e-9);
         let (x, y) = (ahead.x / norm, ahead.y / norm);
         let toe = pose.origin_of(side.toe());
         let ball = ((toe.x - ankle.x) * x + (toe.y - ankle.y) * y).max(BALL_FORWARD * height_m);

@@ -329,6 +329,17 @@ fn the_same_inputs_give_the_same_bytes_and_a_checkpoint_goes_on_alike() {
 }
 
 #[test]
+fn a_checkpoint_before_the_bones_are_known_can_be_gone_on_from() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    for milliseconds in [0, 50, 100] {
+        bench.hold(&person, &postures()[0], None, milliseconds);
+        let mut checkpoint = bytemuck::zeroed_box::<crate::message::Checkpoint>();
+        checkpoint.take(bench.cycle, &bench.memory);
+        assert!(!bench.memory.identification.has_body() && checkpoint.memory().is_some());
+    }
+}
+
+#[test]
 fn a_damaged_checkpoint_is_refused() {
     let mut bench = Bench::new(|_| {});
     bench.identify(&Person::real());

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 
 /// Shares, each pair summing to one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +60,7 @@ fn project(point: [f64; 2], [from, to]: [[f64; 2]; 2]) -> (f64, f64) {
         0.5
     };
     let off = [point[0] - from[0] - share * along[0], point[1] - from[1] - share * along[1]];
-    (share, nalgebra::ComplexField::sqrt(off[0] * off[0] + off[1] * off[1]))
+    (share, math::hypot(off))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use super::Phi;
 use crate::body::{SEGMENTS, Segment};
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 
 /// Raw parameters: three per segment.
 pub const PARAMETERS: usize = 3 * SEGMENTS;
@@ -122,7 +123,7 @@ impl Reduction {
         for group in groups {
             let size = |segment: &Segment| {
                 let [x, y, z] = table.0[segment.index()];
-                libm_sqrt(x * x + y * y + z * z)
+                math::sqrt(x * x + y * y + z * z)
             };
             let sum: f64 = group.segments.iter().map(size).sum();
             for &axis in group.axes {
@@ -220,10 +221,6 @@ impl Reduction {
         }
         rows
     }
-}
-
-fn libm_sqrt(value: f64) -> f64 {
-    nalgebra::ComplexField::sqrt(value)
 }
 
 #[cfg(test)]

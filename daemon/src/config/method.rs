@@ -126,9 +126,9 @@ impl Default for IdentificationConfig {
             prior: PriorConfig::Table,
             stop: StopConfig::PredictedCop,
             stop_variance_m2: 0.002,
-            stop_cop_sigma_mm: 4.0,
+            stop_cop_sigma_mm: 2.5,
             poses_min: 12,
-            measurement_sigma_mm: 3.0,
+            measurement_sigma_mm: 5.0,
             process_sigma_mm: 0.0,
             auto_start: true,
         }

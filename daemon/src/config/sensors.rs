@@ -16,9 +16,22 @@ pub struct SuitConfig {
     /// Which MVN character is the worker.
     #[serde(default)]
     pub avatar: u8,
+    /// Whether its position drifts; `drifts` where not given, `absolute` for motion and forces in one CSV.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<SuitPosition>,
     /// Take datagrams from other machines; without it only this machine may send.
     #[serde(default)]
     pub allow_remote: bool,
+}
+
+/// What the suit's position in its world is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SuitPosition {
+    /// It wanders by centimetres, as with inertial suits: the standing feet are held to the floor.
+    Drifts,
+    /// It is measured in the plate's world, as with optical markers.
+    Absolute,
 }
 
 /// How suit samples come in.

@@ -9,10 +9,17 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::simulation::SimulationHandle;
 use nalgebra::Vector3;
 
-use super::summary::JOINTS_SHOWN;
-
 /// The box of the paper, kg.
 pub(super) const BOX_KG: f64 = 4.0;
+/// The joints of the paper's Fig. 6 and the lower back: what to call them, and MVN's name.
+pub(super) const JOINTS_SHOWN: [(&str, &str); 6] = [
+    ("hip", "RightHip"),
+    ("knee", "RightKnee"),
+    ("ankle", "RightAnkle"),
+    ("shoulder", "RightShoulder"),
+    ("elbow", "RightElbow"),
+    ("lower_back", "L5S1"),
+];
 /// A suggested pose that was not learnt after this long is left; the worker tries something else, s.
 const PATIENCE_S: f64 = 6.0;
 /// How long each pose is held that checks the model, s; it takes 1.8 s to get there.

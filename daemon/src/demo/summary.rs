@@ -6,18 +6,8 @@ use equipoise_core::overload::GRAVITY_M_PER_S2;
 use equipoise_latency::Report;
 use serde::Serialize;
 
-use super::scene::{BOX_KG, Script};
+use super::scene::{BOX_KG, JOINTS_SHOWN, Script};
 use crate::pipeline::Summary;
-
-/// The joints of the paper's Fig. 6 and the lower back: what to call them, and MVN's name.
-pub(super) const JOINTS_SHOWN: [(&str, &str); 6] = [
-    ("hip", "RightHip"),
-    ("knee", "RightKnee"),
-    ("ankle", "RightAnkle"),
-    ("shoulder", "RightShoulder"),
-    ("elbow", "RightElbow"),
-    ("lower_back", "L5S1"),
-];
 
 /// What the demonstration showed.
 #[derive(Debug, Clone, Serialize)]

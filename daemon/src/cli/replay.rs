@@ -1,0 +1,60 @@
+//! `equipoise replay`: the same cycles again, from a file.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+
+use super::Outcome;
+use crate::replay::Replay;
+use crate::replay::cross_validation::cross_validate;
+use crate::replay::input::Input;
+
+/// Replay a recording or a capture: the same computation as live, faster than real time
+///
+/// A recording of `equipoise record` gives the live loop's states again, byte for byte, and says so. Imports and
+/// captures (.csv, .pcap, .pcapng) are replayed at the configured loop rate. With --config a recording's cycles are
+/// computed afresh with other settings, and not compared.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: equipoise replay shift.mcap --out shift.jsonl\n\nExit code 3: part of the data was \
+                        rejected or is missing, or a state differs from the recorded one; the summary says what."
+)]
+pub(super) struct Arguments {
+    /// Recording or capture
+    file: PathBuf,
+    /// Configuration to use in place of the recording's own
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Write every state: .jsonl, .csv, .mcap; - for JSON lines on standard output
+    #[arg(long, value_name = "RESULT")]
+    out: Option<PathBuf>,
+    /// Also judge the identified model on data it was not learnt from, in so many blocks of time
+    #[arg(long, value_name = "BLOCKS")]
+    cross_validate: Option<usize>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let file = &arguments.file;
+    let input = Input::open(file)?;
+    if arguments.out.as_deref().is_some_and(|out| is_same_file(file, out)) {
+        bail!("--out {} is the input itself; choose another name", file.display());
+    }
+    let chosen = input.configuration(arguments.config.as_deref())?;
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded: arguments.config.is_none() };
+    let summary = replay.run(arguments.out.as_deref())?;
+    let mut text = format!("{}\nconfiguration: {}\n{summary}", file.display(), chosen.origin);
+    if let Some(blocks) = arguments.cross_validate {
+        text += &cross_validate(&input, &chosen.config, blocks)?.to_string();
+    }
+    // Results on standard output stand alone.
+    if arguments.out.as_deref().is_some_and(|out| out.as_os_str() == "-") {
+        eprint!("{text}");
+    } else {
+        print!("{text}");
+    }
+    Ok(if summary.is_whole() { Outcome::Done } else { Outcome::PartRejected })
+}
+
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}

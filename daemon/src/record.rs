@@ -1,0 +1,198 @@
+//! Records a station: one more consumer of the bus, that keeps all that a replay needs.
+//!
+//! Inputs, results, cycle records and checkpoints go into one file as they were published. A recorder that is too
+//! slow loses messages and says so; the loop never waits for it. After a loss it asks for a new checkpoint, so that
+//! the rest can be replayed exactly again.
+
+pub mod summary;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use bytemuck::Zeroable;
+use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader};
+use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
+use equipoise_core::message::{
+    AdapterHealth, Checkpoint, Command, CommandKind, CycleRecord, GroundSample, State, SuitSample,
+};
+
+pub use summary::RecordSummary;
+
+use crate::config::Config;
+use crate::realtime::now_ns;
+use crate::{profile, status};
+
+/// How often messages are fetched: well within the buffers, a quarter of a second at the highest rates.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// A crash loses at most so much.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// How long a running daemon may take to answer.
+const ANSWER_WITHIN: Duration = Duration::from_secs(2);
+/// Samples that the loop took in just before we joined are in its memory by then.
+const SETTLE: Duration = Duration::from_millis(300);
+/// At most so often is a new checkpoint asked for after losses.
+const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
+
+/// Records `station` into a new file until `stopping` says so.
+///
+/// `started` is called once messages are being written.
+///
+/// # Errors
+/// A sentence: no daemon runs, the file exists or cannot be written (what was written stays readable), the bus breaks.
+pub fn record(
+    station: &str,
+    out: &Path,
+    stopping: &dyn Fn() -> bool,
+    started: impl FnOnce(),
+) -> anyhow::Result<RecordSummary> {
+    let Some(facts) = status::read(station) else {
+        bail!(
+            "no daemon runs on station {station}, so there is nothing to record; start `equipoise run`, or name \
+             another --station"
+        );
+    };
+    let bus = Bus::join(&BusSettings::new(station, "record"))?;
+    let commands = bus.command_client()?;
+    let mut ports = Ports::open(&bus)?;
+    // Also shows that the daemon of the status file lives, before a file is made.
+    ask_for_checkpoint(&commands)?;
+    let header = RecordingHeader {
+        software_version: facts.version,
+        started_unix_ns: unix_ns(),
+        started_monotonic_ns: now_ns(),
+        subject_toml: subject_of(&facts.config_toml),
+        config_toml: facts.config_toml,
+        model_toml: String::new(),
+    };
+    let mut sink = Sink { recorder: Recorder::create(out, &header)?, newest_ns: header.started_monotonic_ns };
+    started();
+
+    let mut summary = RecordSummary::default();
+    let mut checkpoint_due = Some(Instant::now() + SETTLE);
+    let (mut flushed, mut lost) = (Instant::now(), 0);
+    while !stopping() {
+        std::thread::sleep(LOOK_EVERY);
+        ports.fetch(&mut sink, &mut summary)?;
+        if summary.lost() > lost {
+            lost = summary.lost();
+            checkpoint_due.get_or_insert(Instant::now() + CHECKPOINT_PAUSE);
+        }
+        if checkpoint_due.is_some_and(|due| Instant::now() >= due) {
+            checkpoint_due = None;
+            // A daemon that has ended may come back, and then sends a checkpoint by itself.
+            let _ = ask_for_checkpoint(&commands);
+        }
+        if flushed.elapsed() >= FLUSH_EVERY {
+            flushed = Instant::now();
+            sink.recorder.flush()?;
+        }
+    }
+    ports.fetch(&mut sink, &mut summary)?;
+    sink.recorder.finish()?;
+    Ok(summary)
+}
+
+/// The daemon publishes its whole memory as soon as it comes to it; egress hands it on.
+fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
+    let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
+    let reply = commands.ask(&command, ANSWER_WITHIN)?;
+    if reply.refused != 0 {
+        bail!("the daemon gives no checkpoint: {}", crate::commands::text_of(&reply.text));
+    }
+    Ok(())
+}
+
+/// The worker's profile as it stands on disk, if there is one.
+fn subject_of(config_toml: &str) -> String {
+    Config::parse(config_toml, "the daemon's configuration")
+        .ok()
+        .and_then(|config| std::fs::read_to_string(profile::path_of(&config.subject.id)).ok())
+        .unwrap_or_default()
+}
+
+fn unix_ns() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(0)
+}
+
+/// The file, and the newest time in it.
+struct Sink {
+    recorder: Recorder,
+    newest_ns: u64,
+}
+
+impl Sink {
+    fn write<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
+        self.newest_ns = self.newest_ns.max(time_ns);
+        Ok(self.recorder.write(time_ns, message)?)
+    }
+}
+
+/// Everything subscribed, with the deepest buffers there are.
+struct Ports {
+    cycle: Subscriber<CycleRecord>,
+    state: Subscriber<State>,
+    checkpoint: Subscriber<Checkpoint>,
+    suit: Subscriber<SuitSample>,
+    ground: Subscriber<GroundSample>,
+    health: Subscriber<AdapterHealth>,
+}
+
+impl Ports {
+    fn open(bus: &Bus) -> Result<Ports, BusError> {
+        Ok(Ports {
+            cycle: bus.subscriber(CycleRecord::SERVICE.depth_max)?,
+            state: bus.subscriber(State::SERVICE.depth_max)?,
+            checkpoint: bus.subscriber(Checkpoint::SERVICE.depth_max)?,
+            suit: bus.subscriber(SuitSample::SERVICE.depth_max)?,
+            ground: bus.subscriber(GroundSample::SERVICE.depth_max)?,
+            health: bus.subscriber(AdapterHealth::SERVICE.depth_max)?,
+        })
+    }
+
+    /// Writes all that waits. A message is fetched after what was published later, so that a recording that ends
+    /// here has the state and the samples of every cycle record in it.
+    fn fetch(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
+        take(&mut self.cycle, |record| {
+            summary.cycles.see(record.cycle);
+            sink.write(record.due_ns, record)
+        })?;
+        take(&mut self.state, |state| {
+            summary.states.see(state.cycle);
+            sink.write(state.time_ns, state)
+        })?;
+        take(&mut self.checkpoint, |checkpoint| {
+            summary.checkpoints += 1;
+            // It has no time of its own.
+            sink.write(sink.newest_ns, checkpoint)
+        })?;
+        take(&mut self.suit, |sample| {
+            summary.suit.see(sample.sequence);
+            sink.write(sample.published_ns, sample)
+        })?;
+        take(&mut self.ground, |sample| {
+            summary.ground.see(sample.sequence);
+            sink.write(sample.published_ns, sample)
+        })?;
+        take(&mut self.health, |health| {
+            summary.health += 1;
+            sink.write(health.time_ns, health)
+        })
+    }
+}
+
+/// Reads every waiting message where it lies: a checkpoint is too large for the stack.
+fn take<M: Topic>(
+    port: &mut Subscriber<M>,
+    mut write: impl FnMut(&M) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    // At most one buffer's worth, so that a fast publisher cannot keep us here.
+    for _ in 0..M::SERVICE.depth_max {
+        match port.receive_with(&mut write)? {
+            Some(written) => written.with_context(|| "the recording has ended")?,
+            None => break,
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,93 @@
+//! What a recording holds, and what was lost on the way.
+
+use std::fmt;
+
+/// Messages of a kind that bear running numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Numbered {
+    /// Messages written.
+    pub written: u64,
+    /// Numbers left out between them.
+    pub lost: u64,
+    /// How often the numbers started anew: the publisher was started again.
+    pub restarts: u64,
+    last: Option<u64>,
+}
+
+impl Numbered {
+    pub(super) fn see(&mut self, number: u64) {
+        self.written += 1;
+        match self.last {
+            Some(last) if number > last => self.lost += number - last - 1,
+            Some(_) => self.restarts += 1,
+            None => {}
+        }
+        self.last = Some(number);
+    }
+}
+
+/// What a recording holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RecordSummary {
+    /// Cycle records.
+    pub cycles: Numbered,
+    /// States.
+    pub states: Numbered,
+    /// Suit samples.
+    pub suit: Numbered,
+    /// Ground samples.
+    pub ground: Numbered,
+    /// Copies of the loop's memory.
+    pub checkpoints: u64,
+    /// Adapters' counts.
+    pub health: u64,
+}
+
+impl RecordSummary {
+    fn numbered(&self) -> [(&'static str, Numbered); 4] {
+        [
+            ("cycle records", self.cycles),
+            ("states", self.states),
+            ("suit samples", self.suit),
+            ("ground samples", self.ground),
+        ]
+    }
+
+    /// Messages that were published and are not in the file.
+    pub fn lost(&self) -> u64 {
+        self.numbered().iter().map(|(_, kind)| kind.lost).sum()
+    }
+}
+
+/// One line: what was written, and what was lost.
+impl fmt::Display for RecordSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, kind) in self.numbered() {
+            write!(f, "{} {name}, ", kind.written)?;
+        }
+        write!(f, "{} checkpoints, {} health messages; ", self.checkpoints, self.health)?;
+        if self.lost() == 0 {
+            return f.write_str("nothing lost");
+        }
+        let lost = self.numbered().into_iter().filter(|(_, kind)| kind.lost > 0);
+        let lost: Vec<String> = lost.map(|(name, kind)| format!("{} {name}", kind.lost)).collect();
+        write!(f, "lost: {} (the recorder was too slow, or a ring of the daemon was full)", lost.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_are_losses_and_a_number_that_falls_is_a_restart() {
+        let mut summary = RecordSummary::default();
+        for number in [7, 8, 11, 1, 2] {
+            summary.suit.see(number);
+        }
+        assert_eq!((summary.suit.written, summary.suit.lost, summary.suit.restarts), (5, 2, 1));
+        assert_eq!(summary.lost(), 2);
+        assert!(summary.to_string().contains("lost: 2 suit samples"), "{summary}");
+        assert!(RecordSummary::default().to_string().ends_with("nothing lost"));
+    }
+}

@@ -1,0 +1,129 @@
+//! Replays what a station did, or what another program captured, through the same `core::cycle::step` as the live
+//! loop, faster than real time and byte for byte alike every time.
+//!
+//! Two schedules. Where a recording has cycle records, their ticks, samples and commands are done again, from the
+//! first checkpoint on: the states are the live loop's, and are compared with it ([`recorded`]). Imports have no cycle
+//! records: ticks come at the configured rate, and a sample with the first tick after its delivery ([`free`]).
+//!
+//! Floors, ground first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`] → `machine` → [`fidelity`],
+//! `recorded`, `free` → `output`, [`cross_validation`]
+
+pub mod cross_validation;
+mod feed;
+pub mod fidelity;
+mod free;
+pub mod input;
+mod machine;
+mod output;
+mod pcap;
+mod recorded;
+pub mod samples;
+pub mod score;
+pub mod summary;
+mod waiting;
+
+use std::path::Path;
+
+use anyhow::bail;
+use equipoise_adapters::recording::RecordingHeader;
+use equipoise_core::message::State;
+
+use crate::config::Config;
+use input::Input;
+use machine::Machine;
+use output::Output;
+use recorded::Start;
+use samples::LeftOut;
+pub use summary::Summary;
+
+/// What to replay, and how.
+#[derive(Debug)]
+pub struct Replay<'a> {
+    /// The input.
+    pub input: &'a Input,
+    /// Its configuration.
+    pub config: &'a Config,
+    /// Whether `config` is the one that the recording was made with. Only then are states compared with it.
+    pub as_recorded: bool,
+}
+
+impl Replay<'_> {
+    /// Replays into a file: `.jsonl`, `.csv`, `.mcap`, or `-` for JSON lines on standard output.
+    ///
+    /// # Errors
+    /// A sentence: nothing to replay, a checkpoint of another version, a file that cannot be written.
+    pub fn run(&self, out: Option<&Path>) -> anyhow::Result<Summary> {
+        let mut output = match out {
+            Some(path) => Output::create(path, &self.result_header())?,
+            None => Output::nowhere(),
+        };
+        let summary = self.run_with(|state| output.tell(state))?;
+        output.finish()?;
+        Ok(summary)
+    }
+
+    /// Replays and hands every state to `tell`.
+    ///
+    /// # Errors
+    /// As [`Replay::run`], and what `tell` returns.
+    pub fn run_with(&self, mut tell: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
+        let survey = self.input.survey();
+        let mut machine = Machine::afresh(self.config.settings());
+        let mut summary = Summary::new(self.input.started_ns(), self.config.period_ns());
+        match self.input {
+            Input::Recording(recording) if survey.cycles > 0 => {
+                let start = match (self.as_recorded, survey.checkpoints, &survey.checkpoint_refused) {
+                    (true, 1.., _) => Start::Checkpoint,
+                    (true, 0, Some(why)) => bail!(
+                        "the recording's checkpoints cannot be gone on from: {why}; replay it with the release that \
+                         recorded it ({}), or afresh by naming a configuration with --config",
+                        recording.header().software_version
+                    ),
+                    _ => Start::Afresh,
+                };
+                let fidelity = recorded::run(recording, &mut machine, start, |state| {
+                    summary.take(state);
+                    tell(state)
+                })?;
+                summary.left_out = input::left_out_of(recording, None);
+                summary.fidelity = Some(fidelity);
+                if self.as_recorded && start == Start::Afresh {
+                    let told = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
+                    summary.left_out.rejected.push(told.to_owned());
+                }
+            }
+            input => {
+                let mut samples = input.samples(self.config)?;
+                free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
+                    let state = machine.step(tick, inputs);
+                    summary.take(state);
+                    tell(state)
+                })?;
+                summary.left_out = samples.left_out();
+            }
+        }
+        summary.scored = machine.into_scored();
+        Ok(summary)
+    }
+
+    /// The head of a recording of results: the input's, with the configuration in use.
+    fn result_header(&self) -> RecordingHeader {
+        let base = match self.input {
+            Input::Recording(recording) => recording.header().clone(),
+            _ => RecordingHeader::default(),
+        };
+        RecordingHeader {
+            software_version: env!("CARGO_PKG_VERSION").to_owned(),
+            started_monotonic_ns: self.input.started_ns(),
+            config_toml: self.config.to_toml(),
+            ..base
+        }
+    }
+}
+
+/// What went wrong with the data, in words, for the end of a summary.
+pub(crate) fn left_out_lines(left_out: &LeftOut) -> String {
+    let rejected = left_out.rejected.iter().map(|told| format!("rejected: {told}\n"));
+    let passed_over = left_out.passed_over.iter().map(|told| format!("passed over: {told}\n"));
+    rejected.chain(passed_over).collect()
+}

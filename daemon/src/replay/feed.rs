@@ -1,0 +1,105 @@
+//! A recording's messages, handed out cycle by cycle.
+//!
+//! A recorder writes what it finds stream by stream, so what belongs to one cycle lies near together and not in order.
+//! Everything within two seconds is held; matches are made by number and by time, never by place.
+
+use std::collections::VecDeque;
+
+use equipoise_adapters::recording::{Entries, Entry, Recording};
+use equipoise_core::message::{Checkpoint, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::time::NS_PER_S;
+
+use super::waiting::Waiting;
+
+/// How far the file is read ahead of the cycle in hand, ns.
+const LOOK_AHEAD_NS: u64 = 2 * NS_PER_S;
+/// Samples that no cycle took are given up after this, ns: the loop's rings hold far less.
+const GIVE_UP_NS: u64 = 10 * NS_PER_S;
+
+/// What one cycle has of its own in the file.
+pub(super) struct Cycle {
+    pub(super) record: Box<CycleRecord>,
+    /// As it was published; `None` if it was lost.
+    pub(super) state: Option<Box<State>>,
+    /// Taken after this cycle's step.
+    pub(super) checkpoint: Option<Box<Checkpoint>>,
+}
+
+/// Hands out cycles in order.
+pub(super) struct Feed<'a> {
+    entries: Entries<'a>,
+    cycles: VecDeque<Box<CycleRecord>>,
+    states: VecDeque<Box<State>>,
+    /// With the time of the cycle after which it was taken.
+    checkpoints: VecDeque<(u64, Box<Checkpoint>)>,
+    pub(super) suit: Waiting<SuitSample>,
+    pub(super) ground: Waiting<GroundSample>,
+    newest_ns: u64,
+    ended: bool,
+    /// What ended the reading before the end of the file.
+    pub(super) damage: Option<String>,
+}
+
+impl<'a> Feed<'a> {
+    pub(super) fn new(recording: &'a Recording) -> Feed<'a> {
+        Feed {
+            entries: recording.entries(),
+            cycles: VecDeque::new(),
+            states: VecDeque::new(),
+            checkpoints: VecDeque::new(),
+            suit: Waiting::default(),
+            ground: Waiting::default(),
+            newest_ns: 0,
+            ended: false,
+            damage: None,
+        }
+    }
+
+    /// The next cycle of the file.
+    pub(super) fn next_cycle(&mut self) -> Option<Cycle> {
+        while !self.ended && !self.has_read_ahead() {
+            self.read_one();
+        }
+        let record = self.cycles.pop_front()?;
+        let due_ns = record.due_ns;
+        while self.states.pop_front_if(|state| state.time_ns < due_ns).is_some() {}
+        while self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns < due_ns).is_some() {}
+        self.suit.give_up_before(due_ns.saturating_sub(GIVE_UP_NS));
+        self.ground.give_up_before(due_ns.saturating_sub(GIVE_UP_NS));
+        let state = self.states.pop_front_if(|state| state.time_ns == due_ns);
+        let checkpoint = self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns == due_ns);
+        let checkpoint = checkpoint.map(|(_, checkpoint)| checkpoint);
+        Some(Cycle { record, state, checkpoint })
+    }
+
+    fn has_read_ahead(&self) -> bool {
+        self.cycles
+            .front()
+            .is_some_and(|record| self.newest_ns >= record.due_ns.saturating_add(LOOK_AHEAD_NS))
+    }
+
+    fn read_one(&mut self) {
+        match self.entries.next() {
+            None => self.ended = true,
+            Some(Err(error)) => {
+                self.damage = Some(error.to_string());
+                self.ended = true;
+            }
+            Some(Ok(timed)) => {
+                self.newest_ns = self.newest_ns.max(timed.log_time_ns);
+                match timed.entry {
+                    Entry::Cycle(record) => self.cycles.push_back(record),
+                    Entry::State(state) => self.states.push_back(state),
+                    Entry::Checkpoint(checkpoint) => {
+                        // It has no time of its own; the state in its memory has.
+                        let time_ns = checkpoint.memory().map(|memory| memory.state.time_ns);
+                        self.checkpoints.extend(time_ns.map(|time_ns| (time_ns, checkpoint)));
+                    }
+                    Entry::Suit(sample) => self.suit.push(sample),
+                    Entry::Ground(sample) => self.ground.push(sample),
+                    _ => {}
+                }
+            }
+        }
+    }
+}

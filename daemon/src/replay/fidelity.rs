@@ -1,0 +1,120 @@
+//! Whether a replay is what the live loop did, and from where on it is not.
+
+use std::fmt;
+
+use equipoise_core::cycle::Memory;
+use equipoise_core::message::State;
+
+/// What was compared, and what the recording lacks.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Fidelity {
+    /// Cycles replayed.
+    pub cycles: u64,
+    /// Cycle records before the first checkpoint, or before the first samples: they only lead up to it.
+    pub before_checkpoint: u64,
+    /// States that were recorded and are compared.
+    pub states_compared: u64,
+    /// … of which so many differ in some byte.
+    pub states_differing: u64,
+    /// Checkpoints on the way that are compared.
+    pub memories_compared: u64,
+    /// … of which so many differ in some byte.
+    pub memories_differing: u64,
+    /// The first cycle that differs.
+    pub first_differing: Option<u64>,
+    /// Cycles whose records are missing between others.
+    pub cycles_missing: u64,
+    /// Cycles that took samples which the recording lacks.
+    pub cycles_lacking_samples: u64,
+    /// Commands that this release does not know.
+    pub unknown_commands: u64,
+    /// Records that stand behind later ones.
+    pub out_of_order: u64,
+    /// How often the daemon was started anew.
+    pub restarts: u64,
+    /// How often a later checkpoint was gone on from, after a gap or a loaded worker.
+    pub resumed: u64,
+    /// Cycles for which the recording does not hold all that the loop knew, and the first of them.
+    pub uncertain: u64,
+    /// The first of them.
+    pub uncertain_from: Option<u64>,
+    /// What ended the reading before the end of the file.
+    pub damage: Option<String>,
+}
+
+impl Fidelity {
+    pub(super) fn compare_state(&mut self, replayed: &State, recorded: &State) {
+        self.states_compared += 1;
+        if bytemuck::bytes_of(replayed) != bytemuck::bytes_of(recorded) {
+            self.states_differing += 1;
+            self.first_differing.get_or_insert(recorded.cycle);
+        }
+    }
+
+    pub(super) fn compare_memory(&mut self, replayed: &Memory, recorded: &Memory) {
+        self.memories_compared += 1;
+        if bytemuck::bytes_of(replayed) != bytemuck::bytes_of(recorded) {
+            self.memories_differing += 1;
+            self.first_differing.get_or_insert(recorded.state.cycle);
+        }
+    }
+
+    pub(super) fn uncertain_at(&mut self, cycle: u64) {
+        self.uncertain += 1;
+        self.uncertain_from.get_or_insert(cycle);
+    }
+
+    /// Whether the recording lacks nothing and every state came again.
+    pub fn is_exact(&self) -> bool {
+        self.states_differing == 0 && self.memories_differing == 0 && self.is_whole()
+    }
+
+    /// Whether the recording lacks nothing.
+    pub fn is_whole(&self) -> bool {
+        self.cycles_missing == 0
+            && self.cycles_lacking_samples == 0
+            && self.unknown_commands == 0
+            && self.out_of_order == 0
+            && self.uncertain == 0
+            && self.damage.is_none()
+    }
+}
+
+/// A line for each finding.
+impl fmt::Display for Fidelity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.states_compared + self.memories_compared > 0 {
+            write!(
+                f,
+                "compared with the live loop: {} of {} states and {} of {} checkpoints differ",
+                self.states_differing, self.states_compared, self.memories_differing, self.memories_compared
+            )?;
+            match self.first_differing {
+                Some(cycle) => writeln!(f, "; the first at cycle {cycle}")?,
+                None => writeln!(f)?,
+            }
+        }
+        let findings = [
+            (self.cycles_missing, "cycle records are missing between others"),
+            (self.cycles_lacking_samples, "cycles took samples that the recording lacks"),
+            (self.unknown_commands, "commands are of a later version and were left out"),
+            (self.out_of_order, "cycle records stand behind later ones and were left out"),
+            (self.restarts, "times the daemon was started anew"),
+            (self.resumed, "times the replay went on from a later checkpoint"),
+        ];
+        for (count, what) in findings.into_iter().filter(|(count, _)| *count > 0) {
+            writeln!(f, "{count} {what}")?;
+        }
+        if let Some(cycle) = self.uncertain_from {
+            let count = self.uncertain;
+            writeln!(
+                f,
+                "not exact from cycle {cycle}: {count} cycles used what the recording lacks, and are not compared"
+            )?;
+        }
+        if let Some(damage) = &self.damage {
+            writeln!(f, "{damage}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,197 @@
+//! What is replayed: a recording, or a capture by another program; and the configuration to replay it with.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use equipoise_adapters::capture::csv::TIME_BASE_NS;
+use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_core::cycle::memory::MEMORY_VERSION;
+use equipoise_core::message::Checkpoint;
+use equipoise_core::overload::GRAVITY_M_PER_S2;
+
+use super::samples::{LeftOut, Sample, Samples};
+use crate::config::{Config, SuitPosition};
+
+/// Stature where nobody says one, m.
+const DEFAULT_HEIGHT_M: f64 = 1.75;
+/// What a capture is read with where there is no configuration: the makers' default ports and scales.
+const DEFAULT_CONFIG: &str = r#"
+station = "station-1"
+[suit]
+source = "mvn-udp"
+[ground]
+source = "ati-rdt"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.75
+"#;
+
+/// An input, opened. It can be gone through any number of times.
+#[derive(Debug)]
+pub enum Input {
+    /// Written by `equipoise record` or `import`.
+    Recording(Box<Recording>),
+    /// Motion and forces as CSV.
+    Csv(PathBuf),
+    /// Network traffic.
+    Pcap(PathBuf),
+}
+
+/// How many messages of each kind a recording holds.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Survey {
+    /// Suit and ground samples.
+    pub samples: u64,
+    /// Cycle records.
+    pub cycles: u64,
+    /// Checkpoints that this release can go on from.
+    pub checkpoints: u64,
+    /// Why the last of the others cannot be used.
+    pub checkpoint_refused: Option<String>,
+}
+
+/// A configuration and what to say of where it comes from.
+#[derive(Debug)]
+pub struct Chosen {
+    /// The configuration.
+    pub config: Config,
+    /// One sentence.
+    pub origin: String,
+}
+
+impl Input {
+    /// Opens a file; its ending says what it is.
+    ///
+    /// # Errors
+    /// It cannot be read, or is none of the known kinds.
+    pub fn open(path: &Path) -> anyhow::Result<Input> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        match ending.as_deref() {
+            Some("mcap") => {
+                let recording = Recording::open(path).with_context(|| path.display().to_string())?;
+                Ok(Input::Recording(Box::new(recording)))
+            }
+            Some("csv") => Ok(Input::Csv(path.to_owned())),
+            Some("pcap" | "pcapng" | "cap") => Ok(Input::Pcap(path.to_owned())),
+            _ => bail!("{}: give a file that ends in .mcap, .csv, .pcap or .pcapng", path.display()),
+        }
+    }
+
+    /// Where t = 0 lies, CLOCK_MONOTONIC ns of the recording.
+    pub fn started_ns(&self) -> u64 {
+        match self {
+            Input::Recording(recording) => recording.header().started_monotonic_ns,
+            Input::Csv(_) | Input::Pcap(_) => TIME_BASE_NS,
+        }
+    }
+
+    /// The samples in the order in which they were delivered.
+    ///
+    /// # Errors
+    /// The file cannot be read at all.
+    pub fn samples(&self, config: &Config) -> anyhow::Result<Samples<'_>> {
+        match self {
+            Input::Recording(recording) => Ok(Samples::of_recording(recording)),
+            Input::Csv(path) => Samples::of_csv(path).with_context(|| path.display().to_string()),
+            Input::Pcap(path) => Samples::of_pcap(path, config).with_context(|| path.display().to_string()),
+        }
+    }
+
+    /// What the file holds; everything is 0 for a capture. Goes through it once.
+    pub fn survey(&self) -> Survey {
+        let mut survey = Survey::default();
+        if let Input::Recording(recording) = self {
+            // Damage is told by the replay itself, which gets as far.
+            for timed in recording.entries().map_while(Result::ok) {
+                match timed.entry {
+                    Entry::Suit(_) | Entry::Ground(_) => survey.samples += 1,
+                    Entry::Cycle(_) => survey.cycles += 1,
+                    Entry::Checkpoint(checkpoint) => match refusal(&checkpoint) {
+                        None => survey.checkpoints += 1,
+                        refused => survey.checkpoint_refused = refused,
+                    },
+                    _ => {}
+                }
+            }
+        }
+        survey
+    }
+
+    /// The configuration: the given file, else the recording's own, else defaults.
+    ///
+    /// # Errors
+    /// The file is refused, or the recording has none that this release reads.
+    pub fn configuration(&self, given: Option<&Path>) -> anyhow::Result<Chosen> {
+        if let Some(path) = given {
+            let mut config = Config::read(path)?;
+            self.place_suit(&mut config);
+            return Ok(Chosen { config, origin: format!("from {}", path.display()) });
+        }
+        if let Input::Recording(recording) = self {
+            let text = &recording.header().config_toml;
+            if text.is_empty() {
+                bail!("the recording holds no configuration; name one with --config");
+            }
+            let config = Config::parse(text, "the recording's configuration")
+                .context("this release cannot use it; name another with --config")?;
+            return Ok(Chosen { config, origin: "the recording's own".to_owned() });
+        }
+        let mut config = Config::parse(DEFAULT_CONFIG, "the default configuration")?;
+        config.subject.height_m = DEFAULT_HEIGHT_M;
+        self.place_suit(&mut config);
+        let mut origin = format!("defaults; stature {DEFAULT_HEIGHT_M} m is assumed");
+        if let Input::Csv(_) = self {
+            // Such a capture may have no moment of stillness in which the loop could weigh the worker.
+            config.subject.mass_kg = plausible_mass_kg(self.samples(&config)?);
+            match config.subject.mass_kg {
+                Some(mass_kg) => origin += &format!(", {mass_kg:.1} kg is the mean vertical force / g"),
+                None => origin += ", the mass is not known",
+            }
+        }
+        origin += "; name a configuration with --config";
+        Ok(Chosen { config, origin })
+    }
+
+    /// The CSV's layout has motion and forces in one world; so nothing is shifted, unless the configuration says so.
+    fn place_suit(&self, config: &mut Config) {
+        if let Input::Csv(_) = self {
+            config.suit.position.get_or_insert(SuitPosition::Absolute);
+        }
+    }
+}
+
+/// Why a checkpoint cannot be gone on from.
+fn refusal(checkpoint: &Checkpoint) -> Option<String> {
+    if checkpoint.memory_version != MEMORY_VERSION {
+        let found = checkpoint.memory_version;
+        return Some(format!("another version of Equipoise made it (memory {found}, here {MEMORY_VERSION})"));
+    }
+    checkpoint.memory().is_none().then(|| "a number in it is out of range".to_owned())
+}
+
+/// The mean vertical force as a mass, if a person can have it.
+fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
+    let (mut sum_n, mut count) = (0.0, 0.0);
+    for sample in samples {
+        if let Sample::Ground(ground) = sample {
+            sum_n += ground.force_n[2];
+            count += 1.0;
+        }
+    }
+    // To the hundredth: a default that reads well in the header.
+    let mass_kg = (sum_n / count / GRAVITY_M_PER_S2 * 100.0).round() / 100.0;
+    (25.0..=250.0).contains(&mass_kg).then_some(mass_kg)
+}
+
+/// What an input lacks that only shows at its end.
+pub(super) fn left_out_of(recording: &Recording, damage: Option<String>) -> LeftOut {
+    let mut left_out = LeftOut::default();
+    left_out.rejected.extend(damage);
+    if recording.truncated() {
+        let told = "the recording was cut short: what came after its last whole chunk is not there";
+        left_out.rejected.push(told.to_owned());
+    }
+    left_out
+}

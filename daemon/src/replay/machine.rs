@@ -1,0 +1,66 @@
+//! The loop's memory, and beside it one that believes the table for ever: both see every cycle.
+
+use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
+use equipoise_core::message::{CommandKind, State};
+
+use super::score::Scored;
+
+/// What a replay drives.
+pub(super) struct Machine {
+    settings: Settings,
+    memory: Box<Memory>,
+    table: Box<Memory>,
+    scored: Vec<Scored>,
+}
+
+impl Machine {
+    /// Before the first sample.
+    pub(super) fn afresh(settings: Settings) -> Machine {
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&settings);
+        let mut table = memory.clone();
+        table.identification.learning = 0;
+        Machine { settings, memory, table, scored: Vec::new() }
+    }
+
+    /// Goes on from a memory of the live loop.
+    pub(super) fn resume(&mut self, memory: &Memory) {
+        copy_memory(&mut self.memory, memory);
+        copy_memory(&mut self.table, memory);
+        if self.table.identification.has_body() {
+            self.table.identification.return_to_prior(&self.settings);
+        }
+        self.table.identification.learning = 0;
+    }
+
+    /// The samples that count for the error of the CoP.
+    pub(super) fn into_scored(self) -> Vec<Scored> {
+        self.scored
+    }
+
+    pub(super) fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    pub(super) fn state(&self) -> &State {
+        &self.memory.state
+    }
+
+    /// One cycle of both.
+    pub(super) fn step(&mut self, tick: Tick, inputs: Inputs<'_>) -> &State {
+        let before_ns = self.memory.state.suit_sample_time_ns;
+        step(&self.settings, &mut self.memory, tick, inputs);
+        // Commands about learning are not for the table.
+        let command = inputs.command.filter(|command| *command == CommandKind::Tare);
+        step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
+        if self.memory.state.suit_sample_time_ns != before_ns {
+            self.scored.extend(Scored::of(&self.memory.state, &self.table.state));
+        }
+        &self.memory.state
+    }
+}
+
+/// In place: a memory is too large for the stack.
+fn copy_memory(to: &mut Memory, from: &Memory) {
+    bytemuck::bytes_of_mut(to).copy_from_slice(bytemuck::bytes_of(from));
+}

@@ -1,0 +1,182 @@
+//! Where a replay's states go: JSON lines, CSV, or a recording of states.
+//!
+//! The CSV holds a subset, one line per cycle; a value that must not be used is an empty field, as its key is absent
+//! in the JSON:
+//!
+//! | columns | unit |
+//! |---|---|
+//! | `t_s` | seconds in the recording's own clock |
+//! | `cycle`, `phase`, `valid` (names, separated by spaces) | |
+//! | `static_pose`, `converged` (0 or 1), `poses_used`, `stance` | |
+//! | `suit_sample_t_s`: the instant that the values belong to | s, as `t_s` |
+//! | `cop_measured_x_m`, `_y_m`, `cop_estimated_x_m`, `_y_m`, `cop_sigma_x_m`, `_y_m` | m |
+//! | `com_x_m`, `_y_m`, `_z_m` | m |
+//! | `mass_kg`, `ground_force_z_n`, `delta_f_z_n`, `load_distance_m` | kg, N, N, m |
+//! | per joint in MVN's order `NAME_torque_nm`, `NAME_sigma_nm`: overload torque's magnitude and its 1-σ | N m |
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::body::Joint;
+use equipoise_core::message::{State, Validity};
+use equipoise_view::StateJson;
+
+/// Where states go.
+pub(super) struct Output {
+    sink: Sink,
+    started_ns: u64,
+    line: String,
+}
+
+enum Sink {
+    Nowhere,
+    Json(Box<dyn Write>),
+    Csv(Box<dyn Write>),
+    Mcap(Box<Recorder>),
+}
+
+impl Output {
+    /// No output.
+    pub(super) fn nowhere() -> Output {
+        Output { sink: Sink::Nowhere, started_ns: 0, line: String::new() }
+    }
+
+    /// A file by its ending; `-` writes JSON lines to standard output. A recording is never overwritten, texts are.
+    ///
+    /// # Errors
+    /// An unknown ending, or a file that cannot be made.
+    pub(super) fn create(path: &Path, header: &RecordingHeader) -> anyhow::Result<Output> {
+        let create = || -> anyhow::Result<Box<dyn Write>> {
+            let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
+            Ok(Box::new(BufWriter::new(file)))
+        };
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        let sink = match ending.as_deref() {
+            Some("jsonl") => Sink::Json(create()?),
+            Some("csv") => {
+                let mut file = create()?;
+                file.write_all(csv_head().as_bytes())?;
+                Sink::Csv(file)
+            }
+            Some("mcap") => Sink::Mcap(Box::new(Recorder::create(path, header)?)),
+            _ if path.as_os_str() == "-" => Sink::Json(Box::new(BufWriter::new(io::stdout()))),
+            _ => bail!("--out {}: give a name that ends in .jsonl, .csv or .mcap, or -", path.display()),
+        };
+        Ok(Output { sink, started_ns: header.started_monotonic_ns, line: String::new() })
+    }
+
+    /// One state.
+    ///
+    /// # Errors
+    /// What the system says, for example that the disk is full.
+    pub(super) fn tell(&mut self, state: &State) -> anyhow::Result<()> {
+        match &mut self.sink {
+            Sink::Nowhere => {}
+            Sink::Json(file) => {
+                let json = StateJson::new(state, seconds_since(self.started_ns, state.time_ns));
+                self.line = json.to_text()?;
+                self.line.push('\n');
+                file.write_all(self.line.as_bytes()).context("cannot write the result")?;
+            }
+            Sink::Csv(file) => {
+                self.line.clear();
+                csv_line(&mut self.line, state, self.started_ns)?;
+                file.write_all(self.line.as_bytes()).context("cannot write the result")?;
+            }
+            Sink::Mcap(recorder) => recorder.write(state.time_ns, state)?,
+        }
+        Ok(())
+    }
+
+    /// Hands everything to the system.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(super) fn finish(self) -> anyhow::Result<()> {
+        match self.sink {
+            Sink::Nowhere => Ok(()),
+            Sink::Json(mut file) | Sink::Csv(mut file) => file.flush().context("cannot write the result"),
+            Sink::Mcap(recorder) => Ok(recorder.finish()?),
+        }
+    }
+}
+
+/// A time on the recording's own clock, s.
+pub(super) fn seconds_since(started_ns: u64, time_ns: u64) -> f64 {
+    // Divided, not multiplied: 34 ms is 0.034 then, not 0.034000000000000002.
+    (i128::from(time_ns) - i128::from(started_ns)) as f64 / 1e9
+}
+
+fn csv_head() -> String {
+    let mut head = "t_s,cycle,phase,valid,static_pose,converged,poses_used,stance,suit_sample_t_s,cop_measured_x_m,\
+                    cop_measured_y_m,cop_estimated_x_m,cop_estimated_y_m,cop_sigma_x_m,cop_sigma_y_m,com_x_m,com_y_m,\
+                    com_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_distance_m"
+        .to_owned();
+    for joint in Joint::ALL {
+        for quantity in ["torque_nm", "sigma_nm"] {
+            head.push_str(&format!(",{}_{quantity}", joint.name()));
+        }
+    }
+    head.push('\n');
+    head
+}
+
+fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Result {
+    let valid: Vec<&str> = state.validity().names().collect();
+    write!(line, "{},{},", seconds_since(started_ns, state.time_ns), state.cycle)?;
+    write!(line, "{},{},", state.phase_name(), valid.join(" "))?;
+    write!(line, "{},{},{},{},", state.static_pose, state.converged, state.poses_used, state.stance)?;
+    if state.suit_sample_time_ns > 0 {
+        write!(line, "{}", seconds_since(started_ns, state.suit_sample_time_ns))?;
+    }
+    let mut fields = |spoilers: Validity, values: &[f64]| -> std::fmt::Result {
+        for value in values {
+            line.push(',');
+            if !state.validity().any_of(spoilers) && value.is_finite() {
+                write!(line, "{value}")?;
+            }
+        }
+        Ok(())
+    };
+    fields(Validity::SPOILS_COP_MEASURED, &state.cop_measured_m)?;
+    fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_estimated_m)?;
+    fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_sigma_m)?;
+    fields(Validity::SPOILS_COP_ESTIMATED, &state.com_m)?;
+    fields(Validity::MASS_UNKNOWN, &[state.mass_kg])?;
+    fields(Validity::GROUND_STALE, &state.ground_force_n[2..])?;
+    fields(Validity::SPOILS_DELTA_F, &state.delta_f_n[2..])?;
+    fields(Validity::SPOILS_TORQUES, &[state.load_distance_m])?;
+    for joint in Joint::ALL {
+        let [x, y, z] = state.torque_nm[joint.index()];
+        let magnitude_nm = (x * x + y * y + z * z).sqrt();
+        fields(Validity::SPOILS_TORQUES, &[magnitude_nm, state.torque_sigma_nm[joint.index()]])?;
+    }
+    line.push('\n');
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn a_line_has_a_field_for_every_column_and_withholds_what_must_not_be_used() {
+        let mut state = State::zeroed();
+        state.time_ns = 1_034_000_000;
+        state.cop_measured_m = [0.25, -0.5];
+        state.valid = Validity::SUIT_STALE.and(Validity::MASS_UNKNOWN).0;
+        let mut line = String::new();
+        csv_line(&mut line, &state, 1_000_000_000).unwrap();
+        let head = csv_head();
+        assert_eq!(line.split(',').count(), head.split(',').count());
+        assert!(
+            line.starts_with("0.034,0,waiting,suit_stale mass_unknown,0,0,0,0,,0.25,-0.5,,,,,,,,,0,,,"),
+            "{line}"
+        );
+    }
+}

@@ -1,0 +1,160 @@
+//! Replays the cycles that a recording tells of: the same ticks, samples and commands, hence the same states.
+
+use equipoise_adapters::recording::Recording;
+use equipoise_core::cycle::{Inputs, Memory, Tick};
+use equipoise_core::message::{Checkpoint, CommandKind, CycleRecord, GroundSample, State, SuitSample};
+
+use super::feed::{Cycle, Feed};
+use super::fidelity::Fidelity;
+use super::machine::Machine;
+use super::waiting::Taken;
+
+/// Where a replay of cycles begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Start {
+    /// With the live loop's memory: its states come again, byte for byte.
+    Checkpoint,
+    /// With an empty memory at the first cycle: other settings, or no checkpoint.
+    Afresh,
+}
+
+/// Calls `tell` with the state of every cycle replayed.
+///
+/// # Errors
+/// What `tell` returns.
+pub(super) fn run(
+    recording: &Recording,
+    machine: &mut Machine,
+    start: Start,
+    mut tell: impl FnMut(&State) -> anyhow::Result<()>,
+) -> anyhow::Result<Fidelity> {
+    let mut feed = Feed::new(recording);
+    let mut run = Run {
+        machine,
+        start,
+        certain: false,
+        running: false,
+        last: None,
+        suit: Vec::new(),
+        ground: Vec::new(),
+        fidelity: Fidelity::default(),
+    };
+    while let Some(cycle) = feed.next_cycle() {
+        if run.cycle(&mut feed, &cycle) {
+            tell(run.machine.state())?;
+        }
+    }
+    run.fidelity.damage = feed.damage;
+    Ok(run.fidelity)
+}
+
+struct Run<'a> {
+    machine: &'a mut Machine,
+    start: Start,
+    /// Whether the memory is the live loop's, byte for byte, as far as the recording goes.
+    certain: bool,
+    running: bool,
+    last: Option<Tick>,
+    suit: Vec<SuitSample>,
+    ground: Vec<GroundSample>,
+    fidelity: Fidelity,
+}
+
+impl Run<'_> {
+    /// One cycle; whether there is a state of it.
+    fn cycle(&mut self, feed: &mut Feed<'_>, cycle: &Cycle) -> bool {
+        let record = &*cycle.record;
+        let tick = Tick { cycle: record.cycle, due_ns: record.due_ns };
+        if !self.follows(tick) {
+            return false;
+        }
+        let complete = self.take_samples(feed, record);
+        let checkpoint = cycle.checkpoint.as_deref().filter(|_| self.start == Start::Checkpoint);
+        let resume = checkpoint.and_then(Checkpoint::memory);
+        // Afresh it begins where the recording does: the first cycles took samples from before it.
+        self.running |=
+            self.start == Start::Afresh && complete && !(self.suit.is_empty() && self.ground.is_empty());
+        if !self.running {
+            return self.begin(resume);
+        }
+        let command = CommandKind::from_number(record.command);
+        let understood = record.command == 0 || command.is_some();
+        if !complete {
+            self.fidelity.cycles_lacking_samples += 1;
+        }
+        if !understood {
+            self.fidelity.unknown_commands += 1;
+        }
+        // A loaded worker came from a file; only a checkpoint of the same cycle has it.
+        let loaded = command == Some(CommandKind::SubjectLoad);
+        if !complete || !understood || loaded {
+            self.certain = false;
+        }
+        let inputs = Inputs { suit: &self.suit, ground: &self.ground, command };
+        self.machine.step(tick, inputs);
+        self.fidelity.cycles += 1;
+        match resume {
+            Some(memory) if self.certain => self.fidelity.compare_memory(self.machine.memory(), memory),
+            Some(memory) => {
+                self.machine.resume(memory);
+                self.certain = true;
+                self.fidelity.resumed += 1;
+            }
+            None if self.certain => {}
+            None if self.start == Start::Checkpoint => self.fidelity.uncertain_at(tick.cycle),
+            None => {}
+        }
+        if let Some(state) = cycle.state.as_deref().filter(|_| self.certain) {
+            self.fidelity.compare_state(self.machine.state(), state);
+        }
+        true
+    }
+
+    /// Notes gaps and restarts; whether the cycle is to be replayed.
+    fn follows(&mut self, tick: Tick) -> bool {
+        if let Some(last) = self.last {
+            if tick.due_ns <= last.due_ns {
+                self.fidelity.out_of_order += 1;
+                return false;
+            }
+            if tick.cycle <= last.cycle {
+                // Another daemon's life; its first cycle comes with a checkpoint.
+                self.fidelity.restarts += 1;
+                self.running &= self.start == Start::Afresh;
+                self.certain = false;
+            } else if tick.cycle > last.cycle + 1 {
+                self.fidelity.cycles_missing += tick.cycle - last.cycle - 1;
+                self.certain = false;
+            }
+        }
+        self.last = Some(tick);
+        true
+    }
+
+    /// Takes the live loop's memory over, if the recording has it here.
+    fn begin(&mut self, resume: Option<&Memory>) -> bool {
+        self.fidelity.before_checkpoint += 1;
+        if let Some(memory) = resume {
+            self.machine.resume(memory);
+            (self.running, self.certain) = (true, true);
+        }
+        false
+    }
+
+    fn take_samples(&mut self, feed: &mut Feed<'_>, record: &CycleRecord) -> bool {
+        let suit = Taken {
+            first: record.suit_first,
+            last: record.suit_last,
+            count: record.suit_taken,
+            last_sample_time_ns: record.suit_sample_time_ns,
+        };
+        let ground = Taken {
+            first: record.ground_first,
+            last: record.ground_last,
+            count: record.ground_taken,
+            last_sample_time_ns: record.ground_sample_time_ns,
+        };
+        let suit_there = feed.suit.take(suit, &mut self.suit);
+        feed.ground.take(ground, &mut self.ground) && suit_there
+    }
+}

@@ -1,0 +1,93 @@
+//! What a replay has to say at its end.
+
+use std::fmt;
+
+use equipoise_core::message::State;
+use equipoise_core::message::state::Phase;
+
+use super::fidelity::Fidelity;
+use super::left_out_lines;
+use super::output::seconds_since;
+use super::samples::LeftOut;
+use super::score::{Blocks, Scored};
+
+/// Every phase, in the order of its number.
+const PHASES: [Phase; 4] = [Phase::Waiting, Phase::Identifying, Phase::Monitoring, Phase::Degraded];
+
+/// How a replay went.
+#[derive(Debug, Clone)]
+pub struct Summary {
+    /// Cycles.
+    pub cycles: u64,
+    /// Cycles in each phase, by its number.
+    pub cycles_in_phase: [u64; PHASES.len()],
+    /// Held poses that are in the model at the end.
+    pub poses_used: u32,
+    /// Body mass in use at the end, kg; 0 if it is not known.
+    pub mass_kg: f64,
+    /// Quasi-static suit samples without a load.
+    pub scored: Vec<Scored>,
+    /// Comparison with the live loop, where cycles were recorded.
+    pub fidelity: Option<Fidelity>,
+    /// What of the input was not used.
+    pub left_out: LeftOut,
+    started_ns: u64,
+    period_ns: u64,
+    span_ns: Option<[u64; 2]>,
+}
+
+impl Summary {
+    pub(super) fn new(started_ns: u64, period_ns: u64) -> Summary {
+        Summary {
+            cycles: 0,
+            cycles_in_phase: [0; PHASES.len()],
+            poses_used: 0,
+            mass_kg: 0.0,
+            scored: Vec::new(),
+            fidelity: None,
+            left_out: LeftOut::default(),
+            started_ns,
+            period_ns,
+            span_ns: None,
+        }
+    }
+
+    pub(super) fn take(&mut self, state: &State) {
+        self.cycles += 1;
+        if let Some(cycles) = self.cycles_in_phase.get_mut(state.phase as usize) {
+            *cycles += 1;
+        }
+        self.poses_used = state.poses_used;
+        self.mass_kg = state.mass_kg;
+        let [first_ns, _] = self.span_ns.unwrap_or([state.time_ns; 2]);
+        self.span_ns = Some([first_ns, state.time_ns]);
+    }
+
+    /// Whether all data were used and, where it was compared, every state came again.
+    pub fn is_whole(&self) -> bool {
+        self.left_out.rejected.is_empty() && self.fidelity.as_ref().is_none_or(Fidelity::is_exact)
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [from_s, to_s] = self.span_ns.unwrap_or_default().map(|at| seconds_since(self.started_ns, at));
+        writeln!(f, "{} cycles, t = {from_s:.3} s to {to_s:.3} s", self.cycles)?;
+        let period_s = self.period_ns as f64 / 1e9;
+        let phases: Vec<String> = PHASES
+            .iter()
+            .zip(self.cycles_in_phase)
+            .filter(|(_, cycles)| *cycles > 0)
+            .map(|(phase, cycles)| format!("{} {:.1} s", phase.name(), cycles as f64 * period_s))
+            .collect();
+        writeln!(f, "phases: {}", if phases.is_empty() { "none".to_owned() } else { phases.join(", ") })?;
+        let mass =
+            if self.mass_kg > 0.0 { format!("{:.1} kg", self.mass_kg) } else { "not known".to_owned() };
+        writeln!(f, "poses used: {}; body mass: {mass}", self.poses_used)?;
+        write!(f, "{}", Blocks { scored: &self.scored, started_ns: self.started_ns })?;
+        if let Some(fidelity) = &self.fidelity {
+            write!(f, "{fidelity}")?;
+        }
+        f.write_str(&left_out_lines(&self.left_out))
+    }
+}

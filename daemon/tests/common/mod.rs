@@ -1,0 +1,109 @@
+//! A station of its own for a test: bus, state directory and ports that no other has.
+#![allow(
+    dead_code,
+    clippy::allow_attributes,
+    clippy::unwrap_used,
+    reason = "each test file uses a part of it; helpers of tests fail as tests do"
+)]
+
+use std::net::{SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output};
+use std::time::{Duration, Instant};
+
+/// The program under test.
+pub(crate) fn equipoise() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_equipoise"))
+}
+
+/// A file of the reference data; `None`, with a word, where they are not there.
+pub(crate) fn shared(path: &str) -> Option<PathBuf> {
+    let shared = std::env::var_os("EQUIPOISE_SHARED")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")), PathBuf::from);
+    let path = shared.join(path);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("skipped: {} is not there; set EQUIPOISE_SHARED to the reference data", path.display());
+    None
+}
+
+/// The CSV of a real person.
+pub(crate) fn human_motion() -> Option<PathBuf> {
+    shared("data/human_motion/figaroh_30hz.csv")
+}
+
+/// The example configuration for it.
+pub(crate) fn human_motion_config() -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/human-motion.toml"))
+}
+
+/// What a program said, for messages.
+pub(crate) fn said(output: &Output) -> String {
+    format!(
+        "{:?}\n{}{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
+}
+
+/// A UDP port of loopback that was free a moment ago.
+pub(crate) fn free_address() -> SocketAddr {
+    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
+}
+
+/// A daemon on a bus of its own. Dropped, it is ended.
+pub(crate) struct Station {
+    /// Bus, state and files; removed at the end.
+    pub(crate) directory: tempfile::TempDir,
+    daemon: Child,
+}
+
+const NAME: &str = "test";
+
+impl Station {
+    /// Starts the daemon with a configuration whose station is `test`, and waits until it says that it runs.
+    pub(crate) fn start(config: &str) -> Station {
+        // Sockets lie in it: the path must be short.
+        let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").unwrap();
+        let file = directory.path().join("config.toml");
+        std::fs::write(&file, config).unwrap();
+        let daemon = command_in(directory.path()).arg("run").arg("--config").arg(&file).spawn().unwrap();
+        let mut station = Station { directory, daemon };
+        let status = station.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
+        let started = Instant::now();
+        while !status.exists() {
+            assert!(station.daemon.try_wait().unwrap().is_none(), "the daemon ended by itself");
+            assert!(started.elapsed() < Duration::from_secs(60), "the daemon does not start");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        station
+    }
+
+    /// The program on this station's bus.
+    pub(crate) fn command(&self, name: &str) -> Command {
+        let mut command = command_in(self.directory.path());
+        command.arg(name).env("EQUIPOISE_STATION", NAME);
+        command
+    }
+
+    /// A file of this station.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.directory.path().join(name)
+    }
+}
+
+fn command_in(directory: &Path) -> Command {
+    let mut command = equipoise();
+    command.env("EQUIPOISE_BUS_ROOT", directory.join("bus")).env("STATE_DIRECTORY", directory.join("state"));
+    command
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        let id = rustix::process::Pid::from_child(&self.daemon);
+        let _ = rustix::process::kill_process(id, rustix::process::Signal::TERM);
+        let _ = self.daemon.wait();
+    }
+}

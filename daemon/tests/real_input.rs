@@ -1,0 +1,174 @@
+//! A real person's motion over the real wires through a running daemon, and the same from the file: the same figures.
+//!
+//! What may differ, and by how much:
+//! - Positions and quaternions are 32-bit floats on the wire: 6e-8 of at most 2 m, below a micrometre in the estimated
+//!   CoP. The plate counts millionths of newtons: nothing.
+//! - Live, suit and plate have clocks of their own, fitted to arrival. Their stamps of one instant differ by δ; the
+//!   loop takes the wrench at the suit's time, so the measured CoP is off by at most δ times its fastest speed. δ is
+//!   what the recording says for each instant; the speed is the file's.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod common;
+
+use std::collections::HashMap;
+
+use common::{Station, free_address, human_motion, said};
+use equipoise_adapters::capture::CsvCapture;
+use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
+use equipoise_daemon::config::Config;
+use equipoise_daemon::replay::Replay;
+use equipoise_daemon::replay::input::Input;
+use equipoise_simulator::faults::Faults;
+use equipoise_simulator::plate::Plate;
+use equipoise_simulator::player::{PlayerSettings, Recorded, play};
+
+/// So much of the file is streamed, s.
+const LENGTH_S: f64 = 25.0;
+/// 32-bit floats on the wire, m.
+const WIRE_M: f64 = 2e-6;
+/// The CoP is a quotient: between two instants it does not go quite straight.
+const CURVATURE: f64 = 1.5;
+
+/// Measured and estimated CoP by the number of the file's row.
+type Cops = HashMap<u32, [[f64; 2]; 2]>;
+
+fn config(suit: std::net::SocketAddr, plate: std::net::SocketAddr) -> String {
+    // Nothing is learnt: which pose counts as held depends on every stamp.
+    format!(
+        r#"
+station = "test"
+[loop]
+lock_memory = false
+[suit]
+source = "mvn-udp"
+listen = "{suit}"
+position = "absolute"
+[ground]
+source = "ati-rdt"
+address = "{plate}"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+mass_kg = 94.4
+height_m = 1.85
+[identification]
+auto_start = false
+"#
+    )
+}
+
+#[test]
+fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
+    let Some(csv) = human_motion() else { return };
+    let rows: Vec<(SuitSample, GroundSample)> = CsvCapture::open(&csv)
+        .unwrap()
+        .take_while(|(suit, _)| suit.sample_time_ns < 1_000_000_000 + (LENGTH_S * 1e9) as u64)
+        .collect();
+    let suit = free_address();
+    let settings = PlayerSettings {
+        suit_target: suit,
+        plate_address: "127.0.0.1:0".parse().unwrap(),
+        plate: Plate::default(),
+        speed: 1.0,
+        wait_for_client: true,
+        faults: Faults::default(),
+        seed: 1,
+    };
+    let played = rows.clone().into_iter().flat_map(|(suit, ground)| {
+        let time_s = suit.sample_time_ns as f64 * 1e-9;
+        [(time_s, Recorded::Suit(Box::new(suit))), (time_s, Recorded::Ground(ground))]
+    });
+    let player = play(played, settings).unwrap();
+    let config_text = config(suit, player.plate_address());
+    let station = Station::start(&config_text);
+    let out = station.file("live.mcap");
+    let seconds = (LENGTH_S + 1.0).to_string();
+    let output = station.command("record").arg(&out).args(["--for", &seconds]).output().unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", said(&output));
+    player.wait().unwrap();
+
+    let (live, apart_s) = of_recording(&Recording::open(&out).unwrap());
+    let from_file = of_file(&csv, &Config::parse(&config_text, "test").unwrap());
+
+    let speed_m_per_s = fastest_m_per_s(&rows);
+    let bound_m = CURVATURE * speed_m_per_s * apart_s + WIRE_M;
+    let (mut compared, mut worst_measured_m, mut worst_estimated_m) = (0, 0.0_f64, 0.0_f64);
+    for (row, [measured, estimated]) in &live {
+        let Some([file_measured, file_estimated]) = from_file.get(row) else { continue };
+        compared += 1;
+        for axis in 0..2 {
+            worst_measured_m = worst_measured_m.max((measured[axis] - file_measured[axis]).abs());
+            worst_estimated_m = worst_estimated_m.max((estimated[axis] - file_estimated[axis]).abs());
+        }
+    }
+    println!(
+        "{compared} instants; measured CoP differs by at most {:.4} mm (bound {:.4} mm: stamps at most {:.3} ms apart, \
+         CoP at most {speed_m_per_s:.2} m/s); estimated by {:.6} mm",
+        worst_measured_m * 1e3,
+        bound_m * 1e3,
+        apart_s * 1e3,
+        worst_estimated_m * 1e3
+    );
+    assert!(compared > rows.len() / 2, "{compared} of {}", rows.len());
+    assert!(worst_measured_m <= bound_m);
+    assert!(worst_estimated_m <= WIRE_M, "{worst_estimated_m}");
+}
+
+/// The figures of a state that is about a new suit sample, if they may be used.
+fn cops_of(state: &State) -> Option<[[f64; 2]; 2]> {
+    let spoils = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+    // Before the bones are known there is no estimate.
+    (state.cop_sigma_m[0] > 0.0 && !state.validity().any_of(spoils))
+        .then_some([state.cop_measured_m, state.cop_estimated_m])
+}
+
+/// By the device's counter, which is the file's row; and how far the stamps of one row were apart at most, s.
+fn of_recording(recording: &Recording) -> (Cops, f64) {
+    let (mut suit, mut ground, mut states) = (HashMap::new(), HashMap::new(), Vec::new());
+    for timed in recording.entries() {
+        match timed.unwrap().entry {
+            Entry::Suit(sample) => drop(suit.insert(sample.device_counter, sample.sample_time_ns)),
+            Entry::Ground(sample) => drop(ground.insert(sample.device_counter, sample.sample_time_ns)),
+            Entry::State(state) => states.push(state),
+            _ => {}
+        }
+    }
+    let apart_ns =
+        suit.iter().filter_map(|(row, at)| Some(at.abs_diff(*ground.get(row)?))).max().unwrap_or(0);
+    let row_at: HashMap<u64, u32> = suit.iter().map(|(row, at)| (*at, *row)).collect();
+    let cops = states
+        .iter()
+        .filter_map(|state| Some((*row_at.get(&state.suit_sample_time_ns)?, cops_of(state)?)))
+        .collect();
+    (cops, apart_ns as f64 * 1e-9)
+}
+
+fn of_file(csv: &std::path::Path, config: &Config) -> Cops {
+    let row_at: HashMap<u64, u32> =
+        CsvCapture::open(csv).unwrap().map(|(suit, _)| (suit.sample_time_ns, suit.device_counter)).collect();
+    let input = Input::open(csv).unwrap();
+    let mut cops = Cops::new();
+    let replay = Replay { input: &input, config, as_recorded: false };
+    replay
+        .run_with(|state| {
+            if let (Some(row), Some(of_state)) = (row_at.get(&state.suit_sample_time_ns), cops_of(state)) {
+                cops.insert(*row, of_state);
+            }
+            Ok(())
+        })
+        .unwrap();
+    cops
+}
+
+/// The largest step of the measured CoP between two rows, over their time.
+fn fastest_m_per_s(rows: &[(SuitSample, GroundSample)]) -> f64 {
+    rows.windows(2)
+        .filter_map(|pair| {
+            let (before, after) = (pair[0].1.cop_m().ok()?, pair[1].1.cop_m().ok()?);
+            let seconds = (pair[1].1.sample_time_ns - pair[0].1.sample_time_ns) as f64 * 1e-9;
+            Some((0..2).map(|axis| (after[axis] - before[axis]).abs()).fold(0.0, f64::max) / seconds)
+        })
+        .fold(0.0, f64::max)
+}

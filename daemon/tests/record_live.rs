@@ -1,0 +1,96 @@
+//! What a live daemon did is recorded by the real program and comes again, state by state, byte by byte.
+
+mod common;
+
+use std::time::Duration;
+
+use common::{Station, equipoise, free_address, said};
+use equipoise_daemon::replay::Replay;
+use equipoise_daemon::replay::input::Input;
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::Simulation;
+
+fn config(suit: std::net::SocketAddr, plate: std::net::SocketAddr) -> String {
+    format!(
+        r#"
+station = "test"
+[loop]
+lock_memory = false
+[suit]
+source = "mvn-udp"
+listen = "{suit}"
+[ground]
+source = "ati-rdt"
+address = "{plate}"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.77
+"#
+    )
+}
+
+#[test]
+fn a_live_recording_and_its_replay_give_the_same_states() {
+    let suit = free_address();
+    let mut settings = SimulationSettings::default();
+    settings.suit.target = suit;
+    settings.plate.address = "127.0.0.1:0".parse().unwrap();
+    let simulation = Simulation::start(settings).unwrap();
+    let station = Station::start(&config(suit, simulation.plate_address()));
+
+    let out = station.file("live.mcap");
+    let recorder = station.command("record").arg(&out).args(["--for", "6"]).spawn().unwrap();
+    let ask = |what: &str| {
+        let output = station.command("identify").arg(what).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+    };
+    simulation.take_pose(3).unwrap();
+    std::thread::sleep(Duration::from_millis(2500));
+    ask("stop");
+    std::thread::sleep(Duration::from_millis(800));
+    simulation.take_pose(7).unwrap();
+    ask("start");
+    let recorded = recorder.wait_with_output().unwrap();
+    // On a machine that is too busy messages may be lost; that is told, and all the rest must still come again.
+    assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));
+
+    let again = station.command("record").arg(&out).args(["--for", "1"]).output().unwrap();
+    assert_eq!(again.status.code(), Some(1), "{}", said(&again));
+    assert!(said(&again).contains("choose a new name"), "{}", said(&again));
+
+    let input = Input::open(&out).unwrap();
+    let chosen = input.configuration(None).unwrap();
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true };
+    let summary = replay.run(None).unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    println!("{summary}");
+    assert_eq!((fidelity.states_differing, fidelity.memories_differing), (0, 0), "{summary}");
+    assert!(fidelity.states_compared > 3000, "{summary}");
+    // One checkpoint for each of the two commands.
+    assert!(fidelity.memories_compared + fidelity.resumed >= 2, "{summary}");
+    if recorded.status.code() == Some(0) {
+        assert!(summary.is_whole(), "{summary}");
+        let lines = station.file("live.jsonl");
+        let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let lines = std::fs::read_to_string(lines).unwrap();
+        assert_eq!(lines.lines().count() as u64, fidelity.cycles);
+    }
+}
+
+#[test]
+fn without_a_daemon_there_is_nothing_to_record() {
+    let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").unwrap();
+    let out = directory.path().join("out.mcap");
+    let output = equipoise()
+        .env("EQUIPOISE_BUS_ROOT", directory.path().join("bus"))
+        .args(["record", "--for", "1"])
+        .arg(&out)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(said(&output).contains("no daemon runs on station station-1"), "{}", said(&output));
+    assert!(!out.exists());
+}
