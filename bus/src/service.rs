@@ -2,8 +2,9 @@
 //!
 //! Every limit is fixed by whoever opens a service first, so all of them stand here and nowhere else.
 
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Checkpoint, Command, CycleRecord, GroundSample, Message, Reply, State, SuitSample,
+    AdapterHealth, Command, CycleRecord, GroundSample, Message, Reply, State, SuitSample,
 };
 use std::fmt;
 use std::time::Duration;

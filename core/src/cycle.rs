@@ -5,6 +5,7 @@
 //! copy of it.
 
 pub mod alignment;
+pub mod checkpoint;
 pub mod identification;
 pub mod memory;
 pub mod monitoring;
@@ -16,6 +17,7 @@ use crate::message::state::Phase;
 use crate::message::{GroundSample, State, SuitSample, Validity};
 use crate::time::NS_PER_S;
 
+pub use checkpoint::Checkpoint;
 pub use identification::{Identification, NO_POSE};
 pub use memory::Memory;
 pub use settings::{PriorKind, Settings, StopRule};

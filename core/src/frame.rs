@@ -15,7 +15,6 @@ use core::marker::PhantomData;
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use crate::body::{SEGMENTS, Segment};
-use crate::message::SuitSample;
 
 /// The world of the suit: Z up, but its origin wanders.
 #[derive(Debug, Clone, Copy)]
@@ -69,11 +68,6 @@ impl<W> Pose<W> {
 }
 
 impl Pose<SuitWorld> {
-    /// The pose of a suit sample, whose quaternions the adapter has normalised.
-    pub fn from_sample(sample: &SuitSample) -> Self {
-        Pose::new(sample.position_m.map(Vector3::from), sample.orientation_wxyz.map(rotation))
-    }
-
     /// The same pose, its world's origin shifted.
     pub fn shifted(&self, station_from_suit_m: Vector3<f64>) -> Pose<StationWorld> {
         Pose::new(self.origin.map(|origin| origin + station_from_suit_m), self.world_from_segment)

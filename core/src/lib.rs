@@ -3,7 +3,7 @@
 //!
 //! No clock, no file, no thread, no heap, no unsafe: samples and a time go in, a state comes out. Floors, ground
 //! first, each resting only on those before it:
-//! [`time`], [`body`], [`frame`] → [`message`] → [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
+//! [`time`], [`body`] and [`frame`] → [`message`] → [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
 //! [`pose_suggestion`] → [`overload`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]

@@ -4,7 +4,6 @@
 //! a recording and in a C header are the same bytes. [`layout::Message::FIELDS`] says what they mean; everything
 //! that must agree with them (schema hash, recording schema, client headers) is generated from that one table.
 
-pub mod checkpoint;
 pub mod command;
 pub mod cycle_record;
 pub mod ground;
@@ -14,7 +13,6 @@ pub mod state;
 pub mod suit;
 pub mod validity;
 
-pub use checkpoint::Checkpoint;
 pub use command::{Command, CommandKind, Reply};
 pub use cycle_record::CycleRecord;
 pub use ground::GroundSample;

@@ -8,7 +8,8 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant, SystemTime};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher};
-use equipoise_core::message::{Checkpoint, CycleRecord, State};
+use equipoise_core::cycle::Checkpoint;
+use equipoise_core::message::{CycleRecord, State};
 use equipoise_latency::hlog::HlogWriter;
 use equipoise_latency::{PathHistograms, Report};
 use tracing::{info, warn};

@@ -13,8 +13,9 @@ use anyhow::{Context, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Checkpoint, Command, CommandKind, CycleRecord, GroundSample, State, SuitSample,
+    AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitSample,
 };
 
 pub use summary::RecordSummary;

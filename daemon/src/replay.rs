@@ -2,8 +2,8 @@
 //! loop, faster than real time and byte for byte alike every time.
 //!
 //! Two schedules. Where a recording has cycle records, their ticks, samples and commands are done again, from the
-//! first checkpoint on: the states are the live loop's, and are compared with it ([`recorded`]). Imports have no cycle
-//! records: ticks come at the configured rate, and a sample with the first tick after its delivery ([`free`]).
+//! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
+//! records: ticks come at the configured rate, and a sample with the first tick after its delivery (`free`).
 //!
 //! Floors, ground first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`] → `machine` → [`fidelity`],
 //! `recorded`, `free` → `output`, [`cross_validation`]

@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use crossbeam_queue::ArrayQueue;
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::Identification;
-use equipoise_core::message::{Checkpoint, CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
 /// A quarter of a second of the fastest suit.

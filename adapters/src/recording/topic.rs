@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Checkpoint, Command, CycleRecord, GroundSample, Message, State, SuitSample,
+    AdapterHealth, Command, CycleRecord, GroundSample, Message, State, SuitSample,
 };
 
 /// How messages are encoded (mcap.dev registry): little-endian, fixed-size arrays without length prefix.

@@ -24,7 +24,7 @@ impl Memory {
     /// Works through one aligned sample.
     pub(super) fn monitor(&mut self, settings: &Settings, aligned: &Aligned) {
         let suit = &aligned.suit;
-        let in_suit_world = Pose::from_sample(suit);
+        let in_suit_world = suit.pose();
         self.identification.learn_skeleton(&in_suit_world, settings);
         let pose = if settings.suit_drifts {
             self.anchor.hold(&in_suit_world)

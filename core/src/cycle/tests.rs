@@ -318,7 +318,7 @@ fn the_same_inputs_give_the_same_bytes_and_a_checkpoint_goes_on_alike() {
     other.identify(&person);
     assert_eq!(bytemuck::bytes_of(one.state()), bytemuck::bytes_of(other.state()));
 
-    let mut checkpoint = bytemuck::zeroed_box::<crate::message::Checkpoint>();
+    let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
     checkpoint.take(one.cycle, &one.memory);
     other.memory.start(&other.settings);
     *other.memory = *checkpoint.memory().unwrap();
@@ -333,7 +333,7 @@ fn a_checkpoint_before_the_bones_are_known_can_be_gone_on_from() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     for milliseconds in [0, 50, 100] {
         bench.hold(&person, &postures()[0], None, milliseconds);
-        let mut checkpoint = bytemuck::zeroed_box::<crate::message::Checkpoint>();
+        let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
         checkpoint.take(bench.cycle, &bench.memory);
         assert!(!bench.memory.identification.has_body() && checkpoint.memory().is_some());
     }
@@ -343,7 +343,7 @@ fn a_checkpoint_before_the_bones_are_known_can_be_gone_on_from() {
 fn a_damaged_checkpoint_is_refused() {
     let mut bench = Bench::new(|_| {});
     bench.identify(&Person::real());
-    let mut checkpoint = bytemuck::zeroed_box::<crate::message::Checkpoint>();
+    let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
     checkpoint.take(1, &bench.memory);
     assert!(checkpoint.memory().is_some());
     for word in (0..checkpoint.words.len()).step_by(97) {

@@ -141,9 +141,7 @@ pub(crate) use message;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{
-        AdapterHealth, Checkpoint, Command, CycleRecord, GroundSample, Reply, State, SuitSample,
-    };
+    use crate::message::{AdapterHealth, Command, CycleRecord, GroundSample, Reply, State, SuitSample};
 
     fn fields_fill_the_message_without_gaps<M: Message>() {
         let mut end = 0;
@@ -163,7 +161,6 @@ mod tests {
         fields_fill_the_message_without_gaps::<AdapterHealth>();
         fields_fill_the_message_without_gaps::<Command>();
         fields_fill_the_message_without_gaps::<Reply>();
-        fields_fill_the_message_without_gaps::<Checkpoint>();
     }
 
     #[test]

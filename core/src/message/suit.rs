@@ -1,7 +1,10 @@
 //! What the suit says: one sample of the whole body.
 
+use nalgebra::Vector3;
+
 use super::layout::{ZeroCopySend, message};
 use crate::body::SEGMENTS;
+use crate::frame::{Pose, SuitWorld, rotation};
 
 message! {
     /// One sample of a motion-capture suit, in the suit's own world (X forward, Y left, Z up, metres).
@@ -66,6 +69,11 @@ pub enum SuitBlocks {
 }
 
 impl SuitSample {
+    /// Where the body is, in the suit's own world. The adapter has normalised the quaternions.
+    pub fn pose(&self) -> Pose<SuitWorld> {
+        Pose::new(self.position_m.map(Vector3::from), self.orientation_wxyz.map(rotation))
+    }
+
     /// Whether an optional block was sent with this sample.
     pub fn has(&self, block: SuitBlocks) -> bool {
         self.blocks & block as u32 != 0

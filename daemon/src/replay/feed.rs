@@ -6,7 +6,8 @@
 use std::collections::VecDeque;
 
 use equipoise_adapters::recording::{Entries, Entry, Recording};
-use equipoise_core::message::{Checkpoint, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::cycle::Checkpoint;
+use equipoise_core::message::{CycleRecord, GroundSample, State, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
 use super::waiting::Waiting;

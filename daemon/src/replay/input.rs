@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
-use equipoise_core::message::Checkpoint;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::samples::{LeftOut, Sample, Samples};

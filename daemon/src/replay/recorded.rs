@@ -1,8 +1,9 @@
 //! Replays the cycles that a recording tells of: the same ticks, samples and commands, hence the same states.
 
 use equipoise_adapters::recording::Recording;
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::{Inputs, Memory, Tick};
-use equipoise_core::message::{Checkpoint, CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 
 use super::feed::{Cycle, Feed};
 use super::fidelity::Fidelity;

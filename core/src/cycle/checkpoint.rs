@@ -1,7 +1,7 @@
 //! The loop's whole memory, for recorders and for saving.
 
-use super::layout::{ZeroCopySend, message};
-use crate::cycle::Memory;
+use super::Memory;
+use crate::message::layout::{ZeroCopySend, message};
 
 /// The memory in numbers of 8 bytes.
 pub const WORDS: usize = size_of::<Memory>() / 8;
@@ -32,5 +32,17 @@ impl Checkpoint {
     pub fn memory(&self) -> Option<&Memory> {
         let memory: &Memory = bytemuck::try_cast_ref(&self.words).ok()?;
         memory.is_sound().then_some(memory)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::Message;
+
+    #[test]
+    fn the_table_fills_the_message() {
+        let end = Checkpoint::FIELDS.last().map(|field| field.offset + field.count * field.primitive.size());
+        assert_eq!(end, Some(size_of::<Checkpoint>()));
     }
 }
