@@ -54,11 +54,11 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     if let Some(command) = inputs.command {
         memory.obey(settings, command, tick);
     }
-    for sample in inputs.ground.iter().filter(|sample| alignment::is_sound_ground(sample)) {
-        memory.alignment.push_ground(&memory.tared(sample));
+    for sample in inputs.ground {
+        memory.alignment.push_ground(&memory.tared(sample), tick.due_ns);
     }
-    for sample in inputs.suit.iter().filter(|sample| alignment::is_sound_suit(sample)) {
-        memory.alignment.push_suit(sample);
+    for sample in inputs.suit {
+        memory.alignment.push_suit(sample, tick.due_ns);
     }
     // Bounded: the queue holds a fixed number of samples.
     while let Some(aligned) = memory.alignment.next(tick.due_ns) {

@@ -137,6 +137,7 @@ impl Loop {
         record.deadline_missed = u32::from(compute_end_ns > schedule.deadline_ns());
         record.deadlines_missed += u64::from(record.deadline_missed);
         record.input_dropped = self.rings.input_dropped();
+        record.input_refused = self.memory.alignment.refused();
         record.output_dropped = self.rings.output_dropped();
         self.note_samples(suit_taken, ground_taken);
         self.take_checkpoint(tick.cycle, command);

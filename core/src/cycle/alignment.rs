@@ -30,7 +30,7 @@ pub struct Alignment {
     /// Learnt sample periods, ns; 0 before two samples.
     suit_period_ns: u64,
     ground_period_ns: u64,
-    /// Samples refused because their time did not advance.
+    /// Samples refused: not plausible, or their time did not advance.
     refused: u64,
 }
 
@@ -59,8 +59,12 @@ fn learn(period_ns: &mut u64, interval_ns: u64) {
 }
 
 impl Alignment {
-    /// Takes in a ground sample; one whose time does not advance is refused.
-    pub fn push_ground(&mut self, sample: &GroundSample) {
+    /// Takes in a ground sample; one that is not plausible at `now_ns` or whose time does not advance is refused.
+    pub fn push_ground(&mut self, sample: &GroundSample, now_ns: u64) {
+        if !is_sound_ground(sample, now_ns) {
+            self.refused += 1;
+            return;
+        }
         if let Some(newest_ns) = self.newest_ground().map(|newest| newest.sample_time_ns) {
             if sample.sample_time_ns <= newest_ns {
                 self.refused += 1;
@@ -72,8 +76,13 @@ impl Alignment {
         self.ground_count += 1;
     }
 
-    /// Takes in a suit sample; one whose time does not advance is refused. A full queue loses its oldest.
-    pub fn push_suit(&mut self, sample: &SuitSample) {
+    /// Takes in a suit sample; one that is not plausible at `now_ns` or whose time does not advance is refused. A full
+    /// queue loses its oldest.
+    pub fn push_suit(&mut self, sample: &SuitSample, now_ns: u64) {
+        if !is_sound_suit(sample, now_ns) {
+            self.refused += 1;
+            return;
+        }
         if let Some(newest_ns) = self.newest_suit().map(|newest| newest.sample_time_ns) {
             if sample.sample_time_ns <= newest_ns {
                 self.refused += 1;
@@ -121,7 +130,7 @@ impl Alignment {
         if self.ground_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.ground_period_ns }
     }
 
-    /// Samples refused because their time did not advance.
+    /// Samples refused: not plausible, or their time did not advance.
     pub fn refused(&self) -> u64 {
         self.refused
     }
@@ -188,31 +197,55 @@ fn is_finite_ground(sample: &GroundSample) -> bool {
         && sample.surface_z_m.is_finite()
 }
 
-/// Whether a suit sample may enter: finite numbers and unit quaternions. Adapters see to that; the loop checks again,
-/// because anybody of the same user may write to the bus.
-pub fn is_sound_suit(sample: &SuitSample) -> bool {
-    is_finite_suit(sample)
+/// A sample dated farther ahead of the cycle than this is not believed: it would make all later ones look old, ns.
+const AHEAD_MAX_NS: u64 = 1_000_000_000;
+/// No body is farther from the origin, m.
+const POSITION_MAX_M: f64 = 1e4;
+/// No plate measures more, N and N m.
+const WRENCH_MAX: f64 = 1e6;
+
+/// Whether a suit sample may enter at `now_ns`: plausible numbers, unit quaternions, a time that is not to come.
+///
+/// Adapters see to that; the loop checks again, because any process of the same user may write to the bus.
+fn is_sound_suit(sample: &SuitSample, now_ns: u64) -> bool {
+    is_not_to_come(sample.sample_time_ns, now_ns)
+        && is_finite_suit(sample)
+        && sample.position_m.iter().flatten().all(|metres| metres.abs() < POSITION_MAX_M)
         && sample.orientation_wxyz.iter().all(|q| {
             let square: f64 = q.iter().map(|part| part * part).sum();
             (square - 1.0).abs() < 1e-3
         })
 }
 
-/// Whether a ground sample may enter: finite numbers.
-pub fn is_sound_ground(sample: &GroundSample) -> bool {
-    is_finite_ground(sample)
+/// Whether a ground sample may enter at `now_ns`: plausible numbers, a time that is not to come.
+fn is_sound_ground(sample: &GroundSample, now_ns: u64) -> bool {
+    is_not_to_come(sample.sample_time_ns, now_ns)
+        && is_finite_ground(sample)
+        && sample.force_n.iter().chain(&sample.moment_nm).all(|value| value.abs() < WRENCH_MAX)
+        && sample.surface_z_m.abs() < POSITION_MAX_M
+}
+
+fn is_not_to_come(sample_time_ns: u64, now_ns: u64) -> bool {
+    sample_time_ns <= now_ns.saturating_add(AHEAD_MAX_NS)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Late enough for every sample here.
+    const NOW_NS: u64 = 1 << 40;
+
     fn ground(time_ns: u64, force: f64) -> GroundSample {
         GroundSample { sample_time_ns: time_ns, force_n: [0.0, 0.0, force], ..Zeroable::zeroed() }
     }
 
     fn suit(time_ns: u64) -> SuitSample {
-        SuitSample { sample_time_ns: time_ns, ..Zeroable::zeroed() }
+        SuitSample {
+            sample_time_ns: time_ns,
+            orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; crate::body::SEGMENTS],
+            ..Zeroable::zeroed()
+        }
     }
 
     fn empty() -> Alignment {
@@ -222,10 +255,10 @@ mod tests {
     #[test]
     fn the_wrench_is_taken_at_the_suit_s_own_time_whatever_arrived_first() {
         let mut alignment = empty();
-        alignment.push_suit(&suit(1_500_000));
+        alignment.push_suit(&suit(1_500_000), NOW_NS);
         assert!(alignment.next(2_000_000).is_none(), "the ground has not reached it");
         for millisecond in 0..3 {
-            alignment.push_ground(&ground(millisecond * 1_000_000, 100.0 * millisecond as f64));
+            alignment.push_ground(&ground(millisecond * 1_000_000, 100.0 * millisecond as f64), NOW_NS);
         }
         let aligned = alignment.next(3_000_000).unwrap();
         assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
@@ -235,8 +268,8 @@ mod tests {
     #[test]
     fn a_silent_ground_does_not_hold_the_suit_back_for_ever() {
         let mut alignment = empty();
-        alignment.push_ground(&ground(0, 700.0));
-        alignment.push_suit(&suit(10_000_000));
+        alignment.push_ground(&ground(0, 700.0), NOW_NS);
+        alignment.push_suit(&suit(10_000_000), NOW_NS);
         assert!(alignment.next(20_000_000).is_none());
         assert!(alignment.next(80_000_000).unwrap().ground.is_none());
     }
@@ -244,20 +277,20 @@ mod tests {
     #[test]
     fn nothing_is_interpolated_over_a_gap() {
         let mut alignment = empty();
-        alignment.push_ground(&ground(0, 700.0));
-        alignment.push_ground(&ground(200_000_000, 700.0));
-        alignment.push_suit(&suit(100_000_000));
+        alignment.push_ground(&ground(0, 700.0), NOW_NS);
+        alignment.push_ground(&ground(200_000_000, 700.0), NOW_NS);
+        alignment.push_suit(&suit(100_000_000), NOW_NS);
         assert!(alignment.next(200_000_000).unwrap().ground.is_none());
     }
 
     #[test]
     fn time_that_does_not_advance_is_refused() {
         let mut alignment = empty();
-        alignment.push_ground(&ground(5, 1.0));
-        alignment.push_ground(&ground(5, 2.0));
-        alignment.push_ground(&ground(4, 3.0));
-        alignment.push_suit(&suit(9));
-        alignment.push_suit(&suit(9));
+        alignment.push_ground(&ground(5, 1.0), NOW_NS);
+        alignment.push_ground(&ground(5, 2.0), NOW_NS);
+        alignment.push_ground(&ground(4, 3.0), NOW_NS);
+        alignment.push_suit(&suit(9), NOW_NS);
+        alignment.push_suit(&suit(9), NOW_NS);
         assert_eq!(alignment.refused(), 3);
         assert_eq!(alignment.newest_ground().unwrap().force_n[2], 1.0);
     }
@@ -266,7 +299,7 @@ mod tests {
     fn a_full_queue_loses_its_oldest() {
         let mut alignment = empty();
         for index in 1..=SUIT_QUEUE as u64 + 3 {
-            alignment.push_suit(&suit(index));
+            alignment.push_suit(&suit(index), NOW_NS);
         }
         assert_eq!(alignment.next(u64::MAX).unwrap().suit.sample_time_ns, 4);
         assert!(alignment.is_sound());
@@ -278,9 +311,9 @@ mod tests {
         let mut time_ns = 0;
         for _ in 0..20 {
             time_ns += 4_166_667;
-            alignment.push_suit(&suit(time_ns));
+            alignment.push_suit(&suit(time_ns), NOW_NS);
         }
-        alignment.push_suit(&suit(time_ns + 500_000_000));
+        alignment.push_suit(&suit(time_ns + 500_000_000), NOW_NS);
         assert!(alignment.suit_period_ns() < 5_000_000);
     }
 }

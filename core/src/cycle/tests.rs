@@ -362,13 +362,21 @@ fn bad_samples_change_nothing() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 500);
     let before = Box::new(*bench.memory);
+    let mut to_come = bench.memory.alignment.newest_ground().copied().unwrap();
+    to_come.sample_time_ns = bench.now_ns + 3_600 * NS_PER_S;
+    let mut far_away = *bench.memory.alignment.newest_suit().unwrap();
+    far_away.sample_time_ns = bench.now_ns + 1;
+    far_away.position_m[3][0] = 1e30;
     let mut suit: SuitSample = Zeroable::zeroed();
     suit.sample_time_ns = bench.now_ns + 1;
     let mut ground: GroundSample = Zeroable::zeroed();
     ground.sample_time_ns = bench.now_ns + 1;
     ground.force_n[0] = f64::NAN;
-    let inputs = Inputs { suit: &[suit], ground: &[ground], command: None };
+    let inputs = Inputs { suit: &[suit, far_away], ground: &[ground, to_come], command: None };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle + 1, due_ns: bench.now_ns }, inputs);
-    assert_eq!(bytemuck::bytes_of(&before.alignment), bytemuck::bytes_of(&bench.memory.alignment));
+    let after = &bench.memory.alignment;
+    assert_eq!(after.refused(), before.alignment.refused() + 4);
+    assert_eq!(after.newest_suit(), before.alignment.newest_suit());
+    assert_eq!(after.newest_ground(), before.alignment.newest_ground());
     assert_eq!(bytemuck::bytes_of(&before.identification), bytemuck::bytes_of(&bench.memory.identification));
 }

@@ -56,11 +56,13 @@ message! {
         pub deadlines_missed: u64,
         /// Samples dropped because a ring was full, since start.
         pub input_dropped: u64,
+        /// Samples the loop refused since start: not plausible, or their time did not advance.
+        pub input_refused: u64,
         /// States dropped because egress was too slow, since start.
         pub output_dropped: u64,
         /// Length of one period.
         pub period_ns: u64,
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 5],
+        pub reserved_tail: [u64; 4],
     }
 }
