@@ -12,6 +12,8 @@ pub mod monitoring;
 pub mod settings;
 pub mod support;
 
+use alignment::PATIENCE_NS;
+
 use crate::message::command::CommandKind;
 use crate::message::state::Phase;
 use crate::message::{GroundSample, State, SuitSample, Validity};
@@ -85,13 +87,23 @@ impl Memory {
                 if self.identification.has_body() {
                     self.identification.return_to_prior(settings);
                 }
+                // A mass that was measured may have been measured wrongly.
+                self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
                 self.identification.learning = 1;
                 self.model_changed_ns = tick.due_ns;
             }
-            CommandKind::Tare => self.tare(),
+            CommandKind::Tare => {
+                if self.tare() {
+                    self.model_changed_ns = tick.due_ns;
+                }
+            }
             // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave => {}
-            CommandKind::SubjectLoad => self.model_changed_ns = tick.due_ns,
+            CommandKind::SubjectLoad => {
+                // What the window holds was another worker's pose.
+                self.window.clear();
+                self.model_changed_ns = tick.due_ns;
+            }
         }
     }
 
@@ -102,7 +114,10 @@ impl Memory {
         let stale = |age_ns: u64, period_ns: u64| age_ns > 2 * period_ns + STALE_TOLERANCE_NS;
         let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
-        let suit_stale = stale(suit_age_ns, self.alignment.suit_period_ns());
+        // Samples that came in last may still wait for the ground; what is told is what was worked through.
+        let worked_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
+        let suit_stale = stale(suit_age_ns, self.alignment.suit_period_ns())
+            || stale(worked_age_ns.saturating_sub(PATIENCE_NS), self.alignment.suit_period_ns());
         let ground_stale = stale(ground_age_ns, self.alignment.ground_period_ns());
         if suit_stale && !ground_stale {
             self.measure_ground_alone();
@@ -114,6 +129,7 @@ impl Memory {
         valid.raise(Validity::GROUND_STALE, ground_stale);
         valid.raise(Validity::NOT_IDENTIFIED, identification.identified == 0);
         valid.raise(Validity::MASS_UNKNOWN, identification.mass_kg <= 0.0);
+        valid.raise(Validity::BODY_UNKNOWN, !identification.has_body());
         let changed =
             self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
         valid.raise(Validity::MODEL_CHANGED, changed);
@@ -129,7 +145,7 @@ impl Memory {
             self.was_ready = 1;
         }
 
-        let state = &mut self.state;
+        let state = &mut self.known;
         state.cycle = tick.cycle;
         state.time_ns = now_ns;
         state.suit_age_ns = suit_age_ns;
@@ -146,7 +162,8 @@ impl Memory {
         if suit_stale || ground_stale {
             state.static_pose = 0;
         }
-        blank_spoilt(state, settings);
+        self.state = self.known;
+        blank_spoilt(&mut self.state, settings);
     }
 }
 
@@ -155,14 +172,18 @@ fn blank_spoilt(state: &mut State, settings: &Settings) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_COP_MEASURED) {
         state.cop_measured_m = [0.0; 2];
+    }
+    if valid.any_of(Validity::SPOILS_GROUND_FORCE) {
         state.ground_force_n = [0.0; 3];
+    }
+    if valid.any_of(Validity::SUIT_STALE) {
+        state.segment_origin_m = bytemuck::Zeroable::zeroed();
+        state.pose_mismatch_rad = 0.0;
     }
     if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {
         state.cop_estimated_m = [0.0; 2];
         state.cop_sigma_m = [0.0; 2];
         state.com_m = [0.0; 3];
-        state.segment_origin_m = bytemuck::Zeroable::zeroed();
-        state.pose_mismatch_rad = 0.0;
     }
     if valid.any_of(Validity::SPOILS_DELTA_F) {
         state.delta_f_n = [0.0; 3];

@@ -114,11 +114,20 @@ impl Filter {
         Some(innovation)
     }
 
-    /// Whether every number is finite and every variance not negative; a stored filter is checked before use.
+    /// Whether every number is finite, every variance positive and every correlation within one; a stored filter is checked before use.
     pub fn is_sound(&self) -> bool {
         self.count() <= PARAMETERS
             && self.theta_m.iter().chain(self.covariance_m2.iter().flatten()).all(|value| value.is_finite())
-            && (0..self.count()).all(|index| self.variance_m2(index) >= 0.0)
+            && (0..self.count()).all(|row| {
+                self.variance_m2(row) > 0.0
+                    && (0..row).all(|column| {
+                        let (one, other) = (self.covariance_m2[row][column], self.covariance_m2[column][row]);
+                        // Rounding in a file may cost the last digits, not more.
+                        let bound = self.variance_m2(row) * self.variance_m2(column);
+                        (one - other).abs() <= 1e-9 * one.abs().max(1e-12)
+                            && one * one <= bound * (1.0 + 1e-9)
+                    })
+            })
     }
 
     /// Puts stored values back; the caller checks [`Filter::is_sound`].

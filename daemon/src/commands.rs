@@ -107,8 +107,8 @@ fn hand_over(rings: &Rings, kind: CommandKind) -> Result<(), String> {
 }
 
 fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
-    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::GROUND_STALE)) else {
-        return Err("the plate is silent; nothing to tare".to_owned());
+    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::SPOILS_GROUND_FORCE)) else {
+        return Err("the plate is silent or faulty; nothing to tare".to_owned());
     };
     if state.ground_force_n[2].abs() > OCCUPIED_N {
         return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
@@ -138,15 +138,24 @@ fn load(command: &Command, rings: &Rings, settings: &Settings, workers: &mut Wor
     let profile = Profile::read(&path)
         .map_err(|error| error.to_string())?
         .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
-    let worker = profile.worker(settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
+    let mut worker =
+        profile.worker(settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
     // Whether anything is remembered is the configuration's word, for every worker.
     let configured = workers.all.get(workers::CONFIGURED);
-    let remember = configured.is_some_and(|saving| saving.remember);
+    let remember = configured.as_ref().is_some_and(|saving| saving.remember);
+    // A mass in the configuration is the configured worker's, nobody else's.
+    if let (true, Some(mass_kg)) = (configured.is_some_and(|saving| saving.subject == id), settings.mass_kg) {
+        worker.mass_kg = mass_kg;
+    }
+    let in_use = format!("{id} is in use: {} poses, {:.1} kg", worker.poses_used, worker.mass_kg);
+    while rings.worker_back.pop().is_some() {}
+    // This thread alone fills both rings, so what is free now stays free.
+    if rings.command.is_full() || rings.worker.is_full() {
+        return Err("too many commands at once; ask again".to_owned());
+    }
     let number = workers.all.add(Saving::of(&id, remember));
-    rings.worker.force_push((number, worker));
-    hand_over(rings, CommandKind::SubjectLoad)
-        .inspect(|()| workers.in_use = number)
-        .map(|()| format!("{id} is in use: {} poses, {:.1} kg", profile.poses_used, profile.mass_kg))
+    let _ = rings.worker.push((number, worker));
+    hand_over(rings, CommandKind::SubjectLoad).inspect(|()| workers.in_use = number).map(|()| in_use)
 }
 
 fn reply(cycle: u64, outcome: Answer) -> Reply {

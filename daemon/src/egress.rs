@@ -73,7 +73,8 @@ impl Egress {
     /// The bus breaks.
     pub fn run(mut self) -> Result<Report, BusError> {
         loop {
-            let stopping = self.rings.is_stopping();
+            // Asked before the rings are emptied: what the loop said last is in them then.
+            let ended = self.rings.has_ended();
             self.rings.wait_for_outcome(WAKE_AT_LEAST);
             while let Some(outcome) = self.rings.outcome.pop() {
                 self.publish(outcome)?;
@@ -88,7 +89,7 @@ impl Egress {
             if let Some(hlog) = &mut self.hlog {
                 hlog.write_if_due(false);
             }
-            if stopping {
+            if ended {
                 if let Some(hlog) = &mut self.hlog {
                     hlog.write_if_due(true);
                 }

@@ -229,9 +229,10 @@ impl Start<'_> {
             (Asked { fifo_priority: config.tick.priority, cpu }, config.period_ns());
         let mut observer = self.observer;
         let (looping, report) = started("loop", move |ready| {
+            let _runs = rings.loop_runs();
             realtime::prefault_stack();
             let _ = ready.send(realtime::ask("loop", asked_loop));
-            Ok(Loop::new(settings, memory, rings, period_ns).run(&mut *observer))
+            Ok(Loop::new(settings, memory, Arc::clone(&rings), period_ns).run(&mut *observer))
         })?;
         running.looping = Some(looping);
         threads.push(report);
@@ -343,6 +344,10 @@ fn remembered(settings: &equipoise_core::cycle::Settings, workers: &Workers) -> 
             let (poses, identified) = (profile.poses_used, profile.identified);
             info!(poses, identified, "profile {} is in use", profile.subject);
             memory.identification = *worker;
+            // What the configuration says of the mass is newer than the profile.
+            if let Some(mass_kg) = settings.mass_kg {
+                memory.identification.mass_kg = mass_kg;
+            }
         }
         Err(why) => {
             warn!("{why}; what is learnt now is not saved");

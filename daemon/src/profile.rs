@@ -34,6 +34,8 @@ pub struct Profile {
     pub identified: bool,
     /// Bones: each segment's origin in its parent, m.
     skeleton_m: Vec<[f64; 3]>,
+    /// The last pose used, `parent_from_segment`, scalar first: it is not used again.
+    last_pose_wxyz: Vec<[f64; 4]>,
     /// θ, m.
     theta_m: Vec<f64>,
     /// P, m², row by row.
@@ -76,6 +78,7 @@ impl Profile {
             poses_used: stored.poses_used,
             identified: stored.identified,
             skeleton_m: stored.skeleton_m.to_vec(),
+            last_pose_wxyz: stored.last_pose_wxyz.to_vec(),
             theta_m: stored.theta_m.to_vec(),
             covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
         })
@@ -95,10 +98,15 @@ impl Profile {
         worker.start(settings);
         let stored = Stored {
             skeleton_m,
-            mass_kg: settings.mass_kg.unwrap_or(self.mass_kg),
+            mass_kg: self.mass_kg,
             theta_m: &self.theta_m,
             poses_used: self.poses_used,
             identified: self.identified,
+            last_pose_wxyz: self
+                .last_pose_wxyz
+                .clone()
+                .try_into()
+                .map_err(|_| "its last pose has another number of joints".to_owned())?,
         };
         if worker.restore(&stored, &self.covariance_m2, settings) {
             Ok(worker)

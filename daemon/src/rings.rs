@@ -20,6 +20,8 @@ const GROUND_RING: usize = 1024;
 /// A quarter of a second of cycles at the highest rate.
 const OUTCOME_RING: usize = 1024;
 const COMMAND_RING: usize = 16;
+/// As many as there may be commands: the loop never finds it full, and so never frees a worker itself.
+const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
 
 /// What one cycle has to say.
@@ -55,6 +57,7 @@ pub struct Rings {
     output_dropped: AtomicU64,
     last_cycle: AtomicU64,
     stop: AtomicBool,
+    loop_runs: AtomicBool,
 }
 
 impl Rings {
@@ -72,7 +75,7 @@ impl Rings {
             ground: ArrayQueue::new(GROUND_RING),
             command: ArrayQueue::new(COMMAND_RING),
             worker: ArrayQueue::new(1),
-            worker_back: ArrayQueue::new(1),
+            worker_back: ArrayQueue::new(WORKERS_BACK),
             blank,
             taken: ArrayQueue::new(CHECKPOINTS),
             outcome: ArrayQueue::new(OUTCOME_RING),
@@ -81,6 +84,7 @@ impl Rings {
             output_dropped: AtomicU64::new(0),
             last_cycle: AtomicU64::new(0),
             stop: AtomicBool::new(false),
+            loop_runs: AtomicBool::new(false),
         })
     }
 
@@ -138,6 +142,23 @@ impl Rings {
     /// Asks every thread to end.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Says that the loop runs, until what is returned is dropped, by a panic too; egress stays until then.
+    pub fn loop_runs(&self) -> impl Drop {
+        struct Runs<'a>(&'a AtomicBool);
+        impl Drop for Runs<'_> {
+            fn drop(&mut self) {
+                self.0.store(false, Ordering::Release);
+            }
+        }
+        self.loop_runs.store(true, Ordering::Release);
+        Runs(&self.loop_runs)
+    }
+
+    /// Whether the loop will say nothing more: threads shall end, and it has ended or never begun.
+    pub fn has_ended(&self) -> bool {
+        self.is_stopping() && !self.loop_runs.load(Ordering::Acquire)
     }
 
     /// Whether threads shall end.

@@ -16,7 +16,7 @@
 //! | `mass_kg` | kg | the mass is not known |
 //! | `cop_measured` | m, world x and y | the plate is silent, or the feet are off it |
 //! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent |
-//! | `ground_force_n` | N | the plate is silent |
+//! | `ground_force_n` | N | the plate is silent or faulty |
 //! | `delta_f_n` | N | the plate is silent, or the mass is not known |
 //! | `zeta` (left, right) | share | the plate or the suit is silent, or the feet are off the plate |
 //! | `eta` (left, right) | share | any reason that spoils `load_distance_m`, or the load is not at the hands |
@@ -110,7 +110,9 @@ impl<'a> StateJson<'a> {
                 .and_then(all_finite),
             cop_sigma: state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_sigma_m).and_then(all_finite),
             com: state.unless(Validity::SPOILS_COP_ESTIMATED, state.com_m).and_then(all_finite),
-            ground_force_n: state.unless(Validity::GROUND_STALE, state.ground_force_n).and_then(all_finite),
+            ground_force_n: state
+                .unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n)
+                .and_then(all_finite),
             delta_f_n: state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n).and_then(all_finite),
             zeta: state.unless(SPOILS_ZETA, state.zeta).and_then(all_finite),
             eta: state.unless(Validity::SPOILS_TORQUES, state.eta).and_then(all_finite),
@@ -230,7 +232,7 @@ mod tests {
             r#"{"t":12.5,"cycle":7,"phase":"degraded","valid":["suit_stale","feet_off_plate"],"static_pose":true,"#
                 .to_owned()
                 + r#""converged":true,"poses_used":12,"stance":2,"suit_age_ns":4000000,"ground_age_ns":900000,"#
-                + r#""mass_kg":72.5,"ground_force_n":[0.0,0.0,800.0],"delta_f_n":[0.0,0.0,88.75],"#
+                + r#""mass_kg":72.5,"ground_force_n":[0.0,0.0,800.0],"#
                 + r#""variance_max_m2":0.0015,"predicted_cop_sigma_m":0.006,"nis":1.5}"#
         );
     }

@@ -42,6 +42,8 @@ fn reason(name: &'static str) -> Reason {
             ("The load does not seem to be in your hands: are you leaning on something?", false)
         }
         "mass_unknown" => ("Your weight is not known yet: stand still on the plate.", false),
+        "body_unknown" => ("The suit is still being measured: one moment.", false),
+        "plate_fault" => ("The force plate reports a fault: it needs attention.", true),
         // A reason of a later version is still better named than hidden.
         later => (later, false),
     };

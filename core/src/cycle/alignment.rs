@@ -12,7 +12,7 @@ const GROUND_RING: usize = 512;
 /// Suit samples that may wait for the ground.
 const SUIT_QUEUE: usize = 16;
 /// How long a suit sample waits for the ground, ns.
-const PATIENCE_NS: u64 = 60_000_000;
+pub const PATIENCE_NS: u64 = 60_000_000;
 /// Ground samples farther apart than this are not interpolated between, ns.
 const GAP_MAX_NS: u64 = 60_000_000;
 
@@ -43,6 +43,13 @@ pub struct Aligned {
     pub ground: Option<GroundSample>,
 }
 
+/// How much of the plate's recent past is averaged for a tare, ns.
+const TARE_SPAN_NS: u64 = 300_000_000;
+/// No supported sensor is slower, ns.
+const PERIOD_MAX_NS: u64 = 100_000_000;
+/// More samples than a century brings.
+const COUNT_MAX: u64 = 1 << 48;
+
 /// Before two samples were seen: the slowest suit and plate that are supported, ns.
 const PERIOD_AT_FIRST_NS: u64 = 16_666_667;
 
@@ -56,6 +63,7 @@ fn learn(period_ns: &mut u64, interval_ns: u64) {
         // A gap, or the stream became slower: follow slowly.
         *period_ns += *period_ns / 16;
     }
+    *period_ns = (*period_ns).min(PERIOD_MAX_NS);
 }
 
 impl Alignment {
@@ -107,17 +115,31 @@ impl Alignment {
         Some(&self.suit[index as usize % SUIT_QUEUE])
     }
 
-    /// Mean force and moment over the ring, N and N m; `None` before the first sample.
-    pub fn mean_ground(&self) -> Option<[[f64; 3]; 2]> {
-        let count = (self.ground_count as usize).min(GROUND_RING);
-        let mut mean = [[0.0; 3]; 2];
-        for sample in &self.ground[..count] {
+    /// Mean force and moment over the last [`TARE_SPAN_NS`], N and N m, taken off every sample of the ring; `None`, and
+    /// nothing is changed, unless all of them are sound and show less than `empty_n` of vertical force.
+    pub fn tare(&mut self, empty_n: f64) -> Option<[[f64; 3]; 2]> {
+        let newest_ns = self.newest_ground()?.sample_time_ns;
+        let filled = (self.ground_count as usize).min(GROUND_RING);
+        let is_recent = |sample: &GroundSample| newest_ns - sample.sample_time_ns <= TARE_SPAN_NS;
+        let (mut mean, mut count) = ([[0.0; 3]; 2], 0.0);
+        for sample in self.ground[..filled].iter().filter(|sample| is_recent(sample)) {
+            if sample.device_status != 0 || sample.force_n[2].abs() >= empty_n {
+                return None;
+            }
+            count += 1.0;
             for (mean, shown) in mean.iter_mut().flatten().zip(sample.force_n.iter().chain(&sample.moment_nm))
             {
-                *mean += shown / count as f64;
+                *mean += shown;
             }
         }
-        (count > 0).then_some(mean)
+        mean = mean.map(|vector| vector.map(|sum| sum / count));
+        for sample in &mut self.ground[..filled] {
+            let shown = sample.force_n.iter_mut().chain(&mut sample.moment_nm);
+            for (shown, mean) in shown.zip(mean.iter().flatten()) {
+                *shown -= mean;
+            }
+        }
+        Some(mean)
     }
 
     /// Learnt period of the suit, ns.
@@ -139,8 +161,10 @@ impl Alignment {
     pub fn is_sound(&self) -> bool {
         self.suit_out <= self.suit_in
             && self.suit_in - self.suit_out <= SUIT_QUEUE as u64
-            && self.suit_period_ns < u64::MAX / 4
-            && self.ground_period_ns < u64::MAX / 4
+            && self.suit_in < COUNT_MAX
+            && self.ground_count < COUNT_MAX
+            && self.suit_period_ns <= PERIOD_MAX_NS
+            && self.ground_period_ns <= PERIOD_MAX_NS
             && self.suit.iter().all(is_finite_suit)
             && self.ground.iter().all(is_finite_ground)
     }
@@ -293,6 +317,20 @@ mod tests {
         alignment.push_suit(&suit(9), NOW_NS);
         assert_eq!(alignment.refused(), 3);
         assert_eq!(alignment.newest_ground().unwrap().force_n[2], 1.0);
+    }
+
+    #[test]
+    fn a_tare_takes_the_last_moments_of_an_empty_plate_and_is_not_taken_twice() {
+        let mut alignment = empty();
+        for millisecond in 0..500 {
+            let force = if millisecond < 100 { 706.0 } else { 30.0 };
+            alignment.push_ground(&ground(millisecond * 1_000_000, force), NOW_NS);
+        }
+        let shown = alignment.tare(150.0).unwrap();
+        assert!((shown[0][2] - 30.0).abs() < 1e-9, "{shown:?}");
+        assert!(alignment.tare(150.0).unwrap()[0][2].abs() < 1e-9, "the second tare finds nothing left");
+        alignment.push_ground(&ground(500 * 1_000_000, 400.0), NOW_NS);
+        assert_eq!(alignment.tare(150.0), None, "somebody steps on");
     }
 
     #[test]

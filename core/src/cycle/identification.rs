@@ -59,6 +59,8 @@ pub struct Stored<'a> {
     pub poses_used: u64,
     /// Whether identification was finished.
     pub identified: bool,
+    /// `parent_from_segment` of the last pose used, scalar first: it is not used again.
+    pub last_pose_wxyz: [[f64; 4]; JOINTS],
 }
 
 impl Identification {
@@ -70,6 +72,7 @@ impl Identification {
             theta_m: &self.filter.theta_m()[..self.filter.count()],
             poses_used: self.poses_used,
             identified: self.identified == 1,
+            last_pose_wxyz: self.last_pose_wxyz,
         })
     }
 
@@ -85,6 +88,7 @@ impl Identification {
         let fits = stored.theta_m.len() == self.reduction.count()
             && self.filter.restore(stored.theta_m, covariance_m2);
         self.poses_used = stored.poses_used;
+        self.last_pose_wxyz = stored.last_pose_wxyz;
         self.identified = u64::from(stored.identified);
         self.learning = u64::from(!stored.identified && settings.start_identifying);
         self.predicted_cop_sigma_m = self.predict_cop_sigma(settings);
@@ -137,7 +141,7 @@ impl Identification {
         }
     }
 
-    /// Forgets every pose; bones and mass stay.
+    /// Forgets every pose; the bones stay.
     pub fn return_to_prior(&mut self, settings: &Settings) {
         let (skeleton, body) = (self.skeleton(), self.anthropometry(settings));
         self.reduction = Reduction::new(settings.reduction, &Phi::of(&skeleton, &body));

@@ -10,7 +10,7 @@ use crate::message::{GroundSample, State, Validity};
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 1;
+pub const MEMORY_VERSION: u64 = 2;
 
 /// What the loop remembers from one step to the next. About 250 kB: keep it in a box.
 #[repr(C)]
@@ -34,7 +34,9 @@ pub struct Memory {
     pub(super) model_changed_ns: u64,
     /// 1 once both streams and the worker were there together.
     pub(super) was_ready: u64,
-    /// The state last told.
+    /// What is known, whether or not it may be used now.
+    pub(super) known: State,
+    /// The state last told: what is known less what must not be used.
     pub state: State,
 }
 
@@ -76,13 +78,12 @@ impl Memory {
         }
     }
 
-    /// Takes what the plate shows now as nothing, unless somebody stands on it.
-    pub(super) fn tare(&mut self) {
-        let Some(mean) = self.alignment.mean_ground() else { return };
-        if mean[0][2].abs() < EMPTY_PLATE_N {
-            for (tare, shown) in self.tare.iter_mut().flatten().zip(mean.iter().flatten()) {
-                *tare += shown;
-            }
+    /// Takes what the plate shows now as nothing, unless somebody stands on it or it reports a fault.
+    pub(super) fn tare(&mut self) -> bool {
+        let Some(shown) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
+        for (tare, shown) in self.tare.iter_mut().flatten().zip(shown.iter().flatten()) {
+            *tare += shown;
         }
+        true
     }
 }

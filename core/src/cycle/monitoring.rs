@@ -10,6 +10,7 @@ use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{JOINTS, Side};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
+use crate::message::ground::NoCop;
 use crate::message::{GroundSample, State, Validity};
 use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
 use crate::sesc::centre_of_mass;
@@ -17,6 +18,8 @@ use crate::static_pose::{Held, Stillness, rms_joint_angle};
 
 /// Within this multiple of the stillness thresholds the static equations are good enough to publish torques.
 const NEARLY_STILL: f64 = 3.0;
+/// What a plate may show that is taken for a worker's mass, kg.
+const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
 /// The CoP may lie this far outside the modelled soles, m.
 const SUPPORT_MARGIN_M: f64 = 0.02;
 
@@ -37,18 +40,17 @@ impl Memory {
             aligned.ground.map_or(0, |ground| ground.sample_time_sigma_ns).max(suit.sample_time_sigma_ns);
         found.raise(Validity::CLOCK_UNSYNCHRONISED, sigma_ns > CLOCK_SIGMA_MAX_NS);
 
-        self.state.suit_sample_time_ns = suit.sample_time_ns;
-        self.state.stance = self.anchor.stance() as u32;
-        self.state.segment_origin_m = pose.origin.map(Into::into);
+        self.known.suit_sample_time_ns = suit.sample_time_ns;
+        self.known.stance = self.anchor.stance() as u32;
+        self.known.segment_origin_m = pose.origin.map(Into::into);
         self.estimate(&pose, settings);
         self.compare_with_suggestion(&pose, settings);
 
-        let standing = aligned.ground.and_then(|ground| ground.cop_m().ok().map(|cop_m| (ground, cop_m)));
+        let standing =
+            aligned.ground.and_then(|ground| self.stand_on(&ground, &mut found).map(|cop_m| (ground, cop_m)));
         found.raise(Validity::FEET_OFF_PLATE, standing.is_none());
         match standing {
             Some((ground, cop_m)) => {
-                self.state.cop_measured_m = cop_m;
-                self.state.ground_force_n = ground.force_n;
                 let held = Held {
                     time_ns: suit.sample_time_ns,
                     stance: self.anchor.stance(),
@@ -62,7 +64,7 @@ impl Memory {
         }
 
         let stillness = self.window.stillness();
-        self.state.static_pose = u32::from(stillness.is_some_and(|window| window.is_still(&settings.still)));
+        self.known.static_pose = u32::from(stillness.is_some_and(|window| window.is_still(&settings.still)));
         let nearly_still = stillness.is_some_and(|window| window.is_within(&settings.still, NEARLY_STILL));
         found.raise(Validity::MOVING, !nearly_still);
         if let Some(stillness) = stillness.filter(|window| window.is_still(&settings.still)) {
@@ -79,9 +81,9 @@ impl Memory {
         }
         let centre = centre_of_mass(pose, &self.identification.phi());
         let rows = self.identification.reduction.rows(pose);
-        self.state.com_m = centre.into();
-        self.state.cop_estimated_m = [centre.x, centre.y];
-        self.state.cop_sigma_m = [0, 1].map(|axis| {
+        self.known.com_m = centre.into();
+        self.known.cop_estimated_m = [centre.x, centre.y];
+        self.known.cop_sigma_m = [0, 1].map(|axis| {
             let variance = self.identification.filter.projected_variance_m2(&rows.h[axis]);
             let pose_sigma_m = settings.measurement_sigma_m;
             let known_to = STANCE_SIGMA_M * STANCE_SIGMA_M + pose_sigma_m * pose_sigma_m;
@@ -90,7 +92,7 @@ impl Memory {
     }
 
     fn compare_with_suggestion(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
-        self.state.pose_mismatch_rad = match settings.library.get(self.identification.suggested as usize) {
+        self.known.pose_mismatch_rad = match settings.library.get(self.identification.suggested as usize) {
             Some(posture) if self.identification.suggested != NO_POSE => {
                 let joints = |rotations: [nalgebra::UnitQuaternion<f64>; JOINTS]| rotations.map(|r| wxyz(&r));
                 rms_joint_angle(&joints(pose.joint_rotations()), &joints(posture.joint_rotations()))
@@ -107,14 +109,18 @@ impl Memory {
         settings: &Settings,
     ) {
         let worker = &mut self.identification;
-        if worker.mass_kg <= 0.0 {
-            worker.mass_kg = stillness.vertical_n / GRAVITY_M_PER_S2;
+        let supported = support::is_supported(pose, stillness.cop_m, settings.height_m, SUPPORT_MARGIN_M);
+        if !supported || !self.anchor.both_feet_stand() {
+            return;
+        }
+        let shown_kg = stillness.vertical_n / GRAVITY_M_PER_S2;
+        if worker.mass_kg <= 0.0 && BODY_MASS_KG.contains(&shown_kg) {
+            worker.mass_kg = shown_kg;
         }
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
         let unloaded = (stillness.vertical_n - weight_n).abs() < settings.still.weight_share * weight_n;
-        let supported = support::is_supported(pose, stillness.cop_m, settings.height_m, SUPPORT_MARGIN_M);
         let wanted = worker.has_body() && worker.learning == 1 && !worker.has_used(&self.window, settings);
-        if wanted && unloaded && supported && self.anchor.both_feet_stand() {
+        if wanted && unloaded {
             worker.learn_pose(&self.window, stillness, settings);
         }
     }
@@ -122,9 +128,9 @@ impl Memory {
     /// Eq. 14 and 15.
     fn overload(&mut self, pose: &Pose<StationWorld>, settings: &Settings, found: &mut Validity) {
         let worker = &self.identification;
-        let vertical_n = self.state.ground_force_n[2];
+        let vertical_n = self.known.ground_force_n[2];
         let delta_f_n = vertical_n - worker.mass_kg * GRAVITY_M_PER_S2;
-        self.state.delta_f_n = [0.0, 0.0, delta_f_n];
+        self.known.delta_f_n = [0.0, 0.0, delta_f_n];
         let loaded = delta_f_n.abs() >= settings.load_threshold_n;
         found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
         if !loaded || !worker.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
@@ -133,18 +139,18 @@ impl Memory {
         let body = worker.anthropometry(settings);
         let grip_m: [Vector3<f64>; 2] =
             Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m(side.hand())));
-        let (cop_measured_m, cop_estimated_m) = (self.state.cop_measured_m, self.state.cop_estimated_m);
+        let (cop_measured_m, cop_estimated_m) = (self.known.cop_measured_m, self.known.cop_estimated_m);
         let sharing =
             Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, &grip_m);
         let loading = Loading { cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, grip_m, sharing };
         // The load's place is known as well as the two centres of pressure, magnified by weight over load.
-        let place_sigma_m = self.state.cop_sigma_m.iter().copied().fold(0.0, f64::max)
+        let place_sigma_m = self.known.cop_sigma_m.iter().copied().fold(0.0, f64::max)
             * (vertical_n - delta_f_n)
             / delta_f_n.abs();
         let between_hands_m = (grip_m[0] - grip_m[1]).xy().norm();
         let sigma = LoadingSigma {
             cop_measured_m: settings.cop_sigma_m,
-            cop_estimated_m: self.state.cop_sigma_m,
+            cop_estimated_m: self.known.cop_sigma_m,
             delta_f_n: settings.force_sigma_n,
             eta: (place_sigma_m / between_hands_m.max(1e-3)).min(0.5),
         };
@@ -152,25 +158,32 @@ impl Memory {
             Validity::LOAD_NOT_AT_HANDS,
             sharing.load_distance_m > settings.load_distance_max_m + 2.0 * place_sigma_m,
         );
-        self.state.zeta = sharing.zeta;
-        self.state.eta = sharing.eta;
-        self.state.load_distance_m = sharing.load_distance_m;
+        self.known.zeta = sharing.zeta;
+        self.known.eta = sharing.eta;
+        self.known.load_distance_m = sharing.load_distance_m;
         for (joint, torque) in overload::torques(pose, &loading, &sigma).into_iter().enumerate() {
-            self.state.torque_nm[joint] = torque.torque_nm.into();
-            self.state.torque_sigma_nm[joint] = torque.sigma_nm;
+            self.known.torque_nm[joint] = torque.torque_nm.into();
+            self.known.torque_sigma_nm[joint] = torque.sigma_nm;
         }
+    }
+
+    /// Force and centre of pressure of a ground sample; no centre while nobody stands there or the plate is faulty.
+    fn stand_on(&mut self, ground: &GroundSample, found: &mut Validity) -> Option<[f64; 2]> {
+        let cop = ground.cop_m();
+        found.raise(Validity::PLATE_FAULT, matches!(cop, Err(NoCop::DeviceStatus(_))));
+        self.known.ground_force_n = ground.force_n;
+        self.known.cop_measured_m = cop.unwrap_or_default();
+        cop.ok()
     }
 
     /// While the suit is silent the ground is still measured.
     pub(super) fn measure_ground_alone(&mut self) {
         let Some(ground) = self.alignment.newest_ground().copied() else { return };
-        let cop = GroundSample::cop_m(&ground);
         let mut found = Validity::MOVING;
-        found.raise(Validity::FEET_OFF_PLATE, cop.is_err());
-        self.state.cop_measured_m = cop.unwrap_or_default();
-        self.state.ground_force_n = ground.force_n;
+        let standing = self.stand_on(&ground, &mut found);
+        found.raise(Validity::FEET_OFF_PLATE, standing.is_none());
         let weight_n = self.identification.mass_kg * GRAVITY_M_PER_S2;
-        self.state.delta_f_n = [0.0, 0.0, ground.force_n[2] - weight_n];
+        self.known.delta_f_n = [0.0, 0.0, ground.force_n[2] - weight_n];
         self.found = found.0;
     }
 }

@@ -2,6 +2,7 @@
 
 extern crate std;
 use std::boxed::Box;
+use std::vec;
 use std::vec::Vec;
 
 use bytemuck::Zeroable;
@@ -344,17 +345,100 @@ fn a_damaged_checkpoint_is_refused() {
     let mut bench = Bench::new(|_| {});
     bench.identify(&Person::real());
     let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
+    let mut is_sound = |damage: &dyn Fn(&mut Memory)| {
+        let mut memory = Box::new(*bench.memory);
+        damage(&mut memory);
+        checkpoint.take(1, &memory);
+        checkpoint.memory().is_some()
+    };
+    assert!(is_sound(&|_| {}));
+    assert!(!is_sound(&|memory| memory.version += 1));
+    assert!(!is_sound(&|memory| memory.identification.mass_kg = f64::NAN));
+    assert!(!is_sound(&|memory| memory.identification.reduction.count = 70));
+    assert!(!is_sound(&|memory| memory.tare[0][2] = f64::INFINITY));
+    let flat = |memory: &mut Memory| {
+        let worker = &mut memory.identification;
+        let count = worker.filter.count();
+        worker.filter.restore(&vec![0.0; count], &vec![0.0; count * count]);
+    };
+    assert!(!is_sound(&flat), "a filter that is sure of everything");
+    let crooked = |memory: &mut Memory| {
+        let worker = &mut memory.identification;
+        let count = worker.filter.count();
+        let mut covariance: Vec<f64> =
+            (0..count * count).map(|at| f64::from(u8::from(at % (count + 1) == 0))).collect();
+        covariance[1] = 0.5;
+        worker.filter.restore(&vec![0.0; count], &covariance);
+    };
+    assert!(!is_sound(&crooked), "a covariance that is not symmetric");
+
+    // Whatever word is damaged: refused, or run without a panic.
+    let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
     checkpoint.take(1, &bench.memory);
-    assert!(checkpoint.memory().is_some());
     for word in (0..checkpoint.words.len()).step_by(97) {
-        let mut damaged = checkpoint.clone();
-        damaged.words[word] = u64::MAX;
-        if let Some(memory) = damaged.memory() {
-            let mut memory = Box::new(*memory);
-            let tick = Tick { cycle: 2, due_ns: bench.now_ns + TICK_NS };
-            step(&bench.settings, &mut memory, tick, Inputs::default());
+        for value in [u64::MAX, 1 << 52, f64::MAX.to_bits()] {
+            let mut damaged = checkpoint.clone();
+            damaged.words[word] = value;
+            if let Some(memory) = damaged.memory() {
+                let mut memory = Box::new(*memory);
+                let tick = Tick { cycle: 2, due_ns: bench.now_ns + TICK_NS };
+                step(&bench.settings, &mut memory, tick, Inputs::default());
+            }
         }
     }
+}
+
+#[test]
+fn nothing_is_shown_as_valid_before_there_is_anything_to_show() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[0], None, 50);
+    assert!(bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED));
+    bench.hold(&person, &postures()[0], None, 400);
+    assert!(!bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED));
+}
+
+#[test]
+fn torques_return_with_their_values_when_a_reason_ends() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    let at = lifted_box(&person, &posture);
+    bench.hold(&person, &posture, Some((6.0, at)), 400);
+    bench.command(CommandKind::IdentifyStop);
+    for _ in 0..1500 {
+        bench.hold(&person, &posture, Some((6.0, at)), 1);
+        if !bench.state().validity().any_of(Validity::SPOILS_TORQUES) {
+            assert_ne!(bench.state().torque_nm[0], [0.0; 3], "a valid torque that is nothing");
+        }
+    }
+    assert!(!bench.state().validity().any_of(Validity::SPOILS_TORQUES));
+}
+
+#[test]
+fn a_suit_that_returns_alone_is_not_fresh_before_it_was_worked_through() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    (bench.suit_silent, bench.ground_silent) = (true, true);
+    bench.hold(&person, &postures()[0], None, 300);
+    bench.suit_silent = false;
+    for _ in 0..200 {
+        bench.hold(&person, &postures()[0], None, 1);
+        if !bench.state().validity().any_of(Validity::SUIT_STALE) {
+            assert_ne!(bench.state().com_m, [0.0; 3]);
+        }
+    }
+}
+
+#[test]
+fn a_worker_who_holds_a_box_on_one_foot_is_not_weighed() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
+    bench.hold(&person, &postures()[0], Some((400.0, Vector3::new(0.05, 0.0, 1.0))), 400);
+    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "no worker weighs 472 kg");
+    bench.hold(&person, &postures()[1], Some((20.0, Vector3::new(0.05, 0.0, 1.0))), 400);
+    assert!(bench.state().mass_kg > 90.0, "a box in the hands cannot be told from a heavy worker");
+    bench.command(CommandKind::IdentifyReset);
+    bench.hold(&person, &postures()[2], None, 400);
+    assert!((bench.state().mass_kg - MASS_KG).abs() < 1e-9, "but it can be weighed again");
 }
 
 #[test]

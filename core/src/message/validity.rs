@@ -35,15 +35,21 @@ reasons! {
     LOAD_NOT_AT_HANDS = 8, "load_not_at_hands";
     /// The worker's mass is neither configured nor measured yet.
     MASS_UNKNOWN = 9, "mass_unknown";
+    /// The worker's bones are not known yet, and so no centre of mass.
+    BODY_UNKNOWN = 10, "body_unknown";
+    /// The plate reports a fault.
+    PLATE_FAULT = 11, "plate_fault";
 }
 
 impl Validity {
     /// What spoils the measured centre of pressure.
-    pub const SPOILS_COP_MEASURED: Validity = Validity::GROUND_STALE.and(Validity::FEET_OFF_PLATE);
+    pub const SPOILS_COP_MEASURED: Validity = Validity::SPOILS_GROUND_FORCE.and(Validity::FEET_OFF_PLATE);
+    /// What spoils the measured ground reaction.
+    pub const SPOILS_GROUND_FORCE: Validity = Validity::GROUND_STALE.and(Validity::PLATE_FAULT);
     /// What spoils the estimated centre of mass and centre of pressure.
-    pub const SPOILS_COP_ESTIMATED: Validity = Validity::SUIT_STALE;
+    pub const SPOILS_COP_ESTIMATED: Validity = Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN);
     /// What spoils the external force.
-    pub const SPOILS_DELTA_F: Validity = Validity::GROUND_STALE.and(Validity::MASS_UNKNOWN);
+    pub const SPOILS_DELTA_F: Validity = Validity::SPOILS_COP_MEASURED.and(Validity::MASS_UNKNOWN);
     /// What spoils the overload torques: all of it, by the paper's static equations.
     pub const SPOILS_TORQUES: Validity = Validity::SPOILS_COP_MEASURED
         .and(Validity::SPOILS_COP_ESTIMATED)

@@ -147,7 +147,7 @@ fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Resu
     fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_sigma_m)?;
     fields(Validity::SPOILS_COP_ESTIMATED, &state.com_m)?;
     fields(Validity::MASS_UNKNOWN, &[state.mass_kg])?;
-    fields(Validity::GROUND_STALE, &state.ground_force_n[2..])?;
+    fields(Validity::SPOILS_GROUND_FORCE, &state.ground_force_n[2..])?;
     fields(Validity::SPOILS_DELTA_F, &state.delta_f_n[2..])?;
     fields(Validity::SPOILS_TORQUES, &[state.load_distance_m])?;
     for joint in Joint::ALL {
