@@ -17,7 +17,7 @@
 //! | `cop_measured` | m, world x and y | the plate is silent, or the feet are off it |
 //! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent |
 //! | `ground_force_n` | N | the plate is silent or faulty |
-//! | `delta_f_n` | N | the plate is silent, or the mass is not known |
+//! | `delta_f_n` | N | as `cop_measured`, or the mass is not known |
 //! | `zeta` (left, right) | share | the plate or the suit is silent, or the feet are off the plate |
 //! | `eta` (left, right) | share | any reason that spoils `load_distance_m`, or the load is not at the hands |
 //! | `load_distance_m` | m | any of the above, not identified, moving, or too little load |

@@ -1,4 +1,4 @@
-//! A rigid person who is not the table's, standing still in one pose after the other.
+//! Whole cycles on a bench: what is learnt, told, withheld, refused, and repeated byte for byte.
 
 extern crate std;
 use std::boxed::Box;
@@ -9,158 +9,12 @@ use bytemuck::Zeroable;
 use nalgebra::Vector3;
 
 use super::*;
-use crate::body::{Anthropometry, Joint, SEGMENTS, Segment, Sex, Side, Skeleton};
-use crate::frame::{Pose, StationWorld, wxyz};
+use crate::body::{Joint, Side};
 use crate::overload::GRAVITY_M_PER_S2;
-use crate::pose_suggestion::{Posture, posture};
-use crate::sesc::{Phi, centre_of_mass};
+use crate::pose_suggestion::Posture;
 
-const HEIGHT_M: f64 = 1.77;
-const MASS_KG: f64 = 72.0;
-const SUIT_PERIOD_NS: u64 = 10_000_000;
-const TICK_NS: u64 = 1_000_000;
-
-/// Trunk pitch and roll, and both arms; the legs stay straight and upright.
-fn stand(pitch: i16, roll: i16, left_arm: [i16; 3], right_arm: [i16; 3], elbow: i16) -> Posture {
-    let mut rotation_deg = [[0; 3]; SEGMENTS];
-    rotation_deg[Segment::Pelvis.index()] = [roll, pitch, 0];
-    rotation_deg[Segment::RightUpperLeg.index()] = [-roll, -pitch, 0];
-    rotation_deg[Segment::LeftUpperLeg.index()] = [-roll, -pitch, 0];
-    rotation_deg[Segment::LeftUpperArm.index()] = left_arm;
-    rotation_deg[Segment::RightUpperArm.index()] = right_arm;
-    rotation_deg[Segment::LeftForearm.index()] = [0, 0, -elbow];
-    rotation_deg[Segment::RightForearm.index()] = [0, 0, elbow];
-    Posture { name: "stand", rotation_deg }
-}
-
-fn postures() -> Vec<Posture> {
-    let mut all = Vec::new();
-    for (index, pitch) in [0, 15, 30, 45, -10].into_iter().enumerate() {
-        for (other, left) in [[-80, 0, 0], [0, 0, 0], [0, 0, -80], [60, 0, 0]].into_iter().enumerate() {
-            let right = [[80, 0, 0], [0, 0, 80], [0, 0, 0]][(index + other) % 3];
-            all.push(stand(pitch, 5 * other as i16 - 8, left, right, 30 * ((index + 2 * other) % 4) as i16));
-        }
-    }
-    all
-}
-
-struct Person {
-    skeleton: Skeleton,
-    body: Anthropometry,
-    phi: Phi,
-}
-
-impl Person {
-    /// Heavier trunk, lighter legs than the table's, and a crooked pelvis.
-    fn real() -> Person {
-        let skeleton = Skeleton::nominal(HEIGHT_M);
-        let mut body = Anthropometry::de_leva(&skeleton, HEIGHT_M, Sex::Male);
-        for segment in Segment::ALL {
-            body.mass_fraction[segment.index()] *= if segment <= Segment::Head { 1.12 } else { 0.9 };
-        }
-        body.com_m[Segment::T8.index()][0] += 0.07;
-        body.com_m[Segment::Pelvis.index()][1] += 0.015;
-        let sum: f64 = body.mass_fraction.iter().sum();
-        body.mass_fraction = body.mass_fraction.map(|fraction| fraction / sum);
-        Person { phi: Phi::of(&skeleton, &body), skeleton, body }
-    }
-
-    /// The posture with the feet where they always are.
-    fn pose(&self, posture: &Posture) -> Pose<StationWorld> {
-        let loose = posture::pose_of(posture, &self.skeleton, [0.0; 3]);
-        let foot = 0.5 * (loose.origin_of(Segment::LeftFoot) + loose.origin_of(Segment::RightFoot));
-        let pelvis = Vector3::new(0.0, 0.0, 0.1) - foot;
-        posture::pose_of(posture, &self.skeleton, pelvis.into())
-    }
-}
-
-struct Bench {
-    settings: Settings,
-    memory: Box<Memory>,
-    now_ns: u64,
-    cycle: u64,
-    suit_sequence: u64,
-    ground_silent: bool,
-    suit_silent: bool,
-}
-
-impl Bench {
-    fn new(change: impl FnOnce(&mut Settings)) -> Bench {
-        let library: &'static [Posture] = Box::leak(postures().into_boxed_slice());
-        let mut settings =
-            Settings { sex: Sex::Male, mass_kg: Some(MASS_KG), library, ..Settings::for_height(HEIGHT_M) };
-        change(&mut settings);
-        let mut memory = bytemuck::zeroed_box::<Memory>();
-        memory.start(&settings);
-        Bench {
-            settings,
-            memory,
-            now_ns: NS_PER_S,
-            cycle: 0,
-            suit_sequence: 0,
-            ground_silent: false,
-            suit_silent: false,
-        }
-    }
-
-    fn hold(
-        &mut self,
-        person: &Person,
-        posture: &Posture,
-        load: Option<(f64, Vector3<f64>)>,
-        milliseconds: u64,
-    ) {
-        let pose = person.pose(posture);
-        let centre = centre_of_mass(&pose, &person.phi);
-        let weight_n = MASS_KG * GRAVITY_M_PER_S2;
-        let (load_n, at) = load.map_or((0.0, Vector3::zeros()), |(kg, at)| (kg * GRAVITY_M_PER_S2, at));
-        for _ in 0..milliseconds {
-            self.now_ns += TICK_NS;
-            self.cycle += 1;
-            let moment = [centre.y * weight_n + at.y * load_n, -centre.x * weight_n - at.x * load_n, 0.0];
-            let ground = GroundSample {
-                sample_time_ns: self.now_ns,
-                sequence: self.cycle,
-                force_n: [0.0, 0.0, weight_n + load_n],
-                moment_nm: moment,
-                ..Zeroable::zeroed()
-            };
-            let mut suit: SuitSample = Zeroable::zeroed();
-            suit.sample_time_ns = self.now_ns - 500_000;
-            suit.position_m = pose.origin.map(Into::into);
-            suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
-            let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
-            self.suit_sequence += u64::from(has_suit);
-            let inputs = Inputs {
-                suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
-                ground: if self.ground_silent { &[] } else { core::slice::from_ref(&ground) },
-                command: None,
-            };
-            step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
-        }
-    }
-
-    fn state(&self) -> &State {
-        &self.memory.state
-    }
-
-    fn command(&mut self, command: CommandKind) {
-        self.cycle += 1;
-        self.now_ns += TICK_NS;
-        let inputs = Inputs { command: Some(command), ..Inputs::default() };
-        step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
-    }
-
-    fn identify(&mut self, person: &Person) {
-        for posture in postures() {
-            self.hold(person, &posture, None, 400);
-        }
-    }
-
-    fn phase(&self) -> Phase {
-        Phase::from_number(self.state().phase).unwrap()
-    }
-}
+mod bench;
+use bench::*;
 
 fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {
     let pose = person.pose(posture);
