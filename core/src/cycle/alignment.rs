@@ -115,7 +115,7 @@ impl Alignment {
         Some(&self.suit[index as usize % SUIT_QUEUE])
     }
 
-    /// Mean force and moment over the last [`TARE_SPAN_NS`], N and N m, taken off every sample of the ring; `None`, and
+    /// Mean force and moment over the last 0.3 s, N and N m, taken off every sample of the ring; `None`, and
     /// nothing is changed, unless all of them are sound and show less than `empty_n` of vertical force.
     pub fn tare(&mut self, empty_n: f64) -> Option<[[f64; 3]; 2]> {
         let newest_ns = self.newest_ground()?.sample_time_ns;
