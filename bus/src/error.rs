@@ -25,7 +25,7 @@ pub enum BusError {
         root: PathBuf,
     },
     /// The process cannot take part in the bus.
-    #[error("cannot join the bus under {}: {detail}; the directory must be writable and belong to this user", root.display())]
+    #[error("cannot join the bus under {}: {detail}; the directory must be writable and belong to this user; or set EQUIPOISE_BUS_ROOT to another one", root.display())]
     Join {
         /// The root directory.
         root: PathBuf,

@@ -30,6 +30,8 @@ fn the_loop_does_not_notice_consumers_that_die_or_stop_reading() {
     let mut stopped = station.spawn(&["watch"]);
     let mut reader = station.spawn(&["latency", "--for", "600"]);
     wait_for("a line of the watch", || (!stopped.stdout().is_empty()).then_some(()));
+    // Stopped any earlier it would not know yet how to end in order.
+    wait_for("the reader on the bus", || eyes.sees_participant("latency").then_some(()));
     stopped.send(Signal::STOP);
     reader.send(Signal::STOP);
     // More than any buffer holds: a publisher that waited for its readers would stand still now.

@@ -21,7 +21,7 @@ pub(crate) struct Eyes {
     pub(crate) state: State,
     /// The newest word of suit and ground.
     adapters: [AdapterHealth; 2],
-    _bus: Bus,
+    bus: Bus,
 }
 
 impl Eyes {
@@ -34,8 +34,13 @@ impl Eyes {
             health: bus.subscriber(16).expect("a place for the counts"),
             state: State::zeroed(),
             adapters: [AdapterHealth::zeroed(); 2],
-            _bus: bus,
+            bus,
         }
+    }
+
+    /// Whether somebody of that role takes part in the bus.
+    pub(crate) fn sees_participant(&self, role: &str) -> bool {
+        self.bus.participants().is_ok_and(|all| all.iter().any(|one| one.role == role))
     }
 
     /// Takes in all that has come; every number must be one.
