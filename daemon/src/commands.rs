@@ -6,6 +6,7 @@ use std::time::Duration;
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, CommandServer, Subscriber};
 use equipoise_core::cycle::Settings;
+use equipoise_core::cycle::memory::EMPTY_PLATE_N;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, Reply, State, Validity};
 
@@ -15,8 +16,6 @@ use crate::workers::{self, Saving};
 
 /// How often waiting commands are looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
-/// Somebody stands on a plate that shows more than this, N.
-const OCCUPIED_N: f64 = 150.0;
 
 /// The command server's thread.
 pub struct Commands {
@@ -110,7 +109,7 @@ fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
     let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::SPOILS_GROUND_FORCE)) else {
         return Err("the plate is silent or faulty; nothing to tare".to_owned());
     };
-    if state.ground_force_n[2].abs() > OCCUPIED_N {
+    if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
         return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
     }
     hand_over(rings, CommandKind::Tare).map(|()| "what the empty plate shows is zero from now on".to_owned())
@@ -131,7 +130,7 @@ fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> Answer {
 
 fn load(command: &Command, rings: &Rings, settings: &Settings, workers: &mut Workers) -> Answer {
     let id = text_of(&command.subject);
-    if id.is_empty() || !id.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_') {
+    if !profile::is_plain(&id) {
         return Err("a subject's id is made of letters, digits, '-' and '_'".to_owned());
     }
     let path = profile::path_of(&id);

@@ -132,10 +132,7 @@ impl Config {
 
     /// Rules that single values cannot express; the error names the field.
     fn check(&self) -> Result<(), (&'static str, String)> {
-        let name_is_plain = |name: &str| {
-            (1..=32).contains(&name.len())
-                && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
-        };
+        let name_is_plain = |name: &str| (1..=32).contains(&name.len()) && crate::profile::is_plain(name);
         if !name_is_plain(&self.station) {
             return Err(("station", "use 1 to 32 letters, digits, '-' or '_'".to_owned()));
         }

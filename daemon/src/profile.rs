@@ -190,6 +190,11 @@ pub fn state_directory() -> PathBuf {
     }
 }
 
+/// Whether a name is made of letters, digits, '-' and '_', so that it can be a file's and no path.
+pub fn is_plain(name: &str) -> bool {
+    !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
+}
+
 /// The file of a subject; the id is checked by the configuration.
 pub fn path_of(subject: &str) -> PathBuf {
     state_directory().join("subjects").join(format!("{subject}.toml"))

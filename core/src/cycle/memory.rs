@@ -41,7 +41,7 @@ pub struct Memory {
 }
 
 /// With nobody on the plate, noise and drift stay below this, N.
-const EMPTY_PLATE_N: f64 = 150.0;
+pub const EMPTY_PLATE_N: f64 = 150.0;
 
 impl Memory {
     /// Before the first sample.

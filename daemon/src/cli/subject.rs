@@ -87,7 +87,7 @@ fn list() -> anyhow::Result<Outcome> {
 }
 
 fn delete(id: &str) -> anyhow::Result<Outcome> {
-    if id.is_empty() || !id.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_') {
+    if !profile::is_plain(id) {
         bail!("a subject's id is made of letters, digits, '-' and '_'");
     }
     let path = profile::path_of(id);
