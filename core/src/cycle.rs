@@ -22,7 +22,7 @@ use crate::time::NS_PER_S;
 pub use checkpoint::Checkpoint;
 pub use identification::{Identification, NO_POSE};
 pub use memory::Memory;
-pub use settings::{PriorKind, Settings, StopRule};
+pub use settings::{Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule};
 
 /// How late a stream may be beyond two of its periods, ns.
 const STALE_TOLERANCE_NS: u64 = 20_000_000;

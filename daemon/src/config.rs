@@ -141,6 +141,7 @@ impl Config {
         }
         method::between("loop.rate_hz", f64::from(self.tick.rate_hz), 100.0, 4000.0)?;
         method::between("loop.priority", f64::from(self.tick.priority), 0.0, 90.0)?;
+        self.suit.check()?;
         self.ground.check()?;
         self.subject.check()?;
         self.identification.check()?;
@@ -164,6 +165,7 @@ impl Config {
             ..Settings::for_height(self.subject.height_m)
         };
         settings.suit_drifts = self.suit.position != Some(SuitPosition::Absolute);
+        self.suit.apply(&mut settings);
         self.subject.apply(&mut settings);
         self.identification.apply(&mut settings);
         self.static_pose.apply(&mut settings);

@@ -147,7 +147,7 @@ impl Identification {
         self.reduction = Reduction::new(settings.reduction, &Phi::of(&skeleton, &body));
         let prior = match settings.prior {
             PriorKind::None => Prior::none(&self.reduction),
-            PriorKind::Table => Prior::table(&self.reduction, &skeleton, &body),
+            PriorKind::Table | PriorKind::SimilarSubject => Prior::table(&self.reduction, &skeleton, &body),
         };
         self.filter.reset(self.reduction.count(), &prior);
         self.performed = Zeroable::zeroed();

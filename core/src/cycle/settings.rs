@@ -3,7 +3,7 @@
 use crate::body::Sex;
 use crate::overload::TorqueLimits;
 use crate::pose_suggestion::Posture;
-use crate::sesc::ReductionKind;
+use crate::sesc::{PARAMETERS, ReductionKind};
 use crate::static_pose::Thresholds;
 
 /// What is believed before the first pose.
@@ -13,6 +13,53 @@ pub enum PriorKind {
     None,
     /// The anthropometric table with its spread.
     Table,
+    /// A stored worker of similar build: [`Settings::similar`]; the table while there is none.
+    SimilarSubject,
+}
+
+/// What is learnt from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Held poses, as in the paper.
+    Static,
+    /// Held poses, and natural motion without a load by the moment and force rows.
+    StaticAndDynamic,
+}
+
+/// How the next pose is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PoseChoice {
+    /// Eq. 11: farthest from the poses performed, weighted by P_jj.
+    Paper,
+    /// The largest drop of `log det P`.
+    DOptimal,
+    /// The largest drop of `tr P`.
+    AOptimal,
+    /// The largest drop of the predicted CoP variance over the poses of the work.
+    IOptimal,
+}
+
+/// How overload is told while the worker moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Motion {
+    /// The body's own inertia is taken out, by accelerations over a window of suit samples around each sample.
+    Compensated {
+        /// Half the window, ns: everything told lies this far behind the newest suit sample.
+        half_window_ns: u64,
+    },
+    /// The paper's static equations, told in motion too, where they are wrong.
+    Paper,
+}
+
+/// How far this worker's Φ may be from a similar worker's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Similar {
+    /// What the similar worker's Φ had more than the table on that worker's bones, segment axes, m.
+    pub deviation_m: [f64; PARAMETERS],
+    /// Variance of `deviation_m` as it was identified, m².
+    pub variance_m2: [f64; PARAMETERS],
+    /// How much of a deviation two so similar people share, in [0, 1].
+    pub likeness: f64,
 }
 
 /// When identification is finished.
@@ -43,6 +90,18 @@ pub struct Settings {
     pub reduction: ReductionKind,
     /// What is believed before the first pose.
     pub prior: PriorKind,
+    /// The similar worker of [`PriorKind::SimilarSubject`].
+    pub similar: Option<Similar>,
+    /// What is learnt from.
+    pub method: Method,
+    /// Whether natural motion without a load goes on teaching after identification is finished.
+    pub passive: bool,
+    /// Soft constraint: 1-σ of how much a left limb's parameter differs from its mirror image, m.
+    pub symmetry_sigma_m: f64,
+    /// Soft constraint: 1-σ of how far a limb's centre lies off its long axis, m.
+    pub long_axis_sigma_m: f64,
+    /// How the next pose is chosen.
+    pub pose_choice: PoseChoice,
     /// When identification is finished.
     pub stop: StopRule,
     /// Never finished before this many poses.
@@ -61,6 +120,12 @@ pub struct Settings {
     pub load_threshold_n: f64,
     /// A load farther than this from the line between the hands is not in the hands, m.
     pub load_distance_max_m: f64,
+    /// 1-σ per axis of how each segment's orientation is off for good (sensor to segment), rad.
+    pub suit_misalignment_rad: f64,
+    /// 1-σ per axis of how each segment's orientation wanders, rad.
+    pub suit_wander_rad: f64,
+    /// How overload is told while the worker moves.
+    pub motion: Motion,
     /// Whether the suit's position drifts, so that the standing feet must be held; optical markers do not.
     pub suit_drifts: bool,
     /// Whether identification starts by itself.
@@ -80,6 +145,12 @@ impl Settings {
             mass_kg: None,
             reduction: ReductionKind::Symmetric,
             prior: PriorKind::Table,
+            similar: None,
+            method: Method::Static,
+            passive: false,
+            symmetry_sigma_m: 0.005,
+            long_axis_sigma_m: 0.005,
+            pose_choice: PoseChoice::Paper,
             stop: StopRule::PredictedCop { sigma_m: 0.0025 },
             poses_min: 12,
             process_variance_m2: 0.0,
@@ -89,6 +160,9 @@ impl Settings {
             still: Thresholds::default(),
             load_threshold_n: 15.0,
             load_distance_max_m: 0.35,
+            suit_misalignment_rad: 0.010,
+            suit_wander_rad: 0.005,
+            motion: Motion::Paper,
             suit_drifts: true,
             start_identifying: true,
             limits: TorqueLimits::default(),

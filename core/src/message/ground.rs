@@ -7,7 +7,7 @@ message! {
     ///
     /// The adapter has already turned the device's axes and sign ("action" or "reaction") into this one; the
     /// moment is taken about the world's origin. Written by the ground adapter only.
-    as "equipoise/Ground/1", 128 bytes,
+    as "equipoise/Ground/2", 192 bytes,
     pub struct GroundSample {
         /// When the sample was taken, on the host's CLOCK_MONOTONIC, by the stream's clock fit.
         pub sample_time_ns: u64,
@@ -25,16 +25,20 @@ message! {
         pub device_status: u32,
         /// Grows by one whenever the device's counter starts anew.
         pub session: u32,
-        /// Always zero.
-        pub reserved: u32,
+        /// 1 if each foot was measured by itself (two plates, insoles): then the `foot_` fields mean something.
+        pub per_foot: u32,
         /// Force on the person, N.
         pub force_n: [f64; 3],
         /// Moment on the person about the world's origin, N m.
         pub moment_nm: [f64; 3],
         /// Height of the walking surface in the world, m.
         pub surface_z_m: f64,
+        /// Vertical force under the left and the right foot, N; their sum is `force_n[2]`.
+        pub foot_vertical_n: [f64; 2],
+        /// Centre of pressure under the left and the right foot, world x and y, m; zero for a foot without force.
+        pub foot_cop_m: [[f64; 2]; 2],
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 2],
+        pub reserved_tail: [u64; 4],
     }
 }
 

@@ -9,7 +9,10 @@ message! {
     ///
     /// A value may be used only if none of its spoilers ([`Validity`]) is raised in `valid`; a spoilt value is zero
     /// and means nothing. Nothing here is ever NaN, and nothing is repeated past its age.
-    as "equipoise/State/1", 1664 bytes,
+    ///
+    /// Everything measured belongs to one time, `suit_sample_time_ns`. Compensating inertia needs samples from both
+    /// sides of that time, so it lies `group_delay_ns` behind the newest suit sample; the ages say the whole truth.
+    as "equipoise/State/2", 2176 bytes,
     pub struct State {
         /// The cycle's number in this daemon's life, from 1.
         pub cycle: u64,
@@ -17,10 +20,12 @@ message! {
         pub time_ns: u64,
         /// The suit sample that the values below belong to; 0 before the first.
         pub suit_sample_time_ns: u64,
-        /// Age of that sample at `time_ns`.
+        /// Age of the newest suit sample at `time_ns`.
         pub suit_age_ns: u64,
         /// Age of the newest ground sample at `time_ns`.
         pub ground_age_ns: u64,
+        /// How far `suit_sample_time_ns` lies behind the newest suit sample that was worked through.
+        pub group_delay_ns: u64,
         /// Reasons why values must not be used: bits of [`Validity`].
         pub valid: u64,
         /// A [`Phase`].
@@ -35,11 +40,21 @@ message! {
         pub stance: u32,
         /// Index of the suggested pose in `core::pose_suggestion::LIBRARY`; `u32::MAX` when none is asked for.
         pub suggested_pose: u32,
+        /// Suit samples in motion that entered the filter (`method = "static+dynamic"`).
+        pub motion_samples_used: u32,
+        /// Where `zeta` comes from: a [`SharingSource`].
+        pub sharing_source: u32,
+        /// Index of the joint that comes closest to its limit; `u32::MAX` while no torque is told.
+        pub worst_joint: u32,
+        /// Lifts that entered the cumulative dose.
+        pub lifts: u32,
         /// Overload level per joint: a `core::overload::Level`.
         pub joint_level: [u32; JOINTS],
         /// Measured centre of pressure, m.
         pub cop_measured_m: [f64; 2],
-        /// Centre of pressure of the unloaded body by the identified model, m.
+        /// 1-σ of `cop_measured_m`, m.
+        pub cop_measured_sigma_m: [f64; 2],
+        /// Centre of pressure that the unloaded body would have in this motion, by the identified model, m.
         pub cop_estimated_m: [f64; 2],
         /// 1-σ of `cop_estimated_m`, m.
         pub cop_sigma_m: [f64; 2],
@@ -47,8 +62,10 @@ message! {
         pub com_m: [f64; 3],
         /// Ground reaction force on the person, N.
         pub ground_force_n: [f64; 3],
-        /// External force carried: measured ground reaction less body weight, N.
+        /// External force carried: measured ground reaction less what the body alone needs in this motion, N.
         pub delta_f_n: [f64; 3],
+        /// 1-σ of the vertical `delta_f_n`, N.
+        pub delta_f_sigma_n: f64,
         /// Body mass in use, kg.
         pub mass_kg: f64,
         /// Share of the ground reaction under the left and the right foot.
@@ -57,22 +74,79 @@ message! {
         pub eta: [f64; 2],
         /// Horizontal distance from the load to the line between the hands, m.
         pub load_distance_m: f64,
+        /// Mass in the hands, kg.
+        pub lifted_mass_kg: f64,
+        /// 1-σ of `lifted_mass_kg`, kg.
+        pub lifted_mass_sigma_kg: f64,
+        /// Horizontal distance from the middle of the ankles to the load, m.
+        pub reach_m: f64,
         /// Largest variance of an identified parameter, m² (the paper's P_jj).
         pub variance_max_m2: f64,
         /// Predicted 1-σ of the CoP over the poses of the library, m.
         pub predicted_cop_sigma_m: f64,
         /// Normalised innovation squared of the last pose (2 degrees of freedom); 0 before the first.
         pub nis: f64,
+        /// How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all.
+        pub prior_inflation: f64,
         /// How far the worker is from the suggested pose: RMS joint angle, rad.
         pub pose_mismatch_rad: f64,
+        /// How much later than the ground's the suit's sample times are than they should be, s.
+        pub suit_skew_s: f64,
+        /// 1-σ of `suit_skew_s`, s; 0 while the motion has not shown the skew.
+        pub suit_skew_sigma_s: f64,
+        /// Net moment at L5/S1 of upper body and load about the horizontal axes, N m.
+        pub l5s1_moment_nm: f64,
+        /// 1-σ of `l5s1_moment_nm`, N m.
+        pub l5s1_moment_sigma_nm: f64,
+        /// Estimated compression of the L5/S1 disc, N.
+        pub l5s1_compression_n: f64,
+        /// 1-σ of `l5s1_compression_n`, N.
+        pub l5s1_compression_sigma_n: f64,
+        /// Cumulative damage of the low back after LiFFT (Gallagher 2017), 1 being failure.
+        pub dose_damage: f64,
+        /// Probability of a high-risk job by that dose, in [0, 1].
+        pub dose_probability: f64,
+        /// Unit vector, world: where the load should move to relieve the worst joint; zero if nowhere.
+        pub advice_direction: [f64; 3],
+        /// By how much that relieves it, N m per centimetre.
+        pub advice_gain_nm_per_cm: f64,
         /// Segment origins in the station's world, m.
         pub segment_origin_m: [[f64; 3]; SEGMENTS],
         /// Overload torque per joint (Eq. 15), world axes, N m.
         pub torque_nm: [[f64; 3]; JOINTS],
         /// 1-σ of each torque's magnitude, N m.
         pub torque_sigma_nm: [f64; JOINTS],
+        /// τ_max of each joint for this worker, N m.
+        pub torque_limit_nm: [f64; JOINTS],
+        /// Overloading fatigue of each joint, in [0, 1] (Lorenzini et al. 2019).
+        pub fatigue: [f64; JOINTS],
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 6],
+        pub reserved_tail: [u64; 4],
+    }
+}
+
+/// How the feet's shares of the ground reaction are known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum SharingSource {
+    /// From where the centre of pressure lies between the ankles.
+    Geometry = 0,
+    /// Measured under each foot.
+    Measured = 1,
+}
+
+impl SharingSource {
+    /// The source of a message's number, `None` for a number of a later version.
+    pub fn from_number(number: u32) -> Option<SharingSource> {
+        [SharingSource::Geometry, SharingSource::Measured].into_iter().nth(number as usize)
+    }
+
+    /// The public name.
+    pub fn name(self) -> &'static str {
+        match self {
+            SharingSource::Geometry => "geometry",
+            SharingSource::Measured => "measured",
+        }
     }
 }
 

@@ -21,7 +21,7 @@ reasons! {
     GROUND_STALE = 1, "ground_stale";
     /// The worker's mass distribution is not identified yet.
     NOT_IDENTIFIED = 2, "not_identified";
-    /// The worker moves too fast for the static equations.
+    /// The worker moves faster than the equations in use allow.
     MOVING = 3, "moving";
     /// Too little force on the ground, or the feet are off the plate.
     FEET_OFF_PLATE = 4, "feet_off_plate";
@@ -50,7 +50,13 @@ impl Validity {
     pub const SPOILS_COP_ESTIMATED: Validity = Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN);
     /// What spoils the external force.
     pub const SPOILS_DELTA_F: Validity = Validity::SPOILS_COP_MEASURED.and(Validity::MASS_UNKNOWN);
-    /// What spoils the overload torques: all of it, by the paper's static equations.
+    /// What spoils the mass in the hands.
+    pub const SPOILS_LIFTED_MASS: Validity =
+        Validity::SPOILS_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD).and(Validity::MOVING);
+    /// What spoils moment and compression of the low back: they exist without a load, too.
+    pub const SPOILS_BACK: Validity =
+        Validity(Validity::SPOILS_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0);
+    /// What spoils the overload torques: all of it.
     pub const SPOILS_TORQUES: Validity = Validity::SPOILS_COP_MEASURED
         .and(Validity::SPOILS_COP_ESTIMATED)
         .and(Validity::SPOILS_DELTA_F)

@@ -16,6 +16,8 @@ pub enum Level {
     Red = 3,
     /// Beyond τ_max.
     AboveMax = 4,
+    /// The torque is known, but not well enough to say which of two levels it has.
+    Undecided = 5,
 }
 
 impl Level {
@@ -35,7 +37,7 @@ impl Level {
 
     /// The level of a message's number, `None` for a number of a later version.
     pub fn from_number(number: u32) -> Option<Level> {
-        [Level::None, Level::Green, Level::Orange, Level::Red, Level::AboveMax]
+        [Level::None, Level::Green, Level::Orange, Level::Red, Level::AboveMax, Level::Undecided]
             .into_iter()
             .nth(number as usize)
     }
@@ -48,6 +50,7 @@ impl Level {
             Level::Orange => "orange",
             Level::Red => "red",
             Level::AboveMax => "above_max",
+            Level::Undecided => "undecided",
         }
     }
 }

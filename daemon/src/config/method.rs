@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use equipoise_core::body::{Joint, Sex};
-use equipoise_core::cycle::{PriorKind, Settings, StopRule};
+use equipoise_core::cycle::{Method, Motion, PoseChoice, PriorKind, Settings, StopRule};
 use equipoise_core::sesc::ReductionKind;
 use serde::{Deserialize, Serialize};
 
-type Checked = Result<(), (&'static str, String)>;
+pub(super) type Checked = Result<(), (&'static str, String)>;
 
 /// `[subject]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -102,6 +102,14 @@ pub struct IdentificationConfig {
     pub method: MethodConfig,
     /// What is believed before the first pose.
     pub prior: PriorConfig,
+    /// How the next pose is chosen.
+    pub pose_choice: PoseChoiceConfig,
+    /// Natural motion without a load goes on teaching after identification is finished.
+    pub passive: bool,
+    /// 1-σ of how much a left limb's parameter differs from its mirror image, mm.
+    pub symmetry_sigma_mm: f64,
+    /// 1-σ of how far a limb's centre lies off its long axis, mm.
+    pub long_axis_sigma_mm: f64,
     /// When it is finished.
     pub stop: StopConfig,
     /// Bound of `stop = "paper"` on every P_jj, m².
@@ -124,6 +132,10 @@ impl Default for IdentificationConfig {
             reduction: ReductionConfig::Symmetric,
             method: MethodConfig::Static,
             prior: PriorConfig::Table,
+            pose_choice: PoseChoiceConfig::Paper,
+            passive: false,
+            symmetry_sigma_mm: 5.0,
+            long_axis_sigma_mm: 5.0,
             stop: StopConfig::PredictedCop,
             stop_variance_m2: 0.002,
             stop_cop_sigma_mm: 2.5,
@@ -153,6 +165,9 @@ pub enum ReductionConfig {
 pub enum MethodConfig {
     /// Held poses.
     Static,
+    /// Held poses and natural motion without a load.
+    #[serde(rename = "static+dynamic")]
+    StaticAndDynamic,
 }
 
 /// What is believed before the first pose.
@@ -163,6 +178,22 @@ pub enum PriorConfig {
     None,
     /// The anthropometric table with its spread.
     Table,
+    /// The stored worker whose build is closest, else the table.
+    SimilarSubject,
+}
+
+/// How the next pose is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PoseChoiceConfig {
+    /// Eq. 11.
+    Paper,
+    /// Largest drop of log det P.
+    DOptimal,
+    /// Largest drop of tr P.
+    AOptimal,
+    /// Largest drop of the predicted CoP variance.
+    IOptimal,
 }
 
 /// When identification is finished.
@@ -181,6 +212,8 @@ impl IdentificationConfig {
         between("identification.stop_cop_sigma_mm", self.stop_cop_sigma_mm, 0.1, 100.0)?;
         between("identification.poses_min", self.poses_min as f64, 1.0, 1000.0)?;
         between("identification.measurement_sigma_mm", self.measurement_sigma_mm, 0.1, 100.0)?;
+        between("identification.symmetry_sigma_mm", self.symmetry_sigma_mm, 0.01, 1000.0)?;
+        between("identification.long_axis_sigma_mm", self.long_axis_sigma_mm, 0.01, 1000.0)?;
         between("identification.process_sigma_mm", self.process_sigma_mm, 0.0, 100.0)
     }
 
@@ -193,7 +226,21 @@ impl IdentificationConfig {
         settings.prior = match self.prior {
             PriorConfig::None => PriorKind::None,
             PriorConfig::Table => PriorKind::Table,
+            PriorConfig::SimilarSubject => PriorKind::SimilarSubject,
         };
+        settings.method = match self.method {
+            MethodConfig::Static => Method::Static,
+            MethodConfig::StaticAndDynamic => Method::StaticAndDynamic,
+        };
+        settings.pose_choice = match self.pose_choice {
+            PoseChoiceConfig::Paper => PoseChoice::Paper,
+            PoseChoiceConfig::DOptimal => PoseChoice::DOptimal,
+            PoseChoiceConfig::AOptimal => PoseChoice::AOptimal,
+            PoseChoiceConfig::IOptimal => PoseChoice::IOptimal,
+        };
+        settings.passive = self.passive;
+        settings.symmetry_sigma_m = self.symmetry_sigma_mm * 1e-3;
+        settings.long_axis_sigma_m = self.long_axis_sigma_mm * 1e-3;
         settings.stop = match self.stop {
             StopConfig::Paper => StopRule::Paper { variance_m2: self.stop_variance_m2 },
             StopConfig::PredictedCop => StopRule::PredictedCop { sigma_m: self.stop_cop_sigma_mm * 1e-3 },
@@ -249,6 +296,10 @@ pub struct OverloadConfig {
     pub threshold_n: f64,
     /// A load farther than this from the line between the hands is not in the hands, m.
     pub load_distance_max_m: f64,
+    /// How overload is told while the worker moves.
+    pub motion: MotionConfig,
+    /// Half the window over which accelerations are taken, ms: results lie that far behind the newest sample.
+    pub motion_window_ms: f64,
     /// 1-σ of the measured CoP, mm.
     pub cop_sigma_mm: f64,
     /// 1-σ of vertical force and body weight together, N.
@@ -257,12 +308,30 @@ pub struct OverloadConfig {
 
 impl Default for OverloadConfig {
     fn default() -> Self {
-        OverloadConfig { threshold_n: 15.0, load_distance_max_m: 0.35, cop_sigma_mm: 1.0, force_sigma_n: 3.0 }
+        OverloadConfig {
+            threshold_n: 15.0,
+            load_distance_max_m: 0.35,
+            motion: MotionConfig::Paper,
+            motion_window_ms: 100.0,
+            cop_sigma_mm: 1.0,
+            force_sigma_n: 3.0,
+        }
     }
+}
+
+/// How overload is told while the worker moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionConfig {
+    /// The body's own inertia is taken out.
+    Compensated,
+    /// The paper's static equations.
+    Paper,
 }
 
 impl OverloadConfig {
     pub(super) fn check(&self) -> Checked {
+        between("overload.motion_window_ms", self.motion_window_ms, 20.0, 250.0)?;
         between("overload.threshold_n", self.threshold_n, 1.0, 500.0)?;
         between("overload.load_distance_max_m", self.load_distance_max_m, 0.01, 5.0)?;
         between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.0, 100.0)?;
@@ -272,6 +341,12 @@ impl OverloadConfig {
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.load_threshold_n = self.threshold_n;
         settings.load_distance_max_m = self.load_distance_max_m;
+        settings.motion = match self.motion {
+            MotionConfig::Compensated => {
+                Motion::Compensated { half_window_ns: (self.motion_window_ms * 1e6) as u64 }
+            }
+            MotionConfig::Paper => Motion::Paper,
+        };
         settings.cop_sigma_m = self.cop_sigma_mm * 1e-3;
         settings.force_sigma_n = self.force_sigma_n;
     }

@@ -2,7 +2,10 @@
 
 use std::net::SocketAddr;
 
+use equipoise_core::cycle::Settings;
 use serde::{Deserialize, Serialize};
+
+use super::method::{Checked, between};
 
 /// `[suit]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,6 +22,12 @@ pub struct SuitConfig {
     /// Whether its position drifts; `drifts` where not given, `absolute` for motion and forces in one CSV.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position: Option<SuitPosition>,
+    /// 1-σ per axis of how far each sensor's axes are off its segment's, degrees.
+    #[serde(default = "misalignment_default")]
+    pub misalignment_deg: f64,
+    /// 1-σ per axis of how each segment's orientation wanders over minutes, degrees.
+    #[serde(default = "wander_default")]
+    pub wander_deg: f64,
     /// Take datagrams from other machines; without it only this machine may send.
     #[serde(default)]
     pub allow_remote: bool,
@@ -42,6 +51,26 @@ pub enum SuitSourceKind {
     MvnUdp,
     /// Another process publishes them: `equipoise adapter suit`.
     External,
+}
+
+fn misalignment_default() -> f64 {
+    0.6
+}
+
+fn wander_default() -> f64 {
+    0.3
+}
+
+impl SuitConfig {
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.suit_misalignment_rad = self.misalignment_deg.to_radians();
+        settings.suit_wander_rad = self.wander_deg.to_radians();
+    }
+
+    pub(super) fn check(&self) -> Checked {
+        between("suit.misalignment_deg", self.misalignment_deg, 0.0, 45.0)?;
+        between("suit.wander_deg", self.wander_deg, 0.0, 45.0)
+    }
 }
 
 fn mvn_default() -> SocketAddr {
