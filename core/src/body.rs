@@ -3,9 +3,11 @@
 //! Source of order, ids and parents: Xsens MVN network protocol (segment table; joint list of datagram 20).
 
 pub mod anthropometry;
+pub mod gyration;
 pub mod skeleton;
 
 pub use anthropometry::{Anthropometry, Sex};
+pub use gyration::gyration_m2;
 pub use skeleton::Skeleton;
 
 /// Number of body segments.

@@ -3,7 +3,7 @@
 //!
 //! No clock, no file, no thread, no heap, no unsafe: samples and a time go in, a state comes out. Floors, ground
 //! first, each resting only on those before it:
-//! [`time`], [`body`] and [`frame`] → [`message`] → [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
+//! [`time`], [`body`] and [`frame`] → [`message`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
 //! [`pose_suggestion`] → [`overload`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
@@ -15,6 +15,7 @@ pub mod frame;
 pub mod kalman;
 mod math;
 pub mod message;
+pub mod motion;
 pub mod overload;
 pub mod pose_suggestion;
 pub mod sesc;

@@ -1,0 +1,19 @@
+//! How the body moves, and what its inertia does to the ground reaction.
+//!
+//! In motion the centre of pressure is not below the centre of mass: with the centre's acceleration C̈ and the rate of
+//! the angular momentum about it L̇, both over the body's mass, the ground reaction of the body alone acts at
+//! `CoP = C_xy − C_z C̈_xy/(g + C̈_z) + (−L̇_y, L̇_x)/(g + C̈_z)` (from Newton and Euler, the floor at height 0).
+//!
+//! Accelerations come from positions: a parabola is laid through the samples on both sides of a moment ([`weights`]).
+//! So everything said about a moment comes half a window late, and is right about it.
+
+pub mod confidence;
+pub mod history;
+pub mod inertia;
+pub mod unloaded;
+pub mod weights;
+
+pub use confidence::{Confidence, Envelope};
+pub use history::{History, Moment};
+pub use inertia::{Build, Inertia};
+pub use unloaded::Unloaded;

@@ -1,0 +1,127 @@
+//! How far the compensation of inertia can be trusted, learnt from motion without a load.
+//!
+//! Accelerations from positions are wrong by some share of themselves: samples are late, bones are not rigid, the
+//! suit smooths. So the error of what is compensated grows with how much is compensated, its *activity*, and the
+//! ratio of the two is learnt while the worker is known to carry nothing.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::math;
+
+/// Believed before anything was seen: an eighth of what is compensated is wrong.
+const RATIO_AT_FIRST: f64 = 0.125;
+/// That belief counts as much as this many samples.
+const SAMPLES_AT_FIRST: f64 = 60.0;
+/// The past is forgotten over about this many samples.
+const SAMPLES_KEPT: f64 = 6000.0;
+/// No compensation is better than this.
+const RATIO_MIN: f64 = 0.02;
+
+/// Error over activity of one quantity.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Confidence {
+    /// Mean of error² over activity², and how many samples it stands on.
+    ratio_square: f64,
+    samples: f64,
+}
+
+impl Confidence {
+    /// Takes in an error that nothing else explains, with the activity at that time; both in one unit.
+    pub fn learn(&mut self, error: f64, activity: f64, error_at_rest: f64) {
+        // Little motion says nothing about motion.
+        if activity * activity <= error_at_rest * error_at_rest || !error.is_finite() {
+            return;
+        }
+        // One blunder must not shake the belief for minutes.
+        let square =
+            ((error * error - error_at_rest * error_at_rest) / (activity * activity)).clamp(0.0, 1.0);
+        self.samples = (self.samples + 1.0).min(SAMPLES_KEPT);
+        self.ratio_square += (square - self.ratio_square) / self.samples;
+    }
+
+    /// 1-σ of an error at an activity, in its unit.
+    pub fn sigma(&self, activity: f64) -> f64 {
+        let known = self.samples * self.ratio_square;
+        let believed = SAMPLES_AT_FIRST * RATIO_AT_FIRST * RATIO_AT_FIRST;
+        let ratio = math::sqrt((known + believed) / (self.samples + SAMPLES_AT_FIRST));
+        ratio.max(RATIO_MIN) * activity
+    }
+
+    /// Whether every number is in range; a stored one is checked before use.
+    pub fn is_sound(&self) -> bool {
+        (0.0..=1.0).contains(&self.ratio_square) && (0.0..=SAMPLES_KEPT).contains(&self.samples)
+    }
+}
+
+/// Motion does not end where its acceleration crosses zero: the largest of the recent past, fading, s.
+const FADING_S: f64 = 0.25;
+
+/// The recent largest value of something that comes and goes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Envelope {
+    height: f64,
+}
+
+impl Envelope {
+    /// Takes in a value `step_s` after the one before.
+    pub fn follow(&mut self, value: f64, step_s: f64) -> f64 {
+        // 1/(1 + x) for e^(−x): close for the short steps of a sample, and never negative.
+        let faded = self.height / (1.0 + step_s.max(0.0) / FADING_S);
+        self.height = value.abs().max(faded);
+        self.height
+    }
+
+    /// The value now.
+    pub fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// Whether the number is in range; a stored one is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.height.is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ratio_of_error_to_activity_is_learnt() {
+        let mut confidence = Confidence::zeroed();
+        for index in 0..3000 {
+            let activity = 10.0 + f64::from(index % 7);
+            let error = 0.3 * activity * if index % 2 == 0 { 1.0 } else { -1.0 };
+            confidence.learn(error, activity, 0.0);
+        }
+        assert!((confidence.sigma(20.0) - 6.0).abs() < 0.2, "{}", confidence.sigma(20.0));
+    }
+
+    #[test]
+    fn rest_teaches_nothing_and_a_blunder_little() {
+        let mut confidence = Confidence::zeroed();
+        let before = confidence.sigma(1.0);
+        for _ in 0..1000 {
+            confidence.learn(1.0, 0.5, 1.0);
+        }
+        assert_eq!(confidence.sigma(1.0), before);
+        confidence.learn(1e6, 2.0, 1.0);
+        confidence.learn(f64::NAN, 2.0, 1.0);
+        assert!(confidence.sigma(1.0) < 2.0 * before && confidence.is_sound());
+    }
+
+    #[test]
+    fn an_envelope_rises_at_once_and_fades() {
+        let mut envelope = Envelope::zeroed();
+        assert_eq!(envelope.follow(-3.0, 0.01), 3.0);
+        let mut height = 3.0;
+        for _ in 0..50 {
+            let now = envelope.follow(0.0, 0.01);
+            assert!(now < height);
+            height = now;
+        }
+        assert!(height < 0.45, "{height}");
+    }
+}

@@ -1,0 +1,218 @@
+//! The last suit samples, each with the wrench at its time: a moment is looked at once its future is known too.
+
+use bytemuck::{Pod, Zeroable};
+use nalgebra::Vector3;
+
+use super::inertia::{Build, Inertia};
+use super::weights::weights;
+use crate::body::{Anthropometry, SEGMENTS};
+use crate::frame::{Pose, StationWorld, SuitWorld, rotation, wxyz};
+use crate::message::GroundSample;
+
+/// Samples kept: a window of a quarter of a second at 240 Hz.
+pub const CAPACITY: usize = 64;
+/// A moment waits for at most so many samples after it, whatever time they take.
+const AHEAD_MAX: usize = CAPACITY / 2 - 1;
+/// Samples farther apart than this are not differentiated over, ns.
+const GAP_MAX_NS: u64 = 120_000_000;
+/// A parabola needs so many samples on each side.
+const SIDE_MIN: usize = 2;
+
+/// One suit sample with all that belongs to its time.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Moment {
+    /// When the suit sampled it.
+    pub time_ns: u64,
+    /// The anchor's stance.
+    pub stance: u64,
+    /// 1 while both feet stand.
+    pub both_feet_stand: u64,
+    /// 1-σ of the sample's time, ns.
+    pub time_sigma_ns: u64,
+    /// Segment origins, station's world, m.
+    pub origin_m: [[f64; 3]; SEGMENTS],
+    /// `world_from_segment`, scalar first.
+    pub orientation_wxyz: [[f64; 4]; SEGMENTS],
+    /// Centres of mass of the segments by the table, in the suit's own world: the anchor's shifts are no motion, m.
+    centre_m: [[f64; 3]; SEGMENTS],
+    /// The wrench at that time; means something if `has_ground`.
+    pub ground: GroundSample,
+    /// 1 if the ground was not silent then.
+    pub has_ground: u64,
+}
+
+impl Moment {
+    /// Body and ground at one time.
+    pub fn new(
+        time_ns: u64,
+        in_suit_world: &Pose<SuitWorld>,
+        pose: &Pose<StationWorld>,
+        body: &Anthropometry,
+    ) -> Moment {
+        let centre = |segment: usize| {
+            let offset = Vector3::from(body.com_m[segment]);
+            (in_suit_world.origin[segment] + in_suit_world.world_from_segment[segment] * offset).into()
+        };
+        Moment {
+            time_ns,
+            origin_m: pose.origin.map(Into::into),
+            orientation_wxyz: pose.world_from_segment.map(|rotation| wxyz(&rotation)),
+            centre_m: core::array::from_fn(centre),
+            ..Zeroable::zeroed()
+        }
+    }
+
+    /// Where the body is.
+    pub fn pose(&self) -> Pose<StationWorld> {
+        Pose::new(self.origin_m.map(Into::into), self.orientation_wxyz.map(rotation))
+    }
+
+    fn is_sound(&self) -> bool {
+        let numbers = self.origin_m.iter().flatten().chain(self.centre_m.iter().flatten());
+        let wrench =
+            self.ground.force_n.iter().chain(&self.ground.moment_nm).chain([&self.ground.surface_z_m]);
+        numbers.chain(self.orientation_wxyz.iter().flatten()).chain(wrench).all(|value| value.is_finite())
+    }
+
+    /// The wrench, unless the ground was silent.
+    pub fn ground(&self) -> Option<&GroundSample> {
+        (self.has_ground == 1).then_some(&self.ground)
+    }
+}
+
+/// A ring of moments. Each comes out once, when the window around it is full.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct History {
+    moments: [Moment; CAPACITY],
+    /// How many moments have come in, and how many have come out.
+    count_in: u64,
+    count_out: u64,
+}
+
+/// More samples than a century brings.
+const COUNT_MAX: u64 = 1 << 48;
+
+impl History {
+    /// Takes in the newest moment.
+    pub fn push(&mut self, mut moment: Moment) {
+        if let Some(newest) = self.newest() {
+            // q and −q are one rotation; a jump between them would look like motion.
+            for (now, before) in moment.orientation_wxyz.iter_mut().zip(&newest.orientation_wxyz) {
+                if now.iter().zip(before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
+                    *now = now.map(|part| -part);
+                }
+            }
+        }
+        self.moments[self.count_in as usize % CAPACITY] = moment;
+        self.count_in += 1;
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.count_in = 0;
+        self.count_out = 0;
+    }
+
+    /// The newest moment.
+    pub fn newest(&self) -> Option<&Moment> {
+        Some(self.at(self.count_in.checked_sub(1)?))
+    }
+
+    /// The next moment that has `half_window_ns` of motion after it, with its inertia if the window carries it.
+    pub fn next(&mut self, half_window_ns: u64, worker: &Build<'_>) -> Option<(Moment, Option<Inertia>)> {
+        let newest_ns = self.newest()?.time_ns;
+        if self.count_out == self.count_in {
+            return None;
+        }
+        let moment = *self.at(self.count_out);
+        let ahead = (self.count_in - 1 - self.count_out) as usize;
+        if newest_ns.saturating_sub(moment.time_ns) < half_window_ns && ahead < AHEAD_MAX {
+            return None;
+        }
+        let inertia = self.inertia_at(self.count_out, half_window_ns, worker);
+        self.count_out += 1;
+        Some((moment, inertia))
+    }
+
+    /// How the body accelerates at a moment; `None` with too few samples on either side, or a gap between them.
+    fn inertia_at(&self, index: u64, half_window_ns: u64, worker: &Build<'_>) -> Option<Inertia> {
+        let centre = self.at(index);
+        let oldest = self.count_in.saturating_sub(CAPACITY as u64);
+        let belongs = |other: u64, neighbour: u64| {
+            let (other, neighbour) = (self.at(other).time_ns, self.at(neighbour).time_ns);
+            other.abs_diff(centre.time_ns) <= half_window_ns && other.abs_diff(neighbour) <= GAP_MAX_NS
+        };
+        let (mut first, mut last) = (index, index);
+        while first > oldest && (index - first) < AHEAD_MAX as u64 && belongs(first - 1, first) {
+            first -= 1;
+        }
+        while last + 1 < self.count_in && (last - index) < AHEAD_MAX as u64 && belongs(last + 1, last) {
+            last += 1;
+        }
+        let sides = [index - first, last - index];
+        if sides.iter().any(|side| *side < SIDE_MIN as u64) {
+            return None;
+        }
+        let mut times_s = [0.0; CAPACITY];
+        for (time_s, moment) in times_s.iter_mut().zip(first..=last) {
+            *time_s = (self.at(moment).time_ns as f64 - centre.time_ns as f64) * 1e-9;
+        }
+        let count = (last - first + 1) as usize;
+        let weights = weights(&times_s[..count])?;
+        let mut motion = Motion::zeroed();
+        for (place, moment) in (first..=last).enumerate() {
+            motion.add(self.at(moment), weights.first[place], weights.second[place]);
+        }
+        Some(Inertia::of(centre, &motion, worker))
+    }
+
+    fn at(&self, index: u64) -> &Moment {
+        &self.moments[index as usize % CAPACITY]
+    }
+
+    /// Whether indices and numbers are in range; a stored history is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.count_out <= self.count_in
+            && self.count_in - self.count_out <= CAPACITY as u64
+            && self.count_in < COUNT_MAX
+            && self.moments.iter().all(Moment::is_sound)
+    }
+}
+
+/// Derivatives at a moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Motion {
+    /// Second derivative of each segment's centre, m/s².
+    pub(super) acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
+    /// First and second derivative of each orientation's quaternion, 1/s and 1/s².
+    pub(super) turning: [[[f64; 4]; 2]; SEGMENTS],
+}
+
+impl Motion {
+    fn zeroed() -> Motion {
+        Motion { acceleration_m_per_s2: [[0.0; 3]; SEGMENTS], turning: [[[0.0; 4]; 2]; SEGMENTS] }
+    }
+
+    fn add(&mut self, moment: &Moment, first: f64, second: f64) {
+        for (sum, value) in
+            self.acceleration_m_per_s2.iter_mut().flatten().zip(moment.centre_m.iter().flatten())
+        {
+            *sum += second * value;
+        }
+        for (sums, values) in self.turning.iter_mut().zip(&moment.orientation_wxyz) {
+            for (part, value) in values.iter().enumerate() {
+                sums[0][part] += first * value;
+                sums[1][part] += second * value;
+            }
+        }
+    }
+}
+
+impl Moment {
+    /// Centre of mass of a segment by the table, suit's world, m.
+    pub(super) fn centre(&self, segment: usize) -> Vector3<f64> {
+        Vector3::from(self.centre_m[segment])
+    }
+}

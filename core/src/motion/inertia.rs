@@ -1,0 +1,88 @@
+//! What a moving body asks of the ground beyond its weight (Newton and Euler), per kilogram of body.
+
+use nalgebra::{Quaternion, Vector3};
+
+use super::history::{Moment, Motion};
+use crate::body::{Anthropometry, SEGMENTS};
+use crate::frame::rotation;
+
+/// Standard gravity as the paper rounds it, m/s².
+const GRAVITY_M_PER_S2: f64 = 9.81;
+/// Below this share of its weight a body leaps, and its centre of pressure means nothing.
+const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
+
+/// How this worker's mass is spread, by the table.
+#[derive(Debug, Clone, Copy)]
+pub struct Build<'a> {
+    /// Masses and centres.
+    pub body: &'a Anthropometry,
+    /// Squares of the radii of gyration about each segment's axes, m² ([`crate::body::gyration_m2`]).
+    pub gyration_m2: &'a [[f64; 3]; SEGMENTS],
+}
+
+/// The motion of the whole body at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inertia {
+    /// Acceleration of the centre of mass C̈, m/s².
+    pub acceleration_m_per_s2: [f64; 3],
+    /// Rate of the angular momentum about the centre of mass over the body's mass L̇/M, m²/s².
+    pub momentum_rate_m2_per_s2: [f64; 3],
+}
+
+impl Inertia {
+    /// A body at rest.
+    pub const REST: Inertia = Inertia { acceleration_m_per_s2: [0.0; 3], momentum_rate_m2_per_s2: [0.0; 3] };
+
+    /// Sums over the segments: masses and centres by the table laid on this worker's bones.
+    ///
+    /// `L̇ = Σ μ_i (c_i − C) × c̈_i + Σ μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion,
+    /// `ω = 2 q̇ q̄`, `α = 2 q̈ q̄` (vector parts).
+    pub(super) fn of(moment: &Moment, motion: &Motion, worker: &Build) -> Inertia {
+        let mass = &worker.body.mass_fraction;
+        let acceleration = |segment: usize| Vector3::from(motion.acceleration_m_per_s2[segment]);
+        let (mut centre, mut whole) = (Vector3::zeros(), Vector3::zeros());
+        for segment in 0..SEGMENTS {
+            centre += mass[segment] * moment.centre(segment);
+            whole += mass[segment] * acceleration(segment);
+        }
+        let mut momentum_rate = Vector3::zeros();
+        for segment in 0..SEGMENTS {
+            let arm = moment.centre(segment) - centre;
+            let spin = spin_rate(
+                &moment.orientation_wxyz[segment],
+                &motion.turning[segment],
+                &worker.gyration_m2[segment],
+            );
+            momentum_rate += mass[segment] * (arm.cross(&acceleration(segment)) + spin);
+        }
+        Inertia { acceleration_m_per_s2: whole.into(), momentum_rate_m2_per_s2: momentum_rate.into() }
+    }
+
+    /// Vertical force over mass that this motion needs, g + C̈_z, m/s²; `None` of a body that leaps.
+    pub fn specific_force_m_per_s2(&self) -> Option<f64> {
+        let force = GRAVITY_M_PER_S2 + self.acceleration_m_per_s2[2];
+        (force > SPECIFIC_FORCE_MIN_M_PER_S2).then_some(force)
+    }
+
+    /// `(−L̇_y, L̇_x)/(M (g + C̈_z))`: where the turning body shifts the centre of pressure to, m.
+    pub fn turning_shift_m(&self, specific_force_m_per_s2: f64) -> [f64; 2] {
+        let [x, y, _] = self.momentum_rate_m2_per_s2;
+        [-y / specific_force_m_per_s2, x / specific_force_m_per_s2]
+    }
+}
+
+/// Rate of a segment's own angular momentum over its mass, world, m²/s²: `I α + ω × I ω`.
+fn spin_rate(
+    orientation: &[f64; 4],
+    [first, second]: &[[f64; 4]; 2],
+    gyration_m2: &[f64; 3],
+) -> Vector3<f64> {
+    let world_from_segment = rotation(*orientation);
+    let back = world_from_segment.conjugate();
+    let twice = |[w, x, y, z]: [f64; 4]| (Quaternion::new(w, x, y, z) * back.into_inner()).imag() * 2.0;
+    let spread = |vector: Vector3<f64>| {
+        world_from_segment * (back * vector).component_mul(&Vector3::from(*gyration_m2))
+    };
+    let (velocity, acceleration) = (twice(*first), twice(*second));
+    spread(acceleration) + velocity.cross(&spread(velocity))
+}
