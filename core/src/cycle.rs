@@ -5,6 +5,7 @@
 //! copy of it.
 
 pub mod alignment;
+pub mod body_motion;
 pub mod checkpoint;
 pub mod identification;
 pub mod memory;
@@ -64,7 +65,7 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     }
     // Bounded: the queue holds a fixed number of samples.
     while let Some(aligned) = memory.alignment.next(tick.due_ns) {
-        memory.monitor(settings, &aligned);
+        memory.take_in(settings, &aligned);
     }
     memory.tell(settings, tick);
     &memory.state
@@ -102,6 +103,8 @@ impl Memory {
             CommandKind::SubjectLoad => {
                 // What the window holds was another worker's pose.
                 self.window.clear();
+                self.history.clear();
+                self.unloaded.forget();
                 self.model_changed_ns = tick.due_ns;
             }
         }
@@ -115,7 +118,7 @@ impl Memory {
         let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
         // Samples that came in last may still wait for the ground; what is told is what was worked through.
-        let worked_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
+        let worked_age_ns = now_ns.saturating_sub(self.worked_ns);
         let suit_stale = stale(suit_age_ns, self.alignment.suit_period_ns())
             || stale(worked_age_ns.saturating_sub(PATIENCE_NS), self.alignment.suit_period_ns());
         let ground_stale = stale(ground_age_ns, self.alignment.ground_period_ns());

@@ -176,7 +176,7 @@ impl Identification {
         let Some(newest) = window.newest() else { return false };
         let (mut h, mut offset_m) = ([[0.0; crate::sesc::PARAMETERS]; 2], [0.0; 2]);
         for held in window.samples() {
-            let rows = self.reduction.rows(&pose_of(held));
+            let rows = self.reduction.rows(&pose_of(held), [0.0; 2]);
             for axis in 0..2 {
                 offset_m[axis] += rows.offset_m[axis] / WINDOW as f64;
                 for (mean, value) in h[axis].iter_mut().zip(rows.h[axis]) {
@@ -212,6 +212,31 @@ impl Identification {
         true
     }
 
+    /// shim
+    pub fn predict_cop_m(&self, rows: &crate::sesc::reduction::Rows) -> [f64; 2] {
+        [0, 1].map(|axis| rows.offset_m[axis] + self.filter.project(&rows.h[axis]))
+    }
+    /// shim
+    pub fn cop_variance_m2(&self, rows: &crate::sesc::reduction::Rows) -> [f64; 2] {
+        [0, 1].map(|axis| self.filter.projected_variance_m2(&rows.h[axis]) + STANCE_SIGMA_M * STANCE_SIGMA_M)
+    }
+    /// shim
+    pub fn wander_variance_m2(&self, _: &Pose<StationWorld>, _: &Settings) -> [f64; 2] {
+        [0.0; 2]
+    }
+    /// shim
+    pub fn learn_motion(
+        &mut self,
+        rows: &crate::sesc::reduction::Rows,
+        cop_m: [f64; 2],
+        variance_m2: [f64; 2],
+        _: &Settings,
+    ) -> bool {
+        (0..2).all(|axis| {
+            self.filter.update(&rows.h[axis], cop_m[axis] - rows.offset_m[axis], variance_m2[axis]).is_some()
+        })
+    }
+
     /// Whether a stop rule holds now.
     pub fn meets(&self, rule: StopRule) -> bool {
         match rule {
@@ -230,7 +255,7 @@ impl Identification {
     fn predict_cop_sigma(&self, settings: &Settings) -> f64 {
         let (mut sum, mut rows_seen) = (0.0, 0.0);
         for posture in settings.library {
-            let rows = self.reduction.rows(&posture::pose_of(posture, &self.skeleton(), [0.0; 3]));
+            let rows = self.reduction.rows(&posture::pose_of(posture, &self.skeleton(), [0.0; 3]), [0.0; 2]);
             for h in &rows.h {
                 sum += self.filter.projected_variance_m2(h);
                 rows_seen += 1.0;

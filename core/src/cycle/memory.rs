@@ -3,10 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::alignment::Alignment;
+use super::body_motion::MotionNoise;
 use super::identification::Identification;
 use super::settings::Settings;
 use crate::anchor::Anchor;
 use crate::message::{GroundSample, State, Validity};
+use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
@@ -22,8 +24,18 @@ pub struct Memory {
     pub alignment: Alignment,
     /// Where the feet stand.
     pub anchor: Anchor,
-    /// The last aligned samples.
+    /// The last suit samples with the wrench at their times; moments come out of it when their future is known.
+    pub history: History,
+    /// The last moments.
     pub window: Window,
+    /// How far the compensation of inertia can be trusted.
+    pub(super) noise: MotionNoise,
+    /// Whether nothing is carried.
+    pub(super) unloaded: Unloaded,
+    /// Time of the newest suit sample in the history.
+    pub(super) worked_ns: u64,
+    /// Time of the last moment in motion that entered the filter.
+    pub(super) motion_learnt_ns: u64,
     /// This worker.
     pub identification: Identification,
     /// Wrench that an empty plate shows, N and N m.
@@ -58,7 +70,10 @@ impl Memory {
         self.version == MEMORY_VERSION
             && self.alignment.is_sound()
             && self.anchor.is_sound()
+            && self.history.is_sound()
             && self.window.is_sound()
+            && self.noise.is_sound()
+            && self.unloaded.is_sound()
             && self.identification.is_sound()
             && self.tare.iter().flatten().all(|value| value.is_finite())
     }

@@ -1,17 +1,18 @@
-//! What one aligned sample says: where the body is, whether it holds still, what the load does to the joints.
+//! What one moment says: where the body is, whether it holds still, what the load does to the joints.
 
 use nalgebra::Vector3;
 
 use super::alignment::Aligned;
+use super::body_motion::{ACCELERATION_SIGMA_MIN_M_PER_S2, BodyMotion};
 use super::memory::Memory;
-use super::settings::Settings;
+use super::settings::{Method, Motion, Settings};
 use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
-use crate::anchor::STANCE_SIGMA_M;
-use crate::body::{JOINTS, Side};
+use crate::body::{JOINTS, Side, gyration_m2};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::{GroundSample, State, Validity};
+use crate::motion::{Build, Inertia, Moment};
 use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
 use crate::sesc::centre_of_mass;
 use crate::static_pose::{Held, Stillness, rms_joint_angle};
@@ -20,75 +21,144 @@ use crate::static_pose::{Held, Stillness, rms_joint_angle};
 const NEARLY_STILL: f64 = 3.0;
 /// What a plate may show that is taken for a worker's mass, kg.
 const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
+/// A force is a load if it is so many σ from nothing.
+const SIGMAS_OF_A_LOAD: f64 = 2.5;
+/// Moments in motion enter the filter at most so often, ns …
+const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
+/// … and so many of them say as much as one: errors of a motion last about half a second.
+const ROWS_PER_INDEPENDENT: f64 = 5.0;
 /// The CoP may lie this far outside the modelled soles, m.
 const SUPPORT_MARGIN_M: f64 = 0.02;
 
 impl Memory {
-    /// Works through one aligned sample.
-    pub(super) fn monitor(&mut self, settings: &Settings, aligned: &Aligned) {
+    /// Takes in one aligned sample and works through every moment whose window it fills.
+    pub(super) fn take_in(&mut self, settings: &Settings, aligned: &Aligned) {
         let suit = &aligned.suit;
         let in_suit_world = suit.pose();
+        self.worked_ns = suit.sample_time_ns;
         self.identification.learn_skeleton(&in_suit_world, settings);
         let pose = if settings.suit_drifts {
             self.anchor.hold(&in_suit_world)
         } else {
             self.anchor.follow(&in_suit_world)
         };
+        let body = self.identification.anthropometry(settings);
+        let ground_sigma_ns = aligned.ground.map_or(0, |ground| ground.sample_time_sigma_ns);
+        let mut moment = Moment::new(suit.sample_time_ns, &in_suit_world, &pose, &body);
+        moment.stance = self.anchor.stance();
+        moment.both_feet_stand = u64::from(self.anchor.both_feet_stand());
+        moment.time_sigma_ns = suit.sample_time_sigma_ns;
+        if let Some(ground) = aligned.ground {
+            moment.time_sigma_ns = moment.time_sigma_ns.max(ground.sample_time_sigma_ns);
+            moment.ground = ground;
+            moment.has_ground = 1;
+        }
+        self.history.push(moment);
+        let half_window_ns = match settings.motion {
+            Motion::Compensated { half_window_ns } => half_window_ns,
+            Motion::Paper => 0,
+        };
+        let gyration_m2 = gyration_m2(&self.identification.skeleton(), settings.height_m);
+        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        // Bounded: the history holds a fixed number of moments.
+        while let Some((moment, inertia)) = self.history.next(half_window_ns, &build) {
+            self.monitor(settings, &moment, inertia);
+        }
+    }
 
+    /// Works through one moment: where the body is, whether it holds still, what the load does to the joints.
+    fn monitor(&mut self, settings: &Settings, moment: &Moment, inertia: Option<Inertia>) {
+        let pose = moment.pose();
+        let step_s = moment.time_ns.saturating_sub(self.known.suit_sample_time_ns) as f64 * 1e-9;
+        self.known.suit_sample_time_ns = moment.time_ns;
+        self.known.group_delay_ns = self.worked_ns.saturating_sub(moment.time_ns);
+        self.known.stance = moment.stance as u32;
+        self.known.segment_origin_m = moment.origin_m;
         let mut found = Validity::default();
-        let sigma_ns =
-            aligned.ground.map_or(0, |ground| ground.sample_time_sigma_ns).max(suit.sample_time_sigma_ns);
-        found.raise(Validity::CLOCK_UNSYNCHRONISED, sigma_ns > CLOCK_SIGMA_MAX_NS);
+        found.raise(Validity::CLOCK_UNSYNCHRONISED, moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS);
 
-        self.known.suit_sample_time_ns = suit.sample_time_ns;
-        self.known.stance = self.anchor.stance() as u32;
-        self.known.segment_origin_m = pose.origin.map(Into::into);
-        self.estimate(&pose, settings);
-        self.compare_with_suggestion(&pose, settings);
-
-        let standing =
-            aligned.ground.and_then(|ground| self.stand_on(&ground, &mut found).map(|cop_m| (ground, cop_m)));
+        let standing = moment.ground().copied().and_then(|ground| self.stand_on(&ground, &mut found));
         found.raise(Validity::FEET_OFF_PLATE, standing.is_none());
         match standing {
-            Some((ground, cop_m)) => {
+            Some(cop_m) => {
                 let held = Held {
-                    time_ns: suit.sample_time_ns,
-                    stance: self.anchor.stance(),
+                    time_ns: moment.time_ns,
+                    stance: moment.stance,
                     cop_m,
-                    vertical_n: ground.force_n[2],
+                    vertical_n: moment.ground.force_n[2],
                     ..bytemuck::Zeroable::zeroed()
                 };
                 self.window.push(&pose, held, self.alignment.suit_period_ns());
             }
             None => self.window.clear(),
         }
-
         let stillness = self.window.stillness();
-        self.known.static_pose = u32::from(stillness.is_some_and(|window| window.is_still(&settings.still)));
+        let is_still = stillness.is_some_and(|window| window.is_still(&settings.still));
+        self.known.static_pose = u32::from(is_still);
         let nearly_still = stillness.is_some_and(|window| window.is_within(&settings.still, NEARLY_STILL));
-        found.raise(Validity::MOVING, !nearly_still);
-        if let Some(stillness) = stillness.filter(|window| window.is_still(&settings.still)) {
-            self.learn_from_stillness(&pose, &stillness, settings);
+        let motion = match (settings.motion, inertia) {
+            (Motion::Paper, _) => Some(Inertia::REST),
+            (_, Some(inertia)) if inertia.is_moderate() => Some(inertia),
+            (_, None) if nearly_still => Some(Inertia::REST),
+            _ => None,
+        };
+        found.raise(Validity::MOVING, motion.is_none());
+
+        self.compare_with_suggestion(&pose, settings);
+        let body = self.body_motion(&pose, moment, motion, settings);
+        self.noise.follow(&body, self.identification.mass_kg, step_s);
+        self.estimate(&pose, &body, settings);
+        if let Some(stillness) = stillness.filter(|_| is_still) {
+            self.learn_from_stillness(&pose, moment, &stillness, settings);
         }
-        self.overload(&pose, settings, &mut found);
+        self.overload(&pose, &body, settings, &mut found);
+        if motion.is_some() && standing.is_some() {
+            self.watch_the_residual(&pose, moment, &body, step_s, settings);
+        } else {
+            self.unloaded.forget();
+        }
         self.found = found.0;
     }
 
-    /// Centre of mass and, for a still body, of pressure, with the filter's σ, the stance's, and one pose's.
-    fn estimate(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
+    /// How the body alone moves.
+    fn body_motion(
+        &self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        inertia: Option<Inertia>,
+        settings: &Settings,
+    ) -> BodyMotion {
+        let worker = &self.identification;
+        let (Some(inertia), Motion::Compensated { .. }) = (inertia, settings.motion) else {
+            return BodyMotion::REST;
+        };
+        let centre = centre_of_mass(pose, &worker.phi());
+        let floor_m = moment.ground().map_or(0.0, |ground| ground.surface_z_m);
+        let mut body = BodyMotion::by_suit(&inertia, centre.z - floor_m);
+        if let Some(ground) = moment.ground() {
+            let sigma = self.noise.acceleration_sigma_m_per_s2();
+            body.correct_by_shear(ground.force_n, worker.mass_kg, sigma);
+        }
+        body
+    }
+
+    /// Centre of mass, and the centre of pressure that the body alone would have in this motion, each with its σ.
+    fn estimate(&mut self, pose: &Pose<StationWorld>, body: &BodyMotion, settings: &Settings) {
         if !self.identification.has_body() {
             return;
         }
-        let centre = centre_of_mass(pose, &self.identification.phi());
-        let rows = self.identification.reduction.rows(pose);
-        self.known.com_m = centre.into();
-        self.known.cop_estimated_m = [centre.x, centre.y];
-        self.known.cop_sigma_m = [0, 1].map(|axis| {
-            let variance = self.identification.filter.projected_variance_m2(&rows.h[axis]);
-            let pose_sigma_m = settings.measurement_sigma_m;
-            let known_to = STANCE_SIGMA_M * STANCE_SIGMA_M + pose_sigma_m * pose_sigma_m;
-            math::sqrt(variance + known_to)
-        });
+        let rows = self.identification.reduction.rows(pose, body.slope);
+        let still = self.identification.predict_cop_m(&rows);
+        let known = self.identification.cop_variance_m2(&rows);
+        let wander = self.identification.wander_variance_m2(pose, settings);
+        self.known.com_m = centre_of_mass(pose, &self.identification.phi()).into();
+        let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
+        for axis in 0..2 {
+            self.known.cop_estimated_m[axis] = still[axis] + body.turning_m[axis];
+            let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
+            let variance = known[axis] + wander[axis] + floor + moving * moving;
+            self.known.cop_sigma_m[axis] = math::sqrt(variance);
+        }
     }
 
     fn compare_with_suggestion(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
@@ -101,16 +171,97 @@ impl Memory {
         };
     }
 
+    /// While nothing is carried, what is left over says how good the compensation is; and motion teaches the filter.
+    fn watch_the_residual(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        body: &BodyMotion,
+        step_s: f64,
+        settings: &Settings,
+    ) {
+        let mass_kg = self.identification.mass_kg;
+        if mass_kg <= 0.0 || !self.identification.has_body() {
+            return;
+        }
+        let [delta_f_n, sigma_n] = [self.known.delta_f_n[2], self.known.delta_f_sigma_n];
+        if !self.unloaded.watch(delta_f_n, step_s, settings.load_threshold_n, sigma_n) {
+            return;
+        }
+        self.learn_errors(moment, body, settings);
+        if self.wants_motion(moment, settings) {
+            self.learn_motion(pose, moment, body, settings);
+        }
+    }
+
+    /// How wrong the compensation is, while nothing but the body is there to explain.
+    fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+        let noise = &mut self.noise;
+        let activity_n = noise.vertical_activity_n.height();
+        noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
+        let [x, y, _] = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
+        let [suit_x, suit_y, _] = body.suit_acceleration_m_per_s2;
+        if (x, y) != (0.0, 0.0) {
+            let activity = noise.horizontal_activity_m_per_s2.height();
+            noise.horizontal.learn(
+                math::hypot([x - suit_x, y - suit_y]),
+                activity,
+                ACCELERATION_SIGMA_MIN_M_PER_S2,
+            );
+        }
+        for axis in 0..2 {
+            let activity_m = noise.cop_activity_m[axis].height();
+            let [sigma_m, moving_m] = [self.known.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
+            let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
+            let error_m = self.known.cop_measured_m[axis] - self.known.cop_estimated_m[axis];
+            noise.cop[axis].learn(error_m, activity_m, at_rest_m);
+        }
+    }
+
+    /// Whether a moment in motion may teach the filter: asked for, in one stance, and the last one not just before.
+    fn wants_motion(&self, moment: &Moment, settings: &Settings) -> bool {
+        let worker = &self.identification;
+        let asked = worker.learning == 1 || (settings.passive && worker.identified == 1);
+        settings.method == Method::StaticAndDynamic
+            && asked
+            && self.known.static_pose == 0
+            && (moment.both_feet_stand == 1 || !settings.suit_drifts)
+            && moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS
+    }
+
+    /// The moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4), with R grown by the motion.
+    fn learn_motion(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        body: &BodyMotion,
+        settings: &Settings,
+    ) {
+        self.motion_learnt_ns = moment.time_ns;
+        let rows = self.identification.reduction.rows(pose, body.slope);
+        let wander = self.identification.wander_variance_m2(pose, settings);
+        let cop_m = core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.turning_m[axis]);
+        let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
+        let variance_m2 = core::array::from_fn(|axis| {
+            let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
+            ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m)
+        });
+        if self.identification.learn_motion(&rows, cop_m, variance_m2, settings) {
+            self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
+        }
+    }
+
     /// A still worker shows the mass, if it is not known, and then one more pose.
     fn learn_from_stillness(
         &mut self,
         pose: &Pose<StationWorld>,
+        moment: &Moment,
         stillness: &Stillness,
         settings: &Settings,
     ) {
         let worker = &mut self.identification;
         let supported = support::is_supported(pose, stillness.cop_m, settings.height_m, SUPPORT_MARGIN_M);
-        if !supported || !self.anchor.both_feet_stand() {
+        if !supported || moment.both_feet_stand != 1 {
             return;
         }
         let shown_kg = stillness.vertical_n / GRAVITY_M_PER_S2;
@@ -126,12 +277,21 @@ impl Memory {
     }
 
     /// Eq. 14 and 15.
-    fn overload(&mut self, pose: &Pose<StationWorld>, settings: &Settings, found: &mut Validity) {
+    fn overload(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        body: &BodyMotion,
+        settings: &Settings,
+        found: &mut Validity,
+    ) {
         let worker = &self.identification;
         let vertical_n = self.known.ground_force_n[2];
-        let delta_f_n = vertical_n - worker.mass_kg * GRAVITY_M_PER_S2;
+        let delta_f_n = vertical_n - worker.mass_kg * body.specific_force_m_per_s2;
         self.known.delta_f_n = [0.0, 0.0, delta_f_n];
-        let loaded = delta_f_n.abs() >= settings.load_threshold_n;
+        let by_motion_n = self.noise.vertical.sigma(self.noise.vertical_activity_n.height());
+        self.known.delta_f_sigma_n = math::hypot([settings.force_sigma_n, by_motion_n]);
+        let loaded =
+            delta_f_n.abs() >= settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.known.delta_f_sigma_n);
         found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
         if !loaded || !worker.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
             return;
@@ -151,7 +311,7 @@ impl Memory {
         let sigma = LoadingSigma {
             cop_measured_m: settings.cop_sigma_m,
             cop_estimated_m: self.known.cop_sigma_m,
-            delta_f_n: settings.force_sigma_n,
+            delta_f_n: self.known.delta_f_sigma_n,
             eta: (place_sigma_m / between_hands_m.max(1e-3)).min(0.5),
         };
         found.raise(

@@ -3,13 +3,16 @@
 use nalgebra::{Quaternion, Vector3};
 
 use super::history::{Moment, Motion};
-use crate::body::{Anthropometry, SEGMENTS};
+use crate::body::{Anthropometry, SEGMENTS, Side};
 use crate::frame::rotation;
 
 /// Standard gravity as the paper rounds it, m/s².
 const GRAVITY_M_PER_S2: f64 = 9.81;
 /// Below this share of its weight a body leaps, and its centre of pressure means nothing.
 const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
+
+/// A body that is accelerated more than this is struck or leaps.
+const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
 
 /// How this worker's mass is spread, by the table.
 #[derive(Debug, Clone, Copy)]
@@ -27,11 +30,17 @@ pub struct Inertia {
     pub acceleration_m_per_s2: [f64; 3],
     /// Rate of the angular momentum about the centre of mass over the body's mass L̇/M, m²/s².
     pub momentum_rate_m2_per_s2: [f64; 3],
+    /// Acceleration of the left and the right hand's centre, m/s².
+    pub hand_acceleration_m_per_s2: [[f64; 3]; 2],
 }
 
 impl Inertia {
     /// A body at rest.
-    pub const REST: Inertia = Inertia { acceleration_m_per_s2: [0.0; 3], momentum_rate_m2_per_s2: [0.0; 3] };
+    pub const REST: Inertia = Inertia {
+        acceleration_m_per_s2: [0.0; 3],
+        momentum_rate_m2_per_s2: [0.0; 3],
+        hand_acceleration_m_per_s2: [[0.0; 3]; 2],
+    };
 
     /// Sums over the segments: masses and centres by the table laid on this worker's bones.
     ///
@@ -55,7 +64,19 @@ impl Inertia {
             );
             momentum_rate += mass[segment] * (arm.cross(&acceleration(segment)) + spin);
         }
-        Inertia { acceleration_m_per_s2: whole.into(), momentum_rate_m2_per_s2: momentum_rate.into() }
+        Inertia {
+            acceleration_m_per_s2: whole.into(),
+            momentum_rate_m2_per_s2: momentum_rate.into(),
+            hand_acceleration_m_per_s2: Side::BOTH
+                .map(|side| motion.acceleration_m_per_s2[side.hand().index()]),
+        }
+    }
+
+    /// Whether the motion is one of work: no leap, no impact, for which a parabola would not do.
+    pub fn is_moderate(&self) -> bool {
+        let square: f64 = self.acceleration_m_per_s2.iter().map(|value| value * value).sum();
+        square < ACCELERATION_MAX_M_PER_S2 * ACCELERATION_MAX_M_PER_S2
+            && self.specific_force_m_per_s2().is_some()
     }
 
     /// Vertical force over mass that this motion needs, g + C̈_z, m/s²; `None` of a body that leaps.

@@ -202,16 +202,16 @@ impl Reduction {
     }
 
     /// The horizontal rows of `C_M = x0 + B(Tθ + Φ_fixed)` for a pose, without forming B (Eq. 3, 6).
-    pub fn rows(&self, pose: &Pose<StationWorld>) -> Rows {
+    pub fn rows(&self, pose: &Pose<StationWorld>, slope: [f64; 2]) -> Rows {
         let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
         let pelvis = pose.origin_of(Segment::Pelvis);
-        rows.offset_m = [pelvis.x, pelvis.y];
+        rows.offset_m = [pelvis.x - slope[0] * pelvis.z, pelvis.y - slope[1] * pelvis.z];
         for (segment, rotation) in pose.world_from_segment.iter().enumerate() {
             let world_from_segment = rotation.to_rotation_matrix();
             for axis in 0..3 {
                 let raw = 3 * segment + axis;
                 for row in 0..2 {
-                    let entry = world_from_segment[(row, axis)];
+                    let entry = world_from_segment[(row, axis)] - slope[row] * world_from_segment[(2, axis)];
                     rows.offset_m[row] += entry * self.fixed_m[raw];
                     if self.parameter[raw] != FIXED {
                         rows.h[row][self.parameter[raw] as usize] += entry * self.weight[raw];
@@ -265,7 +265,7 @@ mod tests {
             for (index, value) in theta.iter_mut().enumerate() {
                 *value += 0.001 * index as f64;
             }
-            let rows = reduction.rows(&pose);
+            let rows = reduction.rows(&pose, [0.0; 2]);
             let centre = centre_of_mass(&pose, &reduction.phi(&theta));
             for row in 0..2 {
                 let by_rows: f64 = rows.offset_m[row]

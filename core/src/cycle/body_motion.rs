@@ -1,0 +1,138 @@
+//! What the body's own motion does to the ground reaction at one moment, and how far that is known.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::math;
+use crate::motion::{Confidence, Envelope, Inertia};
+use crate::overload::GRAVITY_M_PER_S2;
+
+/// Errors of the compensation, learnt from motion without a load.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct MotionNoise {
+    /// Of the vertical force; activity in N.
+    pub vertical: Confidence,
+    /// Of the centre's horizontal acceleration; activity in m/s².
+    pub horizontal: Confidence,
+    /// Of the centre of pressure, forward and sideways; activity in m.
+    pub cop: [Confidence; 2],
+    /// How much is compensated now.
+    pub vertical_activity_n: Envelope,
+    /// Likewise, m/s².
+    pub horizontal_activity_m_per_s2: Envelope,
+    /// Likewise, m.
+    pub cop_activity_m: [Envelope; 2],
+}
+
+impl MotionNoise {
+    /// Whether every number is in range; a stored one is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.cop.iter().chain([&self.vertical, &self.horizontal]).all(Confidence::is_sound)
+            && self
+                .cop_activity_m
+                .iter()
+                .chain([&self.vertical_activity_n, &self.horizontal_activity_m_per_s2])
+                .all(Envelope::is_sound)
+    }
+
+    /// 1-σ of the suit's horizontal acceleration now, m/s².
+    pub(super) fn acceleration_sigma_m_per_s2(&self) -> f64 {
+        let by_motion = self.horizontal.sigma(self.horizontal_activity_m_per_s2.height());
+        math::hypot([by_motion, ACCELERATION_SIGMA_MIN_M_PER_S2])
+    }
+
+    /// Takes in how much is compensated at a moment, `step_s` after the one before.
+    pub(super) fn follow(&mut self, body: &BodyMotion, mass_kg: f64, step_s: f64) {
+        let [x, y, z] = body.suit_acceleration_m_per_s2;
+        self.vertical_activity_n.follow(mass_kg * z, step_s);
+        self.horizontal_activity_m_per_s2.follow(math::hypot([x, y]), step_s);
+        for axis in 0..2 {
+            self.cop_activity_m[axis].follow(body.shift_m(axis), step_s);
+        }
+    }
+}
+
+/// The body alone in its motion at one moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BodyMotion {
+    /// Horizontal over vertical force of the ground on the body alone.
+    pub(super) slope: [f64; 2],
+    /// Shift of the centre of pressure by the turning of the body, m.
+    pub(super) turning_m: [f64; 2],
+    /// Vertical force over mass, g + C̈_z, m/s².
+    pub(super) specific_force_m_per_s2: f64,
+    /// C̈ as the suit shows it, m/s².
+    pub(super) suit_acceleration_m_per_s2: [f64; 3],
+    /// How the hands move, left and right, m/s².
+    pub(super) hand_acceleration_m_per_s2: [[f64; 3]; 2],
+    /// Height of the centre of mass, m.
+    centre_height_m: f64,
+}
+
+impl BodyMotion {
+    /// A body at rest: the paper's equations know no motion.
+    pub(super) const REST: BodyMotion = BodyMotion {
+        slope: [0.0; 2],
+        turning_m: [0.0; 2],
+        specific_force_m_per_s2: GRAVITY_M_PER_S2,
+        suit_acceleration_m_per_s2: [0.0; 3],
+        hand_acceleration_m_per_s2: [[0.0; 3]; 2],
+        centre_height_m: 0.0,
+    };
+
+    /// The motion that the suit shows.
+    pub(super) fn by_suit(inertia: &Inertia, centre_height_m: f64) -> BodyMotion {
+        let specific_force = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
+        let [x, y, _] = inertia.acceleration_m_per_s2;
+        BodyMotion {
+            slope: [x / specific_force, y / specific_force],
+            turning_m: inertia.turning_shift_m(specific_force),
+            specific_force_m_per_s2: specific_force,
+            suit_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
+            hand_acceleration_m_per_s2: inertia.hand_acceleration_m_per_s2,
+            centre_height_m,
+        }
+    }
+
+    /// Takes the body's horizontal acceleration from measured shear, less what accelerates the load in the hands.
+    ///
+    /// Shear tells it better than positions differentiated twice do. But where the two contradict each other something
+    /// else pushes, and the suit is believed. Shear that is exactly zero was not measured. `sigma_m_per_s2`: of the
+    /// suit's acceleration.
+    pub(super) fn correct_by_shear(&mut self, ground_force_n: [f64; 3], mass_kg: f64, sigma_m_per_s2: f64) {
+        let [x, y, vertical_n] = ground_force_n;
+        if mass_kg <= 0.0 || (x == 0.0 && y == 0.0) {
+            return;
+        }
+        let load_kg = self.load_kg(vertical_n - mass_kg * self.specific_force_m_per_s2);
+        let hands = self.hands_acceleration_m_per_s2();
+        let shear = [(x - load_kg * hands[0]) / mass_kg, (y - load_kg * hands[1]) / mass_kg];
+        let suit = self.suit_acceleration_m_per_s2;
+        let contradiction = math::hypot([shear[0] - suit[0], shear[1] - suit[1]]);
+        if contradiction < SIGMAS_OF_A_CONTRADICTION * sigma_m_per_s2 {
+            self.slope = shear.map(|acceleration| acceleration / self.specific_force_m_per_s2);
+        }
+    }
+
+    /// Mass in the hands that a vertical force holds in this motion, kg; never negative.
+    pub(super) fn load_kg(&self, delta_f_n: f64) -> f64 {
+        let [_, _, up] = self.hands_acceleration_m_per_s2();
+        (delta_f_n / (GRAVITY_M_PER_S2 + up).max(0.5 * GRAVITY_M_PER_S2)).max(0.0)
+    }
+
+    /// Acceleration of the middle between the hands, m/s².
+    pub(super) fn hands_acceleration_m_per_s2(&self) -> [f64; 3] {
+        let [left, right] = self.hand_acceleration_m_per_s2;
+        core::array::from_fn(|axis| 0.5 * (left[axis] + right[axis]))
+    }
+
+    /// How far leaning and turning shift the centre of pressure on an axis, m.
+    fn shift_m(&self, axis: usize) -> f64 {
+        (self.centre_height_m * self.slope[axis]).abs() + self.turning_m[axis].abs()
+    }
+}
+
+/// Shear and suit contradict each other beyond so many σ.
+const SIGMAS_OF_A_CONTRADICTION: f64 = 4.0;
+/// No suit's acceleration is better known than this, m/s².
+pub(super) const ACCELERATION_SIGMA_MIN_M_PER_S2: f64 = 0.1;
