@@ -1,0 +1,110 @@
+//! Who takes part: synthetic people of many statures and builds, each by a seed.
+
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use equipoise_core::body::Sex;
+use equipoise_core::cycle::Settings;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::person::Person;
+use equipoise_simulator::random::Random;
+
+/// Statures that are drawn, m.
+const HEIGHT_M: [f64; 2] = [1.55, 1.95];
+/// Masses that are drawn, kg.
+const MASS_KG: [f64; 2] = [50.0, 105.0];
+/// Body mass indices that are drawn, kg/m².
+const BODY_MASS_INDEX: [f64; 2] = [19.0, 30.0];
+
+/// One synthetic subject.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Subject {
+    /// Everything random about body, habits and sensors follows from it.
+    pub seed: u64,
+    /// Stature, m.
+    pub height_m: f64,
+    /// Body mass, kg.
+    pub mass_kg: f64,
+    /// What the settings are told: it chooses the column of the table. The simulated body has no sex.
+    pub sex: Sex,
+}
+
+impl Subject {
+    /// The paper's subject: 72 kg, 1.77 m, a man; the body follows from the seed.
+    pub fn of_the_paper(seed: u64) -> Subject {
+        Subject { seed, height_m: 1.77, mass_kg: 72.0, sex: Sex::Male }
+    }
+
+    /// Somebody: stature, build and sex by the seed.
+    pub fn somebody(seed: u64) -> Subject {
+        let mut random = Random::new(seed, "subject");
+        let height_m = random.between(HEIGHT_M[0], HEIGHT_M[1]);
+        let index = random.between(BODY_MASS_INDEX[0], BODY_MASS_INDEX[1]);
+        let mass_kg = (index * height_m * height_m).clamp(MASS_KG[0], MASS_KG[1]);
+        let sex = if random.happens(0.5) { Sex::Female } else { Sex::Male };
+        Subject { seed, height_m, mass_kg, sex }
+    }
+
+    /// `count` subjects of seeds in a row.
+    pub fn crowd(first_seed: u64, count: usize) -> Vec<Subject> {
+        (0..count as u64).map(|index| Subject::somebody(first_seed + index)).collect()
+    }
+
+    /// The true body.
+    pub fn person(&self) -> Person {
+        Person::new(self.seed, self.height_m, self.mass_kg)
+    }
+
+    /// The default settings for this subject with the whole library; the mass is left to the plate.
+    pub fn settings(&self) -> Settings {
+        Settings { sex: self.sex, library: LIBRARY, ..Settings::for_height(self.height_m) }
+    }
+}
+
+/// What `ask` answers for each subject, in their order, on as many threads as there are processors.
+pub fn ask_all<Q: Sync, T: Send>(questions: &[Q], ask: impl Fn(&Q) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let answers = Mutex::new(Vec::with_capacity(questions.len()));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(questions.len());
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(question) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < questions.len())
+                {
+                    let answer = ask(&questions[question]);
+                    answers.lock().unwrap_or_else(PoisonError::into_inner).push((question, answer));
+                }
+            });
+        }
+    });
+    let mut answers = answers.into_inner().unwrap_or_else(PoisonError::into_inner);
+    answers.sort_by_key(|(index, _)| *index);
+    answers.into_iter().map(|(_, answer)| answer).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn subjects_are_plausible_and_follow_from_their_seed() {
+        for subject in Subject::crowd(1, 200) {
+            assert_eq!(subject, Subject::somebody(subject.seed));
+            assert!((HEIGHT_M[0]..HEIGHT_M[1]).contains(&subject.height_m));
+            assert!((MASS_KG[0]..=MASS_KG[1]).contains(&subject.mass_kg));
+            let index = subject.mass_kg / subject.height_m.powi(2);
+            assert!((18.0..=31.0).contains(&index), "{index}");
+        }
+    }
+
+    #[test]
+    fn answers_stand_in_the_order_of_the_questions() {
+        let questions: Vec<u64> = (0..50).collect();
+        assert_eq!(
+            ask_all(&questions, |question| question * question),
+            questions.iter().map(|q| q * q).collect::<Vec<_>>()
+        );
+    }
+}

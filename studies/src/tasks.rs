@@ -1,0 +1,232 @@
+//! What a session consists of: identification, poses that check it, a lift, work without a load.
+
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::{State, Validity};
+use equipoise_core::pose_suggestion::Posture;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::intention::{Arm, Intention};
+use equipoise_simulator::repertoire::LIFTING;
+
+use crate::session::{Moment, Session};
+
+/// How long a worker takes to take a pose, s.
+const POSE_S: f64 = 1.8;
+/// A pose that was not learnt within this is left for another, s.
+const PATIENCE_S: f64 = 6.0;
+/// How long a still window is shown when time leaps between poses, s: the window of 20 samples, and what a centred
+/// filter of motion may need around it.
+const WINDOW_S: f64 = 0.6;
+/// From one pose of work to the next at natural speed, s.
+const NATURAL_S: f64 = 1.0;
+
+/// How an identification went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Identified {
+    /// Poses that entered the filter.
+    pub poses: u32,
+    /// Whether the stop rule was met; otherwise the learning was ended after the most poses that were allowed.
+    pub converged: bool,
+    /// How long it took, s of simulated time.
+    pub seconds: f64,
+    /// What the filter promises for the centre of pressure, m.
+    pub predicted_cop_sigma_m: f64,
+}
+
+/// Whether centre of pressure is told both as measured and as estimated.
+pub fn tells_cop(state: &State) -> bool {
+    !state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED))
+}
+
+/// Whether torques are told.
+pub fn tells_torques(state: &State) -> bool {
+    !state.validity().any_of(Validity::SPOILS_TORQUES)
+}
+
+impl Session {
+    /// The worker takes the suggested poses until the stop rule is met or `max_poses` are learnt; every sample of the
+    /// motion between them is measured. Afterwards the estimator monitors.
+    pub fn identify(&mut self, max_poses: u32) -> Identified {
+        self.identify_in_steps(max_poses, false, |_| {})
+    }
+
+    /// The same, leaping over the motion between the poses: of each, only a still window is measured.
+    pub fn identify_by_windows(&mut self, max_poses: u32) -> Identified {
+        self.identify_in_steps(max_poses, true, |_| {})
+    }
+
+    /// Identification, with a look at the session after each pose that was learnt.
+    pub fn identify_in_steps(
+        &mut self,
+        max_poses: u32,
+        leaping: bool,
+        mut after_each: impl FnMut(&Session),
+    ) -> Identified {
+        let start_s = self.now_s();
+        // The bones first, standing as everybody comes in; then there is something to suggest.
+        self.run_until(PATIENCE_S, |moment| moment.state.suggested_pose != u32::MAX);
+        let mut refused = 0;
+        while self.state().converged == 0 && self.state().poses_used < max_poses && refused < 50 {
+            let library = self.settings().library;
+            let suggested = self.state().suggested_pose as usize;
+            // As a person would: if nothing happens, try another one.
+            let Some(posture) = library.get((suggested + 7 * refused) % library.len().max(1)) else { break };
+            if self.learn(posture, leaping) {
+                refused = 0;
+                after_each(self);
+            } else {
+                refused += 1;
+            }
+        }
+        let converged = self.state().converged == 1;
+        let identified = Identified {
+            poses: self.state().poses_used,
+            converged,
+            seconds: self.now_s() - start_s,
+            predicted_cop_sigma_m: self.state().predicted_cop_sigma_m,
+        };
+        if !converged {
+            self.command(CommandKind::IdentifyStop);
+        }
+        identified
+    }
+
+    /// Takes a pose and holds it until it is learnt; gives up after a while.
+    fn learn(&mut self, posture: &Posture, leaping: bool) -> bool {
+        let used = self.state().poses_used;
+        self.take_pose(posture, POSE_S);
+        let hold_s = if leaping {
+            self.leap(POSE_S + 0.1);
+            2.0 * WINDOW_S
+        } else {
+            PATIENCE_S
+        };
+        self.run_until(hold_s, |moment| moment.state.poses_used > used)
+    }
+
+    /// Shows each posture, held still; `see` looks at every state of a still worker.
+    pub fn hold_each(&mut self, postures: &[Posture], mut see: impl FnMut(&Moment)) {
+        for posture in postures {
+            self.take_pose(posture, POSE_S);
+            self.leap(POSE_S + 0.1);
+            self.run(WINDOW_S, |moment| {
+                if moment.state.static_pose == 1 {
+                    see(moment);
+                }
+            });
+        }
+    }
+
+    /// `count` poses of the library that were never asked for, spread over it.
+    pub fn unasked(&self, count: usize) -> Vec<Posture> {
+        let unasked: Vec<Posture> =
+            LIBRARY.iter().copied().filter(|posture| !self.was_asked(posture)).collect();
+        let count = count.min(unasked.len());
+        (0..count).map(|index| unasked[index * unasked.len() / count]).collect()
+    }
+
+    /// Centre of pressure in `count` poses that were never asked for.
+    pub fn hold_out(&mut self, count: usize) -> CopErrors {
+        let postures = self.unasked(count);
+        let mut errors = CopErrors::default();
+        self.hold_each(&postures, |moment| errors.add(moment));
+        errors
+    }
+
+    /// The worker picks up a box, shows it around and puts it down, as the demonstration does.
+    pub fn lift(&mut self, mass_kg: f64, see: impl FnMut(&Moment)) {
+        self.order(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
+        self.run(16.5, see);
+    }
+
+    /// The worker lifts a box from a table, carries it round and puts it back, at natural speed, without a rest.
+    pub fn lift_at_work(&mut self, mass_kg: f64, see: impl FnMut(&Moment)) {
+        let [reach, close, stretched, raised, _] = LIFTING;
+        let turned = |twist_deg: f64| Intention {
+            pelvis_deg: [0.0, 0.0, 0.3 * twist_deg],
+            trunk_twist_deg: twist_deg,
+            ..close
+        };
+        let script = [reach, close, turned(30.0), turned(-30.0), stretched, close, raised, close, reach];
+        let seconds = self.perform(&script, NATURAL_S);
+        self.order(|worker, at_s| {
+            worker.lift(mass_kg, at_s + NATURAL_S);
+            worker.put_down(at_s + seconds - 0.5);
+        });
+        self.run(seconds + 1.0, see);
+    }
+
+    /// Bends, reaches and squats at natural speed without a load.
+    pub fn work_unloaded(&mut self, see: impl FnMut(&Moment)) {
+        let stand = Intention::STAND;
+        let arm = |elevation_deg, forward_deg| Arm {
+            elevation_deg,
+            forward_deg,
+            outward_deg: 40.0,
+            elbow_deg: 15.0,
+        };
+        let [reach, close, stretched, raised, _] = LIFTING;
+        let bend =
+            Intention { pelvis_deg: [30.0, 0.0, 0.0], trunk_flex_deg: 30.0, ..stand.arms(arm(50.0, 85.0)) };
+        let squat =
+            Intention { pelvis_drop: 0.25, pelvis_deg: [30.0, 0.0, 0.0], ..stand.arms(arm(45.0, 85.0)) };
+        let aside = Intention { right_arm: arm(85.0, 20.0), trunk_side_deg: 15.0, ..stand };
+        let turned = Intention { trunk_twist_deg: 30.0, left_arm: arm(80.0, 80.0), ..stand };
+        let script = [bend, stand, reach, raised, close, squat, stand, aside, turned, stretched, bend, stand];
+        let seconds = self.perform(&script, NATURAL_S);
+        self.run(seconds, see);
+    }
+
+    /// One intention after another, each begun when the one before is there; returns how long all take, s.
+    fn perform(&mut self, script: &[Intention], each_s: f64) -> f64 {
+        self.order(|worker, at_s| {
+            for (index, intention) in script.iter().enumerate() {
+                worker.intend(intention, at_s + index as f64 * each_s, each_s);
+            }
+        });
+        script.len() as f64 * each_s
+    }
+}
+
+/// Sums over centres of pressure: what the model says against what the plate measures.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct CopErrors {
+    /// How many states were looked at.
+    pub samples: u64,
+    square_m2: [f64; 2],
+    low_m: [f64; 2],
+    high_m: [f64; 2],
+}
+
+impl CopErrors {
+    /// Takes in a state, if it tells both.
+    pub fn add(&mut self, moment: &Moment) {
+        let state = moment.state;
+        if !tells_cop(state) {
+            return;
+        }
+        for axis in 0..2 {
+            let (measured, estimated) = (state.cop_measured_m[axis], state.cop_estimated_m[axis]);
+            self.square_m2[axis] += (measured - estimated).powi(2);
+            let first = self.samples == 0;
+            self.low_m[axis] = if first { measured } else { self.low_m[axis].min(measured) };
+            self.high_m[axis] = if first { measured } else { self.high_m[axis].max(measured) };
+        }
+        self.samples += 1;
+    }
+
+    /// Root mean square per axis, forward and sideways, m.
+    pub fn rms_m(&self) -> [f64; 2] {
+        self.square_m2.map(|square| (square / self.samples.max(1) as f64).sqrt())
+    }
+
+    /// Root mean square distance, m.
+    pub fn distance_rms_m(&self) -> f64 {
+        let [x, y] = self.rms_m();
+        x.hypot(y)
+    }
+
+    /// From the least to the largest measured value per axis, m.
+    pub fn range_m(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.high_m[axis] - self.low_m[axis])
+    }
+}
