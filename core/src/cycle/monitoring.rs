@@ -43,7 +43,6 @@ impl Memory {
             self.anchor.follow(&in_suit_world)
         };
         let body = self.identification.anthropometry(settings);
-        let ground_sigma_ns = aligned.ground.map_or(0, |ground| ground.sample_time_sigma_ns);
         let mut moment = Moment::new(suit.sample_time_ns, &in_suit_world, &pose, &body);
         moment.stance = self.anchor.stance();
         moment.both_feet_stand = u64::from(self.anchor.both_feet_stand());
