@@ -147,3 +147,123 @@ fn the_innovations_of_a_true_model_have_the_variance_they_predict() {
     let mean_nis = sum / f64::from(poses);
     assert!((0.9..1.1).contains(&mean_nis), "{mean_nis}");
 }
+
+/// Whether the Cholesky factor exists.
+fn is_positive_definite(filter: &Filter) -> bool {
+    SMatrix::<f64, N, N>::from_fn(|row, column| filter.covariance_m2[row][column]).cholesky().is_some()
+}
+
+#[test]
+fn badly_scaled_measurements_leave_the_covariance_positive_definite() {
+    let (mut filter, mut noise) = (unsure_filter(), Noise(23));
+    let mut ud = UdFilter {
+        theta: SVector::zeros(),
+        u: SMatrix::identity(),
+        d: SVector::from_fn(|index, _| 1.0 + index as f64),
+    };
+    // Eight decades of row lengths, six of parameter scales within a row, eight of variances.
+    for round in 0..10_000 {
+        let mut h = noise.row();
+        let length = 10f64.powf(4.0 * noise.next());
+        for value in &mut h[..N] {
+            *value *= length * 10f64.powf(3.0 * noise.next());
+        }
+        let (z, r_m2) = (noise.next() * length, 10f64.powf(4.0 * noise.next()));
+        filter.update(&h, z, r_m2).unwrap();
+        ud.update(&SVector::from_fn(|index, _| h[index]), z, r_m2);
+        assert!(is_positive_definite(&filter), "round {round}");
+    }
+    assert!(filter.is_sound());
+    let p = ud.u * SMatrix::from_diagonal(&ud.d) * ud.u.transpose();
+    for row in 0..N {
+        for column in 0..N {
+            let scale = (p[(row, row)] * p[(column, column)]).sqrt();
+            let apart = (filter.covariance_m2[row][column] - p[(row, column)]).abs() / scale;
+            assert!(apart < 1e-6, "{row}, {column}: {apart}");
+        }
+    }
+}
+
+#[test]
+fn no_measurement_is_so_sharp_that_the_covariance_collapses() {
+    let mut filter = unsure_filter();
+    let mut h = [0.0; PARAMETERS];
+    h[..N].fill(1.0);
+    for _ in 0..100 {
+        let before: [f64; N] = core::array::from_fn(|index| filter.variance_m2(index));
+        let innovation = filter.update(&h, 0.0, 1e-30).unwrap();
+        for (index, before) in before.into_iter().enumerate() {
+            assert!(filter.variance_m2(index) >= before * (1e-30 / innovation.variance_m2));
+        }
+        assert!(filter.is_sound() && is_positive_definite(&filter));
+    }
+}
+
+#[test]
+fn every_count_of_parameters_is_updated_like_a_dense_filter() {
+    // Counts on both sides of the four rows and lanes taken together, up to all there are.
+    for count in [0, 1, 2, 3, 4, 5, 16, 18, 42, PARAMETERS] {
+        let mut noise = Noise(31);
+        let mut prior = Prior { theta_m: [0.0; PARAMETERS], covariance_m2: [[0.0; PARAMETERS]; PARAMETERS] };
+        for index in 0..count {
+            prior.covariance_m2[index][index] = 1.0;
+        }
+        let mut filter: Filter = Zeroable::zeroed();
+        filter.reset(count, &prior);
+        let mut dense = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+        dense.view_mut((0, 0), (count, count)).fill_with_identity();
+        for _ in 0..5 {
+            let mut h = [0.0; PARAMETERS];
+            h[..count].fill_with(|| noise.next());
+            let row = SMatrix::<f64, 1, PARAMETERS>::from(h);
+            let s = (row * dense * row.transpose())[0] + 0.1;
+            let gain = dense * row.transpose() / s;
+            dense -= gain * row * dense;
+            assert!((filter.projected_variance_m2(&h) + 0.1 - s).abs() < 1e-12);
+            filter.update(&h, 0.3, 0.1).unwrap();
+        }
+        for (row, values) in filter.covariance_m2.iter().enumerate() {
+            for (column, value) in values.iter().enumerate() {
+                assert!((value - dense[(row, column)]).abs() < 1e-12, "{count}: {row}, {column}");
+            }
+        }
+    }
+}
+
+#[test]
+fn inflating_scales_what_is_not_known_and_nothing_else() {
+    let (mut filter, mut noise) = (unsure_filter(), Noise(41));
+    filter.update(&noise.row(), 0.4, 0.1).unwrap();
+    let before = filter;
+    filter.inflate(2.5);
+    assert_eq!(filter.theta_m, before.theta_m);
+    for (row, was) in filter.covariance_m2.iter().zip(&before.covariance_m2) {
+        assert_eq!(*row, was.map(|entry| 2.5 * entry));
+    }
+    let inflated = filter;
+    for factor in [0.0, 0.99, -3.0, 1.0, f64::NAN, f64::INFINITY] {
+        filter.inflate(factor);
+        assert_eq!(filter.covariance_m2, inflated.covariance_m2, "{factor}");
+    }
+    assert!(filter.is_sound());
+}
+
+#[test]
+fn the_covariance_of_two_rows_is_that_of_their_sum_taken_apart() {
+    let (mut filter, mut noise) = (unsure_filter(), Noise(43));
+    filter.update(&noise.row(), 0.4, 0.1).unwrap();
+    let (h1, h2) = (noise.row(), noise.row());
+    let [xx, xy, yy] = filter.covariance_of(&h1, &h2);
+    assert_eq!([xx, yy], [&h1, &h2].map(|h| filter.projected_variance_m2(h)));
+    let sum = core::array::from_fn(|index| h1[index] + h2[index]);
+    assert!((filter.projected_variance_m2(&sum) - (xx + 2.0 * xy + yy)).abs() < 1e-12);
+    assert!((filter.covariance_of(&h2, &h1)[1] - xy).abs() < 1e-12);
+}
+
+#[test]
+fn what_a_file_rounded_is_made_symmetric() {
+    let mut filter: Filter = Zeroable::zeroed();
+    assert!(filter.restore(&[0.1, 0.2], &[1.0, 0.5, 0.5 + 1e-14, 1.0]));
+    assert_eq!(filter.covariance_row_m2(1), [0.5, 1.0]);
+    assert!(!filter.restore(&[0.1, 0.2], &[1.0, 0.5, 0.6, 1.0]));
+}
