@@ -6,7 +6,6 @@ use super::alignment::Aligned;
 use super::memory::Memory;
 use super::settings::Settings;
 use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
-use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{JOINTS, Side};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
@@ -74,21 +73,20 @@ impl Memory {
         self.found = found.0;
     }
 
-    /// Centre of mass and, for a still body, of pressure, with the filter's σ, the stance's, and one pose's.
+    /// Centre of mass and, for a still body, of pressure, with the filter's σ, the suit's, and one pose's.
     fn estimate(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
         if !self.identification.has_body() {
             return;
         }
+        self.identification.follow_stance(self.anchor.stance(), settings);
         let centre = centre_of_mass(pose, &self.identification.phi());
-        let rows = self.identification.reduction.rows(pose);
+        let rows = self.identification.reduction.rows(pose, [0.0; 2]);
         self.known.com_m = centre.into();
-        self.known.cop_estimated_m = [centre.x, centre.y];
-        self.known.cop_sigma_m = [0, 1].map(|axis| {
-            let variance = self.identification.filter.projected_variance_m2(&rows.h[axis]);
-            let pose_sigma_m = settings.measurement_sigma_m;
-            let known_to = STANCE_SIGMA_M * STANCE_SIGMA_M + pose_sigma_m * pose_sigma_m;
-            math::sqrt(variance + known_to)
-        });
+        self.known.cop_estimated_m = self.identification.predict_cop_m(&rows);
+        let known_m2 = self.identification.cop_variance_m2(&rows);
+        let suit_m2 = self.identification.wander_variance_m2(pose, settings);
+        let body_m2 = settings.measurement_sigma_m * settings.measurement_sigma_m;
+        self.known.cop_sigma_m = [0, 1].map(|axis| math::sqrt(known_m2[axis] + suit_m2[axis] + body_m2));
     }
 
     fn compare_with_suggestion(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
@@ -136,7 +134,7 @@ impl Memory {
         if !loaded || !worker.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
             return;
         }
-        let body = worker.anthropometry(settings);
+        let body = worker.anthropometry();
         let grip_m: [Vector3<f64>; 2] =
             Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m(side.hand())));
         let (cop_measured_m, cop_estimated_m) = (self.known.cop_measured_m, self.known.cop_estimated_m);
