@@ -268,6 +268,14 @@ impl Side {
         }
     }
 
+    /// The lower leg of that side.
+    pub const fn lower_leg(self) -> Segment {
+        match self {
+            Side::Left => LeftLowerLeg,
+            Side::Right => RightLowerLeg,
+        }
+    }
+
     /// The foot of that side.
     pub const fn foot(self) -> Segment {
         match self {

@@ -5,6 +5,7 @@
 
 pub mod prior;
 pub mod reduction;
+pub mod suit_error;
 
 use nalgebra::Vector3;
 

@@ -1,10 +1,12 @@
-use equipoise_core::cycle::*;
 use equipoise_core::body::*;
+use equipoise_core::cycle::*;
 use equipoise_core::message::Validity;
 use equipoise_studies::{session::Session, subject::*};
 fn main() {
     let crowd = Subject::crowd(1, 4);
-    for (name, motion) in [("paper", Motion::Paper), ("comp", Motion::Compensated { half_window_ns: 100_000_000 })] {
+    for (name, motion) in
+        [("paper", Motion::Paper), ("comp", Motion::Compensated { half_window_ns: 100_000_000 })]
+    {
         let lines = ask_all(&crowd, |s| {
             let mut settings = s.settings();
             settings.motion = motion;
@@ -12,7 +14,8 @@ fn main() {
             let id = session.identify(40);
             let mut out = format!("{name} {id:?}\n");
             for (what, kg) in [("unloaded", 0.0), ("lift8", 8.0)] {
-                let (mut n, mut e2, mut f2, mut z, mut sz, mut zc, mut valid, mut tq) = (0.0, [0.0; 2], 0.0, 0.0, 0.0, 0.0, 0.0, [0.0; 2]);
+                let (mut n, mut e2, mut f2, mut z, mut sz, mut zc, mut valid, mut tq) =
+                    (0.0, [0.0; 2], 0.0, 0.0, 0.0, 0.0, 0.0, [0.0; 2]);
                 let mut look = |m: &equipoise_studies::session::Moment| {
                     let (st, tr) = (m.state, m.truth());
                     n += 1.0;
@@ -35,12 +38,28 @@ fn main() {
                         tq[1] += (e.norm() / st.torque_sigma_nm[j]).powi(2);
                     }
                 };
-                if kg == 0.0 { session.work_unloaded(&mut look); } else { session.lift_at_work(kg, &mut look); }
-                out += &format!("  {what}: n {n} cop rms mm {:.2} {:.2} z2 {:.2} dF rms {:.2} sig {:.2} z2 {:.2} valid {:.3} L5S1 rms {:.2} z2 {:.2}\n",
-                    1e3 * f64::sqrt(e2[0] / n), 1e3 * f64::sqrt(e2[1] / n), zc / n, f64::sqrt(f2 / n), z / n, sz / n, valid / n, f64::sqrt(tq[0] / f64::max(valid, 1.0)), tq[1] / f64::max(valid, 1.0));
+                if kg == 0.0 {
+                    session.work_unloaded(&mut look);
+                } else {
+                    session.lift_at_work(kg, &mut look);
+                }
+                out += &format!(
+                    "  {what}: n {n} cop rms mm {:.2} {:.2} z2 {:.2} dF rms {:.2} sig {:.2} z2 {:.2} valid {:.3} L5S1 rms {:.2} z2 {:.2}\n",
+                    1e3 * f64::sqrt(e2[0] / n),
+                    1e3 * f64::sqrt(e2[1] / n),
+                    zc / n,
+                    f64::sqrt(f2 / n),
+                    z / n,
+                    sz / n,
+                    valid / n,
+                    f64::sqrt(tq[0] / f64::max(valid, 1.0)),
+                    tq[1] / f64::max(valid, 1.0)
+                );
             }
             out
         });
-        for l in lines { println!("{l}"); }
+        for l in lines {
+            println!("{l}");
+        }
     }
 }

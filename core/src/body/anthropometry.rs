@@ -7,6 +7,8 @@
 //!
 //! Not in the table, and therefore ours: how far the trunk's centres lie in front of the line from mid-hip to neck.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::{SEGMENTS, Segment, Skeleton};
 
 /// Which column of the table to use.
@@ -21,7 +23,8 @@ pub enum Sex {
 }
 
 /// Masses and centres as the table predicts them. Arrays are indexed by [`Segment`].
-#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Anthropometry {
     /// Share of the body mass in each segment; the sum is 1.
     pub mass_fraction: [f64; SEGMENTS],
@@ -215,6 +218,11 @@ impl Anthropometry {
         let toe_origin = skeleton.offset_m[Segment::LeftToe.index()];
         let toe_com = [toe_centre - toe_origin[0], 0.0, -0.8 * ANKLE_HEIGHT * height_m - toe_origin[2]];
         self.set(Segment::LeftToe, TOE_MASS_SHARE * foot.mass, toe_com);
+    }
+
+    /// Whether every number is finite; a stored table is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.mass_fraction.iter().chain(self.com_m.iter().flatten()).all(|value| value.is_finite())
     }
 
     /// Where a hand grips, from the wrist, in the hand's axes, m: de Leva's centre of mass of the hand.

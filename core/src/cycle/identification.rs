@@ -3,14 +3,16 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::settings::{PriorKind, Settings, StopRule};
-use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
 use crate::kalman::Filter;
 use crate::math;
 use crate::pose_suggestion::{Performed, coordinates, posture};
+use crate::sesc::suit_error::effective_vectors;
 use crate::sesc::{Phi, Prior, Reduction};
-use crate::static_pose::{Stillness, WINDOW, Window, largest_joint_angle};
+use crate::static_pose::{Stillness, Window, largest_joint_angle};
+
+mod measurement;
 
 /// Suit samples averaged for the bones.
 const SKELETON_SAMPLES: u64 = 20;
@@ -26,10 +28,14 @@ pub struct Identification {
     skeleton_samples: u64,
     /// Body mass in use, kg; 0 while unknown.
     pub mass_kg: f64,
+    /// The table laid on the bones; all zero before they are known.
+    anthropometry: Anthropometry,
     /// Which parameters are free.
     pub reduction: Reduction,
-    /// θ and P.
+    /// θ, the stance's offset, and P of both.
     pub filter: Filter,
+    /// The stance that the filter's offset belongs to.
+    stance: u64,
     performed: Performed,
     /// Held poses that entered the filter.
     pub poses_used: u64,
@@ -87,6 +93,7 @@ impl Identification {
         self.return_to_prior(settings);
         let fits = stored.theta_m.len() == self.reduction.count()
             && self.filter.restore(stored.theta_m, covariance_m2);
+        self.new_stance(settings);
         self.poses_used = stored.poses_used;
         self.last_pose_wxyz = stored.last_pose_wxyz;
         self.identified = u64::from(stored.identified);
@@ -118,9 +125,9 @@ impl Identification {
         Skeleton { offset_m: self.skeleton_m }
     }
 
-    /// The table laid on these bones.
-    pub fn anthropometry(&self, settings: &Settings) -> Anthropometry {
-        Anthropometry::de_leva(&self.skeleton(), settings.height_m, settings.sex)
+    /// The table laid on these bones; all zero before they are known.
+    pub fn anthropometry(&self) -> &Anthropometry {
+        &self.anthropometry
     }
 
     /// Takes in the bones of one more pose; after enough of them lays the table on their mean.
@@ -143,24 +150,24 @@ impl Identification {
 
     /// Forgets every pose; the bones stay.
     pub fn return_to_prior(&mut self, settings: &Settings) {
-        let (skeleton, body) = (self.skeleton(), self.anthropometry(settings));
+        let skeleton = self.skeleton();
+        let body = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
+        self.anthropometry = body;
         self.reduction = Reduction::new(settings.reduction, &Phi::of(&skeleton, &body));
-        let prior = match settings.prior {
+        let mut prior = match settings.prior {
             PriorKind::None => Prior::none(&self.reduction),
             PriorKind::Table | PriorKind::SimilarSubject => Prior::table(&self.reduction, &skeleton, &body),
         };
+        let psi = effective_vectors(&Phi::of(&skeleton, &body), &skeleton, settings.suit_drifts);
+        prior.add_misalignment(&self.reduction, &psi, settings.suit_misalignment_rad);
         self.filter.reset(self.reduction.count(), &prior);
+        self.new_stance(settings);
         self.performed = Zeroable::zeroed();
         self.poses_used = 0;
         self.identified = 0;
         self.nis = 0.0;
         self.predicted_cop_sigma_m = self.predict_cop_sigma(settings);
         self.suggest(settings);
-    }
-
-    /// Φ as it stands.
-    pub fn phi(&self) -> Phi {
-        self.reduction.phi(self.filter.theta_m())
     }
 
     /// Whether the pose of the window's newest sample was already used.
@@ -173,30 +180,11 @@ impl Identification {
 
     /// One update from a still window: mean rows, mean CoP (Eq. 6–10). Returns whether the filter took it.
     pub fn learn_pose(&mut self, window: &Window, stillness: &Stillness, settings: &Settings) -> bool {
-        let Some(newest) = window.newest() else { return false };
-        let (mut h, mut offset_m) = ([[0.0; crate::sesc::PARAMETERS]; 2], [0.0; 2]);
-        for held in window.samples() {
-            let rows = self.reduction.rows(&pose_of(held), [0.0; 2]);
-            for axis in 0..2 {
-                offset_m[axis] += rows.offset_m[axis] / WINDOW as f64;
-                for (mean, value) in h[axis].iter_mut().zip(rows.h[axis]) {
-                    *mean += value / WINDOW as f64;
-                }
-            }
-        }
+        let (Some(newest), Some(rows)) = (window.newest(), self.mean_rows(window)) else { return false };
+        let variance_m2 = self.pose_variance_m2(&pose_of(&newest), stillness, settings);
+        self.follow_stance(newest.stance, settings);
         self.filter.predict(settings.process_variance_m2);
-        let mut nis = 0.0;
-        for axis in 0..2 {
-            let noise = stillness.cop_sigma_m[axis];
-            let r_m2 = STANCE_SIGMA_M * STANCE_SIGMA_M
-                + settings.measurement_sigma_m * settings.measurement_sigma_m
-                + noise * noise / WINDOW as f64;
-            let Some(innovation) = self.filter.update(&h[axis], stillness.cop_m[axis] - offset_m[axis], r_m2)
-            else {
-                return false;
-            };
-            nis += innovation.normalised_square();
-        }
+        let Some(nis) = self.take_in(&rows, stillness.cop_m, variance_m2) else { return false };
         self.nis = nis;
         self.poses_used += 1;
         self.last_pose_wxyz = newest.joint_wxyz;
@@ -210,31 +198,6 @@ impl Identification {
             self.suggest(settings);
         }
         true
-    }
-
-    /// shim
-    pub fn predict_cop_m(&self, rows: &crate::sesc::reduction::Rows) -> [f64; 2] {
-        [0, 1].map(|axis| rows.offset_m[axis] + self.filter.project(&rows.h[axis]))
-    }
-    /// shim
-    pub fn cop_variance_m2(&self, rows: &crate::sesc::reduction::Rows) -> [f64; 2] {
-        [0, 1].map(|axis| self.filter.projected_variance_m2(&rows.h[axis]) + STANCE_SIGMA_M * STANCE_SIGMA_M)
-    }
-    /// shim
-    pub fn wander_variance_m2(&self, _: &Pose<StationWorld>, _: &Settings) -> [f64; 2] {
-        [0.0; 2]
-    }
-    /// shim
-    pub fn learn_motion(
-        &mut self,
-        rows: &crate::sesc::reduction::Rows,
-        cop_m: [f64; 2],
-        variance_m2: [f64; 2],
-        _: &Settings,
-    ) -> bool {
-        (0..2).all(|axis| {
-            self.filter.update(&rows.h[axis], cop_m[axis] - rows.offset_m[axis], variance_m2[axis]).is_some()
-        })
     }
 
     /// Whether a stop rule holds now.
@@ -257,7 +220,7 @@ impl Identification {
         for posture in settings.library {
             let rows = self.reduction.rows(&posture::pose_of(posture, &self.skeleton(), [0.0; 3]), [0.0; 2]);
             for h in &rows.h {
-                sum += self.filter.projected_variance_m2(h);
+                sum += self.theta_variance_m2(h);
                 rows_seen += 1.0;
             }
         }
@@ -271,6 +234,7 @@ impl Identification {
             && (0.0..1000.0).contains(&self.mass_kg)
             // Made with the bones; nobody looks at it before.
             && (!self.has_body() || self.reduction.is_sound())
+            && self.anthropometry.is_sound()
             && self.filter.is_sound()
             && self.filter.count() == self.reduction.count()
             && self.performed.is_sound()

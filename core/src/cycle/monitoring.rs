@@ -27,6 +27,8 @@ const SIGMAS_OF_A_LOAD: f64 = 2.5;
 const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
 /// … and so many of them say as much as one: errors of a motion last about half a second.
 const ROWS_PER_INDEPENDENT: f64 = 5.0;
+/// Two degrees of freedom exceed this once in a thousand times.
+const NIS_OF_A_BLUNDER: f64 = 13.8;
 /// The CoP may lie this far outside the modelled soles, m.
 const SUPPORT_MARGIN_M: f64 = 0.02;
 
@@ -42,7 +44,7 @@ impl Memory {
         } else {
             self.anchor.follow(&in_suit_world)
         };
-        let body = self.identification.anthropometry(settings);
+        let body = *self.identification.anthropometry();
         let mut moment = Moment::new(suit.sample_time_ns, &in_suit_world, &pose, &body);
         moment.stance = self.anchor.stance();
         moment.both_feet_stand = u64::from(self.anchor.both_feet_stand());
@@ -104,6 +106,9 @@ impl Memory {
         found.raise(Validity::MOVING, motion.is_none());
 
         self.compare_with_suggestion(&pose, settings);
+        if self.identification.has_body() {
+            self.identification.follow_stance(moment.stance, settings);
+        }
         let body = self.body_motion(&pose, moment, motion, settings);
         self.noise.follow(&body, self.identification.mass_kg, step_s);
         self.estimate(&pose, &body, settings);
@@ -245,7 +250,16 @@ impl Memory {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m)
         });
-        if self.identification.learn_motion(&rows, cop_m, variance_m2, settings) {
+        let predicted_m = self.identification.predict_cop_m(&rows);
+        let known_m2 = self.identification.cop_variance_m2(&rows);
+        let nis: f64 = (0..2)
+            .map(|axis| {
+                let innovation_m: f64 = cop_m[axis] - predicted_m[axis];
+                innovation_m * innovation_m / (known_m2[axis] + variance_m2[axis])
+            })
+            .sum();
+        // A touch or a stumble is no news about this body.
+        if nis < NIS_OF_A_BLUNDER && self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
             self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
         }
     }
@@ -295,7 +309,7 @@ impl Memory {
         if !loaded || !worker.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
             return;
         }
-        let body = worker.anthropometry(settings);
+        let body = worker.anthropometry();
         let grip_m: [Vector3<f64>; 2] =
             Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m(side.hand())));
         let (cop_measured_m, cop_estimated_m) = (self.known.cop_measured_m, self.known.cop_estimated_m);

@@ -70,7 +70,8 @@ pub enum StopRule {
         /// Bound on every variance, m².
         variance_m2: f64,
     },
-    /// The predicted 1-σ of the CoP, root mean square over the poses of the library, below this, m.
+    /// The predicted 1-σ of the CoP, root mean square over the poses of the library, below this, m; the stance's
+    /// offset, which no pose can take away, not included.
     PredictedCop {
         /// Bound, m.
         sigma_m: f64,
@@ -108,7 +109,8 @@ pub struct Settings {
     pub poses_min: u64,
     /// Q: growth of each parameter's variance per pose, m² (Eq. 7).
     pub process_variance_m2: f64,
-    /// Floor of the measurement's 1-σ beside the stance's, m: body and suit are not rigid.
+    /// 1-σ of a held pose's measurement beside the suit's and the plate's, m: sway, whose centre of pressure leaves
+    /// the centre of mass by a millimetre or two, and the breath, which moves masses that the chain holds fixed.
     pub measurement_sigma_m: f64,
     /// 1-σ of one measured CoP in a cycle, m.
     pub cop_sigma_m: f64,
@@ -154,7 +156,7 @@ impl Settings {
             stop: StopRule::PredictedCop { sigma_m: 0.0025 },
             poses_min: 12,
             process_variance_m2: 0.0,
-            measurement_sigma_m: 0.005,
+            measurement_sigma_m: 0.002,
             cop_sigma_m: 0.001,
             force_sigma_n: 3.0,
             still: Thresholds::default(),

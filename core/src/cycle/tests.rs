@@ -14,6 +14,7 @@ use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
 mod bench;
+mod learning;
 use bench::*;
 
 fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {

@@ -4,6 +4,7 @@
 //! heavier segment moves φ of itself and of every segment it hangs on. Spreads are those between people of one sex
 //! after scaling: about 12 % of a segment's mass and a few centimetres of its centre.
 
+use super::suit_error::{EffectiveVectors, misalignment_m};
 use super::{PARAMETERS, Phi, Reduction};
 use crate::body::{Anthropometry, Segment, Skeleton};
 
@@ -60,6 +61,18 @@ impl Prior {
         sideways[3 * Segment::Pelvis.index() + 1] = 1.0;
         prior.add_outer(count, &reduction.pseudo_inverse(&sideways), SIDEWAYS_SPREAD_M);
         prior
+    }
+
+    /// Adds what a suit does whose sensors sit on the segments by `sigma_rad` about each axis wrongly: it shows every
+    /// φ rotated, for good.
+    pub fn add_misalignment(&mut self, reduction: &Reduction, psi: &EffectiveVectors, sigma_rad: f64) {
+        for segment in Segment::ALL {
+            for moved in misalignment_m(psi.0[segment.index()], sigma_rad) {
+                let mut raw = [0.0; PARAMETERS];
+                raw[3 * segment.index()..][..3].copy_from_slice(&moved);
+                self.add_outer(reduction.count(), &reduction.pseudo_inverse(&raw), 1.0);
+            }
+        }
     }
 
     fn add_outer(&mut self, count: usize, direction: &[f64; PARAMETERS], sigma: f64) {

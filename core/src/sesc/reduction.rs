@@ -89,7 +89,7 @@ pub struct Reduction {
     fixed_m: [f64; PARAMETERS],
 }
 
-/// Two rows of the measurement: `CoP_axis = offset_m + h · θ` in a still pose.
+/// Two rows of the measurement: `CoP_axis = offset_m + h · θ`.
 #[derive(Debug, Clone, Copy)]
 pub struct Rows {
     /// The rows of B_red, x and y.
@@ -146,7 +146,7 @@ impl Reduction {
         self.weight[raw] = weight;
     }
 
-    fn free_part(&self, raw: usize, theta: &[f64; PARAMETERS]) -> f64 {
+    fn free_part(&self, raw: usize, theta: &[f64]) -> f64 {
         match self.parameter[raw] {
             FIXED => 0.0,
             parameter => self.weight[raw] * theta[parameter as usize],
@@ -183,8 +183,8 @@ impl Reduction {
         self.pseudo_inverse(&core::array::from_fn(|raw| phi.0[raw / 3][raw % 3]))
     }
 
-    /// `Φ = T θ + Φ_fixed`.
-    pub fn phi(&self, theta: &[f64; PARAMETERS]) -> Phi {
+    /// `Φ = T θ + Φ_fixed`; of `theta` at least the first `count` entries.
+    pub fn phi(&self, theta: &[f64]) -> Phi {
         Phi(core::array::from_fn(|segment| {
             core::array::from_fn(|axis| {
                 let raw = 3 * segment + axis;
@@ -201,7 +201,10 @@ impl Reduction {
         })
     }
 
-    /// The horizontal rows of `C_M = x0 + B(Tθ + Φ_fixed)` for a pose, without forming B (Eq. 3, 6).
+    /// The rows `B_xy − slope ⊗ B_z` of `C_M = x0 + B(Tθ + Φ_fixed)` for a pose, without forming B (Eq. 3, 6).
+    ///
+    /// `slope` is the horizontal over the vertical specific force: the line of the ground's push through the centre
+    /// of mass meets the floor at `C_xy − slope C_z` while the angular momentum stands still. `[0, 0]` for a still body.
     pub fn rows(&self, pose: &Pose<StationWorld>, slope: [f64; 2]) -> Rows {
         let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
         let pelvis = pose.origin_of(Segment::Pelvis);
@@ -252,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rows_are_the_horizontal_centre_of_mass() {
+    fn the_rows_are_where_the_push_through_the_centre_of_mass_meets_the_floor() {
         let skeleton = Skeleton::nominal(1.77);
         let mut rotation_deg = [[0; 3]; SEGMENTS];
         for (index, degrees) in rotation_deg.iter_mut().enumerate() {
@@ -265,12 +268,14 @@ mod tests {
             for (index, value) in theta.iter_mut().enumerate() {
                 *value += 0.001 * index as f64;
             }
-            let rows = reduction.rows(&pose, [0.0; 2]);
             let centre = centre_of_mass(&pose, &reduction.phi(&theta));
-            for row in 0..2 {
-                let by_rows: f64 = rows.offset_m[row]
-                    + rows.h[row].iter().zip(theta).map(|(h, theta)| h * theta).sum::<f64>();
-                assert!((by_rows - centre[row]).abs() < 1e-12);
+            for slope in [[0.0; 2], [0.3, -0.1]] {
+                let rows = reduction.rows(&pose, slope);
+                for row in 0..2 {
+                    let by_rows: f64 = rows.offset_m[row]
+                        + rows.h[row].iter().zip(theta).map(|(h, theta)| h * theta).sum::<f64>();
+                    assert!((by_rows - (centre[row] - slope[row] * centre.z)).abs() < 1e-12);
+                }
             }
         }
     }

@@ -118,7 +118,7 @@ pub struct IdentificationConfig {
     pub stop_cop_sigma_mm: f64,
     /// Never finished before this many poses.
     pub poses_min: u64,
-    /// 1-σ of a pose's measurement beside the stance's, mm.
+    /// 1-σ of a held pose's measurement beside the suit's and the plate's, mm: sway and breath.
     pub measurement_sigma_mm: f64,
     /// Growth of each parameter's standard deviation per pose, mm (Q of Eq. 7).
     pub process_sigma_mm: f64,
@@ -140,7 +140,7 @@ impl Default for IdentificationConfig {
             stop_variance_m2: 0.002,
             stop_cop_sigma_mm: 2.5,
             poses_min: 12,
-            measurement_sigma_mm: 5.0,
+            measurement_sigma_mm: 2.0,
             process_sigma_mm: 0.0,
             auto_start: true,
         }

@@ -1,0 +1,119 @@
+//! What a measured centre of pressure says of θ and of the stance's offset, and how sure it is.
+//!
+//! `CoP = offset + h θ + s + noise`: s is where the anchor put this stance, less where it is. It is the same in all
+//! poses of a stance, so it is a state of the filter and not noise that many poses would average away.
+
+use super::{Identification, pose_of};
+use crate::anchor::STANCE_SIGMA_M;
+use crate::cycle::settings::Settings;
+use crate::frame::{Pose, StationWorld};
+use crate::kalman::STATES;
+use crate::sesc::reduction::Rows;
+use crate::sesc::suit_error::{effective_vectors, wander_variance_m2};
+use crate::sesc::{PARAMETERS, Phi};
+use crate::static_pose::{Stillness, WINDOW, Window};
+
+impl Identification {
+    /// Begins a new stance if this is one: its offset on the floor is not that of the last.
+    pub fn follow_stance(&mut self, stance: u64, settings: &Settings) {
+        if self.stance != stance {
+            self.stance = stance;
+            self.new_stance(settings);
+        }
+    }
+
+    /// Forgets the stance's offset: zero, give or take [`STANCE_SIGMA_M`]; exactly zero where the suit's position is
+    /// absolute. θ stays.
+    pub fn new_stance(&mut self, settings: &Settings) {
+        let variance_m2 = if settings.suit_drifts { STANCE_SIGMA_M * STANCE_SIGMA_M } else { 0.0 };
+        for axis in 0..2 {
+            self.filter.forget(self.reduction.count() + axis, variance_m2);
+        }
+    }
+
+    /// Where the ground's push on the unloaded body meets the floor, by what is known, m; with the stance's offset.
+    pub fn predict_cop_m(&self, rows: &Rows) -> [f64; 2] {
+        [0, 1].map(|axis| rows.offset_m[axis] + self.filter.project(&self.with_stance(rows, axis)))
+    }
+
+    /// Variance of [`Identification::predict_cop_m`] from P, m²; the suit's and the body's own is not in it.
+    pub fn cop_variance_m2(&self, rows: &Rows) -> [f64; 2] {
+        [0, 1].map(|axis| self.filter.projected_variance_m2(&self.with_stance(rows, axis)))
+    }
+
+    /// Variance of the predicted CoP from the wander of the suit's orientations in a pose, m².
+    pub fn wander_variance_m2(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [f64; 2] {
+        let psi = effective_vectors(&self.phi(), &self.skeleton(), settings.suit_drifts);
+        wander_variance_m2(pose, &psi, settings.suit_wander_rad)
+    }
+
+    /// Takes in one measured CoP as two scalar measurements. Gives back the normalised innovation squared of both
+    /// together (2 degrees of freedom), against what was known before; `None`, and nothing changed, if a number is
+    /// not finite or a variance not positive.
+    pub fn take_in(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
+        let numbers = rows.h.iter().flatten().chain(&rows.offset_m).chain(&cop_m).chain(&variance_m2);
+        if !numbers.copied().all(f64::is_finite) || variance_m2.iter().any(|variance| *variance <= 0.0) {
+            return None;
+        }
+        // The second innovation is against what the first has taught, so the squares add up to the joint one's.
+        let mut nis = 0.0;
+        for axis in 0..2 {
+            let h = self.with_stance(rows, axis);
+            let innovation = self.filter.update(&h, cop_m[axis] - rows.offset_m[axis], variance_m2[axis])?;
+            nis += innovation.normalised_square();
+        }
+        Some(nis)
+    }
+
+    /// Φ as it stands.
+    pub fn phi(&self) -> Phi {
+        self.reduction.phi(self.filter.theta_m())
+    }
+
+    /// The rows of a still window, averaged; `None` while it fills.
+    pub(super) fn mean_rows(&self, window: &Window) -> Option<Rows> {
+        let mut mean = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        for held in window.samples() {
+            let rows = self.reduction.rows(&pose_of(held), [0.0; 2]);
+            for axis in 0..2 {
+                mean.offset_m[axis] += rows.offset_m[axis] / WINDOW as f64;
+                for (mean, value) in mean.h[axis].iter_mut().zip(rows.h[axis]) {
+                    *mean += value / WINDOW as f64;
+                }
+            }
+        }
+        (!window.samples().is_empty()).then_some(mean)
+    }
+
+    /// R of a held pose, m²: the suit's wander, which a window is too short to average; the body's own; the plate's
+    /// noise, averaged.
+    pub(super) fn pose_variance_m2(
+        &self,
+        pose: &Pose<StationWorld>,
+        stillness: &Stillness,
+        settings: &Settings,
+    ) -> [f64; 2] {
+        let suit_m2 = self.wander_variance_m2(pose, settings);
+        [0, 1].map(|axis| {
+            let noise_m = stillness.cop_sigma_m[axis];
+            suit_m2[axis]
+                + settings.measurement_sigma_m * settings.measurement_sigma_m
+                + noise_m * noise_m / WINDOW as f64
+        })
+    }
+
+    /// Variance of `h θ` were the stance's offset known, m²: what poses can still teach.
+    pub(super) fn theta_variance_m2(&self, h: &[f64; PARAMETERS]) -> f64 {
+        let spread = self.filter.spread_given_nuisance_m2(h);
+        h.iter().zip(&spread).map(|(h, spread)| h * spread).sum::<f64>().max(0.0)
+    }
+
+    /// A row over all states: the parameters, then the stance's offset on this axis.
+    fn with_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
+        let mut row = [0.0; STATES];
+        let count = self.reduction.count();
+        row[..count].copy_from_slice(&rows.h[axis][..count]);
+        row[count + axis] = 1.0;
+        row
+    }
+}
