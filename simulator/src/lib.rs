@@ -1,7 +1,7 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`motion`] → [`dynamics`] → [`truth`], [`noise`]
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`] → [`motion`] → [`dynamics`] → [`truth`], [`noise`]
 //! → [`wire`], [`plate`] → [`suit_sender`], [`plate_server`] (through [`faults`]) → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
@@ -17,6 +17,7 @@ pub mod intention;
 pub mod kinematics;
 pub mod leg;
 pub mod limits;
+pub mod march;
 pub mod motion;
 pub mod noise;
 pub mod person;

@@ -1,14 +1,16 @@
 //! A person who follows poses in time, breathes, sways, and lifts a box. A pure function of time once told what to do.
 
-use core::f64::consts::TAU;
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::pose_suggestion::Posture;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use std::borrow::Cow;
+use std::f64::consts::TAU;
 
 use crate::balance::{Standing, grips_m};
 use crate::dynamics::{Wrench, ground_reaction};
 use crate::intention::Intention;
 use crate::kinematics::Rotations;
+use crate::march::March;
 use crate::person::Person;
 use crate::pose::Pose;
 use crate::random::{Random, Wander};
@@ -16,7 +18,7 @@ use crate::schedule::Schedule;
 use crate::stance::Stance;
 
 /// Half the span of the central differences of dynamics, s.
-const DIFFERENCE_S: f64 = 0.002;
+pub(crate) const DIFFERENCE_S: f64 = 0.002;
 /// From "the box is on the table" to "the hands carry it all", s.
 const GRASP_S: f64 = 0.3;
 /// The body leans against a new load more slowly than the load comes, s.
@@ -100,6 +102,7 @@ pub struct Worker {
     aims: Schedule<Aim>,
     load_kg: Schedule<f64>,
     expected_load_kg: Schedule<f64>,
+    marches: Vec<March>,
     deviation: Random,
     sway: [Wander; 4],
 }
@@ -125,6 +128,7 @@ impl Worker {
             aims: Schedule::starting_with(aim),
             load_kg: Schedule::starting_with(0.0),
             expected_load_kg: Schedule::starting_with(0.0),
+            marches: Vec::new(),
             deviation: Random::new(seed, "deviation from the pose"),
             sway,
         }
@@ -171,6 +175,16 @@ impl Worker {
         self.put_down(at_s + 14.5);
     }
 
+    /// Marches on the spot: that many steps, the feet in turn some 9 cm off the floor. Returns when it is over, s.
+    ///
+    /// The upper body goes on with what it does. It should stand without a load (the truth shares a load between both
+    /// feet, wherever they are), and no other march should be under way.
+    pub fn march_on_the_spot(&mut self, at_s: f64, steps: u32) -> f64 {
+        let march = March::new(&self.person, &self.stance, at_s, steps);
+        self.marches.push(march);
+        march.end_s()
+    }
+
     fn follow(&mut self, mut pose: Pose, at_s: f64, over_s: f64) {
         let habits = self.habits;
         let mut off = |sigma: f64| sigma * self.deviation.normal();
@@ -195,10 +209,18 @@ impl Worker {
         let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0));
         aim.pose.parent_from_segment[0] = tilt * aim.pose.parent_from_segment[0];
         let com_m = self.breathing_coms_m(time_s);
+        let mut stance = Cow::Borrowed(&self.stance);
+        for march in self.marches.iter().filter(|march| march.lasts(time_s)) {
+            for (ankle_m, lift_m) in stance.to_mut().ankle_m.iter_mut().zip(march.lift_m(time_s)) {
+                ankle_m.z += lift_m;
+            }
+            aim.balance_m.y += march.aside_m(time_s);
+            aim.pose.pelvis_height -= march.sink(time_s);
+        }
         let standing = Standing {
             person: &self.person,
             com_m: &com_m,
-            stance: &self.stance,
+            stance: &stance,
             load_kg: self.expected_load_kg.at(time_s, mix),
         };
         let body = standing.balance(&aim.pose, aim.balance_m + Vector2::new(forward, aside));
@@ -214,8 +236,12 @@ impl Worker {
 
     /// What the ground does to the person at a time, by the laws of motion.
     pub fn ground_reaction(&self, time_s: f64) -> Wrench {
-        let around = [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t));
-        ground_reaction(&self.person, &around, DIFFERENCE_S)
+        ground_reaction(&self.person, &self.around(time_s), DIFFERENCE_S)
+    }
+
+    /// The states a difference before, at, and a difference after a time.
+    pub(crate) fn around(&self, time_s: f64) -> [BodyState; 3] {
+        [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t))
     }
 
     /// Velocity and acceleration of the segment origins, m/s and m/s².

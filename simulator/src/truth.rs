@@ -1,16 +1,20 @@
 //! What is really so, for comparing with what the pipeline says.
 //!
-//! The overload of a joint is the torque that holds the posture with the load less the torque without it. Both are
-//! summed directly: every force beyond the joint times its arm. The sign is that of `τ = g(q) − Σ Jᵀ f`: a weight in
+//! The overload of a joint is the torque that holds the posture with the load less the torque without it, and in motion
+//! the torque of the motion with the load less that of the same motion without it ([`in_motion`]). Both are summed
+//! directly: every force beyond the joint times its arm. The sign is that of `τ = g(q) − Σ Jᵀ f`: a weight in
 //! the hand asks for `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
+
+pub mod in_motion;
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
 use nalgebra::{Vector2, Vector3};
 
 use crate::GRAVITY_M_PER_S2;
-use crate::dynamics::Wrench;
+use crate::dynamics::{Wrench, ground_reaction};
 use crate::kinematics::centre_m;
-use crate::motion::{BodyState, Worker};
+use crate::motion::{BodyState, DIFFERENCE_S, Worker};
+use in_motion::Difference;
 
 /// A force on a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +47,10 @@ pub struct Truth {
     pub ground: Wrench,
     /// Centre of pressure of that wrench, m.
     pub cop_m: Vector2<f64>,
+    /// What the ground would do to the person in the same motion without the box.
+    pub ground_without_load: Wrench,
+    /// Centre of pressure of that, m.
+    pub cop_without_load_in_motion_m: Vector2<f64>,
     /// Centre of mass of the body alone, m.
     pub com_m: Vector3<f64>,
     /// Centre of pressure of the body alone if it stood still like this: the projection of its centre of mass, m.
@@ -51,6 +59,8 @@ pub struct Truth {
     pub cop_with_load_m: Vector2<f64>,
     /// Force of the box on the hands, N (its weight, pointing down), and where it acts, m.
     pub load_force_n: Vector3<f64>,
+    /// Force of the box on the hands with its inertia, N; its opposite is what the ground does more.
+    pub load_force_in_motion_n: Vector3<f64>,
     /// The box's centre, m.
     pub load_m: Vector3<f64>,
     /// Share of the left and the right foot without and with the load.
@@ -59,14 +69,22 @@ pub struct Truth {
     pub overload_nm: [Vector3<f64>; JOINTS],
     /// The same with both feet's forces at the common centre of pressure; differs in the legs.
     pub overload_at_cop_nm: [Vector3<f64>; JOINTS],
+    /// Overload torque with all inertia, world axes, N m: the torques of this motion with the box less those of the
+    /// same motion without it; the ground acts at the common centre of pressure of each.
+    pub overload_in_motion_nm: [Vector3<f64>; JOINTS],
+    /// The same with the ground under each foot; differs in the legs.
+    pub overload_in_motion_under_feet_nm: [Vector3<f64>; JOINTS],
 }
 
 impl Truth {
     /// What is so for a worker at a time.
     pub fn of(worker: &Worker, time_s: f64) -> Truth {
         let person = worker.person();
-        let body = worker.sample(time_s);
-        let ground = worker.ground_reaction(time_s);
+        let mut around = worker.around(time_s);
+        let body = around[1].clone();
+        let ground = ground_reaction(person, &around, DIFFERENCE_S);
+        around[1].load_kg = 0.0;
+        let ground_without_load = ground_reaction(person, &around, DIFFERENCE_S);
         let com_m = centre_m(&person.segment_mass_kg, &body.com_m);
         let body_n = person.mass_kg * GRAVITY_M_PER_S2;
         let load_n = body.load_kg * GRAVITY_M_PER_S2;
@@ -83,9 +101,22 @@ impl Truth {
             let with = ground_forces(&body.origin_m, with_load_m, body_n + load_n, contact);
             overload_nm(&body.origin_m, &without, &[with, hands].concat())
         };
+        let load_force_in_motion_n = ground_without_load.force_n - ground.force_n;
+        let in_motion = Difference {
+            origin_m: &body.origin_m,
+            grip_m: body.grip_m,
+            load_force_n: load_force_in_motion_n,
+            without: ground_without_load,
+            with: ground,
+        };
         Truth {
             time_s,
             ground,
+            ground_without_load,
+            cop_without_load_in_motion_m: ground_without_load.cop_m(),
+            load_force_in_motion_n,
+            overload_in_motion_nm: in_motion.overload_nm(FootContact::AtCentreOfPressure),
+            overload_in_motion_under_feet_nm: in_motion.overload_nm(FootContact::UnderEachFoot),
             cop_m: ground.cop_m(),
             com_m,
             cop_without_load_m: com_m.xy(),

@@ -1,0 +1,151 @@
+//! Marching on the spot: the feet leave the floor in turn while the centre of mass swings from side to side.
+//!
+//! A standing person's centre of pressure is `p = y − ÿ z/g` (z: height of the centre of mass y). A sideways swing
+//! `y = A sin ωt` so has its centre of pressure at `(1 + ω² z/g) y`: a small sway of the body carries all weight from
+//! foot to foot. A third harmonic keeps it longer under each, and a foot is in the air only meanwhile.
+
+use core::f64::consts::PI;
+
+use crate::GRAVITY_M_PER_S2;
+use crate::person::Person;
+use crate::schedule::minimum_jerk;
+use crate::stance::Stance;
+
+/// From one footfall to the next, s: 86 steps a minute.
+const STEP_S: f64 = 0.70;
+/// How high a foot is raised, m.
+const LIFT_M: f64 = 0.09;
+/// Height of a standing person's centre of mass over stature.
+const CENTRE_HEIGHT: f64 = 0.56;
+/// Swing of the centre of pressure over the distance of an ankle from the middle: its frequencies over that of a
+/// stride, and the amplitude of each.
+const SWING: [(f64, f64); 2] = [(1.0, 1.20), (3.0, 0.24)];
+/// Share of a step in which the foot is in the air, about its middle.
+const IN_THE_AIR: f64 = 0.65;
+/// The knees are bent a little meanwhile: the pelvis sinks by this share of its height. A straight leg has no speed at
+/// which its foot could leave the floor without a jerk of the knee.
+const SINK: f64 = 0.08;
+/// The swing grows and dies away over this many steps, during which both feet stand.
+const RAMP_STEPS: f64 = 2.0;
+
+/// One bout of marching.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct March {
+    start_s: f64,
+    steps: f64,
+    /// Of the centre of mass at each frequency of the swing.
+    amplitude_m: [f64; SWING.len()],
+}
+
+impl March {
+    /// `steps` steps in a stance; the first foot leaves the floor some 1.5 s after `start_s`, and it is the right one.
+    pub fn new(person: &Person, stance: &Stance, start_s: f64, steps: u32) -> March {
+        let ankle_aside_m = 0.5 * (stance.ankle_m[0] - stance.ankle_m[1]).xy().norm();
+        let falls_s2 = CENTRE_HEIGHT * person.height_m / GRAVITY_M_PER_S2;
+        let amplitude_m = SWING.map(|(frequency, amplitude)| {
+            amplitude * ankle_aside_m / (1.0 + (frequency * PI / STEP_S).powi(2) * falls_s2)
+        });
+        March { start_s, steps: f64::from(steps), amplitude_m }
+    }
+
+    /// When it is over, s.
+    pub fn end_s(&self) -> f64 {
+        self.start_s + (self.steps + 2.0 * RAMP_STEPS) * STEP_S
+    }
+
+    /// Whether it is under way.
+    pub fn lasts(&self, time_s: f64) -> bool {
+        (self.start_s..self.end_s()).contains(&time_s)
+    }
+
+    /// How far the centre of mass is to the left at a time, m.
+    pub fn aside_m(&self, time_s: f64) -> f64 {
+        let stride_rad = PI * (time_s - self.start_s) / STEP_S;
+        let swing = SWING.iter().zip(self.amplitude_m);
+        let swing_m: f64 =
+            swing.map(|((frequency, _), amplitude_m)| amplitude_m * (frequency * stride_rad).sin()).sum();
+        self.share(time_s) * swing_m
+    }
+
+    /// By which share of its height the pelvis is lower at a time.
+    pub fn sink(&self, time_s: f64) -> f64 {
+        SINK * self.share(time_s)
+    }
+
+    /// How much of it is under way: 0 at both ends, 1 while the feet are raised.
+    fn share(&self, time_s: f64) -> f64 {
+        let ramp_s = RAMP_STEPS * STEP_S;
+        minimum_jerk((time_s - self.start_s) / ramp_s) * minimum_jerk((self.end_s() - time_s) / ramp_s)
+    }
+
+    /// How high the left and the right foot are at a time, m.
+    pub fn lift_m(&self, time_s: f64) -> [f64; 2] {
+        let step = (time_s - self.start_s) / STEP_S;
+        if !(RAMP_STEPS..RAMP_STEPS + self.steps).contains(&step) {
+            return [0.0; 2];
+        }
+        // 0 to 1 and back within the time in the air, at rest at both ends.
+        let within = (step.fract() - 0.5).abs() / (0.5 * IN_THE_AIR);
+        let lift_m = LIFT_M * minimum_jerk(1.0 - within);
+        // In even steps the weight is on the left.
+        if (step as u64).is_multiple_of(2) { [0.0, lift_m] } else { [lift_m, 0.0] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::{Habits, Worker};
+    use equipoise_core::body::Side;
+
+    #[test]
+    fn the_weight_stays_on_the_foot_that_stands() {
+        for (height_m, mass_kg) in [(1.55, 52.0), (1.77, 72.0), (1.95, 100.0)] {
+            let mut worker = Worker::with_habits(Person::new(3, height_m, mass_kg), 3, Habits::ORDINARY);
+            worker.march_on_the_spot(1.0, 6);
+            let sole = worker.person().sole_m;
+            let (mut in_the_air, mut highest_m) = ([0, 0], 0.0_f64);
+            for centisecond in 0..1000 {
+                let time_s = f64::from(centisecond) * 0.01;
+                let body = worker.sample(time_s);
+                let cop = worker.ground_reaction(time_s).cop_m();
+                let margin_m = worker.stance().margin_m(cop);
+                assert!(margin_m > 0.0, "{height_m} m at {time_s} s: outside the feet by {margin_m} m");
+                for (k, side) in Side::BOTH.into_iter().enumerate() {
+                    let ankle_m = worker.stance().ankle_m[k];
+                    let lift_m = body.origin_m[side.foot().index()].z - ankle_m.z;
+                    highest_m = highest_m.max(lift_m);
+                    if lift_m < 1e-3 {
+                        continue;
+                    }
+                    in_the_air[k] += 1;
+                    let (other_m, turn) =
+                        (worker.stance().ankle_m[1 - k], worker.stance().world_from_foot[1 - k]);
+                    let on_sole = turn.inverse() * (cop - other_m.xy()).push(0.0);
+                    assert!(
+                        on_sole.y.abs() < sole.half_width && (-sole.back..sole.forward).contains(&on_sole.x),
+                        "{height_m} m at {time_s} s, foot {k} in the air: {on_sole:?} of {sole:?}"
+                    );
+                }
+            }
+            assert!((highest_m - LIFT_M).abs() < 2e-3, "{highest_m}");
+            assert!(in_the_air.iter().all(|&samples| samples > 60), "{in_the_air:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_jumps_and_afterwards_both_feet_stand() {
+        let person = Person::nominal(1.77, 72.0);
+        let march = March::new(&person, &Stance::shoulder_wide(&person), 1.0, 4);
+        assert_eq!(march.lift_m(march.end_s()), [0.0; 2]);
+        assert!(march.aside_m(march.end_s()).abs() < 1e-12 && march.aside_m(1.0).abs() < 1e-12);
+        let h = 1e-4;
+        for step in 0..700 {
+            let time_s = 0.01 * f64::from(step);
+            let acceleration =
+                |at: &dyn Fn(f64) -> f64| (at(time_s + h) - 2.0 * at(time_s) + at(time_s - h)) / (h * h);
+            assert!(acceleration(&|t| march.aside_m(t)).abs() < 10.0);
+            assert!(acceleration(&|t| march.lift_m(t)[0]).abs() < 30.0);
+        }
+    }
+}
