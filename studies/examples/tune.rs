@@ -2,10 +2,11 @@ use equipoise_core::body::*;
 use equipoise_core::cycle::*;
 use equipoise_core::message::Validity;
 use equipoise_studies::{session::Session, subject::*};
+const NAMES: [&str; 7] = ["L5S1", "LeftHip", "RightKnee", "LeftAnkle", "RightShoulder", "LeftElbow", "T9T8"];
 fn main() {
     let crowd = Subject::crowd(1, 4);
     for (name, motion) in
-        [("paper", Motion::Paper), ("comp", Motion::Compensated { half_window_ns: 100_000_000 })]
+        [("paper", Motion::Paper), ("comp", Motion::Compensated { half_window_ns: std::env::var("HALF").map_or(67_000_000, |v| v.parse::<u64>().unwrap() * 1_000_000) })]
     {
         let lines = ask_all(&crowd, |s| {
             let mut settings = s.settings();
@@ -15,7 +16,7 @@ fn main() {
             let mut out = format!("{name} {id:?}\n");
             for (what, kg) in [("unloaded", 0.0), ("lift8", 8.0)] {
                 let (mut n, mut e2, mut f2, mut z, mut sz, mut zc, mut valid, mut tq) =
-                    (0.0, [0.0; 2], 0.0, 0.0, 0.0, 0.0, 0.0, [0.0; 2]);
+                    (0.0, [0.0; 2], 0.0, 0.0, 0.0, 0.0, 0.0, [[0.0; 4]; 7]);
                 let mut look = |m: &equipoise_studies::session::Moment| {
                     let (st, tr) = (m.state, m.truth());
                     n += 1.0;
@@ -26,16 +27,22 @@ fn main() {
                         zc += 0.5 * c * c;
                     }
                     let load = tr.body.load_kg * 9.81;
-                    let df = st.delta_f_n[2] - load;
+                    let df = st.delta_f_n[2] - load * (1.0 + 0.0);
                     f2 += df * df;
                     z += st.delta_f_sigma_n;
                     sz += (df / st.delta_f_sigma_n).powi(2);
                     if !st.validity().any_of(Validity::SPOILS_TORQUES) {
                         valid += 1.0;
-                        let j = Joint::named("L5S1").unwrap().index();
-                        let e = nalgebra::Vector3::from(st.torque_nm[j]) - tr.overload_at_cop_nm[j];
-                        tq[0] += e.norm_squared();
-                        tq[1] += (e.norm() / st.torque_sigma_nm[j]).powi(2);
+                        for (k, name) in NAMES.iter().enumerate() {
+                            let j = Joint::named(name).unwrap().index();
+                            let e = nalgebra::Vector3::from(st.torque_nm[j]) - tr.overload_in_motion_nm[j];
+                            let e1 = nalgebra::Vector3::from(st.torque_nm[j]).norm() - tr.overload_in_motion_nm[j].norm();
+                            let z = e1 / st.torque_sigma_nm[j];
+                            tq[k][0] += e.norm_squared();
+                            tq[k][1] += z * z;
+                            tq[k][2] += f64::from(u8::from(z.abs() < 1.0));
+                            tq[k][3] += f64::from(u8::from(z.abs() < 2.0));
+                        }
                     }
                 };
                 if kg == 0.0 {
@@ -44,7 +51,7 @@ fn main() {
                     session.lift_at_work(kg, &mut look);
                 }
                 out += &format!(
-                    "  {what}: n {n} cop rms mm {:.2} {:.2} z2 {:.2} dF rms {:.2} sig {:.2} z2 {:.2} valid {:.3} L5S1 rms {:.2} z2 {:.2}\n",
+                    "  {what}: n {n} cop rms mm {:.2} {:.2} z2 {:.2} dF rms {:.2} sig {:.2} z2 {:.2} valid {:.3}\n",
                     1e3 * f64::sqrt(e2[0] / n),
                     1e3 * f64::sqrt(e2[1] / n),
                     zc / n,
@@ -52,9 +59,11 @@ fn main() {
                     z / n,
                     sz / n,
                     valid / n,
-                    f64::sqrt(tq[0] / f64::max(valid, 1.0)),
-                    tq[1] / f64::max(valid, 1.0)
                 );
+                let v = f64::max(valid, 1.0);
+                for (k, name) in NAMES.iter().enumerate() {
+                    out += &format!("      {name} rms {:.2} z2 {:.2} in1 {:.2} in2 {:.2}\n", f64::sqrt(tq[k][0] / v), tq[k][1] / v, tq[k][2] / v, tq[k][3] / v);
+                }
             }
             out
         });
