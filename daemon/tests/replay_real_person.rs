@@ -5,6 +5,7 @@ mod common;
 use common::{equipoise, human_motion, human_motion_config, said};
 use equipoise_daemon::replay::cross_validation::{cross_validate, learn_apart_from};
 use equipoise_daemon::replay::input::Input;
+use equipoise_daemon::replay::score::Judge;
 
 #[test]
 fn the_example_configuration_is_one_that_check_takes() {
@@ -61,7 +62,7 @@ fn figaroh_the_identified_model_holds_for_blocks_it_was_not_learnt_from() {
     let input = Input::open(&csv).unwrap();
     let chosen = input.configuration(Some(&human_motion_config())).unwrap();
     for blocks in [5, 8] {
-        let judged = cross_validate(&input, &chosen.config, blocks).unwrap();
+        let judged = cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic).unwrap();
         println!("{judged}");
         let [forward_mm, sideways_mm] = judged.overall.identified_mm.unwrap();
         assert!(forward_mm <= 8.8 && sideways_mm <= 7.9, "{judged}");

@@ -8,6 +8,7 @@ use super::Outcome;
 use crate::replay::Replay;
 use crate::replay::cross_validation::cross_validate;
 use crate::replay::input::Input;
+use crate::replay::score::Judge;
 
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///
@@ -31,6 +32,9 @@ pub(super) struct Arguments {
     /// Also judge the identified model on data it was not learnt from, in so many blocks of time
     #[arg(long, value_name = "BLOCKS")]
     cross_validate: Option<usize>,
+    /// Nothing is carried in all of it: cross-validation judges every sample, moving or not, beside the still ones
+    #[arg(long, requires = "cross_validate")]
+    unloaded: bool,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -44,7 +48,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let summary = replay.run(arguments.out.as_deref())?;
     let mut text = format!("{}\nconfiguration: {}\n{summary}", file.display(), chosen.origin);
     if let Some(blocks) = arguments.cross_validate {
-        text += &cross_validate(&input, &chosen.config, blocks)?.to_string();
+        text += &cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic)?.to_string();
+        if arguments.unloaded {
+            text += &cross_validate(&input, &chosen.config, blocks, Judge::AllUnloaded)?.to_string();
+        }
     }
     // Results on standard output stand alone.
     if arguments.out.as_deref().is_some_and(|out| out.as_os_str() == "-") {

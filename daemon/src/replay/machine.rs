@@ -3,7 +3,7 @@
 use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, State};
 
-use super::score::Scored;
+use super::score::{Judge, Scored};
 
 /// What a replay drives.
 pub(super) struct Machine {
@@ -54,7 +54,7 @@ impl Machine {
         let command = inputs.command.filter(|command| *command == CommandKind::Tare);
         step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
         if self.memory.state.suit_sample_time_ns != before_ns {
-            self.scored.extend(Scored::of(&self.memory.state, &self.table.state));
+            self.scored.extend(Scored::of(&self.memory.state, &self.table.state, Judge::QuasiStatic));
         }
         &self.memory.state
     }

@@ -7,7 +7,25 @@ use equipoise_core::message::{State, Validity};
 /// Length of a block of the summary, ns.
 const BLOCK_NS: u64 = 10 * equipoise_core::time::NS_PER_S;
 
-/// One quasi-static suit sample without a load.
+/// Which suit samples count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Judge {
+    /// Those at which the worker holds still and carries no load.
+    QuasiStatic,
+    /// All with the feet on the plate, moving or not: only for data known to be without a load.
+    AllUnloaded,
+}
+
+impl fmt::Display for Judge {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Judge::QuasiStatic => "quasi-static and without a load",
+            Judge::AllUnloaded => "usable, with the feet on the plate",
+        })
+    }
+}
+
+/// One suit sample that counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scored {
     /// The suit's sample time, ns.
@@ -21,10 +39,10 @@ pub struct Scored {
 }
 
 impl Scored {
-    /// The sample that a state is about, if it counts: still, unloaded, everything measured and estimated.
+    /// The sample that a state is about, if it counts and everything is measured and estimated.
     ///
     /// `table` is the state of the same cycle with the table's model.
-    pub fn of(state: &State, table: &State) -> Option<Scored> {
+    pub fn of(state: &State, table: &State, judge: Judge) -> Option<Scored> {
         const SPOILS: Validity = Validity::SPOILS_COP_MEASURED
             .and(Validity::SPOILS_COP_ESTIMATED)
             .and(Validity::MASS_UNKNOWN)
@@ -33,7 +51,11 @@ impl Scored {
         let unloaded = valid.any_of(Validity::BELOW_LOAD_THRESHOLD);
         // Zero σ: there is no model yet.
         let estimated = state.cop_sigma_m[0] > 0.0 && table.cop_sigma_m[0] > 0.0;
-        (state.static_pose == 1 && unloaded && estimated && !valid.any_of(SPOILS)).then_some(Scored {
+        let counts = match judge {
+            Judge::QuasiStatic => state.static_pose == 1 && unloaded,
+            Judge::AllUnloaded => !valid.any_of(Validity::MOVING),
+        };
+        (counts && estimated && !valid.any_of(SPOILS)).then_some(Scored {
             time_ns: state.suit_sample_time_ns,
             measured_m: state.cop_measured_m,
             identified_m: state.cop_estimated_m,

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::replay::output::seconds_since;
-use crate::replay::score::{Pair, Scored, difference, rms_mm};
+use crate::replay::score::{Judge, Pair, Scored, difference, rms_mm};
 
 /// One held-out block.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +25,8 @@ pub struct Block {
 /// All blocks, and their samples together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CrossValidation {
+    /// Which samples count.
+    pub judge: Judge,
     /// Every block in order.
     pub blocks: Vec<Block>,
     /// All samples, each judged by the other blocks; `poses_used` is the mean.
@@ -81,9 +83,9 @@ impl fmt::Display for CrossValidation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "cross-validation: each block is judged by a model of the others; unloaded CoP error while"
+            "cross-validation: each block is judged by a model of the others; unloaded CoP error of samples"
         )?;
-        writeln!(f, "quasi-static, mm RMS forward (x) / sideways (y):")?;
+        writeln!(f, "{}, mm RMS forward (x) / sideways (y):", self.judge)?;
         let names = ["table alone", "table + offset", "identified"];
         let [table, offset, identified] = names;
         writeln!(
