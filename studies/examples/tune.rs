@@ -5,9 +5,16 @@ use equipoise_studies::{session::Session, subject::*};
 const NAMES: [&str; 7] = ["L5S1", "LeftHip", "RightKnee", "LeftAnkle", "RightShoulder", "LeftElbow", "T9T8"];
 fn main() {
     let crowd = Subject::crowd(1, 4);
-    for (name, motion) in
-        [("paper", Motion::Paper), ("comp", Motion::Compensated { half_window_ns: std::env::var("HALF").map_or(67_000_000, |v| v.parse::<u64>().unwrap() * 1_000_000) })]
-    {
+    for (name, motion) in [
+        ("paper", Motion::Paper),
+        (
+            "comp",
+            Motion::Compensated {
+                half_window_ns: std::env::var("HALF")
+                    .map_or(67_000_000, |v| v.parse::<u64>().unwrap() * 1_000_000),
+            },
+        ),
+    ] {
         let lines = ask_all(&crowd, |s| {
             let mut settings = s.settings();
             settings.motion = motion;
@@ -36,7 +43,8 @@ fn main() {
                         for (k, name) in NAMES.iter().enumerate() {
                             let j = Joint::named(name).unwrap().index();
                             let e = nalgebra::Vector3::from(st.torque_nm[j]) - tr.overload_in_motion_nm[j];
-                            let e1 = nalgebra::Vector3::from(st.torque_nm[j]).norm() - tr.overload_in_motion_nm[j].norm();
+                            let e1 = nalgebra::Vector3::from(st.torque_nm[j]).norm()
+                                - tr.overload_in_motion_nm[j].norm();
                             let z = e1 / st.torque_sigma_nm[j];
                             tq[k][0] += e.norm_squared();
                             tq[k][1] += z * z;
@@ -62,7 +70,13 @@ fn main() {
                 );
                 let v = f64::max(valid, 1.0);
                 for (k, name) in NAMES.iter().enumerate() {
-                    out += &format!("      {name} rms {:.2} z2 {:.2} in1 {:.2} in2 {:.2}\n", f64::sqrt(tq[k][0] / v), tq[k][1] / v, tq[k][2] / v, tq[k][3] / v);
+                    out += &format!(
+                        "      {name} rms {:.2} z2 {:.2} in1 {:.2} in2 {:.2}\n",
+                        f64::sqrt(tq[k][0] / v),
+                        tq[k][1] / v,
+                        tq[k][2] / v,
+                        tq[k][3] / v
+                    );
                 }
             }
             out

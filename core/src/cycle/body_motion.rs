@@ -12,40 +12,36 @@ use crate::overload::GRAVITY_M_PER_S2;
 pub struct MotionNoise {
     /// Of the vertical force; activity in N.
     pub vertical: Confidence,
-    /// Of the centre's horizontal acceleration; activity in m/s².
-    pub horizontal: Confidence,
     /// Of the centre of pressure, forward and sideways; activity in m.
     pub cop: [Confidence; 2],
     /// How much is compensated now.
     pub vertical_activity_n: Envelope,
-    /// Likewise, m/s².
-    pub horizontal_activity_m_per_s2: Envelope,
     /// Likewise, m.
     pub cop_activity_m: [Envelope; 2],
+    /// Mean over a short time of the shear that the suit's motion does not explain, m/s².
+    push_m_per_s2: [f64; 2],
 }
 
 impl MotionNoise {
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.cop.iter().chain([&self.vertical, &self.horizontal]).all(Confidence::is_sound)
-            && self
-                .cop_activity_m
-                .iter()
-                .chain([&self.vertical_activity_n, &self.horizontal_activity_m_per_s2])
-                .all(Envelope::is_sound)
+        self.cop.iter().chain([&self.vertical]).all(Confidence::is_sound)
+            && self.cop_activity_m.iter().chain([&self.vertical_activity_n]).all(Envelope::is_sound)
+            && self.push_m_per_s2.iter().all(|value| value.is_finite())
     }
 
-    /// 1-σ of the suit's horizontal acceleration now, m/s².
-    pub(super) fn acceleration_sigma_m_per_s2(&self) -> f64 {
-        let by_motion = self.horizontal.sigma(self.horizontal_activity_m_per_s2.height());
-        math::hypot([by_motion, ACCELERATION_SIGMA_MIN_M_PER_S2])
+    /// Takes in the shear that the suit's motion does not explain, m/s²; whether somebody or something pushes.
+    pub(super) fn is_pushed(&mut self, missed_m_per_s2: [f64; 2], step_s: f64) -> bool {
+        let share = (step_s.max(0.0) / (PUSH_OVER_S + step_s.max(0.0))).min(1.0);
+        for (mean, missed) in self.push_m_per_s2.iter_mut().zip(missed_m_per_s2) {
+            *mean += share * (missed - *mean);
+        }
+        math::hypot(self.push_m_per_s2) > PUSH_M_PER_S2
     }
 
     /// Takes in how much is compensated at a moment, `step_s` after the one before.
     pub(super) fn follow(&mut self, body: &BodyMotion, mass_kg: f64, step_s: f64) {
-        let [x, y, z] = body.suit_acceleration_m_per_s2;
-        self.vertical_activity_n.follow(mass_kg * z, step_s);
-        self.horizontal_activity_m_per_s2.follow(math::hypot([x, y]), step_s);
+        self.vertical_activity_n.follow(mass_kg * body.suit_acceleration_m_per_s2[2], step_s);
         for axis in 0..2 {
             self.cop_activity_m[axis].follow(body.shift_m(axis), step_s);
         }
@@ -94,24 +90,27 @@ impl BodyMotion {
         }
     }
 
-    /// Takes the body's horizontal acceleration from measured shear, less what accelerates the load in the hands.
-    ///
-    /// Shear tells it better than positions differentiated twice do. But where the two contradict each other something
-    /// else pushes, and the suit is believed. Shear that is exactly zero was not measured. `sigma_m_per_s2`: of the
-    /// suit's acceleration.
-    pub(super) fn correct_by_shear(&mut self, ground_force_n: [f64; 3], mass_kg: f64, sigma_m_per_s2: f64) {
-        let [x, y, vertical_n] = ground_force_n;
+    /// The body's horizontal acceleration as measured shear tells it, less what accelerates the load in the hands; with
+    /// it, what the suit misses of it, m/s². `None` without shear: exactly zero was not measured.
+    pub(super) fn by_shear(
+        &self,
+        ground_force_n: [f64; 3],
+        mass_kg: f64,
+        load_kg: f64,
+    ) -> Option<[[f64; 2]; 2]> {
+        let [x, y, _] = ground_force_n;
         if mass_kg <= 0.0 || (x == 0.0 && y == 0.0) {
-            return;
+            return None;
         }
-        let load_kg = self.load_kg(vertical_n - mass_kg * self.specific_force_m_per_s2);
         let hands = self.hands_acceleration_m_per_s2();
         let shear = [(x - load_kg * hands[0]) / mass_kg, (y - load_kg * hands[1]) / mass_kg];
         let suit = self.suit_acceleration_m_per_s2;
-        let contradiction = math::hypot([shear[0] - suit[0], shear[1] - suit[1]]);
-        if contradiction < SIGMAS_OF_A_CONTRADICTION * sigma_m_per_s2 {
-            self.slope = shear.map(|acceleration| acceleration / self.specific_force_m_per_s2);
-        }
+        Some([shear, [shear[0] - suit[0], shear[1] - suit[1]]])
+    }
+
+    /// Believes this horizontal acceleration of the body, m/s².
+    pub(super) fn believe(&mut self, acceleration_m_per_s2: [f64; 2]) {
+        self.slope = acceleration_m_per_s2.map(|value| value / self.specific_force_m_per_s2);
     }
 
     /// Mass in the hands that a vertical force holds in this motion, kg; never negative.
@@ -132,7 +131,7 @@ impl BodyMotion {
     }
 }
 
-/// Shear and suit contradict each other beyond so many σ.
-const SIGMAS_OF_A_CONTRADICTION: f64 = 4.0;
-/// No suit's acceleration is better known than this, m/s².
-pub(super) const ACCELERATION_SIGMA_MIN_M_PER_S2: f64 = 0.1;
+/// Shear that lasts and that no motion explains is a push from this on, m/s² …
+const PUSH_M_PER_S2: f64 = 0.35;
+/// … averaged over about this time, s: the noise of accelerations does not last.
+const PUSH_OVER_S: f64 = 0.5;

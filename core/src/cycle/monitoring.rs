@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::alignment::Aligned;
-use super::body_motion::{ACCELERATION_SIGMA_MIN_M_PER_S2, BodyMotion};
+use super::body_motion::BodyMotion;
 use super::memory::Memory;
 use super::settings::{Method, Motion, Settings};
 use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
@@ -109,7 +109,7 @@ impl Memory {
         if self.identification.has_body() {
             self.identification.follow_stance(moment.stance, settings);
         }
-        let body = self.body_motion(&pose, moment, motion, settings);
+        let body = self.body_motion(&pose, moment, motion, step_s, settings);
         self.noise.follow(&body, self.identification.mass_kg, step_s);
         self.estimate(&pose, &body, settings);
         if let Some(stillness) = stillness.filter(|_| is_still) {
@@ -125,11 +125,15 @@ impl Memory {
     }
 
     /// How the body alone moves.
+    ///
+    /// Where the plate measures shear, that tells the horizontal acceleration better than positions differentiated
+    /// twice do. But shear that lasts and that no motion explains is a push; then the suit is believed.
     fn body_motion(
-        &self,
+        &mut self,
         pose: &Pose<StationWorld>,
         moment: &Moment,
         inertia: Option<Inertia>,
+        step_s: f64,
         settings: &Settings,
     ) -> BodyMotion {
         let worker = &self.identification;
@@ -140,8 +144,13 @@ impl Memory {
         let floor_m = moment.ground().map_or(0.0, |ground| ground.surface_z_m);
         let mut body = BodyMotion::by_suit(&inertia, centre.z - floor_m);
         if let Some(ground) = moment.ground() {
-            let sigma = self.noise.acceleration_sigma_m_per_s2();
-            body.correct_by_shear(ground.force_n, worker.mass_kg, sigma);
+            let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2;
+            let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
+            if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg) {
+                if !self.noise.is_pushed(missed, step_s) {
+                    body.believe(shear);
+                }
+            }
         }
         body
     }
@@ -192,27 +201,17 @@ impl Memory {
         if !self.unloaded.watch(delta_f_n, step_s, settings.load_threshold_n, sigma_n) {
             return;
         }
-        self.learn_errors(moment, body, settings);
+        self.learn_errors(settings);
         if self.wants_motion(moment, settings) {
             self.learn_motion(pose, moment, body, settings);
         }
     }
 
     /// How wrong the compensation is, while nothing but the body is there to explain.
-    fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+    fn learn_errors(&mut self, settings: &Settings) {
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
         noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
-        let [x, y, _] = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
-        let [suit_x, suit_y, _] = body.suit_acceleration_m_per_s2;
-        if (x, y) != (0.0, 0.0) {
-            let activity = noise.horizontal_activity_m_per_s2.height();
-            noise.horizontal.learn(
-                math::hypot([x - suit_x, y - suit_y]),
-                activity,
-                ACCELERATION_SIGMA_MIN_M_PER_S2,
-            );
-        }
         for axis in 0..2 {
             let activity_m = noise.cop_activity_m[axis].height();
             let [sigma_m, moving_m] = [self.known.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
@@ -287,6 +286,17 @@ impl Memory {
         if wanted && unloaded {
             worker.learn_pose(&self.window, stillness, settings);
         }
+    }
+
+    /// 1-σ of the external force in this motion, N.
+    fn delta_f_sigma_n(&self, settings: &Settings) -> f64 {
+        let by_motion_n = self.noise.vertical.sigma(self.noise.vertical_activity_n.height());
+        math::hypot([settings.force_sigma_n, by_motion_n])
+    }
+
+    /// From which external force on something is carried, N.
+    fn load_limit_n(&self, settings: &Settings) -> f64 {
+        settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.delta_f_sigma_n(settings))
     }
 
     /// Eq. 14 and 15.
