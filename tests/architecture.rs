@@ -21,6 +21,7 @@ const MAY_USE: [(&str, &[&str]); 10] = [
     ("view", &["core", "bus", "latency"]),
     ("daemon", &["core", "latency", "bus", "adapters", "simulator", "discrepancy", "view"]),
     ("tests", &[]),
+    ("benches", &["core"]),
 ];
 
 /// Parts of the core that the simulated person must not know: agreement with its own estimator would prove nothing.

@@ -178,9 +178,10 @@ impl Filter {
             return None;
         }
         let scale = 1.0 / math::sqrt(innovation.variance_m2);
-        let w = spread.map(|spread| spread * scale);
-        for (theta, w) in self.theta_m.iter_mut().zip(&w) {
-            *theta += innovation.value_m * scale * w;
+        let (mut w, count) = (spread, self.count());
+        for (w, theta) in w[..count].iter_mut().zip(&mut self.theta_m) {
+            *w *= scale;
+            *theta += innovation.value_m * scale * *w;
         }
         self.subtract_square(&w, r_m2 / innovation.variance_m2);
         Some(innovation)

@@ -59,6 +59,30 @@ pub struct Torque {
     pub sigma_nm: f64,
 }
 
+/// Which hands and feet (left, right) hang on a joint.
+#[derive(Clone, Copy)]
+struct Ends {
+    hands: [bool; 2],
+    feet: [bool; 2],
+}
+
+/// [`Ends`] of every joint, found once by the compiler: a pose walks no chain.
+const ENDS: [Ends; JOINTS] = {
+    let mut ends = [Ends { hands: [false; 2], feet: [false; 2] }; JOINTS];
+    let mut joint = 0;
+    while joint < JOINTS {
+        let root = Joint::ALL[joint].segment();
+        let mut index = 0;
+        while index < 2 {
+            ends[joint].hands[index] = Side::BOTH[index].hand().is_distal_to(root);
+            ends[joint].feet[index] = Side::BOTH[index].foot().is_distal_to(root);
+            index += 1;
+        }
+        joint += 1;
+    }
+    ends
+};
+
 /// Which shares act distal of a joint.
 #[derive(Clone, Copy)]
 struct Distal {
@@ -70,14 +94,14 @@ struct Distal {
 
 impl Distal {
     fn of(joint: Joint, sharing: &Sharing) -> Distal {
-        let root = joint.segment();
+        let ends = ENDS[joint.index()];
         let mut distal = Distal { hands: [0.0; 2], hand_slope: [0.0; 2], feet: 0.0 };
         for (index, side) in Side::BOTH.into_iter().enumerate() {
-            if side.hand().is_distal_to(root) {
+            if ends.hands[index] {
                 distal.hands[index] = sharing.eta[index];
                 distal.hand_slope[index] = if side == Side::Right { 1.0 } else { -1.0 };
             }
-            if side.foot().is_distal_to(root) {
+            if ends.feet[index] {
                 distal.feet += sharing.zeta[index];
             }
         }

@@ -1,0 +1,23 @@
+//! What the benches share: interleaved rounds, the textbook's dense way, a worker who stands and holds a load.
+
+pub mod dense;
+pub mod rounds;
+pub mod worker;
+
+use std::time::Duration;
+
+use criterion::Criterion;
+
+/// Criterion as all benches use it: short, since the ratios come from [`rounds`] and not from its samples.
+pub fn criterion() -> Criterion {
+    Criterion::default()
+        .sample_size(50)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
+        .configure_from_args()
+}
+
+/// Whether this is `cargo bench` and not a test run that only wants to see the benches work.
+pub fn is_measured() -> bool {
+    std::env::args().any(|argument| argument == "--bench")
+}

@@ -1,0 +1,81 @@
+//! Several ways to do one piece of work, timed in turns.
+//!
+//! On a shared machine a slow second may hit one benchmark and spare the next, and their quotient then says nothing.
+//! Here each round times every way once, in an order that rotates, and a ratio is the median of the rounds' ratios.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::Criterion;
+
+/// One way to do the work.
+pub struct Contender<'a> {
+    name: &'static str,
+    run: Box<dyn FnMut() + 'a>,
+}
+
+impl<'a> Contender<'a> {
+    /// A named way; `run` does the work once and keeps its result from being optimised away.
+    pub fn new(name: &'static str, run: impl FnMut() + 'a) -> Self {
+        Contender { name, run: Box::new(run) }
+    }
+
+    fn mean_us(&mut self, repeats: u32) -> f64 {
+        let begun = Instant::now();
+        for _ in 0..repeats {
+            black_box(&mut self.run)();
+        }
+        begun.elapsed().as_secs_f64() * 1e6 / f64::from(repeats)
+    }
+}
+
+const ROUNDS_MIN: usize = 100;
+const TIME_IN_ROUNDS: Duration = Duration::from_secs(3);
+/// A way is repeated in its turn for about this long: a thousand times the clock's own cost.
+const TURN_US: f64 = 50.0;
+
+/// Samples each way by criterion, then all of them in turns; prints the medians and how many times the first one's
+/// time each takes.
+pub fn compare(criterion: &mut Criterion, question: &str, contenders: &mut [Contender<'_>]) {
+    let mut group = criterion.benchmark_group(question);
+    for contender in &mut *contenders {
+        group.bench_function(contender.name, |bencher| bencher.iter(&mut contender.run));
+    }
+    group.finish();
+    if !crate::is_measured() {
+        return;
+    }
+
+    let repeats: Vec<u32> =
+        contenders.iter_mut().map(|one| (TURN_US / one.mean_us(10)).ceil().max(1.0) as u32).collect();
+    let mut times_us = vec![Vec::new(); contenders.len()];
+    let begun = Instant::now();
+    for round in 0.. {
+        if round >= ROUNDS_MIN && begun.elapsed() > TIME_IN_ROUNDS {
+            break;
+        }
+        for turn in 0..contenders.len() {
+            let index = (round + turn) % contenders.len();
+            times_us[index].push(contenders[index].mean_us(repeats[index]));
+        }
+    }
+
+    println!("\n{question}: {} rounds in turns", times_us[0].len());
+    println!("{:<38} {:>10} {:>8}", "", "p50 (µs)", "ratio");
+    for (contender, times) in contenders.iter().zip(&times_us) {
+        let ratios = times.iter().zip(&times_us[0]).map(|(time, first)| time / first).collect();
+        println!("{:<38} {:>10.3} {:>8.2}", contender.name, median(times.clone()), median(ratios));
+    }
+    println!();
+}
+
+/// The value at `share` of a sorted list, in [0, 1]; NaN for an empty one.
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    quantile(&values, 0.5)
+}
