@@ -6,6 +6,7 @@
 
 pub mod alignment;
 pub mod checkpoint;
+mod exposure;
 pub mod identification;
 pub mod memory;
 pub mod monitoring;
@@ -17,6 +18,7 @@ use alignment::PATIENCE_NS;
 use crate::message::command::CommandKind;
 use crate::message::state::Phase;
 use crate::message::{GroundSample, State, SuitSample, Validity};
+use crate::overload::Levels;
 use crate::time::NS_PER_S;
 
 pub use checkpoint::Checkpoint;
@@ -28,6 +30,8 @@ pub use settings::{Method, Motion, PoseChoice, PriorKind, Settings, Similar, Sto
 const STALE_TOLERANCE_NS: u64 = 20_000_000;
 /// How long after a change of the model its torques are withheld, ns.
 const MODEL_CHANGED_NS: u64 = NS_PER_S;
+/// No joint comes closest to its limit: [`State::worst_joint`] while no torque is told.
+const NO_JOINT: u32 = u32::MAX;
 /// Device time less sure than this is not tied to host time, ns.
 const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
 
@@ -102,6 +106,7 @@ impl Memory {
             CommandKind::SubjectLoad => {
                 // What the window holds was another worker's pose.
                 self.window.clear();
+                self.exposure.start();
                 self.model_changed_ns = tick.due_ns;
             }
         }
@@ -163,12 +168,12 @@ impl Memory {
             state.static_pose = 0;
         }
         self.state = self.known;
-        blank_spoilt(&mut self.state, settings);
+        blank_spoilt(&mut self.state, settings, &mut self.exposure.levels);
     }
 }
 
 /// A spoilt value is zero: nobody may act on what a stale sensor said.
-fn blank_spoilt(state: &mut State, settings: &Settings) {
+fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_COP_MEASURED) {
         state.cop_measured_m = [0.0; 2];
@@ -190,9 +195,11 @@ fn blank_spoilt(state: &mut State, settings: &Settings) {
     }
     if valid.any_of(Validity::SPOILS_TORQUES) {
         monitoring::blank_torques(state);
+        levels.forget();
     } else {
-        monitoring::colour(state, settings);
+        monitoring::colour(state, settings, levels);
     }
+    exposure::blank_spoilt(state);
 }
 
 #[cfg(test)]

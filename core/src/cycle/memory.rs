@@ -6,6 +6,7 @@ use super::alignment::Alignment;
 use super::identification::Identification;
 use super::settings::Settings;
 use crate::anchor::Anchor;
+use crate::exposure::Exposure;
 use crate::message::{GroundSample, State, Validity};
 use crate::static_pose::Window;
 
@@ -26,6 +27,8 @@ pub struct Memory {
     pub window: Window,
     /// This worker.
     pub identification: Identification,
+    /// What adds up over this worker's shift.
+    pub exposure: Exposure,
     /// Wrench that an empty plate shows, N and N m.
     pub(super) tare: [[f64; 3]; 2],
     /// Reasons found with the newest aligned sample: [`Validity`] bits.
@@ -60,6 +63,7 @@ impl Memory {
             && self.anchor.is_sound()
             && self.window.is_sound()
             && self.identification.is_sound()
+            && self.exposure.is_sound()
             && self.tare.iter().flatten().all(|value| value.is_finite())
     }
 

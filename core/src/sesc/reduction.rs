@@ -203,11 +203,19 @@ impl Reduction {
 
     /// The horizontal rows of `C_M = x0 + B(Tθ + Φ_fixed)` for a pose, without forming B (Eq. 3, 6).
     pub fn rows(&self, pose: &Pose<StationWorld>) -> Rows {
-        let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        let mut rows = self.rows_over(pose, |_| true);
         let pelvis = pose.origin_of(Segment::Pelvis);
-        rows.offset_m = [pelvis.x, pelvis.y];
-        for (segment, rotation) in pose.world_from_segment.iter().enumerate() {
-            let world_from_segment = rotation.to_rotation_matrix();
+        rows.offset_m[0] += pelvis.x;
+        rows.offset_m[1] += pelvis.y;
+        rows
+    }
+
+    /// The horizontal rows of `Σ_i R_i φ_i` over some of the segments.
+    pub fn rows_over(&self, pose: &Pose<StationWorld>, wanted: impl Fn(Segment) -> bool) -> Rows {
+        let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        for segment in Segment::ALL.into_iter().filter(|segment| wanted(*segment)) {
+            let segment = segment.index();
+            let world_from_segment = pose.world_from_segment[segment].to_rotation_matrix();
             for axis in 0..3 {
                 let raw = 3 * segment + axis;
                 for row in 0..2 {
