@@ -8,9 +8,12 @@
 //! in 200 000 hours) with the probability `1 / (1 + e^−(1.72 + 1.03 log10 D))`.
 //!
 //! M is the load's moment alone, since the tool was calibrated so: here Eq. 15 at L5/S1, measured rather than a weight
-//! times a taped distance. (The paper itself was not at hand. The constants agree in two published implementations and,
-//! for 0.038, with Zelik et al., 2022, whose 30 N m of relief spare 70 % of the damage. The tool's authors advise care
-//! beyond 100 N m.)
+//! times a taped distance. The tool's authors advise care beyond 100 N m.
+//!
+//! The paper itself was not at hand. The curve, 0.162 and 10 kN stand so in the published package pyergo; 0.038, 0.32 and
+//! the logistic in another implementation that quotes Zelik et al. (Applied Ergonomics 99, 2022), where 30 N m of relief
+//! spare 70 % of the damage, as they do here. That second one prints the divisor as 1 902 416; if it were right, damages
+//! would be half of ours and probabilities up to 0.08 lower.
 //!
 //! A **lift** is an episode of at least half a second in which a load is known to be carried. It ends, and counts, when
 //! it is known that nothing is carried, or when a gap hides what happened. Where the torques are withheld between, as

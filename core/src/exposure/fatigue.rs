@@ -6,17 +6,17 @@
 //!
 //! `dV/dt = (1 − V) |Δτ_j| / C_j` under load, `dV/dt = −r V` at rest,
 //!
-//! so over a step with a constant torque, exactly, `1 − V' = (1 − V) e^(−|Δτ_j| Δt / C_j)` and `V' = V e^(−r Δt)`.
-//! That paper's parameters are found on each subject; ours follow from the joint's limit:
+//! so over a step with a constant torque, exactly, `1 − V' = (1 − V) e^(−|Δτ_j| Δt / C_j)` and `V' = V e^(−r Δt)`. (The
+//! form is quoted from memory.) That paper's parameters are found on each subject; ours follow from the joint's limit:
 //!
 //! - **C_j**: an overload of 0.3 τ_max, the end of green, held for its endurance time fills V to 0.993 (five time
-//!   constants, as in Peternel et al.). Endurance is `−ln(s)/(s k)` with k = 1/min for a load of share s (Ma, Chablat,
-//!   Bennis & Zhang, 2009; close to Rohmert's curve, 1960): 241 s at s = 0.3, hence C_j = 14.6 s · τ_max. The model's
-//!   rate is linear in s where endurance is not: at 0.1 τ_max it tires the joint in half of Ma's time, at 0.6 τ_max in
-//!   twice.
+//!   constants, as in Peternel et al.; from memory). Endurance is `−ln(s)/(s k)` with k = 1/min for a share s of the
+//!   maximal strength (Ma, Chablat, Bennis & Zhang, 2009; close to Rohmert's curve, 1960): 241 s at s = 0.3, hence
+//!   C_j = 14.6 s · τ_max. The limit stands for the strength, which is larger: that tires too soon rather than too
+//!   late. The model's rate is linear in s where endurance is not: at 0.1 τ_max it takes half of Ma's time, at 0.6 twice.
 //! - **r** = 0.0137/s, half of the fatigue gone in 51 s: the recovery rate of the three-compartment model, 0.00091/s
-//!   for joints in general (Frey-Law, Looft & Heitsman, 2012), times 15 at rest (Looft, Herkert & Frey-Law, 2018);
-//!   both quoted from memory.
+//!   for joints in general (Frey-Law, Looft & Heitsman, 2012, whose abstract gives 0.00058 to 0.00168), times 15 at
+//!   rest (Looft, Herkert & Frey-Law, 2018); 0.00091 and 15 quoted from memory.
 //! - **Rest** of a joint while others are loaded: an overload of up to 0.05 τ_max, since static work below 5 % of
 //!   strength can go on for hours (Jonsson, 1982).
 //!

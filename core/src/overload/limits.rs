@@ -14,8 +14,8 @@ pub struct TorqueLimits(pub [f64; JOINTS]);
 /// quarter of their mean (Anderson et al. 2007, table 3: 21 to 33 %; Benfica et al. 2018: 20 to 30 %).
 const THREE_IN_FOUR: f64 = 0.83;
 /// An overload comes on top of the body's own weight. An arm held out without a load takes 22 to 25 % of a man's and
-/// 34 % of a woman's strength at the shoulder (isometric strength of 186 people of Stockholm, women 55 % of men);
-/// this share is left for the load.
+/// 34 % of a woman's strength at the shoulder ("Isometric strength in flexors, abductors and external rotators of the
+/// shoulder", 186 people of Stockholm, where women's flexors have 55 % of men's); this share is left for the load.
 const LEFT_FOR_THE_LOAD: f64 = 0.7;
 /// τ_max over the mean static strength of the joint, 0.58.
 pub const STRENGTH_SHARE: f64 = THREE_IN_FOUR * LEFT_FOR_THE_LOAD;
