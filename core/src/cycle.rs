@@ -7,6 +7,7 @@
 pub mod alignment;
 pub mod body_motion;
 pub mod checkpoint;
+mod exposure;
 pub mod identification;
 pub mod memory;
 pub mod monitoring;
@@ -18,6 +19,7 @@ use alignment::PATIENCE_NS;
 use crate::message::command::CommandKind;
 use crate::message::state::Phase;
 use crate::message::{GroundSample, State, SuitSample, Validity};
+use crate::overload::Levels;
 use crate::time::NS_PER_S;
 
 pub use checkpoint::Checkpoint;
@@ -29,6 +31,8 @@ pub use settings::{Method, Motion, PoseChoice, PriorKind, Settings, Similar, Sto
 const STALE_TOLERANCE_NS: u64 = 20_000_000;
 /// How long after a change of the model its torques are withheld, ns.
 const MODEL_CHANGED_NS: u64 = NS_PER_S;
+/// No joint comes closest to its limit: [`State::worst_joint`] while no torque is told.
+const NO_JOINT: u32 = u32::MAX;
 /// Device time less sure than this is not tied to host time, ns.
 const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
 
@@ -105,6 +109,7 @@ impl Memory {
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
+                self.exposure.start();
                 self.model_changed_ns = tick.due_ns;
             }
         }
@@ -166,12 +171,12 @@ impl Memory {
             state.static_pose = 0;
         }
         self.state = self.known;
-        blank_spoilt(&mut self.state, settings);
+        blank_spoilt(&mut self.state, settings, &mut self.exposure.levels);
     }
 }
 
 /// A spoilt value is zero: nobody may act on what a stale sensor said.
-fn blank_spoilt(state: &mut State, settings: &Settings) {
+fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_COP_MEASURED) {
         state.cop_measured_m = [0.0; 2];
@@ -193,9 +198,11 @@ fn blank_spoilt(state: &mut State, settings: &Settings) {
     }
     if valid.any_of(Validity::SPOILS_TORQUES) {
         monitoring::blank_torques(state);
+        levels.forget();
     } else {
-        monitoring::colour(state, settings);
+        monitoring::colour(state, settings, levels);
     }
+    exposure::blank_spoilt(state);
 }
 
 #[cfg(test)]

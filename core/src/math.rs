@@ -21,3 +21,13 @@ pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
 pub(crate) fn acos(cosine: f64) -> f64 {
     ComplexField::acos(cosine)
 }
+
+/// e to a power; infinite where that is too large.
+pub(crate) fn exp(power: f64) -> f64 {
+    ComplexField::exp(power)
+}
+
+/// Natural logarithm.
+pub(crate) fn ln(value: f64) -> f64 {
+    ComplexField::ln(value)
+}

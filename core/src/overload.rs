@@ -6,6 +6,7 @@
 //! summed over the hands and feet distal of j. ΔF and f_wt are vertical, as in the paper.
 
 pub mod level;
+pub mod limits;
 pub mod sharing;
 
 use nalgebra::Vector3;
@@ -14,7 +15,8 @@ use crate::body::{JOINTS, Joint, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 
-pub use level::{Level, TorqueLimits};
+pub use level::{Level, Levels};
+pub use limits::TorqueLimits;
 pub use sharing::Sharing;
 
 /// Standard gravity is 9.80665 m/s²; golden values and the paper use two decimals.
@@ -109,6 +111,15 @@ impl Distal {
     }
 }
 
+/// How much of ΔF acts at a joint per metre that the load moves sideways, in [−1, 1].
+///
+/// Moving the load by δ, posture and shares as they are, moves the measured centre of pressure by δ ΔF/(W + ΔF); in
+/// Eq. 15 the hands' term then grows by Σ η_h δ ΔF and the feet's by Σ ζ_k δ ΔF, whatever the joint's place.
+pub fn leverage(joint: Joint, sharing: &Sharing) -> f64 {
+    let distal = Distal::of(joint, sharing);
+    distal.hands.iter().sum::<f64>() - distal.feet
+}
+
 /// Eq. 15 for all joints.
 ///
 /// The ball-of-foot joints carry nothing: the ground's force is taken to act on the foot, proximal of them.
@@ -147,7 +158,7 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
 }
 
 /// First-order σ of the length of a horizontal vector; the larger axis where the vector is zero.
-fn sigma_of_magnitude(vector: [f64; 2], variance: [f64; 2]) -> f64 {
+pub(crate) fn sigma_of_magnitude(vector: [f64; 2], variance: [f64; 2]) -> f64 {
     let square = vector[0] * vector[0] + vector[1] * vector[1];
     let variance = if square > 1e-12 {
         (vector[0] * vector[0] * variance[0] + vector[1] * vector[1] * variance[1]) / square

@@ -2,6 +2,7 @@
 
 mod message;
 pub mod method;
+pub mod overload;
 pub mod sensors;
 
 use std::net::SocketAddr;
@@ -10,7 +11,8 @@ use std::path::{Path, PathBuf};
 use equipoise_core::cycle::Settings;
 use serde::{Deserialize, Serialize};
 
-pub use method::{IdentificationConfig, OverloadConfig, StaticPoseConfig, SubjectConfig};
+pub use method::{IdentificationConfig, StaticPoseConfig, SubjectConfig};
+pub use overload::OverloadConfig;
 pub use sensors::{GroundConfig, GroundSourceKind, SuitConfig, SuitPosition, SuitSourceKind};
 
 /// A whole configuration file.

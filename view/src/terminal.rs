@@ -17,8 +17,6 @@ const ROWS: [(&str, &str, &str); 5] = [
     ("ankle", "LeftAnkle", "RightAnkle"),
 ];
 
-const STANDARD_GRAVITY_M_PER_S2: f64 = 9.806_65;
-
 /// What happens now, on one line. `pose` is the name of the suggested pose, if there is one.
 pub fn live_line(state: &State, pose: Option<&str>) -> String {
     let mut parts = vec![format!("{}: {}", state.phase_name(), words::instruction(state, pose).text)];
@@ -30,6 +28,7 @@ pub fn live_line(state: &State, pose: Option<&str>) -> String {
     }
     if let Some(worst) = words::worst_joint(state) {
         parts.push(format!("{} {}", words::joint(worst), torque(state, worst)));
+        parts.push(fatigue(state, worst));
     }
     parts.join(" | ")
 }
@@ -57,6 +56,9 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
         line(format!("  {name:<10}  {:<30}  {:<30}", cell(state, left), cell(state, right)));
     }
     line(format!("  {:<10}  {:<30}", "lower back", cell(state, "L5S1")));
+    line(format!("  {:<10}  {}", "pressed by", back(state).unwrap_or_else(withheld)));
+    line(format!("  {:<10}  {}", "worst", worst(state).unwrap_or_else(withheld)));
+    line(format!("  {:<10}  {}", "this shift", shift(state)));
     line(String::new());
     for index in 0..3 {
         line(why.get(index).map_or_else(String::new, |text| format!("  {text}")));
@@ -65,7 +67,7 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
 }
 
 /// How many lines [`dashboard`] always has.
-pub const DASHBOARD_LINES: usize = 20;
+pub const DASHBOARD_LINES: usize = 23;
 
 fn progress(state: &State) -> String {
     let poses = match state.poses_used {
@@ -79,11 +81,51 @@ fn progress(state: &State) -> String {
     }
 }
 
+/// The external force, and the mass in the hands where it may be called one.
 fn load(state: &State) -> Option<String> {
     let [_, _, up_n] = state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n)?;
     // Adding zero takes the sign off a rounded -0.3.
     let up_n = up_n.round() + 0.0;
-    Some(format!("load {up_n:.0} N ({:.1} kg)", up_n / STANDARD_GRAVITY_M_PER_S2))
+    Some(match state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg) {
+        Some(kg) => format!("load {up_n:.0} N ({kg:.1} ± {:.1} kg)", state.lifted_mass_sigma_kg),
+        None => format!("load {up_n:.0} N"),
+    })
+}
+
+fn back(state: &State) -> Option<String> {
+    let newtons = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n)?;
+    Some(format!("{newtons:.0} ± {:.0} N on the lowest disc", state.l5s1_compression_sigma_n))
+}
+
+fn worst(state: &State) -> Option<String> {
+    let joint = words::worst_joint(state)?;
+    let advice = words::advice(state).map_or_else(String::new, |advice| {
+        format!(": {} ({:.1} N m per cm)", advice.to_lowercase(), state.advice_gain_nm_per_cm)
+    });
+    Some(format!("{}, {}{advice}", words::joint(joint), fatigue(state, joint)))
+}
+
+fn shift(state: &State) -> String {
+    let lifts = match state.lifts {
+        1 => "1 lift".to_owned(),
+        count => format!("{count} lifts"),
+    };
+    let risk_percent = 100.0 * state.dose_probability;
+    let (index, tired) =
+        state.fatigue.iter().copied().enumerate().fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+    let joint = words::joint(Joint::ALL[index]);
+    match (state.lifts, tired > 0.0) {
+        (0, false) => lifts,
+        (_, false) => format!("{lifts}, risk of a day like this {risk_percent:.0} %"),
+        _ => format!(
+            "{lifts}, risk of a day like this {risk_percent:.0} %, most tired {joint} {:.0} %",
+            100.0 * tired
+        ),
+    }
+}
+
+fn fatigue(state: &State, joint: Joint) -> String {
+    format!("tired {:.0} %", 100.0 * state.fatigue[joint.index()])
 }
 
 fn torque(state: &State, joint: Joint) -> String {
@@ -132,6 +174,7 @@ fn age(state: &State, stream: Stream) -> String {
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
+    use equipoise_core::body::Segment;
     use equipoise_core::message::state::Phase;
 
     fn carrying() -> State {
@@ -146,6 +189,14 @@ mod tests {
         state.torque_nm[knee] = [0.0, 43.2, 0.0];
         state.torque_sigma_nm[knee] = 3.9;
         state.joint_level[knee] = 3;
+        state.worst_joint = knee as u32;
+        state.fatigue[knee] = 0.31;
+        (state.lifted_mass_kg, state.lifted_mass_sigma_kg) = (10.0, 0.3);
+        (state.l5s1_compression_n, state.l5s1_compression_sigma_n) = (2410.0, 390.0);
+        (state.lifts, state.dose_probability) = (12, 0.07);
+        state.advice_direction = [-1.0, 0.0, 0.0];
+        state.advice_gain_nm_per_cm = 0.49;
+        state.segment_origin_m[Segment::LeftUpperLeg.index()] = [0.0, 0.2, 0.9];
         state
     }
 
@@ -153,7 +204,7 @@ mod tests {
     fn a_line_says_what_is_wrong_and_how_sure_it_is() {
         assert_eq!(
             live_line(&carrying(), None),
-            "monitoring: Left knee: high load | load 98 N (10.0 kg) | left knee 43 ± 4 N m, high"
+            "monitoring: Left knee: high load | load 98 N (10.0 ± 0.3 kg) | left knee 43 ± 4 N m, high | tired 31 %"
         );
     }
 
@@ -164,6 +215,23 @@ mod tests {
         assert_eq!(live_line(&state, None), "monitoring: The force plate is silent");
         let block = dashboard(&state, "station-1", None);
         assert!(!block.contains("43") && block.contains("ground silent"), "{block}");
+    }
+
+    #[test]
+    fn the_block_says_what_the_back_bears_and_what_would_help() {
+        let block = dashboard(&carrying(), "station-1", None);
+        for line in [
+            "  pressed by  2410 ± 390 N on the lowest disc",
+            "  worst       left knee, tired 31 %: bring the load closer (0.5 N m per cm)",
+            "  this shift  12 lifts, risk of a day like this 7 %, most tired left knee 31 %",
+        ] {
+            assert!(block.lines().any(|told| told == line), "{line}\n{block}");
+        }
+        let mut moving = carrying();
+        moving.valid = Validity::MOVING.0;
+        let block = dashboard(&moving, "station-1", None);
+        assert!(block.contains("load 98 N\n") && !block.contains("2410"), "{block}");
+        assert!(block.contains("12 lifts"), "what has added up is always told: {block}");
     }
 
     #[test]

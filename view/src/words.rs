@@ -1,6 +1,6 @@
 //! What a state means in plain English: the worker's page and the terminal say the same.
 
-use equipoise_core::body::Joint;
+use equipoise_core::body::{Joint, Segment};
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
@@ -135,6 +135,9 @@ fn overload(worst: Joint, level: u32) -> Instruction {
         "red" => Instruction::new(format!("{joint}: high load"), Tone::Alarm),
         "above_max" => Instruction::new(format!("{joint}: too high, put the load down"), Tone::Alarm),
         "green" => Instruction::new("The load is easy on your joints", Tone::Good),
+        "undecided" => {
+            Instruction::new(format!("{joint}: the load is not known well enough to judge"), Tone::Calm)
+        }
         _ => Instruction::new("The load is not judged", Tone::Calm),
     }
 }
@@ -144,12 +147,29 @@ fn headline(text: &str) -> &str {
     text.split_once(':').map_or(text, |(what, _)| what)
 }
 
-/// The joint at the highest level and, within it, of the greatest torque; `None` while torques are withheld.
+/// The joint that comes closest to its limit; `None` while torques are withheld.
 pub fn worst_joint(state: &State) -> Option<Joint> {
-    state.unless(Validity::SPOILS_TORQUES, ())?;
-    Joint::ALL.into_iter().max_by(|a, b| {
-        let level = |joint: &Joint| state.joint_level[joint.index()];
-        level(a).cmp(&level(b)).then(torque_nm(state, *a).total_cmp(&torque_nm(state, *b)))
+    crate::state_json::worst_joint(state)
+}
+
+/// Where to move the load, seen from the worker; `None` while nothing is known or nothing would help.
+///
+/// The direction is taken against the worker's own front, which the line between the hips shows.
+pub fn advice(state: &State) -> Option<&'static str> {
+    worst_joint(state)?;
+    let [x, y, _] = state.advice_direction;
+    let hip = |segment: Segment| state.segment_origin_m[segment.index()];
+    let (left, right) = (hip(Segment::LeftUpperLeg), hip(Segment::RightUpperLeg));
+    let (left_x, left_y) = (left[0] - right[0], left[1] - right[1]);
+    let (forward, leftward) = (x * left_y - y * left_x, x * left_x + y * left_y);
+    if forward == 0.0 && leftward == 0.0 {
+        return None;
+    }
+    Some(match (forward.abs() >= leftward.abs(), forward < 0.0, leftward < 0.0) {
+        (true, true, _) => "Bring the load closer",
+        (true, false, _) => "Move the load away from you",
+        (false, _, false) => "Move the load to your left",
+        (false, _, true) => "Move the load to your right",
     })
 }
 
@@ -167,6 +187,7 @@ pub fn level(number: u32) -> &'static str {
         "orange" => "medium",
         "red" => "high",
         "above_max" => "too high",
+        "undecided" => "not sure",
         other => other,
     }
 }
@@ -209,6 +230,7 @@ fn capitalised(text: &str) -> String {
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
+    use equipoise_core::overload::Level;
 
     #[test]
     fn every_reason_and_joint_has_words_of_its_own() {
@@ -246,19 +268,45 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_joint_is_worst_by_level_and_then_by_torque() {
+    fn the_worst_joint_is_named_with_its_level() {
         let mut state = State::zeroed();
         state.phase = Phase::Monitoring as u32;
-        state.torque_nm[0] = [0.0, 90.0, 0.0];
-        state.joint_level[0] = 1;
-        for (name, torque) in [("LeftKnee", 20.0), ("RightKnee", 30.0)] {
-            let index = Joint::named(name).unwrap().index();
-            state.joint_level[index] = 3;
-            state.torque_nm[index] = [0.0, 0.0, -torque];
+        let knee = Joint::named("RightKnee").unwrap();
+        state.worst_joint = knee.index() as u32;
+        for (level, told, tone) in [
+            (Level::Green, "The load is easy on your joints", Tone::Good),
+            (Level::Orange, "Right knee: medium load", Tone::Warn),
+            (Level::Red, "Right knee: high load", Tone::Alarm),
+            (Level::AboveMax, "Right knee: too high, put the load down", Tone::Alarm),
+            (Level::Undecided, "Right knee: the load is not known well enough to judge", Tone::Calm),
+        ] {
+            state.joint_level[knee.index()] = level as u32;
+            assert_eq!(instruction(&state, None), Instruction::new(told, tone));
         }
-        assert_eq!(worst_joint(&state).map(Joint::name), Some("RightKnee"));
-        assert_eq!(instruction(&state, None), Instruction::new("Right knee: high load", Tone::Alarm));
         state.valid = Validity::MOVING.0;
         assert_eq!(worst_joint(&state), None);
+    }
+
+    #[test]
+    fn advice_is_given_as_the_worker_stands() {
+        let mut state = State::zeroed();
+        assert_eq!(advice(&state), None, "no direction");
+        state.advice_direction = [-1.0, 0.0, 0.0];
+        assert_eq!(advice(&state), None, "no heading");
+        // The left hip lies along +Y of a worker who faces +X.
+        state.segment_origin_m[Segment::LeftUpperLeg.index()] = [0.0, 0.2, 0.9];
+        assert_eq!(advice(&state), Some("Bring the load closer"));
+        // The same direction, and the worker turned to the left by a quarter at a time.
+        let turned: [([f64; 3], &str); 3] = [
+            ([-0.2, 0.0, 0.9], "Move the load to your left"),
+            ([0.0, -0.2, 0.9], "Move the load away from you"),
+            ([0.2, 0.0, 0.9], "Move the load to your right"),
+        ];
+        for (left_hip, told) in turned {
+            state.segment_origin_m[Segment::LeftUpperLeg.index()] = left_hip;
+            assert_eq!(advice(&state), Some(told));
+        }
+        state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
+        assert_eq!(advice(&state), None);
     }
 }

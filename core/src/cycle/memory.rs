@@ -7,6 +7,7 @@ use super::body_motion::MotionNoise;
 use super::identification::Identification;
 use super::settings::Settings;
 use crate::anchor::Anchor;
+use crate::exposure::Exposure;
 use crate::message::{GroundSample, State, Validity};
 use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
@@ -38,6 +39,8 @@ pub struct Memory {
     pub(super) motion_learnt_ns: u64,
     /// This worker.
     pub identification: Identification,
+    /// What adds up over this worker's shift.
+    pub exposure: Exposure,
     /// Wrench that an empty plate shows, N and N m.
     pub(super) tare: [[f64; 3]; 2],
     /// Reasons found with the newest aligned sample: [`Validity`] bits.
@@ -75,6 +78,7 @@ impl Memory {
             && self.noise.is_sound()
             && self.unloaded.is_sound()
             && self.identification.is_sound()
+            && self.exposure.is_sound()
             && self.tare.iter().flatten().all(|value| value.is_finite())
     }
 

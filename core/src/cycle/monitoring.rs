@@ -13,7 +13,7 @@ use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::{GroundSample, State, Validity};
 use crate::motion::{Build, Inertia, Moment};
-use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
+use crate::overload::{self, GRAVITY_M_PER_S2, Level, Levels, Loading, LoadingSigma, Sharing};
 use crate::sesc::centre_of_mass;
 use crate::static_pose::{Held, Stillness, rms_joint_angle};
 
@@ -116,6 +116,7 @@ impl Memory {
             self.learn_from_stillness(&pose, moment, &stillness, settings);
         }
         self.overload(&pose, &body, settings, &mut found);
+        self.expose(&pose, settings, found);
         if motion.is_some() && standing.is_some() {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);
         } else {
@@ -381,10 +382,13 @@ pub(super) fn blank_torques(state: &mut State) {
     state.joint_level = [Level::None as u32; JOINTS];
 }
 
-/// Table I.
-pub(super) fn colour(state: &mut State, settings: &Settings) {
+/// Table I, without flicker.
+pub(super) fn colour(state: &mut State, settings: &Settings, levels: &mut Levels) {
     for joint in 0..JOINTS {
-        let magnitude = Vector3::from(state.torque_nm[joint]).norm();
-        state.joint_level[joint] = Level::of(magnitude, settings.limits.0[joint]) as u32;
+        let (limit_nm, margin_share) = (settings.limits.0[joint], settings.level_margin_share);
+        let magnitude_nm = Vector3::from(state.torque_nm[joint]).norm();
+        let sigma_nm = state.torque_sigma_nm[joint];
+        let level = levels.next(joint, magnitude_nm, sigma_nm, limit_nm, margin_share);
+        state.joint_level[joint] = level as u32;
     }
 }

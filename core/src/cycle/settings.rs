@@ -132,6 +132,8 @@ pub struct Settings {
     pub suit_drifts: bool,
     /// Whether identification starts by itself.
     pub start_identifying: bool,
+    /// A level is left downwards only this far below its bound, as a share of τ_max.
+    pub level_margin_share: f64,
     /// τ_max per joint.
     pub limits: TorqueLimits,
     /// Poses that may be suggested, at most [`crate::pose_suggestion::LIBRARY_MAX`].
@@ -167,6 +169,7 @@ impl Settings {
             motion: Motion::Paper,
             suit_drifts: true,
             start_identifying: true,
+            level_margin_share: 0.02,
             limits: TorqueLimits::default(),
             library: &[],
         }

@@ -9,11 +9,12 @@ use bytemuck::Zeroable;
 use nalgebra::Vector3;
 
 use super::*;
-use crate::body::{Joint, Side};
+use crate::body::{Joint, Segment, Side};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
 mod bench;
+mod exposure;
 mod learning;
 use bench::*;
 

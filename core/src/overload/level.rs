@@ -1,6 +1,22 @@
-//! How bad an overload is: the colours of Table I, and what each joint is allowed.
+//! How bad an overload is: the colours of Table I, told without flicker, and only as far as the torque is known.
+//!
+//! # The rule
+//!
+//! A torque t ± σ on a joint with the limit τ_max, where the level H was told before:
+//!
+//! 1. If t − σ and t + σ lie two or more levels apart, the level is [`Level::Undecided`].
+//! 2. H is left upwards as soon as t passes its upper bound. It is left downwards only when t falls below its lower
+//!    bound by the margin, the larger of `margin_share · τ_max` and σ/2.
+//! 3. Left or never held, the level is t's own by Table I if t − σ and t + σ have it too, or if H is one of the two
+//!    that they have; else it is undecided. An undecided joint holds no level.
+//!
+//! So a torque that swings by less than the margin changes the level at most once; without σ and margin the level is
+//! Table I's; and a joint that was told nothing before is told nothing until ±σ fits into one level. A torque that is
+//! withheld holds no level.
 
-use crate::body::{JOINTS, Joint};
+use bytemuck::{Pod, Zeroable};
+
+use crate::body::JOINTS;
 
 /// Overload level of a joint (Fortini et al., Table I; above τ_max is ours).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,18 +36,50 @@ pub enum Level {
     Undecided = 5,
 }
 
+/// Upper bounds of green, orange and red over τ_max (Table I).
+const BOUNDS: [f64; 3] = [0.3, 0.6, 1.0];
+
 impl Level {
-    /// The level of a torque's magnitude against the joint's limit, both N m.
+    /// The level of a torque's magnitude against the joint's limit, both N m: Table I.
     pub fn of(torque_nm: f64, limit_nm: f64) -> Level {
         let share = torque_nm / limit_nm;
-        if share <= 0.3 {
+        if share <= BOUNDS[0] {
             Level::Green
-        } else if share <= 0.6 {
+        } else if share <= BOUNDS[1] {
             Level::Orange
-        } else if share <= 1.0 {
+        } else if share <= BOUNDS[2] {
             Level::Red
         } else {
             Level::AboveMax
+        }
+    }
+
+    /// The lower bound over τ_max of a level of the table; `None` for what is no level.
+    fn lower_bound(self) -> Option<f64> {
+        match self {
+            Level::None | Level::Undecided => None,
+            Level::Green => Some(f64::NEG_INFINITY),
+            Level::Orange => Some(BOUNDS[0]),
+            Level::Red => Some(BOUNDS[1]),
+            Level::AboveMax => Some(BOUNDS[2]),
+        }
+    }
+
+    /// The level after `self` of a torque's magnitude and its σ against the joint's limit, all N m, by the rule at the
+    /// head of this file. `margin_share` is a share of the limit.
+    #[must_use]
+    pub fn after(self, torque_nm: f64, sigma_nm: f64, limit_nm: f64, margin_share: f64) -> Level {
+        let [low, own, high] =
+            [torque_nm - sigma_nm, torque_nm, torque_nm + sigma_nm].map(|nm| Level::of(nm, limit_nm));
+        if high as u32 - low as u32 > 1 {
+            return Level::Undecided;
+        }
+        let margin_nm = (margin_share * limit_nm).max(0.5 * sigma_nm);
+        match self.lower_bound() {
+            Some(bound) if own < self && torque_nm > bound * limit_nm - margin_nm => self,
+            Some(_) if low <= self && self <= high => own,
+            _ if low == high => own,
+            _ => Level::Undecided,
         }
     }
 
@@ -55,43 +103,46 @@ impl Level {
     }
 }
 
-/// τ_max of every joint, N m.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TorqueLimits(pub [f64; JOINTS]);
+/// The level that every joint was told last.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Levels {
+    /// Numbers of [`Level`]; 0 where nothing is held.
+    held: [u64; JOINTS],
+}
 
-/// Defaults for both sides. The paper finds τ_max per subject by experiment and publishes no numbers; these are
-/// round figures in the range of one- and two-handed lifting strength, to be replaced in the subject's
-/// configuration. They set colours only: no torque depends on them.
-const DEFAULT_NM: [(&str, f64); 12] = [
-    ("L5S1", 120.0),
-    ("L4L3", 120.0),
-    ("L1T12", 110.0),
-    ("T9T8", 100.0),
-    ("Shoulder", 40.0),
-    ("Elbow", 35.0),
-    ("Wrist", 12.0),
-    ("Hip", 90.0),
-    ("Knee", 80.0),
-    ("Ankle", 70.0),
-    ("BallFoot", 30.0),
-    ("T4Shoulder", 60.0),
-];
-/// Neck joints carry nothing from the hands.
-const OTHERWISE_NM: f64 = 30.0;
+impl Levels {
+    /// The next level of a joint, which is then held.
+    pub fn next(
+        &mut self,
+        joint: usize,
+        torque_nm: f64,
+        sigma_nm: f64,
+        limit_nm: f64,
+        margin_share: f64,
+    ) -> Level {
+        let held = Level::from_number(self.held[joint] as u32).unwrap_or(Level::None);
+        let level = held.after(torque_nm, sigma_nm, limit_nm, margin_share);
+        self.held[joint] = level as u64;
+        level
+    }
 
-impl Default for TorqueLimits {
-    fn default() -> Self {
-        TorqueLimits(Joint::ALL.map(|joint| {
-            let name = joint.name();
-            let name = name.strip_prefix("Left").or_else(|| name.strip_prefix("Right")).unwrap_or(name);
-            DEFAULT_NM.iter().find(|(default, _)| *default == name).map_or(OTHERWISE_NM, |(_, limit)| *limit)
-        }))
+    /// Holds no level any more: the torques are withheld.
+    pub fn forget(&mut self) {
+        self.held = [Level::None as u64; JOINTS];
+    }
+
+    /// Whether every number is a level's.
+    pub fn is_sound(&self) -> bool {
+        self.held.iter().all(|&held| held <= Level::Undecided as u64)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const TABLE: [Level; 4] = [Level::Green, Level::Orange, Level::Red, Level::AboveMax];
 
     #[test]
     fn the_bounds_are_those_of_table_1() {
@@ -108,12 +159,69 @@ mod tests {
     }
 
     #[test]
-    fn both_sides_have_the_same_limits() {
-        let limits = TorqueLimits::default();
-        for joint in Joint::ALL {
-            let mirrored = joint.segment().mirrored().proximal_joint().unwrap();
-            assert_eq!(limits.0[joint.index()], limits.0[mirrored.index()]);
+    fn a_torque_that_is_exactly_known_has_the_level_of_table_1() {
+        for tenth in 0..1200 {
+            let torque = f64::from(tenth) * 0.1;
+            let own = Level::of(torque, 100.0);
+            for held in [Level::None, Level::Undecided] {
+                assert_eq!(held.after(torque, 0.0, 100.0, 0.02), own);
+            }
+            for held in TABLE {
+                assert_eq!(held.after(torque, 0.0, 100.0, 0.0), own, "without a margin");
+                assert!(held.after(torque, 0.0, 100.0, 0.02) >= own, "a margin never hides an overload");
+            }
         }
-        assert_eq!(limits.0[Joint::named("LeftT4Shoulder").unwrap().index()], 60.0);
+    }
+
+    #[test]
+    fn a_swing_below_the_margin_changes_the_level_at_most_once() {
+        for sigma in [0.0, 0.5, 3.0, 10.0] {
+            let swing = 0.99 * f64::max(2.0, 0.5 * sigma);
+            for middle in 0..240 {
+                let middle = f64::from(middle) * 0.5;
+                let mut levels: Levels = Zeroable::zeroed();
+                let mut changes = 0;
+                let mut before = Level::None;
+                for step in 0..40 {
+                    let torque = middle + if step % 2 == 0 { -0.5 } else { 0.5 } * swing;
+                    let level = levels.next(0, torque, sigma, 100.0, 0.02);
+                    changes += u32::from(step > 0 && level != before);
+                    before = level;
+                }
+                assert!(changes <= 1, "{changes} changes around {middle} ± {sigma}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_level_is_left_upwards_at_once_and_downwards_by_the_margin() {
+        let next = |held: Level, torque| held.after(torque, 1.0, 100.0, 0.02);
+        assert_eq!(next(Level::Green, 30.1), Level::Orange);
+        assert_eq!(next(Level::Orange, 28.1), Level::Orange);
+        assert_eq!(next(Level::Orange, 27.9), Level::Green);
+        assert_eq!(next(Level::AboveMax, 10.0), Level::Green, "far below there is nothing to hold");
+    }
+
+    #[test]
+    fn what_is_not_known_well_enough_is_undecided() {
+        assert_eq!(Level::None.after(29.0, 2.0, 100.0, 0.02), Level::Undecided);
+        assert_eq!(Level::Green.after(29.0, 2.0, 100.0, 0.02), Level::Green, "a held level within ±σ stays");
+        assert_eq!(Level::Undecided.after(27.9, 2.0, 100.0, 0.02), Level::Green);
+        assert_eq!(Level::Green.after(61.0, 2.0, 100.0, 0.02), Level::Undecided, "green is out of reach");
+        for held in TABLE {
+            assert_eq!(held.after(45.0, 20.0, 100.0, 0.02), Level::Undecided, "three levels wide");
+        }
+    }
+
+    #[test]
+    fn a_level_told_twice_is_the_same() {
+        for held in TABLE {
+            for torque in 0..130 {
+                for sigma in [0.0, 1.0, 5.0, 12.0, 40.0] {
+                    let once = held.after(f64::from(torque), sigma, 100.0, 0.02);
+                    assert_eq!(once.after(f64::from(torque), sigma, 100.0, 0.02), once);
+                }
+            }
+        }
     }
 }

@@ -206,11 +206,24 @@ impl Reduction {
     /// `slope` is the horizontal over the vertical specific force: the line of the ground's push through the centre
     /// of mass meets the floor at `C_xy − slope C_z` while the angular momentum stands still. `[0, 0]` for a still body.
     pub fn rows(&self, pose: &Pose<StationWorld>, slope: [f64; 2]) -> Rows {
-        let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        let mut rows = self.rows_over(pose, slope, |_| true);
         let pelvis = pose.origin_of(Segment::Pelvis);
-        rows.offset_m = [pelvis.x - slope[0] * pelvis.z, pelvis.y - slope[1] * pelvis.z];
-        for (segment, rotation) in pose.world_from_segment.iter().enumerate() {
-            let world_from_segment = rotation.to_rotation_matrix();
+        rows.offset_m[0] += pelvis.x - slope[0] * pelvis.z;
+        rows.offset_m[1] += pelvis.y - slope[1] * pelvis.z;
+        rows
+    }
+
+    /// The same rows of `Σ_i R_i φ_i` over some of the segments, without the pelvis' place.
+    pub fn rows_over(
+        &self,
+        pose: &Pose<StationWorld>,
+        slope: [f64; 2],
+        wanted: impl Fn(Segment) -> bool,
+    ) -> Rows {
+        let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        for segment in Segment::ALL.into_iter().filter(|segment| wanted(*segment)) {
+            let segment = segment.index();
+            let world_from_segment = pose.world_from_segment[segment].to_rotation_matrix();
             for axis in 0..3 {
                 let raw = 3 * segment + axis;
                 for row in 0..2 {

@@ -1,9 +1,10 @@
-//! `[subject]`, `[identification]`, `[static_pose]`, `[overload]`: the worker and the method.
+//! `[subject]`, `[identification]`, `[static_pose]`: the worker and the method.
 
 use std::collections::BTreeMap;
 
 use equipoise_core::body::{Joint, Sex};
-use equipoise_core::cycle::{Method, Motion, PoseChoice, PriorKind, Settings, StopRule};
+use equipoise_core::cycle::{Method, PoseChoice, PriorKind, Settings, StopRule};
+use equipoise_core::overload::TorqueLimits;
 use equipoise_core::sesc::ReductionKind;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +27,7 @@ pub struct SubjectConfig {
     /// Keep what is learnt in a profile and go on with it after a restart.
     #[serde(default = "yes")]
     pub remember: bool,
-    /// Largest overload per joint, N m, by MVN's joint name; defaults for the others.
+    /// Largest overload per joint, N m, by MVN's joint name; a share of published strengths for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tau_max_nm: BTreeMap<String, f64>,
 }
@@ -62,6 +63,7 @@ impl SubjectConfig {
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.sex = self.sex.into();
         settings.mass_kg = self.mass_kg;
+        settings.limits = TorqueLimits::of(settings.sex);
         for (name, limit_nm) in &self.tau_max_nm {
             if let Some(joint) = Joint::named(name) {
                 settings.limits.0[joint.index()] = *limit_nm;
@@ -285,70 +287,6 @@ impl StaticPoseConfig {
         settings.still.cop_m = self.cop_mm * 1e-3;
         settings.still.leave_rad = self.leave_deg.to_radians();
         settings.still.weight_share = self.weight_percent * 1e-2;
-    }
-}
-
-/// `[overload]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct OverloadConfig {
-    /// External forces below this are no load, N.
-    pub threshold_n: f64,
-    /// A load farther than this from the line between the hands is not in the hands, m.
-    pub load_distance_max_m: f64,
-    /// How overload is told while the worker moves.
-    pub motion: MotionConfig,
-    /// Half the window over which accelerations are taken, ms: results lie that far behind the newest sample.
-    pub motion_window_ms: f64,
-    /// 1-σ of the measured CoP, mm.
-    pub cop_sigma_mm: f64,
-    /// 1-σ of vertical force and body weight together, N.
-    pub force_sigma_n: f64,
-}
-
-impl Default for OverloadConfig {
-    fn default() -> Self {
-        OverloadConfig {
-            threshold_n: 15.0,
-            load_distance_max_m: 0.35,
-            motion: MotionConfig::Paper,
-            motion_window_ms: 100.0,
-            cop_sigma_mm: 1.0,
-            force_sigma_n: 3.0,
-        }
-    }
-}
-
-/// How overload is told while the worker moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MotionConfig {
-    /// The body's own inertia is taken out.
-    Compensated,
-    /// The paper's static equations.
-    Paper,
-}
-
-impl OverloadConfig {
-    pub(super) fn check(&self) -> Checked {
-        between("overload.motion_window_ms", self.motion_window_ms, 20.0, 250.0)?;
-        between("overload.threshold_n", self.threshold_n, 1.0, 500.0)?;
-        between("overload.load_distance_max_m", self.load_distance_max_m, 0.01, 5.0)?;
-        between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.0, 100.0)?;
-        between("overload.force_sigma_n", self.force_sigma_n, 0.0, 100.0)
-    }
-
-    pub(super) fn apply(&self, settings: &mut Settings) {
-        settings.load_threshold_n = self.threshold_n;
-        settings.load_distance_max_m = self.load_distance_max_m;
-        settings.motion = match self.motion {
-            MotionConfig::Compensated => {
-                Motion::Compensated { half_window_ns: (self.motion_window_ms * 1e6) as u64 }
-            }
-            MotionConfig::Paper => Motion::Paper,
-        };
-        settings.cop_sigma_m = self.cop_sigma_mm * 1e-3;
-        settings.force_sigma_n = self.force_sigma_n;
     }
 }
 

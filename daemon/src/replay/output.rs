@@ -12,7 +12,13 @@
 //! | `cop_measured_x_m`, `_y_m`, `cop_estimated_x_m`, `_y_m`, `cop_sigma_x_m`, `_y_m` | m |
 //! | `com_x_m`, `_y_m`, `_z_m` | m |
 //! | `mass_kg`, `ground_force_z_n`, `delta_f_z_n`, `load_distance_m` | kg, N, N, m |
+//! | `lifted_mass_kg`, `lifted_mass_sigma_kg`, `reach_m` | kg, kg, m |
+//! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm`, `l5s1_compression_n`, `l5s1_compression_sigma_n` | N m, N m, N, N |
+//! | `lifts`, `dose_damage`, `dose_probability`: always told | count, 1, 1 |
+//! | `worst_joint` (MVN's name) | |
+//! | `advice_x`, `advice_y`, `advice_gain_nm_per_cm`: where the load should move | 1, 1, N m/cm |
 //! | per joint in MVN's order `NAME_torque_nm`, `NAME_sigma_nm`: overload torque's magnitude and its 1-σ | N m |
+//! | after them `NAME_level`, `NAME_fatigue` (always told) | name, 0 to 1 |
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -23,7 +29,8 @@ use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::body::Joint;
 use equipoise_core::message::{State, Validity};
-use equipoise_view::StateJson;
+use equipoise_view::state_json::{StateJson, level_name};
+use equipoise_view::words;
 
 /// Where states go.
 pub(super) struct Output {
@@ -114,10 +121,12 @@ pub(super) fn seconds_since(started_ns: u64, time_ns: u64) -> f64 {
 fn csv_head() -> String {
     let mut head = "t_s,cycle,phase,valid,static_pose,converged,poses_used,stance,suit_sample_t_s,cop_measured_x_m,\
                     cop_measured_y_m,cop_estimated_x_m,cop_estimated_y_m,cop_sigma_x_m,cop_sigma_y_m,com_x_m,com_y_m,\
-                    com_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_distance_m"
+                    com_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_distance_m,lifted_mass_kg,lifted_mass_sigma_kg,\
+                    reach_m,l5s1_moment_nm,l5s1_moment_sigma_nm,l5s1_compression_n,l5s1_compression_sigma_n,lifts,\
+                    dose_damage,dose_probability,worst_joint,advice_x,advice_y,advice_gain_nm_per_cm"
         .to_owned();
     for joint in Joint::ALL {
-        for quantity in ["torque_nm", "sigma_nm"] {
+        for quantity in ["torque_nm", "sigma_nm", "level", "fatigue"] {
             head.push_str(&format!(",{}_{quantity}", joint.name()));
         }
     }
@@ -133,15 +142,35 @@ fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Resu
     if state.suit_sample_time_ns > 0 {
         write!(line, "{}", seconds_since(started_ns, state.suit_sample_time_ns))?;
     }
-    let mut fields = |spoilers: Validity, values: &[f64]| -> std::fmt::Result {
-        for value in values {
-            line.push(',');
-            if !state.validity().any_of(spoilers) && value.is_finite() {
-                write!(line, "{value}")?;
-            }
+    measured(line, state)?;
+    exposure(line, state)?;
+    for joint in Joint::ALL {
+        let index = joint.index();
+        let [x, y, z] = state.torque_nm[index];
+        let magnitude_nm = (x * x + y * y + z * z).sqrt();
+        let torque = [magnitude_nm, state.torque_sigma_nm[index]];
+        fields(line, state, Validity::SPOILS_TORQUES, &torque)?;
+        let level = state.unless(Validity::SPOILS_TORQUES, level_name(state.joint_level[index]));
+        write!(line, ",{}", level.unwrap_or_default())?;
+        fields(line, state, Validity::default(), &[state.fatigue[index]])?;
+    }
+    line.push('\n');
+    Ok(())
+}
+
+/// Each value behind its comma; nothing there if it is spoilt.
+fn fields(line: &mut String, state: &State, spoilers: Validity, values: &[f64]) -> std::fmt::Result {
+    for value in values {
+        line.push(',');
+        if !state.validity().any_of(spoilers) && value.is_finite() {
+            write!(line, "{value}")?;
         }
-        Ok(())
-    };
+    }
+    Ok(())
+}
+
+fn measured(line: &mut String, state: &State) -> std::fmt::Result {
+    let mut fields = |spoilers: Validity, values: &[f64]| fields(line, state, spoilers, values);
     fields(Validity::SPOILS_COP_MEASURED, &state.cop_measured_m)?;
     fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_estimated_m)?;
     fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_sigma_m)?;
@@ -149,14 +178,27 @@ fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Resu
     fields(Validity::MASS_UNKNOWN, &[state.mass_kg])?;
     fields(Validity::SPOILS_GROUND_FORCE, &state.ground_force_n[2..])?;
     fields(Validity::SPOILS_DELTA_F, &state.delta_f_n[2..])?;
-    fields(Validity::SPOILS_TORQUES, &[state.load_distance_m])?;
-    for joint in Joint::ALL {
-        let [x, y, z] = state.torque_nm[joint.index()];
-        let magnitude_nm = (x * x + y * y + z * z).sqrt();
-        fields(Validity::SPOILS_TORQUES, &[magnitude_nm, state.torque_sigma_nm[joint.index()]])?;
+    fields(Validity::SPOILS_TORQUES, &[state.load_distance_m])
+}
+
+fn exposure(line: &mut String, state: &State) -> std::fmt::Result {
+    let lifted = [state.lifted_mass_kg, state.lifted_mass_sigma_kg];
+    fields(line, state, Validity::SPOILS_LIFTED_MASS, &lifted)?;
+    fields(line, state, Validity::SPOILS_TORQUES, &[state.reach_m])?;
+    let moment = [state.l5s1_moment_nm, state.l5s1_moment_sigma_nm];
+    fields(line, state, Validity::SPOILS_BACK, &moment)?;
+    let compression = [state.l5s1_compression_n, state.l5s1_compression_sigma_n];
+    fields(line, state, Validity::SPOILS_BACK, &compression)?;
+    write!(line, ",{}", state.lifts)?;
+    fields(line, state, Validity::default(), &[state.dose_damage, state.dose_probability])?;
+    write!(line, ",{}", words::worst_joint(state).map_or("", Joint::name))?;
+    let [x, y, _] = state.advice_direction;
+    // No direction is no advice, not one of length zero.
+    if [x, y] == [0.0; 2] {
+        line.push_str(",,,");
+        return Ok(());
     }
-    line.push('\n');
-    Ok(())
+    fields(line, state, Validity::SPOILS_TORQUES, &[x, y, state.advice_gain_nm_per_cm])
 }
 
 #[cfg(test)]
@@ -178,5 +220,40 @@ mod tests {
             line.starts_with("0.034,0,waiting,suit_stale mass_unknown,0,0,0,0,,0.25,-0.5,,,,,,,,,0,,,"),
             "{line}"
         );
+    }
+
+    #[test]
+    fn load_back_and_advice_stand_in_columns_of_their_own() {
+        let mut state = State::zeroed();
+        (state.lifted_mass_kg, state.reach_m, state.l5s1_compression_n) = (6.5, 0.5, 2400.0);
+        (state.lifts, state.worst_joint, state.fatigue[0]) = (3, 0, 0.25);
+        (state.advice_direction, state.advice_gain_nm_per_cm) = ([-1.0, 0.0, 0.0], 0.5);
+        state.joint_level[0] = 5;
+        let told = |state: &State, column: &str| {
+            let mut line = String::new();
+            csv_line(&mut line, state, 0).unwrap();
+            let head = csv_head();
+            let at = head.trim_end().split(',').position(|name| name == column).unwrap();
+            line.trim_end().split(',').nth(at).unwrap().to_owned()
+        };
+        for (column, value) in [
+            ("lifted_mass_kg", "6.5"),
+            ("reach_m", "0.5"),
+            ("l5s1_compression_n", "2400"),
+            ("lifts", "3"),
+            ("worst_joint", "L5S1"),
+            ("advice_x", "-1"),
+            ("advice_gain_nm_per_cm", "0.5"),
+            ("L5S1_level", "undecided"),
+            ("L5S1_fatigue", "0.25"),
+        ] {
+            assert_eq!(told(&state, column), value, "{column}");
+        }
+        state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
+        for column in ["lifted_mass_kg", "reach_m", "worst_joint", "advice_x", "L5S1_level"] {
+            assert_eq!(told(&state, column), "", "{column}");
+        }
+        assert_eq!(told(&state, "l5s1_compression_n"), "2400");
+        assert_eq!(told(&state, "L5S1_fatigue"), "0.25");
     }
 }

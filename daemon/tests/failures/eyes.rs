@@ -149,8 +149,15 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
         state.predicted_cop_sigma_m,
         state.nis,
         state.pose_mismatch_rad,
+        state.lifted_mass_kg,
+        state.reach_m,
+        state.l5s1_moment_nm,
+        state.l5s1_compression_n,
+        state.dose_damage,
+        state.dose_probability,
+        state.advice_gain_nm_per_cm,
     ];
-    let joints = state.torque_nm.into_iter().flatten().chain(state.torque_sigma_nm);
+    let joints = state.torque_nm.into_iter().flatten().chain(state.torque_sigma_nm).chain(state.fatigue);
     let segments = state.segment_origin_m.into_iter().flatten();
     plane.chain(space).chain(shares).chain(single).chain(joints).chain(segments)
 }

@@ -19,10 +19,11 @@ export const FEET = [[17, 18], [21, 22]];
 
 export const LEVEL_WORD = {
   none: "not judged", green: "low", orange: "medium", red: "high", above_max: "too high",
+  undecided: "not sure",
 };
 
 // Size grows with the level, so that it can be told without colour.
-export const LEVEL_RADIUS = { none: 0.020, green: 0.024, orange: 0.034, red: 0.042, above_max: 0.050 };
+export const LEVEL_RADIUS = { none: 0.020, green: 0.024, orange: 0.034, red: 0.042, above_max: 0.050, undecided: 0.030 };
 
 export const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
 export const sub = (a, b) => a.map((v, i) => v - b[i]);

@@ -41,7 +41,9 @@ impl PageFrame {
                 joint: joint.name(),
                 text: words::joint(joint),
                 level: level_name(state.joint_level[joint.index()]),
+                fatigue: Some(state.fatigue[joint.index()]).filter(|share| share.is_finite()),
             }),
+            advice: words::advice(state),
             segment_origin_m: state
                 .unless(Validity::SUIT_STALE, &state.segment_origin_m)
                 .filter(|_| state.suit_sample_time_ns != 0),
@@ -66,6 +68,8 @@ struct FrameJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     worst: Option<Worst>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    advice: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     segment_origin_m: Option<&'a [[f64; 3]; SEGMENTS]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     suggested: Option<&'a SuggestedPose>,
@@ -80,6 +84,8 @@ struct Worst {
     joint: &'static str,
     text: &'static str,
     level: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fatigue: Option<f64>,
 }
 
 #[cfg(test)]

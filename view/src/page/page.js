@@ -15,7 +15,6 @@ const ROWS = [
 const LOST_AFTER_MS = 2500;
 // Numbers that change faster than this cannot be read.
 const NUMBERS_EVERY_MS = 200;
-const STANDARD_GRAVITY = 9.80665;
 
 const element = (id) => document.getElementById(id);
 const figure = new Figure(element("figure"));
@@ -112,11 +111,24 @@ function showNumbers() {
   say("poses", state ? `${state.poses_used}${state.converged ? " ✓" : ""}` : "–");
   say("sigma", millimetres(sigma));
   say("target", millimetres(target));
-  const up = state?.delta_f_n?.[2];
-  say("load", up === undefined ? "–" : `${(Math.abs(up) < 5 ? 0 : up / STANDARD_GRAVITY).toFixed(1)} kg`);
+  const mass = state?.valid.includes("below_load_threshold") && state.delta_f_n ? 0 : state?.lifted_mass_kg;
+  say("load", mass === undefined ? "–" : `${mass.toFixed(1)} kg`);
+  showExposure(state);
   element("progress").value = state?.converged ? 1 : sigma && target ? Math.min(0.99, target / sigma) : 0;
   showJoints(state?.joints);
   describe(state);
+}
+
+// What ergonomists look at: the low back, the most loaded joint, what has added up, what would help.
+function showExposure(state) {
+  const { l5s1_compression_n: force, l5s1_compression_sigma_n: sigma, lifts } = state ?? {};
+  say("back", force === undefined ? "–" : `${(force / 1000).toFixed(1)} ± ${((sigma ?? 0) / 1000).toFixed(1)} kN`);
+  const worst = frame?.worst;
+  say("tired-joint", worst ? `Tired: ${worst.text}` : "Most loaded joint");
+  say("tired", worst?.fatigue === undefined ? "–" : `${(100 * worst.fatigue).toFixed(0)} %`);
+  say("lifts", lifts === undefined ? "–" : String(lifts));
+  element("advice").hidden = !frame?.advice;
+  say("advice", frame?.advice ?? "");
 }
 
 function showJoints(joints) {

@@ -41,6 +41,16 @@ impl Identification {
         [0, 1].map(|axis| self.filter.projected_variance_m2(&self.with_stance(rows, axis)))
     }
 
+    /// Variance of what rows say of θ alone, m²: without the stance's offset.
+    pub fn parameter_variance_m2(&self, rows: &Rows) -> [f64; 2] {
+        rows.h.map(|h| {
+            let mut padded = [0.0; STATES];
+            padded[..PARAMETERS].copy_from_slice(&h);
+            padded[self.reduction.count()..].fill(0.0);
+            self.filter.projected_variance_m2(&padded)
+        })
+    }
+
     /// Variance of the predicted CoP from the wander of the suit's orientations in a pose, m².
     pub fn wander_variance_m2(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [f64; 2] {
         let psi = effective_vectors(&self.phi(), &self.skeleton(), settings.suit_drifts);

@@ -1,0 +1,175 @@
+//! What ergonomists and cobots get from whole cycles.
+
+use super::*;
+use crate::exposure::dose::damage_of_lift;
+use crate::overload::Level;
+
+const KG: f64 = 6.0;
+
+fn carrying_pose() -> Posture {
+    stand(20, 0, [0, 0, -80], [0, 0, 80], 30)
+}
+
+/// An identified worker who holds a box still for some time.
+fn carrying(person: &Person, milliseconds: u64) -> Bench {
+    let mut bench = Bench::new(|_| {});
+    bench.identify(person);
+    let at = lifted_box(person, &carrying_pose());
+    bench.hold(person, &carrying_pose(), Some((KG, at)), milliseconds);
+    bench
+}
+
+#[test]
+fn mass_reach_and_moment_are_those_of_the_box() {
+    let person = Person::real();
+    let bench = carrying(&person, 600);
+    let state = bench.state();
+    assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+    assert!((state.lifted_mass_kg - KG).abs() < 1e-9 && state.lifted_mass_sigma_kg > 0.0);
+    let pose = person.pose(&carrying_pose());
+    let at = lifted_box(&person, &carrying_pose());
+    let feet = Side::BOTH.map(|side| pose.origin_of(side.foot()));
+    let truth_m = (at - 0.5 * (feet[0] + feet[1])).xy().norm();
+    assert!((state.reach_m - truth_m).abs() < 0.05, "{} {truth_m}", state.reach_m);
+
+    // The true moment about L5/S1: every segment above it, and the box.
+    let l5s1 = Joint::named("L5S1").unwrap();
+    let origin = pose.origin_of(l5s1.segment());
+    let mut moment = (at - origin) * KG;
+    let mut above_kg = 0.0;
+    for segment in Segment::ALL.into_iter().filter(|segment| segment.is_distal_to(l5s1.segment())) {
+        let kg = MASS_KG * person.body.mass_fraction[segment.index()];
+        above_kg += kg;
+        moment += (pose.point_on(segment, person.body.com_m[segment.index()]) - origin) * kg;
+    }
+    let truth_nm = GRAVITY_M_PER_S2 * moment.xy().norm();
+    let error_nm = (state.l5s1_moment_nm - truth_nm).abs();
+    assert!(error_nm < 3.0 * state.l5s1_moment_sigma_nm, "{} {truth_nm}", state.l5s1_moment_nm);
+    assert!(state.l5s1_moment_sigma_nm < 0.25 * truth_nm, "{}", state.l5s1_moment_sigma_nm);
+    let weight_n = GRAVITY_M_PER_S2 * (above_kg + KG) * 20f64.to_radians().cos();
+    let truth_n = truth_nm / 0.06 + weight_n;
+    assert!((state.l5s1_compression_n - truth_n).abs() < state.l5s1_compression_sigma_n);
+}
+
+#[test]
+fn the_back_is_told_without_a_load_and_the_load_is_not() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    bench.hold(&person, &carrying_pose(), None, 600);
+    let state = bench.state();
+    assert!(state.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
+    assert!(state.l5s1_moment_nm > 10.0 && state.l5s1_compression_n > 400.0);
+    assert_eq!((state.lifted_mass_kg, state.reach_m, state.worst_joint), (0.0, 0.0, u32::MAX));
+    assert_eq!((state.advice_direction, state.advice_gain_nm_per_cm), ([0.0; 3], 0.0));
+
+    bench.suit_silent = true;
+    bench.hold(&person, &carrying_pose(), None, 300);
+    assert_eq!((bench.state().l5s1_moment_nm, bench.state().l5s1_compression_n), (0.0, 0.0));
+}
+
+#[test]
+fn the_worst_joint_is_the_one_closest_to_its_limit() {
+    let person = Person::real();
+    let bench = carrying(&person, 600);
+    let state = bench.state();
+    let worst = Joint::ALL[state.worst_joint as usize];
+    let share = |joint: Joint| {
+        Vector3::from(state.torque_nm[joint.index()]).norm() / state.torque_limit_nm[joint.index()]
+    };
+    assert!(Joint::ALL.into_iter().all(|joint| share(joint) <= share(worst)));
+    let direction = Vector3::from(state.advice_direction);
+    assert!((direction.norm() - 1.0).abs() < 1e-12 && state.advice_gain_nm_per_cm > 0.0);
+}
+
+#[test]
+fn a_box_that_moves_as_advised_relieves_a_leg_by_the_gain() {
+    let person = Person::real();
+    let ankle = Joint::named("LeftAnkle").unwrap().index();
+    // The ankle is made the worst joint; the box moves off the grips, which a leg does not feel apart.
+    let carry = |moved: Vector3<f64>| {
+        let mut bench = Bench::new(|settings| settings.limits.0[ankle] = 1.0);
+        bench.identify(&person);
+        let at = lifted_box(&person, &carrying_pose()) + moved;
+        bench.hold(&person, &carrying_pose(), Some((KG, at)), 600);
+        *bench.state()
+    };
+    let before = carry(Vector3::zeros());
+    assert_eq!(before.worst_joint as usize, ankle);
+    let after = carry(0.02 * Vector3::from(before.advice_direction));
+    let magnitude_nm = |state: &State| Vector3::from(state.torque_nm[ankle]).norm();
+    let (fallen_nm, told_nm) =
+        (magnitude_nm(&before) - magnitude_nm(&after), 2.0 * before.advice_gain_nm_per_cm);
+    assert!((fallen_nm - told_nm).abs() < 0.1 * told_nm, "{fallen_nm} {told_nm}");
+}
+
+#[test]
+fn carrying_tires_rest_restores_and_silence_does_neither() {
+    let person = Person::real();
+    let mut bench = carrying(&person, 3000);
+    let worst = bench.state().worst_joint as usize;
+    let tired = bench.state().fatigue[worst];
+    assert!(tired > 0.0);
+    bench.hold(&person, &carrying_pose(), None, 100);
+    let rested = bench.state().fatigue[worst];
+    bench.hold(&person, &carrying_pose(), None, 3000);
+    assert!(bench.state().fatigue[worst] < rested);
+
+    let before = bench.state().fatigue;
+    bench.suit_silent = true;
+    bench.hold(&person, &carrying_pose(), None, 3000);
+    assert_eq!(bench.state().fatigue, before, "told while the sensors are silent, and unchanged");
+}
+
+#[test]
+fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
+    let person = Person::real();
+    let mut bench = carrying(&person, 2000);
+    assert_eq!(bench.state().lifts, 0);
+    let moment_nm = Vector3::from(bench.state().torque_nm[0]).norm();
+    bench.hold(&person, &carrying_pose(), None, 500);
+    let state = bench.state();
+    assert_eq!(state.lifts, 1);
+    assert!((state.dose_damage / damage_of_lift(moment_nm) - 1.0).abs() < 0.05, "{}", state.dose_damage);
+    assert!(state.dose_probability > 0.0 && state.dose_probability < 0.5);
+
+    bench.command(CommandKind::IdentifyReset);
+    bench.hold(&person, &carrying_pose(), None, 100);
+    assert_eq!(bench.state().lifts, 1, "the same worker");
+    bench.command(CommandKind::SubjectLoad);
+    bench.hold(&person, &carrying_pose(), None, 100);
+    assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "another worker");
+    assert_eq!(bench.state().fatigue, [0.0; 22]);
+}
+
+#[test]
+fn levels_follow_table_1_where_the_torque_is_known_well() {
+    let person = Person::real();
+    let bench = carrying(&person, 600);
+    let state = bench.state();
+    let mut told = 0;
+    for joint in Joint::ALL {
+        let index = joint.index();
+        let magnitude_nm = Vector3::from(state.torque_nm[index]).norm();
+        let sigma_nm = state.torque_sigma_nm[index];
+        let of = |nm: f64| Level::of(nm, state.torque_limit_nm[index]);
+        let level = Level::from_number(state.joint_level[index]).unwrap();
+        if of(magnitude_nm - sigma_nm) == of(magnitude_nm + sigma_nm) {
+            assert_eq!(level, of(magnitude_nm), "{}", joint.name());
+            told += 1;
+        }
+        assert_ne!(level, Level::None);
+    }
+    assert!(told > 10, "{told}");
+}
+
+#[test]
+fn an_unsound_exposure_is_refused() {
+    let bench = carrying(&Person::real(), 100);
+    let mut memory = Box::new(*bench.memory);
+    assert!(memory.is_sound());
+    memory.exposure.fatigue.share[3] = 1.5;
+    assert!(!memory.is_sound());
+    memory.exposure.fatigue.share[3] = 0.5;
+    memory.exposure.dose.damage = f64::NAN;
+    assert!(!memory.is_sound());
+}

@@ -1,0 +1,115 @@
+//! What the work does to the worker over time, and what would relieve it: the figures of ergonomists and cobots.
+//!
+//! Mass and reach of the load ([`lift`]), moment and compression of the low back ([`back`]), fatigue of the joints
+//! ([`fatigue`]), dose of the low back ([`dose`]), and where to move the load ([`advice`]). `docs/ergonomics.md` has
+//! formulas, sources and limits in one place.
+
+pub mod advice;
+pub mod back;
+pub mod dose;
+pub mod fatigue;
+pub mod lift;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::body::JOINTS;
+use crate::overload::{Levels, TorqueLimits};
+use crate::time::{NS_PER_S, seconds};
+
+pub use advice::Advice;
+pub use back::Back;
+pub use dose::Dose;
+pub use fatigue::Fatigue;
+
+/// Between two samples farther apart than this nobody knows what happened, ns.
+pub const GAP_NS: u64 = NS_PER_S;
+
+/// What is known about the load during one step of time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Load {
+    /// Something withholds the torques: nothing may be concluded.
+    Unknown,
+    /// The worker carries nothing: known, not assumed.
+    None,
+    /// The overload torques are known.
+    Known {
+        /// Magnitude of each joint's overload, N m.
+        torque_nm: [f64; JOINTS],
+        /// Moment of the load about L5/S1, N m; 0 if the force does not pull down.
+        lift_moment_nm: f64,
+        /// Whether a mass is carried, rather than the worker being held up or leaning.
+        is_lift: bool,
+    },
+}
+
+/// What adds up over the shift: plain old data in the loop's memory.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Exposure {
+    /// The levels told last.
+    pub levels: Levels,
+    /// Of each joint.
+    pub fatigue: Fatigue,
+    /// Of the low back.
+    pub dose: Dose,
+    /// Time of the sample before; 0 before the first.
+    last_sample_ns: u64,
+}
+
+impl Exposure {
+    /// Another worker: nothing has added up yet.
+    pub fn start(&mut self) {
+        *self = Zeroable::zeroed();
+    }
+
+    /// Advances to the suit sample of `sample_time_ns`; `load` is what acted since the sample before.
+    ///
+    /// Over a gap longer than [`GAP_NS`], and when time does not advance, nothing is known: the fatigue stays as it
+    /// is, and a lift under way ends with what was seen of it.
+    pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limits: &TorqueLimits) {
+        let step_ns = match self.last_sample_ns {
+            0 => 0,
+            last_ns => sample_time_ns.saturating_sub(last_ns),
+        };
+        self.last_sample_ns = sample_time_ns;
+        if (1..=GAP_NS).contains(&step_ns) {
+            self.fatigue.advance(load, limits, seconds(step_ns));
+            self.dose.advance(load, seconds(step_ns));
+        } else {
+            self.dose.end_lift();
+        }
+    }
+
+    /// Whether every number is in range.
+    pub fn is_sound(&self) -> bool {
+        self.levels.is_sound() && self.fatigue.is_sound() && self.dose.is_sound()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn carrying(torque_nm: f64) -> Load {
+        Load::Known { torque_nm: [torque_nm; JOINTS], lift_moment_nm: torque_nm, is_lift: true }
+    }
+
+    #[test]
+    fn a_gap_adds_nothing_and_ends_the_lift() {
+        let limits = TorqueLimits::default();
+        let mut exposure: Exposure = Zeroable::zeroed();
+        for sample in 0..=100 {
+            exposure.advance(NS_PER_S + sample * 10_000_000, &carrying(30.0), &limits);
+        }
+        let (tired, lifts) = (exposure.fatigue, exposure.dose.lifts);
+        assert!(tired.share[0] > 0.0 && lifts == 0);
+        exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
+        assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
+        assert_eq!(exposure.dose.lifts, 1);
+        // Time that stands still or goes back is no time.
+        exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
+        exposure.advance(4 * NS_PER_S, &carrying(30.0), &limits);
+        assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
+        assert!(exposure.is_sound());
+    }
+}
