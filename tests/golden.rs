@@ -19,7 +19,7 @@ const CENTRE_TOLERANCE_M: f64 = 1e-9;
 const TORQUE_TOLERANCE_NM: f64 = 1e-6;
 
 const EXACT: LoadingSigma =
-    LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0 };
+    LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0, zeta: 0.0 };
 
 /// A file of reference values; arrays over segments are in the order of [`Segment`].
 #[derive(Deserialize)]
@@ -85,7 +85,12 @@ impl Case {
             delta_f_n,
             grip_m: Side::BOTH
                 .map(|side| Vector3::from(*self.hand_point_m.get(name(side)).unwrap_or(&[0.0; 3]))),
-            sharing: Sharing { zeta: of(&self.zeta), eta: of(&self.eta), load_distance_m: 0.0 },
+            sharing: Sharing {
+                zeta: of(&self.zeta),
+                eta: of(&self.eta),
+                load_distance_m: 0.0,
+                foot_cop_m: None,
+            },
         }
     }
 }

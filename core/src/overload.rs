@@ -3,8 +3,10 @@
 //! The joint between a segment and its parent carries the moment of every force that acts distal of it, so Eq. 15
 //! needs no Jacobian: for joint j with origin o_j,
 //! `Δτ_j = Σ_hands η_h (a_h − o_j) × ΔF − Σ_feet [ζ_k (Ĉ_wo − o_j) × ΔF + (C_wt − Ĉ_wo) × ζ_k f_wt]`,
-//! summed over the hands and feet distal of j. ΔF and f_wt are vertical, as in the paper.
+//! summed over the hands and feet distal of j. ΔF and f_wt are vertical, as in the paper. Feet that are measured each by
+//! itself have centres of pressure of their own in place of the common ones (`overload/feet.rs`).
 
+mod feet;
 pub mod level;
 pub mod sharing;
 
@@ -37,6 +39,13 @@ pub struct Loading {
     pub sharing: Sharing,
 }
 
+impl Loading {
+    /// W: what the body alone weighs, N.
+    fn weight_n(&self) -> f64 {
+        self.vertical_n - self.delta_f_n
+    }
+}
+
 /// 1-σ of what was measured, for the σ of the torques.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoadingSigma {
@@ -48,6 +57,8 @@ pub struct LoadingSigma {
     pub delta_f_n: f64,
     /// Of the load's share in one hand, in [0, 0.5].
     pub eta: f64,
+    /// Of the ground reaction's share under one foot, in [0, 0.5].
+    pub zeta: f64,
 }
 
 /// One joint's overload.
@@ -65,21 +76,19 @@ struct Distal {
     hands: [f64; 2],
     /// −1 for the left, 1 for the right hand if it hangs there: how a larger share of the right hand shows.
     hand_slope: [f64; 2],
-    feet: f64,
+    feet: [bool; 2],
 }
 
 impl Distal {
     fn of(joint: Joint, sharing: &Sharing) -> Distal {
         let root = joint.segment();
-        let mut distal = Distal { hands: [0.0; 2], hand_slope: [0.0; 2], feet: 0.0 };
+        let mut distal = Distal { hands: [0.0; 2], hand_slope: [0.0; 2], feet: [false; 2] };
         for (index, side) in Side::BOTH.into_iter().enumerate() {
             if side.hand().is_distal_to(root) {
                 distal.hands[index] = sharing.eta[index];
                 distal.hand_slope[index] = if side == Side::Right { 1.0 } else { -1.0 };
             }
-            if side.foot().is_distal_to(root) {
-                distal.feet += sharing.zeta[index];
-            }
+            distal.feet[index] = side.foot().is_distal_to(root);
         }
         distal
     }
@@ -89,47 +98,59 @@ impl Distal {
 ///
 /// The ball-of-foot joints carry nothing: the ground's force is taken to act on the foot, proximal of them.
 pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigma) -> [Torque; JOINTS] {
+    let feet = feet::reactions(loading);
     Joint::ALL.map(|joint| {
         let distal = Distal::of(joint, &loading.sharing);
+        let standing =
+            || feet.iter().zip(distal.feet).filter_map(|(foot, is_distal)| is_distal.then_some(foot));
         let origin = pose.origin_of(joint.segment());
-        // Horizontal arms of the load and of the ground reaction, weighted by their shares.
-        let (mut load_arm, mut load_arm_slope) = ([0.0; 2], [0.0; 2]);
         let mut by_axis = [0.0; 2];
-        let mut variance = [0.0; 2];
+        // What each source of doubt adds, by axis: one column each of the sources below.
+        let mut doubt = [[0.0; SOURCES]; 2];
         for axis in 0..2 {
+            // Horizontal arms of the load and of the ground reaction, weighted by their shares.
+            let (mut load_arm, mut load_arm_slope) = (0.0, 0.0);
             for (hand, grip) in loading.grip_m.iter().enumerate() {
-                load_arm[axis] += distal.hands[hand] * (grip[axis] - origin[axis]);
-                load_arm_slope[axis] += distal.hand_slope[hand] * (grip[axis] - origin[axis]);
+                load_arm += distal.hands[hand] * (grip[axis] - origin[axis]);
+                load_arm_slope += distal.hand_slope[hand] * (grip[axis] - origin[axis]);
             }
-            let displacement = loading.cop_measured_m[axis] - loading.cop_estimated_m[axis];
-            by_axis[axis] = load_arm[axis] * loading.delta_f_n
-                - distal.feet
-                    * ((loading.cop_estimated_m[axis] - origin[axis]) * loading.delta_f_n
-                        + displacement * loading.vertical_n);
-            let weight_n = loading.vertical_n - loading.delta_f_n;
-            let by_estimate = distal.feet * weight_n * sigma.cop_estimated_m[axis];
-            let by_measurement = distal.feet * loading.vertical_n * sigma.cop_measured_m;
-            let force_arm = load_arm[axis] - distal.feet * (loading.cop_measured_m[axis] - origin[axis]);
-            let by_sharing = load_arm_slope[axis] * loading.delta_f_n * sigma.eta;
-            variance[axis] = by_estimate * by_estimate
-                + by_measurement * by_measurement
-                + by_sharing * by_sharing
-                + force_arm * force_arm * sigma.delta_f_n * sigma.delta_f_n;
+            by_axis[axis] = load_arm * loading.delta_f_n;
+            let (mut force_arm, mut by_measurement, mut by_foot) = (load_arm, 0.0, 0.0);
+            let mut by_estimate = [0.0; 2];
+            for foot in standing() {
+                by_axis[axis] -= foot.added(axis, origin[axis], loading.vertical_n);
+                force_arm -= foot.share * (foot.with_m[axis] - origin[axis]);
+                by_measurement += foot.share * loading.vertical_n * sigma.cop_measured_m;
+                // No joint has both feet distal of it, so the sign of the share does not matter.
+                by_foot += foot.by_share(axis, origin[axis], loading) * sigma.zeta;
+                for (by, sum) in by_estimate.iter_mut().enumerate() {
+                    *sum += foot.by_estimate(axis, origin[axis], by) * sigma.cop_estimated_m[by];
+                }
+            }
+            let by_hand = load_arm_slope * loading.delta_f_n * sigma.eta;
+            let by_force = force_arm * sigma.delta_f_n;
+            // The plate's noise is another along each axis; all else moves both axes at once.
+            let plate = if axis == 0 { [by_measurement, 0.0] } else { [0.0, by_measurement] };
+            doubt[axis] = [by_estimate[0], by_estimate[1], plate[0], plate[1], by_foot, by_hand, by_force];
         }
         // r × f ẑ = (r_y f, −r_x f, 0).
         let torque_nm = Vector3::new(by_axis[1], -by_axis[0], 0.0);
-        Torque { torque_nm, sigma_nm: sigma_of_magnitude(by_axis, variance) }
+        Torque { torque_nm, sigma_nm: sigma_of_magnitude(by_axis, &doubt) }
     })
 }
 
+/// Sources of a torque's doubt: estimated centre of pressure (x, y), measured one (x, y), foot, hand, force.
+const SOURCES: usize = 7;
+
 /// First-order σ of the length of a horizontal vector; the larger axis where the vector is zero.
-fn sigma_of_magnitude(vector: [f64; 2], variance: [f64; 2]) -> f64 {
-    let square = vector[0] * vector[0] + vector[1] * vector[1];
-    let variance = if square > 1e-12 {
-        (vector[0] * vector[0] * variance[0] + vector[1] * vector[1] * variance[1]) / square
-    } else {
-        variance[0].max(variance[1])
+fn sigma_of_magnitude(vector: [f64; 2], doubt: &[[f64; SOURCES]; 2]) -> f64 {
+    let along = |direction: [f64; 2]| {
+        let part = |source: usize| direction[0] * doubt[0][source] + direction[1] * doubt[1][source];
+        (0..SOURCES).map(|source| part(source) * part(source)).sum::<f64>()
     };
+    let square = vector[0] * vector[0] + vector[1] * vector[1];
+    let variance =
+        if square > 1e-12 { along(vector) / square } else { along([1.0, 0.0]).max(along([0.0, 1.0])) };
     math::sqrt(variance)
 }
 
@@ -140,7 +161,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     const NO_SIGMA: LoadingSigma =
-        LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0 };
+        LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0, zeta: 0.0 };
 
     fn t_pose() -> Pose<StationWorld> {
         let origin = Skeleton::nominal(1.77).t_pose_m();
@@ -164,7 +185,7 @@ mod tests {
             vertical_n,
             delta_f_n: load_n,
             grip_m,
-            sharing: Sharing { zeta: [0.5, 0.5], eta: [0.5, 0.5], load_distance_m: 0.0 },
+            sharing: Sharing { zeta: [0.5, 0.5], eta: [0.5, 0.5], load_distance_m: 0.0, foot_cop_m: None },
         }
     }
 
@@ -213,6 +234,22 @@ mod tests {
         // A tenth of 60 N at 0.3 m in front of the wrist.
         assert!((sigma_nm("RightWrist") - 1.8).abs() < 1e-9, "{}", sigma_nm("RightWrist"));
         assert_eq!(sigma_nm("RightHip"), 0.0);
+    }
+
+    #[test]
+    fn an_unsure_foot_makes_its_leg_unsure_and_leaves_the_rest_alone() {
+        let pose = t_pose();
+        let loading = loaded(&pose, 60.0);
+        let sigma = LoadingSigma { zeta: 0.05, ..NO_SIGMA };
+        let sigma_nm =
+            |name: &str| torques(&pose, &loading, &sigma)[Joint::named(name).unwrap().index()].sigma_nm;
+        assert_eq!((sigma_nm("RightWrist"), sigma_nm("L5S1")), (0.0, 0.0));
+        let mut shifted = loading;
+        shifted.sharing.zeta = [0.45, 0.55];
+        let hip = Joint::named("RightHip").unwrap().index();
+        let change = torques(&pose, &shifted, &NO_SIGMA)[hip].torque_nm.norm()
+            - torques(&pose, &loading, &NO_SIGMA)[hip].torque_nm.norm();
+        assert!((sigma_nm("RightHip") - change.abs()).abs() < 1e-9, "{change}");
     }
 
     #[test]

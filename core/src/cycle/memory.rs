@@ -5,8 +5,9 @@ use bytemuck::{Pod, Zeroable};
 use super::alignment::Alignment;
 use super::identification::Identification;
 use super::settings::Settings;
+use super::tare::Tare;
 use crate::anchor::Anchor;
-use crate::message::{GroundSample, State, Validity};
+use crate::message::{State, Validity};
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
@@ -26,8 +27,8 @@ pub struct Memory {
     pub window: Window,
     /// This worker.
     pub identification: Identification,
-    /// Wrench that an empty plate shows, N and N m.
-    pub(super) tare: [[f64; 3]; 2],
+    /// What an empty plate shows.
+    pub(super) tare: Tare,
     /// Reasons found with the newest aligned sample: [`Validity`] bits.
     pub(super) found: u64,
     /// When the model was last changed from outside; 0 for never.
@@ -60,7 +61,7 @@ impl Memory {
             && self.anchor.is_sound()
             && self.window.is_sound()
             && self.identification.is_sound()
-            && self.tare.iter().flatten().all(|value| value.is_finite())
+            && self.tare.is_sound()
     }
 
     /// The reasons found with the newest aligned sample.
@@ -68,22 +69,10 @@ impl Memory {
         Validity(self.found)
     }
 
-    /// A ground sample less what the empty plate shows.
-    pub(super) fn tared(&self, sample: &GroundSample) -> GroundSample {
-        let less = |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] - b[axis]);
-        GroundSample {
-            force_n: less(sample.force_n, self.tare[0]),
-            moment_nm: less(sample.moment_nm, self.tare[1]),
-            ..*sample
-        }
-    }
-
     /// Takes what the plate shows now as nothing, unless somebody stands on it or it reports a fault.
     pub(super) fn tare(&mut self) -> bool {
         let Some(shown) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
-        for (tare, shown) in self.tare.iter_mut().flatten().zip(shown.iter().flatten()) {
-            *tare += shown;
-        }
+        self.tare.add(&shown);
         true
     }
 }

@@ -10,7 +10,8 @@ use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{JOINTS, Side};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
-use crate::message::ground::NoCop;
+use crate::message::ground::{Feet, NoCop};
+use crate::message::state::SharingSource;
 use crate::message::{GroundSample, State, Validity};
 use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
 use crate::sesc::centre_of_mass;
@@ -70,7 +71,8 @@ impl Memory {
         if let Some(stillness) = stillness.filter(|window| window.is_still(&settings.still)) {
             self.learn_from_stillness(&pose, &stillness, settings);
         }
-        self.overload(&pose, settings, &mut found);
+        let feet = aligned.ground.and_then(|ground| ground.feet());
+        self.overload(&pose, feet.as_ref(), settings, &mut found);
         self.found = found.0;
     }
 
@@ -125,8 +127,14 @@ impl Memory {
         }
     }
 
-    /// Eq. 14 and 15.
-    fn overload(&mut self, pose: &Pose<StationWorld>, settings: &Settings, found: &mut Validity) {
+    /// Eq. 14 and 15; `feet` where each was measured by itself.
+    fn overload(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        feet: Option<&Feet>,
+        settings: &Settings,
+        found: &mut Validity,
+    ) {
         let worker = &self.identification;
         let vertical_n = self.known.ground_force_n[2];
         let delta_f_n = vertical_n - worker.mass_kg * GRAVITY_M_PER_S2;
@@ -140,8 +148,15 @@ impl Memory {
         let grip_m: [Vector3<f64>; 2] =
             Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m(side.hand())));
         let (cop_measured_m, cop_estimated_m) = (self.known.cop_measured_m, self.known.cop_estimated_m);
-        let sharing =
+        let by_geometry =
             Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, &grip_m);
+        let (sharing, source, zeta_sigma) = match feet {
+            Some(feet) => {
+                let sigma = (settings.force_sigma_n / vertical_n).min(0.5);
+                (by_geometry.with_feet(feet, cop_measured_m), SharingSource::Measured, sigma)
+            }
+            None => (by_geometry, SharingSource::Geometry, Sharing::zeta_sigma_by_geometry(pose)),
+        };
         let loading = Loading { cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, grip_m, sharing };
         // The load's place is known as well as the two centres of pressure, magnified by weight over load.
         let place_sigma_m = self.known.cop_sigma_m.iter().copied().fold(0.0, f64::max)
@@ -153,12 +168,14 @@ impl Memory {
             cop_estimated_m: self.known.cop_sigma_m,
             delta_f_n: settings.force_sigma_n,
             eta: (place_sigma_m / between_hands_m.max(1e-3)).min(0.5),
+            zeta: zeta_sigma,
         };
         found.raise(
             Validity::LOAD_NOT_AT_HANDS,
             sharing.load_distance_m > settings.load_distance_max_m + 2.0 * place_sigma_m,
         );
         self.known.zeta = sharing.zeta;
+        self.known.sharing_source = source as u32;
         self.known.eta = sharing.eta;
         self.known.load_distance_m = sharing.load_distance_m;
         for (joint, torque) in overload::torques(pose, &loading, &sigma).into_iter().enumerate() {
@@ -191,6 +208,7 @@ impl Memory {
 /// No torque, no shares, no colours.
 pub(super) fn blank_torques(state: &mut State) {
     state.zeta = [0.0; 2];
+    state.sharing_source = SharingSource::Geometry as u32;
     state.eta = [0.0; 2];
     state.load_distance_m = 0.0;
     state.torque_nm = [[0.0; 3]; JOINTS];
