@@ -18,8 +18,14 @@ use serde::Deserialize;
 const CENTRE_TOLERANCE_M: f64 = 1e-9;
 const TORQUE_TOLERANCE_NM: f64 = 1e-6;
 
-const EXACT: LoadingSigma =
-    LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0, zeta: 0.0 };
+const EXACT: LoadingSigma = LoadingSigma {
+    cop_measured_m: 0.0,
+    cop_estimated_m: [0.0; 2],
+    delta_f_n: 0.0,
+    eta: 0.0,
+    zeta: 0.0,
+    foot_without_load_m: 0.0,
+};
 
 /// A file of reference values; arrays over segments are in the order of [`Segment`].
 #[derive(Deserialize)]

@@ -13,8 +13,14 @@ use equipoise_simulator::truth::{Force, Truth, ankles_m, foot_forces, overload_n
 use equipoise_simulator::two_plates::{ground_reaction_per_foot, ground_sample};
 use nalgebra::{Vector2, Vector3};
 
-const EXACT: LoadingSigma =
-    LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0, zeta: 0.0 };
+const EXACT: LoadingSigma = LoadingSigma {
+    cop_measured_m: 0.0,
+    cop_estimated_m: [0.0; 2],
+    delta_f_n: 0.0,
+    eta: 0.0,
+    zeta: 0.0,
+    foot_without_load_m: 0.0,
+};
 const LOAD_KG: f64 = 10.0;
 const HOLDS_S: f64 = 8.0;
 

@@ -59,6 +59,8 @@ pub struct LoadingSigma {
     pub eta: f64,
     /// Of the ground reaction's share under one foot, in [0, 0.5].
     pub zeta: f64,
+    /// Of where each foot would press without the load, beside what the rule for it says, per axis, m.
+    pub foot_without_load_m: f64,
 }
 
 /// One joint's overload.
@@ -120,7 +122,9 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
             for foot in standing() {
                 by_axis[axis] -= foot.added(axis, origin[axis], loading.vertical_n);
                 force_arm -= foot.share * (foot.with_m[axis] - origin[axis]);
-                by_measurement += foot.share * loading.vertical_n * sigma.cop_measured_m;
+                let plate_nm = foot.share * loading.vertical_n * sigma.cop_measured_m;
+                let habit_nm = foot.without_n * sigma.foot_without_load_m;
+                by_measurement += math::hypot([plate_nm, habit_nm]);
                 // No joint has both feet distal of it, so the sign of the share does not matter.
                 by_foot += foot.by_share(axis, origin[axis], loading) * sigma.zeta;
                 for (by, sum) in by_estimate.iter_mut().enumerate() {
@@ -129,7 +133,7 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
             }
             let by_hand = load_arm_slope * loading.delta_f_n * sigma.eta;
             let by_force = force_arm * sigma.delta_f_n;
-            // The plate's noise is another along each axis; all else moves both axes at once.
+            // Noise of plate and feet is another along each axis; all else moves both axes at once.
             let plate = if axis == 0 { [by_measurement, 0.0] } else { [0.0, by_measurement] };
             doubt[axis] = [by_estimate[0], by_estimate[1], plate[0], plate[1], by_foot, by_hand, by_force];
         }
@@ -160,8 +164,14 @@ mod tests {
     use crate::body::{SEGMENTS, Segment, Skeleton};
     use nalgebra::UnitQuaternion;
 
-    const NO_SIGMA: LoadingSigma =
-        LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0, zeta: 0.0 };
+    const NO_SIGMA: LoadingSigma = LoadingSigma {
+        cop_measured_m: 0.0,
+        cop_estimated_m: [0.0; 2],
+        delta_f_n: 0.0,
+        eta: 0.0,
+        zeta: 0.0,
+        foot_without_load_m: 0.0,
+    };
 
     fn t_pose() -> Pose<StationWorld> {
         let origin = Skeleton::nominal(1.77).t_pose_m();

@@ -13,7 +13,7 @@ use crate::math;
 use crate::message::ground::{Feet, NoCop};
 use crate::message::state::SharingSource;
 use crate::message::{GroundSample, State, Validity};
-use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing};
+use crate::overload::{self, GRAVITY_M_PER_S2, Level, Loading, LoadingSigma, Sharing, sharing};
 use crate::sesc::centre_of_mass;
 use crate::static_pose::{Held, Stillness, rms_joint_angle};
 
@@ -169,6 +169,7 @@ impl Memory {
             delta_f_n: settings.force_sigma_n,
             eta: (place_sigma_m / between_hands_m.max(1e-3)).min(0.5),
             zeta: zeta_sigma,
+            foot_without_load_m: if feet.is_some() { sharing::FOOT_WITHOUT_LOAD_SIGMA_M } else { 0.0 },
         };
         found.raise(
             Validity::LOAD_NOT_AT_HANDS,

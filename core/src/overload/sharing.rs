@@ -31,6 +31,8 @@ pub(super) const TOO_CLOSE_M: f64 = 0.05;
 /// 1-σ of where on its sole a foot presses, off its ankle along the line between the feet, m: soles are about four
 /// times as wide.
 const PRESS_SIGMA_M: f64 = 0.02;
+/// 1-σ of where a measured foot would press without the load, per axis, beside what sums and rule say, m.
+pub const FOOT_WITHOUT_LOAD_SIGMA_M: f64 = 0.01;
 /// Feet's centres of pressure that miss the common one by more than this are not of this plate, m.
 const FEET_OFF_MAX_M: f64 = 0.03;
 
