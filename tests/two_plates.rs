@@ -3,6 +3,8 @@
 //! What each foot would bear without the load is nobody's measurement. The rule of the core and the simulator's split
 //! are alike in that, and would agree exactly; so these people press elsewhere once they carry nothing.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
 use equipoise_core::body::{Joint, Side};
 use equipoise_core::frame::{Pose, StationWorld};
 use equipoise_core::overload::{self, GRAVITY_M_PER_S2, Loading, LoadingSigma, Sharing};
