@@ -194,15 +194,15 @@ fn unknown_topics_come_through_as_they_are() {
     for topic in ["/equipoise/novelty", GroundSample::TOPIC] {
         let (name, text) = match topic {
             GroundSample::TOPIC => {
-                ("equipoise/Ground_1", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
+                ("equipoise/Ground_2", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
             }
-            _ => ("equipoise/Novelty_1", "uint8[128] x\n".to_owned()),
+            _ => ("equipoise/Novelty_1", "uint8[192] x\n".to_owned()),
         };
         let schema = writer.add_schema(name, "ros1msg", text.as_bytes()).unwrap();
         // Without our metadata, as another tool may leave it.
         let channel_id = writer.add_channel(schema, topic, "ros1", &BTreeMap::new()).unwrap();
         let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
-        writer.write_to_known_channel(&header, &[0; 128]).unwrap();
+        writer.write_to_known_channel(&header, &[0; size_of::<GroundSample>()]).unwrap();
     }
     writer.finish().unwrap();
     let entries = read(&writer.into_inner().into_inner());
