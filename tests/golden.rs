@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use equipoise_core::body::{Anthropometry, Joint, SEGMENTS, Segment, Side, Skeleton};
 use equipoise_core::frame::{self, Pose, StationWorld};
-use equipoise_core::overload::{self, Loading, LoadingSigma, Sharing};
+use equipoise_core::overload::{self, Loading, LoadingSigma, Sharing, Swing};
 use equipoise_core::sesc::{self, Phi};
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -18,8 +18,7 @@ use serde::Deserialize;
 const CENTRE_TOLERANCE_M: f64 = 1e-9;
 const TORQUE_TOLERANCE_NM: f64 = 1e-6;
 
-const EXACT: LoadingSigma =
-    LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [0.0; 2], delta_f_n: 0.0, eta: 0.0 };
+const EXACT: LoadingSigma = LoadingSigma::EXACT;
 
 /// A file of reference values; arrays over segments are in the order of [`Segment`].
 #[derive(Deserialize)]
@@ -85,7 +84,8 @@ impl Case {
             delta_f_n,
             grip_m: Side::BOTH
                 .map(|side| Vector3::from(*self.hand_point_m.get(name(side)).unwrap_or(&[0.0; 3]))),
-            sharing: Sharing { zeta: of(&self.zeta), eta: of(&self.eta), load_distance_m: 0.0 },
+            sharing: Sharing::of(of(&self.zeta), of(&self.eta)),
+            swing: Swing::NONE,
         }
     }
 }

@@ -43,6 +43,7 @@ fn rows_become_pairs_of_samples() {
     assert_eq!(suit.position_m[22], [0.25, 0.0, 1.0]);
     assert_eq!(suit.orientation_wxyz[0], [1.0, 0.0, 0.0, 0.0], "normalised");
     assert_eq!(ground.force_n, [1.0, 2.0, 700.0]);
+    assert_eq!((ground.per_foot, ground.feet()), (0, None), "one wrench says nothing of each foot");
     assert_eq!(ground.cop_m(), Ok([20.0 / 700.0, 10.0 / 700.0]));
 }
 

@@ -174,13 +174,13 @@ fn foreign_and_newer_files_are_named() {
     let other = refusal(&foreign("/camera/image", "sensor_msgs/Image", &none));
     assert!(other.contains("not of Equipoise") && other.contains("/camera/image"), "{other}");
 
-    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_2", &none));
-    assert!(newer.contains("equipoise/State_2") && newer.contains("equipoise/State/1"), "{newer}");
+    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_3", &none));
+    assert!(newer.contains("equipoise/State_3") && newer.contains("equipoise/State/2"), "{newer}");
 
     let mut metadata = BTreeMap::new();
     metadata.insert("equipoise.type_name".to_owned(), State::TYPE_NAME.to_owned());
     metadata.insert("equipoise.schema_hash".to_owned(), "00000000deadbeef".to_owned());
-    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_1", &metadata));
+    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_2", &metadata));
     assert!(fields.contains("deadbeef") && fields.contains("other fields"), "{fields}");
 
     let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);
@@ -194,15 +194,15 @@ fn unknown_topics_come_through_as_they_are() {
     for topic in ["/equipoise/novelty", GroundSample::TOPIC] {
         let (name, text) = match topic {
             GroundSample::TOPIC => {
-                ("equipoise/Ground_1", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
+                ("equipoise/Ground_2", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
             }
-            _ => ("equipoise/Novelty_1", "uint8[128] x\n".to_owned()),
+            _ => ("equipoise/Novelty_1", "uint8[192] x\n".to_owned()),
         };
         let schema = writer.add_schema(name, "ros1msg", text.as_bytes()).unwrap();
         // Without our metadata, as another tool may leave it.
         let channel_id = writer.add_channel(schema, topic, "ros1", &BTreeMap::new()).unwrap();
         let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
-        writer.write_to_known_channel(&header, &[0; 128]).unwrap();
+        writer.write_to_known_channel(&header, &[0; size_of::<GroundSample>()]).unwrap();
     }
     writer.finish().unwrap();
     let entries = read(&writer.into_inner().into_inner());

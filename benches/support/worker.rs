@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use equipoise_core::body::{Anthropometry, Segment, Sex, Side, Skeleton};
 use equipoise_core::frame::{Pose, StationWorld, wxyz};
 use equipoise_core::message::{GroundSample, SuitSample};
-use equipoise_core::overload::{GRAVITY_M_PER_S2, Loading, LoadingSigma, Sharing};
+use equipoise_core::overload::{GRAVITY_M_PER_S2, Loading, LoadingSigma, Sharing, Swing};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::pose_suggestion::posture;
 use equipoise_core::sesc::{Phi, centre_of_mass};
@@ -86,11 +86,24 @@ impl Worker {
         let cop_measured_m = [-ground.moment_nm[1] / vertical_n, ground.moment_nm[0] / vertical_n];
         let cop_estimated_m = [centre.x, centre.y];
         let sharing =
-            Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, LOAD_N, &grip_m);
-        let loading =
-            Loading { cop_measured_m, cop_estimated_m, vertical_n, delta_f_n: LOAD_N, grip_m, sharing };
-        let sigma =
-            LoadingSigma { cop_measured_m: 0.001, cop_estimated_m: [0.008; 2], delta_f_n: 3.0, eta: 0.1 };
+            Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, LOAD_N, &grip_m)
+                .as_in_the_paper();
+        let loading = Loading {
+            cop_measured_m,
+            cop_estimated_m,
+            vertical_n,
+            delta_f_n: LOAD_N,
+            grip_m,
+            sharing,
+            swing: Swing::NONE,
+        };
+        let sigma = LoadingSigma {
+            cop_measured_m: 0.001,
+            cop_estimated_m: [0.008; 2],
+            delta_f_n: 3.0,
+            eta: 0.1,
+            ..LoadingSigma::EXACT
+        };
         (loading, sigma)
     }
 }

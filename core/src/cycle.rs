@@ -8,11 +8,13 @@ pub mod alignment;
 pub mod body_motion;
 pub mod checkpoint;
 mod exposure;
+mod feet;
 pub mod identification;
 pub mod memory;
 pub mod monitoring;
 pub mod settings;
 pub mod support;
+mod tare;
 
 use alignment::PATIENCE_NS;
 
@@ -62,17 +64,24 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
         memory.obey(settings, command, tick);
     }
     for sample in inputs.ground {
-        memory.alignment.push_ground(&memory.tared(sample), tick.due_ns);
+        memory.alignment.push_ground(&memory.tare.off(sample), tick.due_ns);
     }
     for sample in inputs.suit {
         memory.alignment.push_suit(sample, tick.due_ns);
     }
     // Bounded: the queue holds a fixed number of samples.
-    while let Some(aligned) = memory.alignment.next(tick.due_ns) {
+    while let Some(aligned) = memory.alignment.next(tick.due_ns, patience_ns(settings)) {
         memory.take_in(settings, &aligned);
     }
     memory.tell(settings, tick);
     &memory.state
+}
+
+/// How old a suit sample may become before it goes on without the ground, ns.
+///
+/// A stream with a constant latency is that much older when it comes; that is no silence.
+fn patience_ns(settings: &Settings) -> u64 {
+    PATIENCE_NS + settings.suit_latency_ns.max(settings.ground_latency_ns)
 }
 
 impl Memory {
@@ -124,9 +133,12 @@ impl Memory {
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
         // Samples that came in last may still wait for the ground; what is told is what was worked through.
         let worked_age_ns = now_ns.saturating_sub(self.worked_ns);
-        let suit_stale = stale(suit_age_ns, self.alignment.suit_period_ns())
-            || stale(worked_age_ns.saturating_sub(PATIENCE_NS), self.alignment.suit_period_ns());
-        let ground_stale = stale(ground_age_ns, self.alignment.ground_period_ns());
+        let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
+        let suit_period_ns = self.alignment.suit_period_ns();
+        let suit_stale = stale(beyond(suit_age_ns, settings.suit_latency_ns), suit_period_ns)
+            || stale(beyond(worked_age_ns, patience_ns(settings)), suit_period_ns);
+        let ground_stale =
+            stale(beyond(ground_age_ns, settings.ground_latency_ns), self.alignment.ground_period_ns());
         if suit_stale && !ground_stale {
             self.measure_ground_alone();
         }

@@ -1,8 +1,10 @@
 //! Time as the pipeline knows it. `core` has no clock: every time comes in from outside.
 
 pub mod clock_fit;
+pub mod skew;
 
 pub use clock_fit::{ClockFit, Estimate};
+pub use skew::SkewEstimator;
 
 /// Nanoseconds in a second.
 pub const NS_PER_S: u64 = 1_000_000_000;

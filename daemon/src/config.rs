@@ -145,6 +145,7 @@ impl Config {
         method::between("loop.priority", f64::from(self.tick.priority), 0.0, 90.0)?;
         self.suit.check()?;
         self.ground.check()?;
+        sensors::check_latencies(&self.suit, &self.ground)?;
         self.subject.check()?;
         self.identification.check()?;
         self.static_pose.check()?;
@@ -168,6 +169,7 @@ impl Config {
         };
         settings.suit_drifts = self.suit.position != Some(SuitPosition::Absolute);
         self.suit.apply(&mut settings);
+        self.ground.apply(&mut settings);
         self.subject.apply(&mut settings);
         self.identification.apply(&mut settings);
         self.static_pose.apply(&mut settings);

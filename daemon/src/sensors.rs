@@ -44,7 +44,7 @@ pub fn run_suit(
     let settings = MvnUdpSettings {
         listen: config.listen,
         allow_remote: config.allow_remote,
-        suit: SuitSettings { avatar: config.avatar, ..SuitSettings::default() },
+        suit: suit_settings(config),
         ..MvnUdpSettings::default()
     };
     let bus = Bus::join(&BusSettings::new(station, "suit"))?;
@@ -117,7 +117,12 @@ pub fn run_ground(
     Ok(())
 }
 
-/// Scale, sign and place of the plate, as configured.
+/// The character and its constant delay, as configured.
+pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
+    SuitSettings { avatar: config.avatar, latency_ns: config.latency_ns(), ..SuitSettings::default() }
+}
+
+/// Scale, sign, place and constant delay of the plate, as configured.
 pub fn rdt_settings(config: &GroundConfig) -> RdtSettings {
     let default = RdtSettings::default();
     RdtSettings {
@@ -132,6 +137,7 @@ pub fn rdt_settings(config: &GroundConfig) -> RdtSettings {
             yaw_rad: config.frame.yaw_deg.to_radians(),
             surface_height_m: config.frame.surface_height_m,
         },
+        latency_ns: config.latency_ns(),
     }
 }
 

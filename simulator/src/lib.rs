@@ -1,8 +1,9 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`] → [`motion`] → [`dynamics`] → [`truth`], [`noise`]
-//! → [`wire`], [`plate`] → [`suit_sender`], [`plate_server`] (through [`faults`]) → [`simulation`], [`player`].
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`] → [`motion`] → [`dynamics`] → [`truth`] →
+//! [`two_plates`], [`noise`] → [`wire`], [`plate`] → [`suit_sender`], [`plate_server`] (through [`faults`]) →
+//! [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
 //!
@@ -33,6 +34,7 @@ pub mod simulation;
 pub mod stance;
 pub mod suit_sender;
 pub mod truth;
+pub mod two_plates;
 pub mod wire;
 
 /// Standard gravity as the simulated plate feels it, m/s².

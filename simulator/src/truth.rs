@@ -157,22 +157,37 @@ pub fn ground_forces(
     vertical_n: f64,
     contact: FootContact,
 ) -> [Force; 2] {
-    let ankle = Side::BOTH.map(|side| origin_m[side.foot().index()].xy());
-    let share = foot_share(origin_m, cop_m);
-    let off_the_line = cop_m - (ankle[0] * share[0] + ankle[1] * share[1]);
+    let ankle = ankles_m(origin_m);
+    let mut forces = foot_forces(ankle, cop_m, vertical_n);
+    if contact == FootContact::AtCentreOfPressure {
+        forces = forces.map(|force| Force { at_m: cop_m.push(0.0), ..force });
+    }
+    forces
+}
+
+/// The ground's vertical forces on two feet that press at `press_m`, left and right: shared so that they act together at
+/// the centre of pressure. What of it lies off the line between both moves both alike.
+pub fn foot_forces(press_m: [Vector2<f64>; 2], cop_m: Vector2<f64>, vertical_n: f64) -> [Force; 2] {
+    let share = share_between(press_m, cop_m);
+    let off_the_line = cop_m - (press_m[0] * share[0] + press_m[1] * share[1]);
     std::array::from_fn(|k| Force {
         on: Side::BOTH[k].foot(),
-        at_m: match contact {
-            FootContact::UnderEachFoot => (ankle[k] + off_the_line).push(0.0),
-            FootContact::AtCentreOfPressure => cop_m.push(0.0),
-        },
+        at_m: (press_m[k] + off_the_line).push(0.0),
         force_n: Vector3::z() * (share[k] * vertical_n),
     })
 }
 
+/// Where the ankles are on the floor: left, right, m.
+pub fn ankles_m(origin_m: &[Vector3<f64>; SEGMENTS]) -> [Vector2<f64>; 2] {
+    Side::BOTH.map(|side| origin_m[side.foot().index()].xy())
+}
+
 /// Share of the left and the right foot: where the centre of pressure is along the line between the ankles.
 pub fn foot_share(origin_m: &[Vector3<f64>; SEGMENTS], cop_m: Vector2<f64>) -> [f64; 2] {
-    let [left, right] = Side::BOTH.map(|side| origin_m[side.foot().index()].xy());
+    share_between(ankles_m(origin_m), cop_m)
+}
+
+fn share_between([left, right]: [Vector2<f64>; 2], cop_m: Vector2<f64>) -> [f64; 2] {
     let line = left - right;
     let left_share = ((cop_m - right).dot(&line) / line.norm_squared()).clamp(0.0, 1.0);
     [left_share, 1.0 - left_share]

@@ -38,6 +38,9 @@ pub struct RdtSettings {
     pub measures: Measures,
     /// Where it stands.
     pub frame: GroundFrame,
+    /// Constant part of the delay from a sample to its datagram, ns: the clock fit cannot see it, so it is taken off
+    /// every sample time.
+    pub latency_ns: u64,
 }
 
 impl Default for RdtSettings {
@@ -47,6 +50,7 @@ impl Default for RdtSettings {
             counts_per_newton_metre: 1e6,
             measures: Measures::default(),
             frame: GroundFrame::default(),
+            latency_ns: 0,
         }
     }
 }
@@ -181,6 +185,7 @@ impl RdtReceiver {
             Some(estimate) => (estimate.host_ns, estimate.sigma_ns),
             None => (sample.arrival_ns, u64::MAX),
         };
+        sample.sample_time_ns = sample.sample_time_ns.saturating_sub(self.settings.latency_ns);
     }
 }
 

@@ -66,10 +66,13 @@ pub struct SuitSettings {
     pub required: Option<TypeSet>,
     /// Refuse poses in which neither head nor pelvis is above the feet (a stream that is not Z up, a person lying).
     pub check_up_axis: bool,
+    /// Constant part of the delay from a sample to its datagram, ns: the clock fit cannot see it, so it is taken off
+    /// every sample time.
+    pub latency_ns: u64,
 }
 
 impl Default for SuitSettings {
     fn default() -> Self {
-        SuitSettings { avatar: 0, required: None, check_up_axis: true }
+        SuitSettings { avatar: 0, required: None, check_up_axis: true, latency_ns: 0 }
     }
 }

@@ -228,3 +228,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_constant_latency_is_taken_off_every_sample_time_and_off_nothing_else() {
+    const LATENCY_NS: u64 = 37_000_000;
+    let mut plain = SuitAssembler::new(SuitSettings::default());
+    let mut late = SuitAssembler::new(SuitSettings { latency_ns: LATENCY_NS, ..SuitSettings::default() });
+    let mut compared = 0;
+    for counter in 0..40u32 {
+        let datagrams = [pose_datagram(counter, &standing())];
+        let arrival_ns = 1_000_000_000 + u64::from(counter) * PERIOD_NS;
+        let expected = feed(&mut plain, &datagrams, arrival_ns);
+        for (mut told, expected) in feed(&mut late, &datagrams, arrival_ns).into_iter().zip(expected) {
+            assert_eq!(told.sample_time_ns, expected.sample_time_ns - LATENCY_NS);
+            told.sample_time_ns += LATENCY_NS;
+            assert_eq!(told, expected);
+            compared += 1;
+        }
+    }
+    assert!(compared >= 39, "before and after the clock is fitted: {compared}");
+}

@@ -5,6 +5,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::feet;
+use super::tare::Tare;
 use crate::message::{GroundSample, SuitSample};
 
 /// Ground samples kept: half a second at 1 kHz.
@@ -115,31 +117,21 @@ impl Alignment {
         Some(&self.suit[index as usize % SUIT_QUEUE])
     }
 
-    /// Mean force and moment over the last 0.3 s, N and N m, taken off every sample of the ring; `None`, and
-    /// nothing is changed, unless all of them are sound and show less than `empty_n` of vertical force.
-    pub fn tare(&mut self, empty_n: f64) -> Option<[[f64; 3]; 2]> {
+    /// What the plate showed on average over the last 0.3 s, taken off every sample of the ring; `None`, and nothing
+    /// is changed, unless all of them are sound and show less than `empty_n` of vertical force.
+    pub(super) fn tare(&mut self, empty_n: f64) -> Option<Tare> {
         let newest_ns = self.newest_ground()?.sample_time_ns;
         let filled = (self.ground_count as usize).min(GROUND_RING);
-        let is_recent = |sample: &GroundSample| newest_ns - sample.sample_time_ns <= TARE_SPAN_NS;
-        let (mut mean, mut count) = ([[0.0; 3]; 2], 0.0);
-        for sample in self.ground[..filled].iter().filter(|sample| is_recent(sample)) {
-            if sample.device_status != 0 || sample.force_n[2].abs() >= empty_n {
-                return None;
-            }
-            count += 1.0;
-            for (mean, shown) in mean.iter_mut().flatten().zip(sample.force_n.iter().chain(&sample.moment_nm))
-            {
-                *mean += shown;
-            }
+        let is_recent = |sample: &&GroundSample| newest_ns - sample.sample_time_ns <= TARE_SPAN_NS;
+        let recent = || self.ground[..filled].iter().filter(is_recent);
+        if recent().any(|sample| sample.device_status != 0 || sample.force_n[2].abs() >= empty_n) {
+            return None;
         }
-        mean = mean.map(|vector| vector.map(|sum| sum / count));
+        let shown = Tare::shown_by(recent());
         for sample in &mut self.ground[..filled] {
-            let shown = sample.force_n.iter_mut().chain(&mut sample.moment_nm);
-            for (shown, mean) in shown.zip(mean.iter().flatten()) {
-                *shown -= mean;
-            }
+            *sample = shown.off(sample);
         }
-        Some(mean)
+        Some(shown)
     }
 
     /// Learnt period of the suit, ns.
@@ -169,15 +161,15 @@ impl Alignment {
             && self.ground.iter().all(is_finite_ground)
     }
 
-    /// The oldest waiting suit sample, once the ground reaches past it or its patience is over at `now_ns`.
-    pub fn next(&mut self, now_ns: u64) -> Option<Aligned> {
+    /// The oldest waiting suit sample, once the ground reaches past it or it is `patience_ns` old at `now_ns`.
+    pub fn next(&mut self, now_ns: u64, patience_ns: u64) -> Option<Aligned> {
         if self.suit_out == self.suit_in {
             return None;
         }
         let suit = self.suit[self.suit_out as usize % SUIT_QUEUE];
         let time_ns = suit.sample_time_ns;
         let reached = self.newest_ground().is_some_and(|ground| ground.sample_time_ns >= time_ns);
-        if !reached && now_ns.saturating_sub(time_ns) < PATIENCE_NS {
+        if !reached && now_ns.saturating_sub(time_ns) < patience_ns {
             return None;
         }
         self.suit_out += 1;
@@ -200,12 +192,16 @@ impl Alignment {
         let share = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
         let blend =
             |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]));
+        let feet = feet::between(earlier, later, share);
         Some(GroundSample {
             sample_time_ns: time_ns,
             sample_time_sigma_ns: later.sample_time_sigma_ns.max(earlier.sample_time_sigma_ns),
             device_status: later.device_status | earlier.device_status,
             force_n: blend(earlier.force_n, later.force_n),
             moment_nm: blend(earlier.moment_nm, later.moment_nm),
+            per_foot: u32::from(feet.is_some()),
+            foot_vertical_n: feet.map_or([0.0; 2], |(vertical_n, _)| vertical_n),
+            foot_cop_m: feet.map_or([[0.0; 2]; 2], |(_, cop_m)| cop_m),
             ..*later
         })
     }
@@ -280,13 +276,13 @@ mod tests {
     fn the_wrench_is_taken_at_the_suit_s_own_time_whatever_arrived_first() {
         let mut alignment = empty();
         alignment.push_suit(&suit(1_500_000), NOW_NS);
-        assert!(alignment.next(2_000_000).is_none(), "the ground has not reached it");
+        assert!(alignment.next(2_000_000, PATIENCE_NS).is_none(), "the ground has not reached it");
         for millisecond in 0..3 {
             alignment.push_ground(&ground(millisecond * 1_000_000, 100.0 * millisecond as f64), NOW_NS);
         }
-        let aligned = alignment.next(3_000_000).unwrap();
+        let aligned = alignment.next(3_000_000, PATIENCE_NS).unwrap();
         assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
-        assert!(alignment.next(3_000_000).is_none());
+        assert!(alignment.next(3_000_000, PATIENCE_NS).is_none());
     }
 
     #[test]
@@ -294,8 +290,8 @@ mod tests {
         let mut alignment = empty();
         alignment.push_ground(&ground(0, 700.0), NOW_NS);
         alignment.push_suit(&suit(10_000_000), NOW_NS);
-        assert!(alignment.next(20_000_000).is_none());
-        assert!(alignment.next(80_000_000).unwrap().ground.is_none());
+        assert!(alignment.next(20_000_000, PATIENCE_NS).is_none());
+        assert!(alignment.next(80_000_000, PATIENCE_NS).unwrap().ground.is_none());
     }
 
     #[test]
@@ -304,7 +300,7 @@ mod tests {
         alignment.push_ground(&ground(0, 700.0), NOW_NS);
         alignment.push_ground(&ground(200_000_000, 700.0), NOW_NS);
         alignment.push_suit(&suit(100_000_000), NOW_NS);
-        assert!(alignment.next(200_000_000).unwrap().ground.is_none());
+        assert!(alignment.next(200_000_000, PATIENCE_NS).unwrap().ground.is_none());
     }
 
     #[test]
@@ -327,10 +323,10 @@ mod tests {
             alignment.push_ground(&ground(millisecond * 1_000_000, force), NOW_NS);
         }
         let shown = alignment.tare(150.0).unwrap();
-        assert!((shown[0][2] - 30.0).abs() < 1e-9, "{shown:?}");
-        assert!(alignment.tare(150.0).unwrap()[0][2].abs() < 1e-9, "the second tare finds nothing left");
+        assert!((shown.force_n[2] - 30.0).abs() < 1e-9, "{shown:?}");
+        assert!(alignment.tare(150.0).unwrap().force_n[2].abs() < 1e-9, "the second tare finds nothing left");
         alignment.push_ground(&ground(500 * 1_000_000, 400.0), NOW_NS);
-        assert_eq!(alignment.tare(150.0), None, "somebody steps on");
+        assert!(alignment.tare(150.0).is_none(), "somebody steps on");
     }
 
     #[test]
@@ -339,7 +335,7 @@ mod tests {
         for index in 1..=SUIT_QUEUE as u64 + 3 {
             alignment.push_suit(&suit(index), NOW_NS);
         }
-        assert_eq!(alignment.next(u64::MAX).unwrap().suit.sample_time_ns, 4);
+        assert_eq!(alignment.next(u64::MAX, PATIENCE_NS).unwrap().suit.sample_time_ns, 4);
         assert!(alignment.is_sound());
     }
 

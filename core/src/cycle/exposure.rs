@@ -10,7 +10,7 @@ use crate::exposure::back::{LoadAtBack, UpperBody};
 use crate::exposure::{Advice, Back, Load, advice, dose, lift};
 use crate::frame::{Pose, StationWorld};
 use crate::message::{State, Validity};
-use crate::overload::{GRAVITY_M_PER_S2, Loading, Sharing};
+use crate::overload::{GRAVITY_M_PER_S2, leverage};
 use crate::sesc::distal_mass;
 
 /// The joint between trunk and pelvis.
@@ -33,7 +33,7 @@ impl Memory {
             return;
         }
         let loaded = !found.any_of(Validity::BELOW_LOAD_THRESHOLD);
-        self.judge_back(pose, settings, loaded);
+        self.judge_back(pose, loaded);
         if loaded {
             self.judge_load(pose, settings, &magnitude_nm);
         }
@@ -59,7 +59,7 @@ impl Memory {
         }
     }
 
-    fn judge_back(&mut self, pose: &Pose<StationWorld>, settings: &Settings, loaded: bool) {
+    fn judge_back(&mut self, pose: &Pose<StationWorld>, loaded: bool) {
         let worker = &self.identification;
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
         let phi = worker.phi();
@@ -112,16 +112,10 @@ impl Memory {
         known.reach_m = place.reach_m([0, 1].map(|axis| 0.5 * (left[axis] + right[axis])));
 
         let Some(worst) = advice::worst_joint(magnitude_nm, &settings.limits.0) else { return };
-        let loading = Loading {
-            cop_measured_m: known.cop_measured_m,
-            cop_estimated_m: known.cop_estimated_m,
-            vertical_n,
-            delta_f_n,
-            grip_m,
-            sharing: Sharing { zeta: known.zeta, eta: known.eta, load_distance_m: known.load_distance_m },
-        };
         let index = worst.index();
-        let advice = Advice::of(worst, &loading, known.torque_nm[index], known.torque_sigma_nm[index]);
+        let leverage = leverage(worst, known.zeta, known.eta);
+        let (torque_nm, sigma_nm) = (known.torque_nm[index], known.torque_sigma_nm[index]);
+        let advice = Advice::of(leverage, delta_f_n, torque_nm, sigma_nm);
         known.worst_joint = index as u32;
         known.advice_direction = advice.direction;
         known.advice_gain_nm_per_cm = advice.gain_nm_per_cm;

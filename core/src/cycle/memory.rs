@@ -6,9 +6,10 @@ use super::alignment::Alignment;
 use super::body_motion::MotionNoise;
 use super::identification::Identification;
 use super::settings::Settings;
+use super::tare::Tare;
 use crate::anchor::Anchor;
 use crate::exposure::Exposure;
-use crate::message::{GroundSample, State, Validity};
+use crate::message::{State, Validity};
 use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
 
@@ -41,8 +42,8 @@ pub struct Memory {
     pub identification: Identification,
     /// What adds up over this worker's shift.
     pub exposure: Exposure,
-    /// Wrench that an empty plate shows, N and N m.
-    pub(super) tare: [[f64; 3]; 2],
+    /// What an empty plate shows.
+    pub(super) tare: Tare,
     /// Reasons found with the newest aligned sample: [`Validity`] bits.
     pub(super) found: u64,
     /// When the model was last changed from outside; 0 for never.
@@ -79,7 +80,7 @@ impl Memory {
             && self.unloaded.is_sound()
             && self.identification.is_sound()
             && self.exposure.is_sound()
-            && self.tare.iter().flatten().all(|value| value.is_finite())
+            && self.tare.is_sound()
     }
 
     /// The reasons found with the newest aligned sample.
@@ -87,22 +88,10 @@ impl Memory {
         Validity(self.found)
     }
 
-    /// A ground sample less what the empty plate shows.
-    pub(super) fn tared(&self, sample: &GroundSample) -> GroundSample {
-        let less = |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] - b[axis]);
-        GroundSample {
-            force_n: less(sample.force_n, self.tare[0]),
-            moment_nm: less(sample.moment_nm, self.tare[1]),
-            ..*sample
-        }
-    }
-
     /// Takes what the plate shows now as nothing, unless somebody stands on it or it reports a fault.
     pub(super) fn tare(&mut self) -> bool {
         let Some(shown) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
-        for (tare, shown) in self.tare.iter_mut().flatten().zip(shown.iter().flatten()) {
-            *tare += shown;
-        }
+        self.tare.add(&shown);
         true
     }
 }

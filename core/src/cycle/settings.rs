@@ -128,6 +128,10 @@ pub struct Settings {
     pub suit_wander_rad: f64,
     /// How overload is told while the worker moves.
     pub motion: Motion,
+    /// What the suit's adapter takes off its sample times, ns: so much older a sample is when it comes.
+    pub suit_latency_ns: u64,
+    /// The same of the ground's adapter, ns.
+    pub ground_latency_ns: u64,
     /// Whether the suit's position drifts, so that the standing feet must be held; optical markers do not.
     pub suit_drifts: bool,
     /// Whether identification starts by itself.
@@ -167,6 +171,8 @@ impl Settings {
             suit_misalignment_rad: 0.010,
             suit_wander_rad: 0.005,
             motion: Motion::Paper,
+            suit_latency_ns: 0,
+            ground_latency_ns: 0,
             suit_drifts: true,
             start_identifying: true,
             level_margin_share: 0.02,

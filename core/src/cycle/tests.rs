@@ -15,7 +15,9 @@ use crate::pose_suggestion::Posture;
 
 mod bench;
 mod exposure;
+mod latency;
 mod learning;
+mod sharing;
 use bench::*;
 
 fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {
@@ -211,7 +213,7 @@ fn a_damaged_checkpoint_is_refused() {
     assert!(!is_sound(&|memory| memory.version += 1));
     assert!(!is_sound(&|memory| memory.identification.mass_kg = f64::NAN));
     assert!(!is_sound(&|memory| memory.identification.reduction.count = 70));
-    assert!(!is_sound(&|memory| memory.tare[0][2] = f64::INFINITY));
+    assert!(!is_sound(&|memory| memory.tare.force_n[2] = f64::INFINITY));
     let flat = |memory: &mut Memory| {
         let worker = &mut memory.identification;
         let count = worker.filter.count();

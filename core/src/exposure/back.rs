@@ -67,13 +67,18 @@ pub struct Back {
     pub compression_sigma_n: f64,
 }
 
+/// Two axes, each with a doubt of its own.
+fn independent([x, y]: [f64; 2]) -> [[f64; 2]; 2] {
+    [[math::sqrt(x), 0.0], [0.0, math::sqrt(y)]]
+}
+
 impl Back {
     /// Body and load together. Their errors are taken to be independent.
     pub fn of(body: &UpperBody, load: &LoadAtBack) -> Back {
         // r × W ẑ = (r_y W, −r_x W, 0): the torque back as an arm times a weight.
         let arm_nm = [body.weight_arm_nm[0] - load.torque_nm.y, body.weight_arm_nm[1] + load.torque_nm.x];
         let moment_nm = math::hypot(arm_nm);
-        let body_sigma_nm = sigma_of_magnitude(arm_nm, body.variance_nm2);
+        let body_sigma_nm = sigma_of_magnitude(arm_nm, &independent(body.variance_nm2));
         let moment_sigma_nm = math::hypot([body_sigma_nm, load.torque_sigma_nm]);
 
         let muscle_n = moment_nm / EXTENSOR_LEVER_M;

@@ -54,10 +54,50 @@ pub enum NoCop {
     DeviceStatus(u32),
 }
 
+/// What the ground does to each foot by itself: left, right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feet {
+    /// Vertical force, N; none is negative, and their sum is positive.
+    pub vertical_n: [f64; 2],
+    /// Centre of pressure, world x and y, m; `None` if a foot bears too little to have one.
+    pub cop_m: Option<[[f64; 2]; 2]>,
+}
+
+impl Feet {
+    /// Share of the left and the right foot, summing to one.
+    pub fn shares(&self) -> [f64; 2] {
+        let [left, right] = self.vertical_n;
+        [left / (left + right), right / (left + right)]
+    }
+}
+
+/// Both feet's forces and the whole may differ by this much, N, or by that share of it, whatever is more.
+const FEET_SUM_TOLERANCE: (f64, f64) = (5.0, 0.02);
+
 /// Below this vertical force the centre of pressure is noise (protocols §3.7: devices gate at 5–10 N).
 pub const COP_MIN_VERTICAL_N: f64 = 20.0;
 
 impl GroundSample {
+    /// Whether each foot was measured by itself and says the same as the whole: finite, and summing to it.
+    pub fn has_feet(&self) -> bool {
+        let [left, right] = self.foot_vertical_n;
+        let (newtons, share) = FEET_SUM_TOLERANCE;
+        // The comparison is false for NaN.
+        self.per_foot == 1
+            && (left + right - self.force_n[2]).abs() <= newtons.max(share * self.force_n[2].abs())
+            && self.foot_cop_m.iter().flatten().all(|metres| metres.is_finite())
+    }
+
+    /// What each foot bears; `None` if it was not measured, contradicts the whole, or nobody stands there.
+    pub fn feet(&self) -> Option<Feet> {
+        if !self.has_feet() || self.cop_m().is_err() {
+            return None;
+        }
+        let vertical_n = self.foot_vertical_n.map(|newtons| newtons.max(0.0));
+        let both_press = vertical_n.iter().all(|newtons| *newtons >= COP_MIN_VERTICAL_N);
+        Some(Feet { vertical_n, cop_m: both_press.then_some(self.foot_cop_m) })
+    }
+
     /// Centre of pressure on the walking surface, world x and y, m.
     ///
     /// For force F and moment M about the origin, acting at height z: `x = (z·Fx − My)/Fz`, `y = (Mx + z·Fy)/Fz`.
@@ -107,5 +147,31 @@ mod tests {
         sample.force_n[2] = 700.0;
         sample.device_status = 0x8000_0000;
         assert_eq!(sample.cop_m(), Err(NoCop::DeviceStatus(0x8000_0000)));
+    }
+
+    #[test]
+    fn feet_that_contradict_the_whole_are_not_believed() {
+        let sample = GroundSample {
+            per_foot: 1,
+            force_n: [0.0, 0.0, 700.0],
+            foot_vertical_n: [301.0, 400.0],
+            foot_cop_m: [[0.0, 0.1], [0.0, -0.1]],
+            ..Zeroable::zeroed()
+        };
+        assert_eq!(sample.feet().unwrap().cop_m, Some(sample.foot_cop_m));
+        let one_foot = GroundSample { foot_vertical_n: [-2.0, 702.0], ..sample };
+        assert_eq!(one_foot.feet(), Some(Feet { vertical_n: [0.0, 702.0], cop_m: None }));
+        assert_eq!(one_foot.feet().unwrap().shares(), [0.0, 1.0]);
+        let not_believed = [
+            GroundSample { per_foot: 0, ..sample },
+            GroundSample { foot_vertical_n: [330.0, 400.0], ..sample },
+            GroundSample { foot_vertical_n: [f64::NAN, 400.0], ..sample },
+            GroundSample { foot_cop_m: [[0.0, f64::NAN], [0.0; 2]], ..sample },
+            GroundSample { device_status: 1, ..sample },
+            GroundSample { force_n: [0.0; 3], foot_vertical_n: [0.0; 2], ..sample },
+        ];
+        for sample in not_believed {
+            assert_eq!(sample.feet(), None, "{sample:?}");
+        }
     }
 }

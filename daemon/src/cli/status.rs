@@ -13,6 +13,7 @@ use equipoise_view::state_json::StateJson;
 use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
 
 use super::{Outcome, StationArgument, client};
+use crate::config::Config;
 use crate::status::{self, Status};
 
 /// How long to wait for the adapters' word, which comes once a second.
@@ -55,6 +56,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         for adapter in &adapters {
             write_adapter(&mut out, adapter)?;
         }
+        if let Some(line) = skew(&state, facts.as_ref().and_then(latencies_ms)) {
+            writeln!(out, "  time    {line}")?;
+        }
         if let Some(facts) = &facts {
             write_facts(&mut out, facts)?;
         }
@@ -64,6 +68,39 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 fn pose_name(state: &State) -> Option<&'static str> {
     LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name)
+}
+
+/// The constant latencies of suit and ground that the daemon runs with, ms.
+fn latencies_ms(facts: &Status) -> Option<[f64; 2]> {
+    let config = Config::parse(&facts.config_toml, "the daemon's configuration").ok()?;
+    Some([config.suit.latency_ms, config.ground.latency_ms])
+}
+
+/// What the motion shows of the skew between both streams, and what to set; `None` while it does not show it.
+fn skew(state: &State, latencies_ms: Option<[f64; 2]>) -> Option<String> {
+    let (skew_ms, sigma_ms) = (1e3 * state.suit_skew_s, 1e3 * state.suit_skew_sigma_s);
+    if sigma_ms <= 0.0 {
+        return None;
+    }
+    let off_ms = skew_ms.abs().round();
+    if skew_ms.abs() <= 2.0 * sigma_ms || off_ms < 1.0 {
+        return Some(format!("suit and ground agree within {:.0} ms", (2.0 * sigma_ms).max(1.0)));
+    }
+    let found = |word| format!("suit {off_ms:.0} ± {sigma_ms:.0} ms {word} than the ground");
+    Some(match latencies_ms {
+        None if skew_ms > 0.0 => format!("{}: add {off_ms:.0} to [suit] latency_ms", found("later")),
+        None => format!("{}: add {off_ms:.0} to [ground] latency_ms", found("earlier")),
+        Some([suit_ms, _]) if skew_ms > 0.0 => {
+            format!("{}: set [suit] latency_ms = {}", found("later"), suit_ms + off_ms)
+        }
+        // What was taken off the suit was too much; only beyond that it is the ground that is late.
+        Some([suit_ms, _]) if suit_ms >= off_ms => {
+            format!("{}: set [suit] latency_ms = {}", found("earlier"), suit_ms - off_ms)
+        }
+        Some([_, ground_ms]) => {
+            format!("{}: set [ground] latency_ms = {}", found("earlier"), ground_ms + off_ms)
+        }
+    })
 }
 
 /// An adapter's name and the names of its reasons.
@@ -166,4 +203,29 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
         std::thread::sleep(pause);
     }
     Ok(Outcome::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_skew_is_told_with_the_setting_that_ends_it() {
+        let told = |skew_ms: f64, sigma_ms: f64, latencies_ms| {
+            let mut state: State = bytemuck::Zeroable::zeroed();
+            (state.suit_skew_s, state.suit_skew_sigma_s) = (1e-3 * skew_ms, 1e-3 * sigma_ms);
+            skew(&state, latencies_ms)
+        };
+        let (plain, set) = (Some([0.0, 0.0]), Some([20.0, 1.5]));
+        assert_eq!(told(0.0, 0.0, plain), None, "the motion has not shown it");
+        let said = "suit 12 ± 2 ms later than the ground: set [suit] latency_ms = 12";
+        assert_eq!(told(12.2, 2.1, plain).as_deref(), Some(said));
+        assert!(told(12.2, 2.1, set).unwrap().ends_with("later than the ground: set [suit] latency_ms = 32"));
+        assert!(
+            told(-12.2, 2.1, set).unwrap().ends_with("earlier than the ground: set [suit] latency_ms = 8")
+        );
+        assert!(told(-30.0, 2.1, set).unwrap().ends_with("set [ground] latency_ms = 31.5"));
+        assert!(told(-30.0, 2.1, None).unwrap().ends_with("add 30 to [ground] latency_ms"));
+        assert_eq!(told(3.0, 2.0, plain).unwrap(), "suit and ground agree within 4 ms");
+    }
 }

@@ -7,6 +7,13 @@ use serde::{Deserialize, Serialize};
 
 use super::method::{Checked, between};
 
+/// No stream is dated back by more, ms.
+const LATENCY_MAX_MS: f64 = 1000.0;
+/// The loop keeps the plate's last half second (at 1 kHz) for a suit that is late …
+const SUIT_LATER_MAX_MS: f64 = 400.0;
+/// … and some 60 ms of the suit (at 240 Hz) for a plate that is.
+const GROUND_LATER_MAX_MS: f64 = 50.0;
+
 /// `[suit]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -28,6 +35,9 @@ pub struct SuitConfig {
     /// 1-σ per axis of how each segment's orientation wanders over minutes, degrees.
     #[serde(default = "wander_default")]
     pub wander_deg: f64,
+    /// Constant delay from a pose to its datagram (fusion, radio), ms: taken off every sample time.
+    #[serde(default)]
+    pub latency_ms: f64,
     /// Take datagrams from other machines; without it only this machine may send.
     #[serde(default)]
     pub allow_remote: bool,
@@ -65,9 +75,16 @@ impl SuitConfig {
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.suit_misalignment_rad = self.misalignment_deg.to_radians();
         settings.suit_wander_rad = self.wander_deg.to_radians();
+        settings.suit_latency_ns = self.latency_ns();
+    }
+
+    /// `latency_ms` as a span.
+    pub fn latency_ns(&self) -> u64 {
+        span_ns(self.latency_ms)
     }
 
     pub(super) fn check(&self) -> Checked {
+        between("suit.latency_ms", self.latency_ms, 0.0, LATENCY_MAX_MS)?;
         between("suit.misalignment_deg", self.misalignment_deg, 0.0, 45.0)?;
         between("suit.wander_deg", self.wander_deg, 0.0, 45.0)
     }
@@ -95,6 +112,9 @@ pub struct GroundConfig {
     /// Whether the device reports the force on itself or on the person.
     #[serde(default)]
     pub measures: Measures,
+    /// Constant delay from a force to its datagram (the device's filter), ms: taken off every sample time.
+    #[serde(default)]
+    pub latency_ms: f64,
     /// The plate in the suit's world.
     #[serde(default)]
     pub frame: FrameConfig,
@@ -137,7 +157,38 @@ pub struct FrameConfig {
     pub surface_height_m: f64,
 }
 
+/// Milliseconds as a span; a value that was checked is neither negative nor too large.
+fn span_ns(milliseconds: f64) -> u64 {
+    (milliseconds * 1e6).round() as u64
+}
+
+/// What the alignment of both streams can bridge.
+pub(super) fn check_latencies(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
+    let later_ms = suit.latency_ms - ground.latency_ms;
+    if (-GROUND_LATER_MAX_MS..=SUIT_LATER_MAX_MS).contains(&later_ms) {
+        return Ok(());
+    }
+    let field = if later_ms > 0.0 { "suit.latency_ms" } else { "ground.latency_ms" };
+    Err((
+        field,
+        format!(
+            "the streams are {:.0} ms apart; the suit may be {SUIT_LATER_MAX_MS:.0} ms later than the ground, the \
+             ground {GROUND_LATER_MAX_MS:.0} ms later than the suit",
+            later_ms.abs()
+        ),
+    ))
+}
+
 impl GroundConfig {
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.ground_latency_ns = self.latency_ns();
+    }
+
+    /// `latency_ms` as a span.
+    pub fn latency_ns(&self) -> u64 {
+        span_ns(self.latency_ms)
+    }
+
     pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
         if self.source == GroundSourceKind::AtiRdt {
             for (field, counts) in [
@@ -157,6 +208,7 @@ impl GroundConfig {
                 }
             }
         }
+        between("ground.latency_ms", self.latency_ms, 0.0, LATENCY_MAX_MS)?;
         let frame = &self.frame;
         let numbers = frame.origin_m.iter().chain([&frame.yaw_deg, &frame.surface_height_m]);
         if numbers.clone().any(|value| !value.is_finite()) {

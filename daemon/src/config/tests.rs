@@ -54,3 +54,27 @@ fn a_page_for_the_whole_network_is_refused() {
 fn a_station_with_a_path_in_its_name_is_refused() {
     assert!(refusal(&SMALLEST.replace("station-1", "../etc")).contains("c.toml, line 2: station:"));
 }
+
+#[test]
+fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
+    let with = |suit_ms: f64, ground_ms: f64| {
+        SMALLEST
+            .replace("source = \"mvn-udp\"", &format!("source = \"mvn-udp\"\nlatency_ms = {suit_ms:?}"))
+            .replace("source = \"ati-rdt\"", &format!("source = \"ati-rdt\"\nlatency_ms = {ground_ms:?}"))
+    };
+    let config = Config::parse(&with(37.5, 8.0), "c.toml").unwrap();
+    assert_eq!(crate::sensors::suit_settings(&config.suit).latency_ns, 37_500_000);
+    assert_eq!(crate::sensors::rdt_settings(&config.ground).latency_ns, 8_000_000);
+    let settings = config.settings();
+    assert_eq!((settings.suit_latency_ns, settings.ground_latency_ns), (37_500_000, 8_000_000));
+    assert_eq!(Config::parse(SMALLEST, "c.toml").unwrap().settings().suit_latency_ns, 0);
+
+    assert!(
+        refusal(&with(-1.0, 0.0)).starts_with("c.toml, line 5: suit.latency_ms: -1 is not between 0 and")
+    );
+    assert!(refusal(&with(1000.5, 1000.0)).contains("suit.latency_ms"));
+    assert!(refusal(&with(0.0, 2000.0)).contains("ground.latency_ms"));
+    assert!(refusal(&with(500.0, 0.0)).contains("suit.latency_ms: the streams are 500 ms apart"));
+    assert!(refusal(&with(0.0, 60.0)).contains("ground.latency_ms: the streams are 60 ms apart"));
+    assert!(Config::parse(&with(1000.0, 950.0), "c.toml").is_ok());
+}

@@ -94,7 +94,7 @@ impl Input {
     pub fn samples(&self, config: &Config) -> anyhow::Result<Samples<'_>> {
         match self {
             Input::Recording(recording) => Ok(Samples::of_recording(recording)),
-            Input::Csv(path) => Samples::of_csv(path).with_context(|| path.display().to_string()),
+            Input::Csv(path) => Samples::of_csv(path, config).with_context(|| path.display().to_string()),
             Input::Pcap(path) => Samples::of_pcap(path, config).with_context(|| path.display().to_string()),
         }
     }

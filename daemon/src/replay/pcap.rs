@@ -7,13 +7,13 @@ use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::capture::{PcapCapture, PcapError, UdpDatagram};
 use equipoise_adapters::counts::Counts;
 use equipoise_adapters::ground::{RdtReceiver, RdtRefusal};
-use equipoise_adapters::suit::{SuitAssembler, SuitRefusal, SuitSettings};
+use equipoise_adapters::suit::{SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
 use equipoise_core::message::GroundSample;
 
 use super::samples::{LeftOut, Sample};
 use crate::config::Config;
-use crate::sensors::rdt_settings;
+use crate::sensors::{rdt_settings, suit_settings};
 
 /// Samples made of a capture. The first datagram of suit or plate is at [`TIME_BASE_NS`].
 pub(super) struct PcapSamples {
@@ -29,12 +29,11 @@ pub(super) struct PcapSamples {
 }
 
 impl PcapSamples {
-    /// Opens a capture; ports, avatar, scale and place of the plate are the configuration's.
+    /// Opens a capture; ports, avatar, delays, scale and place of the plate are the configuration's.
     pub(super) fn open(path: &Path, config: &Config) -> Result<PcapSamples, PcapError> {
-        let avatar = config.suit.avatar;
         Ok(PcapSamples {
             capture: PcapCapture::open(path)?,
-            suit: SuitAssembler::new(SuitSettings { avatar, ..SuitSettings::default() }),
+            suit: SuitAssembler::new(suit_settings(&config.suit)),
             ground: RdtReceiver::new(rdt_settings(&config.ground)),
             suit_port: config.suit.listen.port(),
             ground_port: config.ground.address.port(),

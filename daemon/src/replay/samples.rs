@@ -51,8 +51,15 @@ pub struct Samples<'a> {
 
 enum Source<'a> {
     Recording(&'a Recording, Ordered<'a>),
-    Csv(Box<CsvCapture<File>>, Option<Box<SuitSample>>),
+    Csv(Box<CsvCapture<File>>, Latencies, Option<Box<SuitSample>>),
     Pcap(Box<PcapSamples>),
+}
+
+/// How much later than its motion, or its force, each half of a CSV's row was written, ns.
+#[derive(Clone, Copy)]
+struct Latencies {
+    suit_ns: u64,
+    ground_ns: u64,
 }
 
 impl<'a> Samples<'a> {
@@ -60,8 +67,10 @@ impl<'a> Samples<'a> {
         Samples { source: Source::Recording(recording, Ordered::new(recording.entries())) }
     }
 
-    pub(super) fn of_csv(path: &Path) -> Result<Samples<'a>, CsvError> {
-        Ok(Samples { source: Source::Csv(Box::new(CsvCapture::open(path)?), None) })
+    pub(super) fn of_csv(path: &Path, config: &Config) -> Result<Samples<'a>, CsvError> {
+        let latencies =
+            Latencies { suit_ns: config.suit.latency_ns(), ground_ns: config.ground.latency_ns() };
+        Ok(Samples { source: Source::Csv(Box::new(CsvCapture::open(path)?), latencies, None) })
     }
 
     pub(super) fn of_pcap(path: &Path, config: &Config) -> anyhow::Result<Samples<'a>> {
@@ -72,7 +81,7 @@ impl<'a> Samples<'a> {
     pub fn left_out(&self) -> LeftOut {
         match &self.source {
             Source::Recording(recording, ordered) => left_out_of(recording, ordered.damage.clone()),
-            Source::Csv(capture, _) => {
+            Source::Csv(capture, ..) => {
                 let rejected = capture.rejected();
                 let told = (!rejected.is_empty()).then(|| format!("rows left out: {rejected}"));
                 LeftOut { rejected: told.into_iter().collect(), passed_over: Vec::new() }
@@ -88,11 +97,13 @@ impl Iterator for Samples<'_> {
     fn next(&mut self) -> Option<Sample> {
         match &mut self.source {
             Source::Recording(_, ordered) => ordered.next(),
-            Source::Csv(capture, waiting) => {
+            Source::Csv(capture, latencies, waiting) => {
                 if let Some(suit) = waiting.take() {
                     return Some(Sample::Suit(suit));
                 }
-                let (suit, ground) = capture.next()?;
+                let (mut suit, mut ground) = capture.next()?;
+                suit.sample_time_ns = suit.sample_time_ns.saturating_sub(latencies.suit_ns);
+                ground.sample_time_ns = ground.sample_time_ns.saturating_sub(latencies.ground_ns);
                 *waiting = Some(Box::new(suit));
                 Some(Sample::Ground(Box::new(ground)))
             }

@@ -81,3 +81,18 @@ fn a_device_that_restarts_is_a_new_session_and_a_new_request_is_not() {
     let rebooted = receive(&mut receiver, Record { rdt_sequence: 1, ft_sequence: 3, ..SOUND }, 3);
     assert_eq!(rebooted[0].session, 1);
 }
+
+#[test]
+fn a_constant_latency_is_taken_off_every_sample_time_and_off_nothing_else() {
+    const LATENCY_NS: u64 = 12_500_000;
+    let mut plain = RdtReceiver::new(RdtSettings::default());
+    let mut late = RdtReceiver::new(RdtSettings { latency_ns: LATENCY_NS, ..RdtSettings::default() });
+    for index in 0..100 {
+        let arrival_ns = 1_000_000_000 + u64::from(index) * 1_000_000;
+        let expected = receive(&mut plain, at(index), arrival_ns)[0];
+        let mut told = receive(&mut late, at(index), arrival_ns)[0];
+        assert_eq!(told.sample_time_ns, expected.sample_time_ns - LATENCY_NS);
+        told.sample_time_ns += LATENCY_NS;
+        assert_eq!(told, expected);
+    }
+}

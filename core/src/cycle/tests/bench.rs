@@ -81,6 +81,8 @@ pub(super) struct Bench {
     pub(super) suit_sequence: u64,
     pub(super) ground_silent: bool,
     pub(super) suit_silent: bool,
+    /// Where each foot presses, if each stands on a plate of its own, m.
+    pub(super) feet_m: Option<[[f64; 2]; 2]>,
 }
 
 impl Bench {
@@ -99,6 +101,22 @@ impl Bench {
             suit_sequence: 0,
             ground_silent: false,
             suit_silent: false,
+            feet_m: None,
+        }
+    }
+
+    /// Fills in what two plates say: weight is shared along the line between the feet.
+    fn with_feet(&self, ground: GroundSample) -> GroundSample {
+        let (Some([left, right]), Ok(cop_m)) = (self.feet_m, ground.cop_m()) else { return ground };
+        let along = [right[0] - left[0], right[1] - left[1]];
+        let square = along[0] * along[0] + along[1] * along[1];
+        let share = ((cop_m[0] - left[0]) * along[0] + (cop_m[1] - left[1]) * along[1]) / square;
+        let off = [0, 1].map(|axis| cop_m[axis] - left[axis] - share * along[axis]);
+        GroundSample {
+            per_foot: 1,
+            foot_vertical_n: [(1.0 - share) * ground.force_n[2], share * ground.force_n[2]],
+            foot_cop_m: [left, right].map(|foot| [foot[0] + off[0], foot[1] + off[1]]),
+            ..ground
         }
     }
 
@@ -118,14 +136,15 @@ impl Bench {
             self.cycle += 1;
             let moment = [centre.y * weight_n + at.y * load_n, -centre.x * weight_n - at.x * load_n, 0.0];
             let ground = GroundSample {
-                sample_time_ns: self.now_ns,
+                sample_time_ns: self.now_ns - self.settings.ground_latency_ns,
                 sequence: self.cycle,
                 force_n: [0.0, 0.0, weight_n + load_n],
                 moment_nm: moment,
                 ..Zeroable::zeroed()
             };
+            let ground = self.with_feet(ground);
             let mut suit: SuitSample = Zeroable::zeroed();
-            suit.sample_time_ns = self.now_ns - 500_000;
+            suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
             suit.position_m = pose.origin.map(Into::into);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;

@@ -1,0 +1,71 @@
+//! What each foot's plate says at a time between two samples.
+
+use crate::message::GroundSample;
+
+/// Both feet's forces (N) and centres of pressure between two samples that have them. Forces and their moments are what
+/// runs straight between two samples, so a centre is weighted by its force.
+pub(super) fn between(
+    earlier: &GroundSample,
+    later: &GroundSample,
+    share: f64,
+) -> Option<([f64; 2], [[f64; 2]; 2])> {
+    if !(earlier.has_feet() && later.has_feet()) {
+        return None;
+    }
+    let [from, to] = [earlier, later].map(|sample| sample.foot_vertical_n);
+    let vertical_n = [0, 1].map(|foot| from[foot] + share * (to[foot] - from[foot]));
+    let cop_m = [0, 1].map(|foot| {
+        let weight = if vertical_n[foot].abs() > 1e-6 { share * to[foot] / vertical_n[foot] } else { share }
+            .clamp(0.0, 1.0);
+        let (a, b) = (earlier.foot_cop_m[foot], later.foot_cop_m[foot]);
+        [0, 1].map(|axis| a[axis] + weight * (b[axis] - a[axis]))
+    });
+    Some((vertical_n, cop_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn plates(vertical_n: [f64; 2], x_m: [f64; 2]) -> GroundSample {
+        GroundSample {
+            per_foot: 1,
+            force_n: [0.0, 0.0, vertical_n[0] + vertical_n[1]],
+            foot_vertical_n: vertical_n,
+            foot_cop_m: x_m.map(|x| [x, 0.0]),
+            ..Zeroable::zeroed()
+        }
+    }
+
+    #[test]
+    fn forces_and_moments_run_straight_and_only_between_samples_that_have_feet() {
+        let earlier = plates([100.0, 600.0], [0.3, -0.1]);
+        let later = plates([500.0, 240.0], [0.1, 0.2]);
+        for share in [0.0, 0.25, 1.0] {
+            let (vertical_n, cop_m) = between(&earlier, &later, share).unwrap();
+            for foot in 0..2 {
+                let at = |a: f64, b: f64| a + share * (b - a);
+                let [a, b] =
+                    [&earlier, &later].map(|one| (one.foot_vertical_n[foot], one.foot_cop_m[foot][0]));
+                assert!((vertical_n[foot] - at(a.0, b.0)).abs() < 1e-9);
+                assert!((vertical_n[foot] * cop_m[foot][0] - at(a.0 * a.1, b.0 * b.1)).abs() < 1e-9);
+            }
+        }
+        let contradicting = GroundSample { foot_vertical_n: [9.0; 2], ..later };
+        for without in [GroundSample { per_foot: 0, ..later }, contradicting] {
+            assert_eq!(between(&earlier, &without, 0.5), None);
+            assert_eq!(between(&without, &later, 0.5), None);
+        }
+    }
+
+    #[test]
+    fn a_foot_that_is_lifted_has_a_centre_in_between_and_no_nan() {
+        let (lifted, standing) = (plates([0.0, 700.0], [0.0, 0.1]), plates([0.0, 700.0], [0.2, 0.1]));
+        let (vertical_n, cop_m) = between(&lifted, &standing, 0.5).unwrap();
+        assert_eq!((vertical_n, cop_m[0]), ([0.0, 700.0], [0.1, 0.0]));
+        let (_, cop_m) =
+            between(&plates([-5.0, 705.0], [0.0, 0.1]), &plates([5.0, 695.0], [0.2, 0.1]), 0.5).unwrap();
+        assert!((0.0..=0.2).contains(&cop_m[0][0]), "{cop_m:?}");
+    }
+}

@@ -1,0 +1,41 @@
+//! Streams with a constant latency are old when they come, and that is no silence.
+
+use super::*;
+
+const MS_NS: u64 = 1_000_000;
+
+fn late(suit_ms: u64, ground_ms: u64) -> Bench {
+    Bench::new(|settings| {
+        (settings.suit_latency_ns, settings.ground_latency_ns) = (suit_ms * MS_NS, ground_ms * MS_NS);
+    })
+}
+
+#[test]
+fn a_stream_that_is_late_by_what_it_should_be_is_not_stale() {
+    let person = Person::real();
+    for (suit_ms, ground_ms) in [(0, 0), (200, 0), (400, 0), (0, 50), (700, 600)] {
+        let mut bench = late(suit_ms, ground_ms);
+        bench.identify(&person);
+        let state = bench.state();
+        assert!(!state.validity().any_of(Validity::SUIT_STALE.and(Validity::GROUND_STALE)), "{suit_ms}");
+        assert_eq!(bench.phase(), Phase::Monitoring, "{suit_ms} and {ground_ms} ms");
+        assert!(state.suit_age_ns >= suit_ms * MS_NS, "the age says the whole truth");
+        assert_ne!(state.cop_measured_m, [0.0; 2], "the wrench at the suit's own time is still there");
+    }
+}
+
+#[test]
+fn silence_is_told_as_soon_after_the_latency_as_without_one() {
+    let (person, posture) = (Person::real(), postures()[0]);
+    let milliseconds_to_stale = |suit_ms| {
+        let mut bench = late(suit_ms, 0);
+        bench.hold(&person, &posture, None, 1500);
+        bench.suit_silent = true;
+        (1..500).find(|_| {
+            bench.hold(&person, &posture, None, 1);
+            bench.state().validity().any_of(Validity::SUIT_STALE)
+        })
+    };
+    assert!(milliseconds_to_stale(0).is_some());
+    assert_eq!(milliseconds_to_stale(0), milliseconds_to_stale(150));
+}

@@ -1,0 +1,107 @@
+//! Who carries what: the load between the hands, the ground reaction between the feet.
+
+use super::*;
+use crate::body::Segment;
+use crate::message::state::SharingSource;
+
+/// Both forearms forward, so that the hands are well apart and away from the trunk.
+fn carrying() -> Posture {
+    stand(10, 0, [0, 0, -80], [0, 0, 80], 10)
+}
+
+fn learnt() -> (Person, Bench) {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    (person, bench)
+}
+
+fn grips(person: &Person) -> [Vector3<f64>; 2] {
+    let pose = person.pose(&carrying());
+    Side::BOTH.map(|side| pose.point_on(side.hand(), person.body.grip_m(side.hand())))
+}
+
+/// 1-σ of the load's place by the state's own figures, m.
+fn place_sigma_m(state: &State) -> f64 {
+    let weight_n = state.ground_force_n[2] - state.delta_f_n[2];
+    state.cop_sigma_m.iter().copied().fold(0.0, f64::max) * weight_n / state.delta_f_n[2].abs()
+}
+
+#[test]
+fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
+    let (person, mut bench) = learnt();
+    let [left, right] = grips(&person);
+    let apart_m = (left - right).xy().norm();
+    for right_share in [0.0, 0.25, 0.5, 1.0] {
+        for load_kg in [6.0, 12.0] {
+            let at = left + right_share * (right - left);
+            bench.hold(&person, &carrying(), Some((load_kg, at)), 600);
+            let state = bench.state();
+            assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+            let sigma = place_sigma_m(state) / apart_m;
+            let case = std::format!("{right_share} of {load_kg} kg: {:?} ± {sigma}", state.eta);
+            assert!((state.eta[1] - right_share).abs() <= 2.0 * sigma, "{case}");
+            assert!(sigma < 0.4, "a σ that says something: {case}");
+            assert!(state.load_distance_m <= 2.0 * place_sigma_m(state), "{case} {}", state.load_distance_m);
+        }
+    }
+}
+
+#[test]
+fn a_load_in_one_hand_loads_that_arm() {
+    let (person, mut bench) = learnt();
+    bench.hold(&person, &carrying(), Some((12.0, grips(&person)[1])), 600);
+    let magnitude =
+        |name: &str| Vector3::from(bench.state().torque_nm[Joint::named(name).unwrap().index()]).norm();
+    assert!(magnitude("RightShoulder") > 4.0 * magnitude("LeftShoulder"));
+    assert!(magnitude("RightShoulder") > 20.0);
+}
+
+#[test]
+fn a_load_on_the_back_is_not_in_the_hands() {
+    let (person, mut bench) = learnt();
+    let back = person.pose(&carrying()).origin_of(Segment::T8) + Vector3::new(-0.15, 0.0, 0.1);
+    bench.hold(&person, &carrying(), Some((12.0, back)), 600);
+    let state = bench.state();
+    assert!(state.validity().any_of(Validity::LOAD_NOT_AT_HANDS), "{:?}", state.validity());
+    assert_eq!((state.torque_nm, state.eta), ([[0.0; 3]; 22], [0.0; 2]), "no torque is told for it");
+    let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
+    bench.hold(&person, &carrying(), Some((12.0, at)), 600);
+    assert!(!bench.state().validity().any_of(Validity::LOAD_NOT_AT_HANDS), "and the hands are hands again");
+}
+
+#[test]
+fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
+    let (person, mut bench) = learnt();
+    let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
+    bench.hold(&person, &carrying(), Some((8.0, at)), 600);
+    let by_geometry = *bench.state();
+    assert_eq!(by_geometry.sharing_source, SharingSource::Geometry as u32);
+
+    // The left foot presses with its heel and the inner edge, the right with its ball and the outer edge.
+    let pose = person.pose(&carrying());
+    let under = |side: Side, x: f64, y: f64| {
+        let ankle = pose.origin_of(side.foot());
+        [ankle.x + x, ankle.y + y]
+    };
+    let feet_m = [under(Side::Left, -0.02, -0.02), under(Side::Right, 0.1, -0.02)];
+    bench.feet_m = Some(feet_m);
+    bench.hold(&person, &carrying(), Some((8.0, at)), 600);
+    let measured = *bench.state();
+    let feet = bench.memory.alignment.newest_ground().unwrap().feet().unwrap();
+    assert_eq!(measured.sharing_source, SharingSource::Measured as u32);
+    assert!((measured.zeta[0] - feet.shares()[0]).abs() < 1e-9, "{:?} {feet:?}", measured.zeta);
+    assert!((measured.zeta[0] - by_geometry.zeta[0]).abs() > 0.03, "{:?}", by_geometry.zeta);
+    for joint in Joint::ALL {
+        let index = joint.index();
+        let change = Vector3::from(measured.torque_nm[index]) - Vector3::from(by_geometry.torque_nm[index]);
+        let is_leg = ["Hip", "Knee", "Ankle"].iter().any(|name| joint.name().ends_with(name));
+        assert_eq!(change.norm() > 0.1, is_leg, "{}: {change}", joint.name());
+    }
+    let knee = Joint::named("LeftKnee").unwrap().index();
+    assert!(measured.torque_sigma_nm[knee] < by_geometry.torque_sigma_nm[knee], "no assumption, less doubt");
+
+    bench.feet_m = None;
+    bench.hold(&person, &carrying(), Some((8.0, at)), 600);
+    assert_eq!(bench.state().sharing_source, SharingSource::Geometry as u32);
+    assert_eq!(bench.state().torque_nm, by_geometry.torque_nm);
+}

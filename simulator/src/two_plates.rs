@@ -1,0 +1,74 @@
+//! Each foot on a plate of its own: the ground's wrench, split. For studies without a wire.
+//!
+//! One wrench does not say how two feet share it: where each foot presses on its sole is the person's own affair. So it
+//! is an input here, and the split is the one whose sum is the wrench of the whole.
+
+use bytemuck::Zeroable;
+use equipoise_core::message::GroundSample;
+use nalgebra::{Vector2, Vector3};
+
+use crate::dynamics::Wrench;
+use crate::motion::Worker;
+use crate::truth::{ankles_m, foot_forces};
+
+/// What the ground does to the left and the right foot at a time, about the world's origin; the sum is
+/// [`Worker::ground_reaction`].
+///
+/// `press_m` is where each foot presses, from its ankle along the world's axes, m; zero is right under the ankles.
+/// Shear and the moment about the vertical are shared as the vertical force is.
+pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> [Wrench; 2] {
+    let whole = worker.ground_reaction(time_s);
+    let ankle = ankles_m(&worker.sample(time_s).origin_m);
+    let feet = foot_forces([0, 1].map(|k| ankle[k] + press_m[k]), whole.cop_m(), whole.force_n.z);
+    let shares = feet.map(|foot| foot.force_n.z / whole.force_n.z);
+    let parts = [0, 1].map(|k| Wrench::at(feet[k].at_m, whole.force_n * shares[k]));
+    let turning = whole.moment_nm.z - parts[0].moment_nm.z - parts[1].moment_nm.z;
+    [0, 1]
+        .map(|k| Wrench { moment_nm: parts[k].moment_nm + Vector3::z() * (turning * shares[k]), ..parts[k] })
+}
+
+/// What two plates side by side on the floor (`z = 0`) tell of it: the sum, and each foot by itself. Times, counters
+/// and sequence are the caller's.
+pub fn ground_sample(feet: &[Wrench; 2]) -> GroundSample {
+    let bears = |foot: &Wrench| foot.force_n.z > 0.0;
+    GroundSample {
+        per_foot: 1,
+        force_n: (feet[0].force_n + feet[1].force_n).into(),
+        moment_nm: (feet[0].moment_nm + feet[1].moment_nm).into(),
+        foot_vertical_n: [0, 1].map(|k| feet[k].force_n.z),
+        foot_cop_m: [0, 1].map(|k| if bears(&feet[k]) { feet[k].cop_m().into() } else { [0.0; 2] }),
+        ..GroundSample::zeroed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::person::Person;
+    use equipoise_core::pose_suggestion::library::LIBRARY;
+
+    #[test]
+    fn the_parts_are_the_whole_in_motion_too() {
+        let mut worker = Worker::new(Person::new(3, 1.77, 72.0), 3);
+        worker.take_pose(&LIBRARY[7], 0.2, 1.5);
+        worker.lift(6.0, 2.0);
+        for press_m in [[Vector2::zeros(); 2], [Vector2::new(-0.02, -0.02), Vector2::new(0.1, -0.01)]] {
+            for step in 1..40 {
+                let time_s = 0.1 * f64::from(step);
+                let whole = worker.ground_reaction(time_s);
+                let feet = ground_reaction_per_foot(&worker, time_s, press_m);
+                assert!((feet[0].force_n + feet[1].force_n - whole.force_n).norm() < 1e-9);
+                assert!((feet[0].moment_nm + feet[1].moment_nm - whole.moment_nm).norm() < 1e-9);
+                let told = ground_sample(&feet);
+                let cop_m = Vector2::from(told.cop_m().unwrap());
+                assert!((cop_m - whole.cop_m()).norm() < 1e-12);
+                let by_feet: Vector2<f64> = [0, 1]
+                    .map(|k| Vector2::from(told.foot_cop_m[k]) * told.foot_vertical_n[k] / told.force_n[2])
+                    .iter()
+                    .sum();
+                assert!((by_feet - cop_m).norm() < 1e-12);
+                assert!(told.feet().is_some_and(|feet| feet.cop_m.is_some()));
+            }
+        }
+    }
+}
