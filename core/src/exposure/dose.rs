@@ -16,15 +16,15 @@
 //! would be half of ours and probabilities up to 0.08 lower.
 //!
 //! A **lift** is an episode of at least half a second in which a load is known to be carried. It ends, and counts, when
-//! it is known that nothing is carried, or when a gap hides what happened. Where the torques are withheld between, as
-//! in quick motion, it goes on; a peak that falls into such a time is missed.
+//! nothing has been known to be carried for half a second too, or when a gap hides what happened. Where the torques are
+//! withheld between, as in quick motion, it goes on; a peak that falls into such a time is missed.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::Load;
 use crate::math;
 
-/// Shorter episodes are touches, not lifts, s.
+/// Shorter episodes are touches, not lifts, and shorter rests do not end one, s.
 pub const LIFT_MIN_S: f64 = 0.5;
 
 /// The dose since this worker began.
@@ -39,6 +39,8 @@ pub struct Dose {
     carried_s: f64,
     /// Largest moment of its load, N m.
     peak_nm: f64,
+    /// How long nothing has been known to be carried since, s.
+    empty_s: f64,
 }
 
 /// Damage of one lift with this peak moment of the load, N m; at most 1.
@@ -62,9 +64,15 @@ impl Dose {
             Load::Unknown => {}
             Load::Known { lift_moment_nm, is_lift: true, .. } => {
                 self.carried_s += step_s;
+                self.empty_s = 0.0;
                 self.peak_nm = self.peak_nm.max(lift_moment_nm);
             }
-            Load::None | Load::Known { .. } => self.end_lift(),
+            Load::None | Load::Known { .. } => {
+                self.empty_s += step_s;
+                if self.empty_s >= LIFT_MIN_S {
+                    self.end_lift();
+                }
+            }
         }
     }
 
@@ -74,12 +82,14 @@ impl Dose {
             self.damage += damage_of_lift(self.peak_nm);
             self.lifts = self.lifts.saturating_add(1);
         }
-        (self.carried_s, self.peak_nm) = (0.0, 0.0);
+        (self.carried_s, self.peak_nm, self.empty_s) = (0.0, 0.0, 0.0);
     }
 
     /// Whether every number is in range.
     pub fn is_sound(&self) -> bool {
-        [self.damage, self.carried_s, self.peak_nm].iter().all(|value| value.is_finite() && *value >= 0.0)
+        [self.damage, self.carried_s, self.peak_nm, self.empty_s]
+            .iter()
+            .all(|value| value.is_finite() && *value >= 0.0)
     }
 }
 
@@ -122,9 +132,13 @@ mod tests {
                 dose.advance(&Load::Unknown, 0.01);
             }
         }
+        // A moment below the threshold does not make two lifts of one.
+        dose.advance(&Load::None, 0.4);
+        dose.advance(&lift(30.0), 0.6);
         assert_eq!((dose.lifts, dose.damage), (0, 0.0));
-        dose.advance(&Load::None, 0.01);
-        dose.advance(&Load::None, 0.01);
+        dose.advance(&Load::None, 0.3);
+        dose.advance(&Load::None, 0.3);
+        dose.advance(&Load::None, 0.6);
         assert_eq!((dose.lifts, dose.damage), (1, damage_of_lift(55.0)));
         assert!(dose.is_sound());
     }
@@ -135,12 +149,12 @@ mod tests {
         for _ in 0..40 {
             dose.advance(&lift(50.0), 0.01);
         }
-        dose.advance(&Load::None, 0.01);
+        dose.advance(&Load::None, 0.6);
         let leaning = Load::Known { torque_nm: [9.0; JOINTS], lift_moment_nm: 0.0, is_lift: false };
         for _ in 0..100 {
             dose.advance(&leaning, 0.01);
         }
-        dose.advance(&Load::None, 0.01);
+        dose.advance(&Load::None, 0.6);
         assert_eq!((dose.lifts, dose.damage), (0, 0.0));
     }
 

@@ -126,7 +126,7 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     let mut bench = carrying(&person, 2000);
     assert_eq!(bench.state().lifts, 0);
     let moment_nm = Vector3::from(bench.state().torque_nm[0]).norm();
-    bench.hold(&person, &carrying_pose(), None, 500);
+    bench.hold(&person, &carrying_pose(), None, 1000);
     let state = bench.state();
     assert_eq!(state.lifts, 1);
     assert!((state.dose_damage / damage_of_lift(moment_nm) - 1.0).abs() < 0.05, "{}", state.dose_damage);
