@@ -1,0 +1,73 @@
+//! The command line: one command for each question.
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::table::Table;
+use crate::{coverage, lifting, paper, poses};
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "equipoise-study",
+    version,
+    about = "Asks questions of the method over many synthetic subjects and prints the tables",
+    after_help = "Build it optimised: cargo run --release -p equipoise-studies -- paper"
+)]
+struct Cli {
+    #[command(subcommand)]
+    question: Question,
+}
+
+#[derive(Debug, Subcommand)]
+enum Question {
+    /// The paper's experiment by the paper's method and by the default one
+    #[command(after_help = "Example: equipoise-study paper --subjects 10")]
+    Paper(Choices<10>),
+    /// How many poses until the model is accurate, by prior and by choice of poses
+    #[command(after_help = "Example: equipoise-study poses --subjects 20 --json")]
+    Poses(Choices<20>),
+    /// Torques while lifting at natural speed, and false alarms without a load
+    #[command(after_help = "Example: equipoise-study lifting --seed 100")]
+    Lifting(Choices<20>),
+    /// How often errors lie within the told 1-sigma and 2-sigma
+    #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
+    Coverage(Choices<20>),
+}
+
+#[derive(Debug, Args)]
+struct Choices<const SUBJECTS: u16> {
+    /// How many synthetic subjects
+    #[arg(long, default_value_t = SUBJECTS, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    subjects: u16,
+    /// Seed of the first subject; the others follow
+    #[arg(long, default_value_t = 1, value_name = "SEED")]
+    seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl<const SUBJECTS: u16> Choices<SUBJECTS> {
+    fn answer(&self, study: fn(u64, usize) -> Vec<Table>) {
+        let tables = study(self.seed, usize::from(self.subjects));
+        if self.json {
+            println!("{:#}", serde_json::Value::from_iter(tables.iter().map(Table::json)));
+        } else {
+            for table in tables {
+                println!("{table}");
+            }
+        }
+    }
+}
+
+/// Answers the question that the arguments ask.
+pub fn main() -> ExitCode {
+    match Cli::parse().question {
+        Question::Paper(choices) => choices.answer(paper::study),
+        Question::Poses(choices) => choices.answer(poses::study),
+        Question::Lifting(choices) => choices.answer(lifting::study),
+        Question::Coverage(choices) => choices.answer(coverage::study),
+    }
+    ExitCode::SUCCESS
+}
