@@ -23,22 +23,22 @@ struct Cli {
 enum Question {
     /// The paper's experiment by the paper's method and by the default one
     #[command(after_help = "Example: equipoise-study paper --subjects 10")]
-    Paper(Choices<10>),
+    Paper(Choices),
     /// How many poses until the model is accurate, by prior and by choice of poses
     #[command(after_help = "Example: equipoise-study poses --subjects 20 --json")]
-    Poses(Choices<20>),
+    Poses(Choices),
     /// Torques while lifting at natural speed, and false alarms without a load
     #[command(after_help = "Example: equipoise-study lifting --seed 100")]
-    Lifting(Choices<20>),
+    Lifting(Choices),
     /// How often errors lie within the told 1-sigma and 2-sigma
     #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
-    Coverage(Choices<20>),
+    Coverage(Choices),
 }
 
 #[derive(Debug, Args)]
-struct Choices<const SUBJECTS: u16> {
+struct Choices {
     /// How many synthetic subjects
-    #[arg(long, default_value_t = SUBJECTS, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     subjects: u16,
     /// Seed of the first subject; the others follow
     #[arg(long, default_value_t = 1, value_name = "SEED")]
@@ -48,7 +48,7 @@ struct Choices<const SUBJECTS: u16> {
     json: bool,
 }
 
-impl<const SUBJECTS: u16> Choices<SUBJECTS> {
+impl Choices {
     fn answer(&self, study: fn(u64, usize) -> Vec<Table>) {
         let tables = study(self.seed, usize::from(self.subjects));
         if self.json {
@@ -70,4 +70,21 @@ pub fn main() -> ExitCode {
         Question::Coverage(choices) => choices.answer(coverage::study),
     }
     ExitCode::SUCCESS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_question_takes_the_same_choices() {
+        for question in ["paper", "poses", "lifting", "coverage"] {
+            let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
+            assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");
+            assert!(
+                Cli::try_parse_from(["equipoise-study", question, "--subjects", "0"]).is_err(),
+                "{question}"
+            );
+        }
+    }
 }

@@ -69,7 +69,7 @@ impl Told {
 /// One subject: still and in motion.
 pub fn told(subject: &Subject) -> [Told; 2] {
     let mut session = Session::new(subject, subject.settings());
-    session.identify_by_windows(POSES_MAX);
+    session.identify(POSES_MAX);
     let mut both = [Told::default(); 2];
     session.hold_unknown(CHECK_POSES, |moment| both[0].add(moment, false));
     session.stand(2.0);

@@ -8,7 +8,7 @@ use crate::session::{Moment, Session};
 use crate::subject::{Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
-use crate::tasks::tells_torques;
+use crate::tasks::{CopErrors, tells_torques};
 use crate::variants::MOTIONS;
 
 /// Boxes that are lifted, kg.
@@ -77,19 +77,23 @@ impl Telling {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shift {
     lifting: [(ByGroup, Telling); BOXES_KG.len()],
-    work: Telling,
-    march: Telling,
+    work: (CopErrors, Telling),
+    march: (CopErrors, Telling),
 }
 
 /// Identifies, works without a load, marches, and lifts every box.
 pub fn shift(subject: &Subject, motion: Motion) -> Shift {
     let mut session = Session::new(subject, Settings { motion, ..subject.settings() });
-    session.identify_by_windows(POSES_MAX);
+    session.identify(POSES_MAX);
     session.stand(2.0);
     let mut shift = Shift::default();
-    session.work_unloaded(|moment| shift.work.add(moment.state));
+    let see = |moment: &Moment, (cop, telling): &mut (CopErrors, Telling)| {
+        cop.add(moment);
+        telling.add(moment.state);
+    };
+    session.work_unloaded(|moment| see(moment, &mut shift.work));
     session.stand(2.0);
-    session.march(STEPS, |moment| shift.march.add(moment.state));
+    session.march(STEPS, |moment| see(moment, &mut shift.march));
     for (mass_kg, (torques, telling)) in BOXES_KG.into_iter().zip(&mut shift.lifting) {
         session.stand(2.0);
         session.lift_at_work(mass_kg, |moment| see_lifted(moment, mass_kg, torques, telling));
@@ -132,7 +136,15 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
     );
     let mut telling = Table::new(
         format!("What is told in motion ({count} subjects)"),
-        &["motion", "task", "samples", "told %", "above green %", "withheld for (of all samples)"],
+        &[
+            "motion",
+            "task",
+            "CoP error mm",
+            "samples",
+            "told %",
+            "above green %",
+            "withheld for (of all samples)",
+        ],
     );
     for (name, motion) in MOTIONS {
         let mut sum = Shift::default();
@@ -141,8 +153,10 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
                 torques.merge(others);
                 told.merge(others_told);
             }
-            sum.work.merge(&shift.work);
-            sum.march.merge(&shift.march);
+            for (sum, task) in [(&mut sum.work, &shift.work), (&mut sum.march, &shift.march)] {
+                sum.0.merge(&task.0);
+                sum.1.merge(&task.1);
+            }
         }
         for (group, (joint, _)) in GROUPS.iter().enumerate() {
             let mut row: Vec<Cell> = vec![name.into(), (*joint).into()];
@@ -154,12 +168,14 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
             torques.push(row);
         }
         let unloaded = [("no load: bends, reaches, squats", &sum.work), ("no load: marching", &sum.march)];
-        let lifting =
-            ["4 kg", "8 kg", "12 kg"].into_iter().zip(sum.lifting.iter().map(|(_, telling)| telling));
-        for (task, told) in unloaded.into_iter().chain(lifting) {
+        let unloaded = unloaded.map(|(task, (cop, told))| (task, Some(1e3 * cop.distance_rms_m()), told));
+        let lifting = ["4 kg", "8 kg", "12 kg"].into_iter().zip(&sum.lifting);
+        let lifting = lifting.map(|(task, (_, told))| (task, None, told));
+        for (task, cop_mm, told) in unloaded.into_iter().chain(lifting) {
             telling.push(vec![
                 name.into(),
                 task.into(),
+                cop_mm.into(),
                 told.samples.into(),
                 percent(told.told, told.samples).into(),
                 percent(told.coloured, told.samples).into(),
@@ -171,6 +187,7 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
     torques.note("error: RMS length of told less true torque, left and right together, over samples with torques and the whole box in the hands");
     torques.note("true: inverse dynamics of the motion with the box less without it, ground at the common centre of pressure");
     torques.note("sigma: mean of the told 1-sigma of the magnitude");
+    telling.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
     telling.note("told: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
     telling.note("without a load nothing should be above green");
     vec![torques, telling]

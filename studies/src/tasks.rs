@@ -31,6 +31,8 @@ pub struct Identified {
     pub seconds: f64,
     /// What the filter promises for the centre of pressure, m.
     pub predicted_cop_sigma_m: f64,
+    /// The largest P_jj, m².
+    pub variance_max_m2: f64,
 }
 
 /// Whether centre of pressure is told both as measured and as estimated.
@@ -84,6 +86,7 @@ impl Session {
             converged,
             seconds: self.now_s() - start_s,
             predicted_cop_sigma_m: self.state().predicted_cop_sigma_m,
+            variance_max_m2: self.state().variance_max_m2,
         };
         if !converged {
             self.command(CommandKind::IdentifyStop);
@@ -222,6 +225,20 @@ impl CopErrors {
             self.high_m[axis] = if first { measured } else { self.high_m[axis].max(measured) };
         }
         self.samples += 1;
+    }
+
+    /// Takes in what another has.
+    pub fn merge(&mut self, other: &CopErrors) {
+        if self.samples == 0 || other.samples == 0 {
+            *self = if self.samples == 0 { *other } else { *self };
+            return;
+        }
+        self.samples += other.samples;
+        for axis in 0..2 {
+            self.square_m2[axis] += other.square_m2[axis];
+            self.low_m[axis] = self.low_m[axis].min(other.low_m[axis]);
+            self.high_m[axis] = self.high_m[axis].max(other.high_m[axis]);
+        }
     }
 
     /// Root mean square per axis, forward and sideways, m.
