@@ -105,13 +105,13 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
         &[
             "quantity",
             "still: 1-sigma %",
-            "2-sigma %",
-            "error/sigma",
-            "samples",
+            "still: 2-sigma %",
+            "still: error/sigma",
+            "still: samples",
             "motion: 1-sigma %",
-            "2-sigma %",
-            "error/sigma",
-            "samples",
+            "motion: 2-sigma %",
+            "motion: error/sigma",
+            "motion: samples",
         ],
     );
     let names = ["CoP forward", "CoP sideways", "external force, vertical"].into_iter();

@@ -111,10 +111,10 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
             "upper quartile",
             "never",
             "error mm after 0",
-            "5",
-            "10",
-            "20",
-            "30",
+            "after 5",
+            "after 10",
+            "after 20",
+            "after 30",
         ],
     );
     for (question, courses) in questions.chunks(count).zip(courses.chunks(count)) {

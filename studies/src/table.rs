@@ -72,7 +72,13 @@ pub struct Table {
 
 impl Table {
     /// An empty table; units stand in the columns' names.
+    ///
+    /// # Panics
+    /// If two columns have one name: in JSON one would hide the other.
     pub fn new(title: impl Into<String>, columns: &[&'static str]) -> Table {
+        for (index, column) in columns.iter().enumerate() {
+            assert!(!columns[..index].contains(column), "two columns are called {column}");
+        }
         Table { title: title.into(), columns: columns.to_vec(), rows: Vec::new(), notes: Vec::new() }
     }
 
@@ -148,6 +154,12 @@ mod tests {
     fn numbers_have_three_digits_that_count() {
         let shown = [0.001_234_5, 0.123_45, 1.234_5, 12.345, 123.45, 1234.5, -2.0, 0.0].map(three_digits);
         assert_eq!(shown, ["0.00123", "0.123", "1.23", "12.3", "123", "1234", "-2.00", "0"]);
+    }
+
+    #[test]
+    #[should_panic(expected = "two columns")]
+    fn a_name_stands_once() {
+        let _ = Table::new("title", &["error mm", "true mm", "error mm"]);
     }
 
     #[test]
