@@ -119,6 +119,9 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
         "poses: median over the bodies of the poses until the stop rule held (the paper: 25, one person)",
     );
     identification.note(format!("converged: bodies for which it held within {POSES_MAX} poses"));
+    identification.note(
+        "largest P_jj: median at the end; each begins at 1 m2 without a prior, and what no pose tells apart keeps part of it",
+    );
     identification
         .note("promised: median of the filter's predicted 1-sigma of the CoP over the library, both axes");
     identification.note(format!(
