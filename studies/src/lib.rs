@@ -1,10 +1,20 @@
 //! Questions to the method, answered over many synthetic subjects: offline, without sockets, as fast as it computes.
 //!
-//! Floors, ground first: [`subject`] → [`sensors`] → [`session`] → [`tasks`], each resting only on those before it.
+//! Floors, ground first, each resting only on those before it: [`subject`] → [`sensors`] → [`mixtures`] → [`session`] → [`tasks`],
+//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`coverage`] → [`cli`].
 //! Everything follows from a seed: the same question gives the same answer, however many threads ask it.
 #![forbid(unsafe_code)]
 
+pub mod cli;
+pub mod coverage;
+pub mod lifting;
+pub mod mixtures;
+pub mod paper;
+pub mod poses;
 pub mod sensors;
 pub mod session;
 pub mod subject;
+pub mod table;
+pub mod tally;
 pub mod tasks;
+pub mod variants;

@@ -48,7 +48,6 @@ pub struct Session {
     suit_next: u32,
     ground_next: u32,
     seen_ns: u64,
-    asked: Vec<Posture>,
 }
 
 impl Session {
@@ -73,7 +72,6 @@ impl Session {
             suit_next: 0,
             ground_next: 0,
             seen_ns: 0,
-            asked: Vec::new(),
         }
     }
 
@@ -90,6 +88,11 @@ impl Session {
     /// What the estimator told last.
     pub fn state(&self) -> &State {
         &self.memory.state
+    }
+
+    /// Who it is told of.
+    pub fn worker(&self) -> &Worker {
+        &self.worker
     }
 
     /// The estimator's memory, to compare two runs.
@@ -110,13 +113,7 @@ impl Session {
 
     /// The worker starts to take a posture, and has it after `over_s`.
     pub fn take_pose(&mut self, posture: &Posture, over_s: f64) {
-        self.asked.push(*posture);
         self.order(|worker, at_s| worker.take_pose(posture, at_s, over_s));
-    }
-
-    /// Whether the worker was ever told to take that posture.
-    pub fn was_asked(&self, posture: &Posture) -> bool {
-        self.asked.contains(posture)
     }
 
     /// A command to the estimator; a cycle passes.
@@ -181,5 +178,76 @@ impl Session {
         }
         self.seen_ns = told_ns;
         Some(Moment { state: &self.memory.state, worker: &self.worker, time_s: simulated_s(told_ns) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use equipoise_core::body::{SEGMENTS, Segment};
+    use equipoise_simulator::repertoire::LIFTING;
+    use nalgebra::{Vector2, Vector3};
+
+    /// A statue in a suit without error, on a plate without error, on the way into a pose.
+    fn perfect() -> Session {
+        let subject = Subject::somebody(9);
+        let mut session = Session::with(&subject, subject.settings(), Rig::PERFECT, Habits::NONE);
+        session.run(1.0, |_| {});
+        session.order(|worker, at_s| worker.intend(&LIFTING[3], at_s, 0.8));
+        session
+    }
+
+    #[test]
+    fn a_state_is_seen_beside_the_truth_of_its_own_time() {
+        let (mut seen, mut sample_later_m) = (0, 0.0_f64);
+        perfect().run(1.0, |moment| {
+            let hand = Segment::LeftHand.index();
+            let truth = moment.truth();
+            for segment in 0..SEGMENTS {
+                let told = Vector3::from(moment.state.segment_origin_m[segment]);
+                assert!(
+                    (told - truth.body.origin_m[segment]).norm() < 1e-6,
+                    "{segment} at {} s",
+                    moment.time_s
+                );
+            }
+            let measured = Vector2::from(moment.state.cop_measured_m);
+            assert!((measured - truth.cop_m).norm() < 2e-4, "{measured} {}", truth.cop_m);
+            let later = moment.worker.sample(moment.time_s + 1.0 / 60.0).origin_m[hand];
+            sample_later_m = sample_later_m.max((later - truth.body.origin_m[hand]).norm());
+            seen += 1;
+        });
+        assert_eq!(seen, 60);
+        assert!(sample_later_m > 0.01, "a sample later would not be noticed: {sample_later_m} m");
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes_and_another_others() {
+        let run = |seed: u64| {
+            let subject = Subject::somebody(seed);
+            let mut session = Session::new(&subject, subject.settings());
+            session.identify_by_windows(3);
+            session
+        };
+        let (one, same, other) = (run(3), run(3), run(4));
+        assert_eq!(bytemuck::bytes_of(one.memory()), bytemuck::bytes_of(same.memory()));
+        assert_ne!(bytemuck::bytes_of(one.memory()), bytemuck::bytes_of(other.memory()));
+        assert_eq!(one.state().poses_used, 3);
+    }
+
+    #[test]
+    fn a_leap_is_a_gap_and_then_everything_goes_on() {
+        let mut session = perfect();
+        session.run(1.0, |_| {});
+        let before_s = session.now_s();
+        session.leap(3.0);
+        assert!((session.now_s() - before_s - 3.0).abs() < 1e-9);
+        let (mut seen, mut last_s) = (0, before_s);
+        session.run(0.5, |moment| {
+            assert!(moment.time_s > last_s);
+            last_s = moment.time_s;
+            seen += 1;
+        });
+        assert!(seen >= 29, "{seen}");
     }
 }

@@ -3,14 +3,15 @@
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{State, Validity};
 use equipoise_core::pose_suggestion::Posture;
-use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::intention::{Arm, Intention};
+use equipoise_simulator::motion::Worker;
 use equipoise_simulator::repertoire::LIFTING;
 
+use crate::mixtures::mixtures;
 use crate::session::{Moment, Session};
 
 /// How long a worker takes to take a pose, s.
-const POSE_S: f64 = 1.8;
+pub const POSE_S: f64 = 1.8;
 /// A pose that was not learnt within this is left for another, s.
 const PATIENCE_S: f64 = 6.0;
 /// How long a still window is shown when time leaps between poses, s: the window of 20 samples, and what a centred
@@ -30,6 +31,8 @@ pub struct Identified {
     pub seconds: f64,
     /// What the filter promises for the centre of pressure, m.
     pub predicted_cop_sigma_m: f64,
+    /// The largest P_jj, m².
+    pub variance_max_m2: f64,
 }
 
 /// Whether centre of pressure is told both as measured and as estimated.
@@ -83,6 +86,7 @@ impl Session {
             converged,
             seconds: self.now_s() - start_s,
             predicted_cop_sigma_m: self.state().predicted_cop_sigma_m,
+            variance_max_m2: self.state().variance_max_m2,
         };
         if !converged {
             self.command(CommandKind::IdentifyStop);
@@ -103,32 +107,28 @@ impl Session {
         self.run_until(hold_s, |moment| moment.state.poses_used > used)
     }
 
-    /// Shows each posture, held still; `see` looks at every state of a still worker.
-    pub fn hold_each(&mut self, postures: &[Posture], mut see: impl FnMut(&Moment)) {
-        for posture in postures {
-            self.take_pose(posture, POSE_S);
-            self.leap(POSE_S + 0.1);
-            self.run(WINDOW_S, |moment| {
-                if moment.state.static_pose == 1 {
-                    see(moment);
-                }
-            });
+    /// Takes a pose as ordered, leaping over the way there; `see` looks at every state of a still worker.
+    pub fn hold(&mut self, order: impl FnOnce(&mut Worker, f64), mut see: impl FnMut(&Moment)) {
+        self.order(order);
+        self.leap(POSE_S + 0.1);
+        self.run(WINDOW_S, |moment| {
+            if moment.state.static_pose == 1 {
+                see(moment);
+            }
+        });
+    }
+
+    /// Shows `count` poses that are in no library: mixtures by the subject's seed.
+    pub fn hold_unknown(&mut self, count: usize, mut see: impl FnMut(&Moment)) {
+        for mixture in mixtures(self.worker(), self.subject().seed, count) {
+            self.hold(|worker, at_s| worker.intend(&mixture, at_s, POSE_S), &mut see);
         }
     }
 
-    /// `count` poses of the library that were never asked for, spread over it.
-    pub fn unasked(&self, count: usize) -> Vec<Posture> {
-        let unasked: Vec<Posture> =
-            LIBRARY.iter().copied().filter(|posture| !self.was_asked(posture)).collect();
-        let count = count.min(unasked.len());
-        (0..count).map(|index| unasked[index * unasked.len() / count]).collect()
-    }
-
-    /// Centre of pressure in `count` poses that were never asked for.
+    /// Centre of pressure in `count` poses that are in no library.
     pub fn hold_out(&mut self, count: usize) -> CopErrors {
-        let postures = self.unasked(count);
         let mut errors = CopErrors::default();
-        self.hold_each(&postures, |moment| errors.add(moment));
+        self.hold_unknown(count, |moment| errors.add(moment));
         errors
     }
 
@@ -176,6 +176,19 @@ impl Session {
         self.run(seconds, see);
     }
 
+    /// The worker comes to stand straight and stays so.
+    pub fn stand(&mut self, seconds: f64) {
+        self.perform(&[Intention::STAND], NATURAL_S);
+        self.run(NATURAL_S + seconds, |_| {});
+    }
+
+    /// The worker marches on the spot.
+    pub fn march(&mut self, steps: u32, see: impl FnMut(&Moment)) {
+        let mut end_s = 0.0;
+        self.order(|worker, at_s| end_s = worker.march_on_the_spot(at_s, steps));
+        self.run(end_s - self.now_s(), see);
+    }
+
     /// One intention after another, each begun when the one before is there; returns how long all take, s.
     fn perform(&mut self, script: &[Intention], each_s: f64) -> f64 {
         self.order(|worker, at_s| {
@@ -214,6 +227,20 @@ impl CopErrors {
         self.samples += 1;
     }
 
+    /// Takes in what another has.
+    pub fn merge(&mut self, other: &CopErrors) {
+        if self.samples == 0 || other.samples == 0 {
+            *self = if self.samples == 0 { *other } else { *self };
+            return;
+        }
+        self.samples += other.samples;
+        for axis in 0..2 {
+            self.square_m2[axis] += other.square_m2[axis];
+            self.low_m[axis] = self.low_m[axis].min(other.low_m[axis]);
+            self.high_m[axis] = self.high_m[axis].max(other.high_m[axis]);
+        }
+    }
+
     /// Root mean square per axis, forward and sideways, m.
     pub fn rms_m(&self) -> [f64; 2] {
         self.square_m2.map(|square| (square / self.samples.max(1) as f64).sqrt())
@@ -228,5 +255,45 @@ impl CopErrors {
     /// From the least to the largest measured value per axis, m.
     pub fn range_m(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.high_m[axis] - self.low_m[axis])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::subject::Subject;
+
+    #[test]
+    fn who_says_what_is_measured_errs_by_nothing() {
+        let subject = Subject::somebody(2);
+        let mut session = Session::new(&subject, subject.settings());
+        session.run(1.0, |_| {});
+        let (mut perfect, mut off) = (CopErrors::default(), CopErrors::default());
+        session.hold_unknown(2, |moment| {
+            let mut state = *moment.state;
+            state.cop_estimated_m = state.cop_measured_m;
+            perfect.add(&Moment { state: &state, ..*moment });
+            state.cop_estimated_m[1] += 0.003;
+            off.add(&Moment { state: &state, ..*moment });
+        });
+        assert!(perfect.samples >= 20, "{}", perfect.samples);
+        assert_eq!(perfect.distance_rms_m(), 0.0);
+        assert!((off.distance_rms_m() - 0.003).abs() < 1e-12 && off.rms_m()[0] == 0.0);
+    }
+
+    #[test]
+    fn a_lift_has_a_box_in_the_hands_and_work_without_a_load_has_none() {
+        let subject = Subject::somebody(2);
+        let mut session = Session::new(&subject, subject.settings());
+        session.run(0.5, |_| {});
+        let (mut lifted, mut all) = (0, 0);
+        session.lift_at_work(6.0, |moment| {
+            let truth = moment.truth();
+            all += 1;
+            lifted += u64::from(truth.body.load_kg == 6.0 && truth.overload_in_motion_nm[0].norm() > 1.0);
+        });
+        assert!(lifted * 2 > all, "{lifted} of {all}");
+        session.stand(0.5);
+        session.work_unloaded(|moment| assert_eq!(moment.worker.sample(moment.time_s).load_kg, 0.0));
     }
 }

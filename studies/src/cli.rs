@@ -1,0 +1,90 @@
+//! The command line: one command for each question.
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::table::Table;
+use crate::{coverage, lifting, paper, poses};
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "equipoise-study",
+    version,
+    about = "Asks questions of the method over many synthetic subjects and prints the tables",
+    after_help = "Build it optimised: cargo run --release -p equipoise-studies -- paper"
+)]
+struct Cli {
+    #[command(subcommand)]
+    question: Question,
+}
+
+#[derive(Debug, Subcommand)]
+enum Question {
+    /// The paper's experiment by the paper's method and by the default one
+    #[command(after_help = "Example: equipoise-study paper --subjects 10")]
+    Paper(Choices),
+    /// How many poses until the model is accurate, by prior and by choice of poses
+    #[command(after_help = "Example: equipoise-study poses --subjects 20 --json")]
+    Poses(Choices),
+    /// Torques while lifting at natural speed, and false alarms without a load
+    #[command(after_help = "Example: equipoise-study lifting --seed 100")]
+    Lifting(Choices),
+    /// How often errors lie within the told 1-sigma and 2-sigma
+    #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
+    Coverage(Choices),
+}
+
+#[derive(Debug, Args)]
+struct Choices {
+    /// How many synthetic subjects
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    subjects: u16,
+    /// Seed of the first subject; the others follow
+    #[arg(long, default_value_t = 1, value_name = "SEED")]
+    seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Choices {
+    fn answer(&self, study: fn(u64, usize) -> Vec<Table>) {
+        let tables = study(self.seed, usize::from(self.subjects));
+        if self.json {
+            println!("{:#}", serde_json::Value::from_iter(tables.iter().map(Table::json)));
+        } else {
+            for table in tables {
+                println!("{table}");
+            }
+        }
+    }
+}
+
+/// Answers the question that the arguments ask.
+pub fn main() -> ExitCode {
+    match Cli::parse().question {
+        Question::Paper(choices) => choices.answer(paper::study),
+        Question::Poses(choices) => choices.answer(poses::study),
+        Question::Lifting(choices) => choices.answer(lifting::study),
+        Question::Coverage(choices) => choices.answer(coverage::study),
+    }
+    ExitCode::SUCCESS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_question_takes_the_same_choices() {
+        for question in ["paper", "poses", "lifting", "coverage"] {
+            let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
+            assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");
+            assert!(
+                Cli::try_parse_from(["equipoise-study", question, "--subjects", "0"]).is_err(),
+                "{question}"
+            );
+        }
+    }
+}

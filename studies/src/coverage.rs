@@ -1,0 +1,166 @@
+//! Whether the told σ say the truth.
+
+use nalgebra::Vector3;
+
+use crate::session::{Moment, Session};
+use crate::subject::{Subject, ask_all};
+use crate::table::Table;
+use crate::tally::{Coverage, GROUPS, joints_of};
+use crate::tasks::{tells_cop, tells_torques};
+use equipoise_core::message::Validity;
+
+/// Boxes that are lifted, kg.
+const BOXES_KG: [f64; 2] = [4.0, 10.0];
+/// Poses that are learnt before.
+const POSES_MAX: u32 = 30;
+/// Poses that check the centre of pressure.
+const CHECK_POSES: usize = 15;
+/// From here on a box counts as lifted, share of its mass.
+const LIFTED: f64 = 0.999;
+
+/// Coverage in one condition.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Told {
+    cop: [Coverage; 2],
+    delta_f: Coverage,
+    joints: [Coverage; GROUPS.len()],
+}
+
+impl Told {
+    fn add(&mut self, moment: &Moment, carries: bool) {
+        let (state, truth) = (moment.state, moment.truth());
+        if tells_cop(state) {
+            for axis in 0..2 {
+                let error_m = state.cop_estimated_m[axis] - truth.cop_without_load_in_motion_m[axis];
+                self.cop[axis].add(error_m, state.cop_sigma_m[axis]);
+            }
+        }
+        if !state.validity().any_of(Validity::SPOILS_DELTA_F) {
+            let error_n = state.delta_f_n[2] + truth.load_force_in_motion_n.z;
+            self.delta_f.add(error_n, state.delta_f_sigma_n);
+        }
+        if carries && tells_torques(state) {
+            for (group, coverage) in self.joints.iter_mut().enumerate() {
+                for joint in joints_of(group) {
+                    let told = Vector3::from(state.torque_nm[joint]);
+                    let error_nm = magnitude_error_nm(told, truth.overload_in_motion_nm[joint]);
+                    coverage.add(error_nm, state.torque_sigma_nm[joint]);
+                }
+            }
+        }
+    }
+
+    fn merge(&mut self, other: &Told) {
+        for (sum, others) in self.all_mut().into_iter().zip(other.all()) {
+            sum.merge(others);
+        }
+    }
+
+    fn all(&self) -> Vec<&Coverage> {
+        self.cop.iter().chain([&self.delta_f]).chain(&self.joints).collect()
+    }
+
+    fn all_mut(&mut self) -> Vec<&mut Coverage> {
+        self.cop.iter_mut().chain([&mut self.delta_f]).chain(&mut self.joints).collect()
+    }
+}
+
+/// Error of a told torque along itself, N m; of a told zero, all that is true.
+fn magnitude_error_nm(told: Vector3<f64>, real: Vector3<f64>) -> f64 {
+    told.try_normalize(1e-9).map_or_else(|| -real.norm(), |along| (told - real).dot(&along))
+}
+
+/// One subject: still and in motion.
+pub fn told(subject: &Subject) -> [Told; 2] {
+    let mut session = Session::new(subject, subject.settings());
+    session.identify(POSES_MAX);
+    let mut both = [Told::default(); 2];
+    session.hold_unknown(CHECK_POSES, |moment| both[0].add(moment, false));
+    session.stand(2.0);
+    let sort = |moment: &Moment, both: &mut [Told; 2], mass_kg: f64| {
+        let carries = moment.worker.sample(moment.time_s).load_kg >= LIFTED * mass_kg;
+        let condition = usize::from(moment.state.static_pose == 0);
+        both[condition].add(moment, carries);
+    };
+    session.work_unloaded(|moment| sort(moment, &mut both, f64::INFINITY));
+    for mass_kg in BOXES_KG {
+        session.stand(2.0);
+        session.lift(mass_kg, |moment| sort(moment, &mut both, mass_kg));
+        session.lift_at_work(mass_kg, |moment| sort(moment, &mut both, mass_kg));
+    }
+    both
+}
+
+/// The table.
+pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
+    let crowd = Subject::crowd(first_seed, count);
+    let mut sums = [Told::default(); 2];
+    for both in ask_all(&crowd, told) {
+        for (sum, told) in sums.iter_mut().zip(&both) {
+            sum.merge(told);
+        }
+    }
+    let mut table = Table::new(
+        format!("How often errors lie within the told sigma ({count} subjects, default method)"),
+        &[
+            "quantity",
+            "still: 1-sigma %",
+            "still: 2-sigma %",
+            "still: error/sigma",
+            "still: samples",
+            "motion: 1-sigma %",
+            "motion: 2-sigma %",
+            "motion: error/sigma",
+            "motion: samples",
+        ],
+    );
+    let names = ["CoP forward", "CoP sideways", "external force, vertical"].into_iter();
+    let names = names.chain(GROUPS.iter().map(|(name, _)| *name));
+    for (index, name) in names.enumerate() {
+        push(&mut table, name, sums.map(|told| *told.all()[index]));
+    }
+    let overall = sums.map(|told| {
+        let mut overall = Coverage::default();
+        told.joints.iter().for_each(|joint| overall.merge(joint));
+        overall
+    });
+    push(&mut table, "all joints", overall);
+    table.note("a normal error lies within 1 sigma 68.3 % and within 2 sigma 95.4 % of the time; error/sigma: root mean square, 1 where sigma is right");
+    table.note("CoP: estimated less true centre of pressure of the unloaded body in this motion; force: vertical, told less true");
+    table.note("joints: told less true torque along the told one (all of it where zero was told), with the whole box of 4 or 10 kg in the hands; true: inverse dynamics, ground at the common centre of pressure");
+    table.note("still: the estimator's own static pose; motion: the rest; samples follow each other at 60 Hz and are not independent");
+    vec![table]
+}
+
+fn push(table: &mut Table, name: &str, coverage: [Coverage; 2]) {
+    let mut row = vec![name.into()];
+    for coverage in coverage {
+        row.extend(coverage.percent().map(Into::into));
+        row.push(coverage.ratio_rms().into());
+        row.push(coverage.count.into());
+    }
+    table.push(row);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_is_taken_along_what_was_told_and_a_told_zero_misses_everything() {
+        let told = Vector3::new(0.0, -5.0, 0.0);
+        assert_eq!(magnitude_error_nm(told, Vector3::new(3.0, -4.0, 0.0)), 1.0);
+        assert_eq!(magnitude_error_nm(told, told), 0.0);
+        assert_eq!(magnitude_error_nm(Vector3::zeros(), Vector3::new(3.0, 4.0, 0.0)), -5.0);
+    }
+
+    #[test]
+    fn one_subject_is_seen_still_and_in_motion() {
+        let [still, moving] = told(&Subject::somebody(1));
+        for coverage in still.cop.iter().chain(&moving.cop).chain(&still.joints) {
+            assert!(coverage.count > 100, "{coverage:?}");
+            let [once, twice] = coverage.percent().map(Option::unwrap_or_default);
+            assert!(once <= twice && twice <= 100.0);
+        }
+    }
+}

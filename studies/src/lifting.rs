@@ -1,0 +1,194 @@
+//! Loads that are lifted at natural speed, and natural motion without a load.
+
+use equipoise_core::cycle::{Motion, Settings};
+use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
+
+use crate::session::{Moment, Session};
+use crate::subject::{Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::{ByGroup, GROUPS, percent};
+use crate::tasks::{CopErrors, tells_torques};
+use crate::variants::MOTIONS;
+
+/// Boxes that are lifted, kg.
+const BOXES_KG: [f64; 3] = [4.0, 8.0, 12.0];
+/// Poses that are learnt before.
+const POSES_MAX: u32 = 30;
+/// Steps of marching on the spot.
+const STEPS: u32 = 8;
+/// From here on a box counts as lifted, share of its mass.
+const LIFTED: f64 = 0.999;
+/// No more reasons than this are counted.
+const REASONS: usize = 32;
+const _: () = assert!(Validity::NAMES.len() <= REASONS);
+
+/// How often torques were told, and why not.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Telling {
+    /// New states.
+    pub samples: u64,
+    /// Those with torques.
+    pub told: u64,
+    /// Those with torques that put some joint above green.
+    pub coloured: u64,
+    /// How often each reason was raised, by [`Validity::NAMES`]; one state may have several.
+    withheld: [u64; REASONS],
+}
+
+impl Telling {
+    /// Takes in a state.
+    pub fn add(&mut self, state: &State) {
+        self.samples += 1;
+        let valid = state.validity();
+        for (count, (reason, _)) in self.withheld.iter_mut().zip(Validity::NAMES) {
+            *count += u64::from(valid.any_of(*reason) && valid.any_of(Validity::SPOILS_TORQUES));
+        }
+        if tells_torques(state) {
+            self.told += 1;
+            let above = [Level::Orange, Level::Red, Level::AboveMax].map(|level| level as u32);
+            self.coloured += u64::from(state.joint_level.iter().any(|level| above.contains(level)));
+        }
+    }
+
+    fn merge(&mut self, other: &Telling) {
+        self.samples += other.samples;
+        self.told += other.told;
+        self.coloured += other.coloured;
+        for (sum, count) in self.withheld.iter_mut().zip(other.withheld) {
+            *sum += count;
+        }
+    }
+
+    /// The most frequent reasons with their shares of all samples.
+    fn reasons(&self) -> String {
+        let mut all: Vec<(u64, &str)> =
+            self.withheld.iter().copied().zip(Validity::NAMES.iter().map(|(_, name)| *name)).collect();
+        all.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
+        let shown = all.iter().take(3).filter(|(count, _)| *count > 0);
+        let words: Vec<String> = shown
+            .map(|(count, name)| format!("{name} {:.0} %", percent(*count, self.samples).unwrap_or(0.0)))
+            .collect();
+        if words.is_empty() { "-".into() } else { words.join(", ") }
+    }
+}
+
+/// What one subject gives.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shift {
+    lifting: [(ByGroup, Telling); BOXES_KG.len()],
+    work: (CopErrors, Telling),
+    march: (CopErrors, Telling),
+}
+
+/// Identifies, works without a load, marches, and lifts every box.
+pub fn shift(subject: &Subject, motion: Motion) -> Shift {
+    let mut session = Session::new(subject, Settings { motion, ..subject.settings() });
+    session.identify(POSES_MAX);
+    session.stand(2.0);
+    let mut shift = Shift::default();
+    let see = |moment: &Moment, (cop, telling): &mut (CopErrors, Telling)| {
+        cop.add(moment);
+        telling.add(moment.state);
+    };
+    session.work_unloaded(|moment| see(moment, &mut shift.work));
+    session.stand(2.0);
+    session.march(STEPS, |moment| see(moment, &mut shift.march));
+    for (mass_kg, (torques, telling)) in BOXES_KG.into_iter().zip(&mut shift.lifting) {
+        session.stand(2.0);
+        session.lift_at_work(mass_kg, |moment| see_lifted(moment, mass_kg, torques, telling));
+    }
+    shift
+}
+
+/// Takes in a state if the hands carry the whole box at its time.
+fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, telling: &mut Telling) {
+    if moment.worker.sample(moment.time_s).load_kg < LIFTED * mass_kg {
+        return;
+    }
+    telling.add(moment.state);
+    if tells_torques(moment.state) {
+        let truth = moment.truth();
+        torques.add(&moment.state.torque_nm, &moment.state.torque_sigma_nm, &truth.overload_in_motion_nm);
+    }
+}
+
+/// The tables.
+pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
+    let crowd = Subject::crowd(first_seed, count);
+    let mut torques = Table::new(
+        format!(
+            "Torques while lifting at natural speed ({count} subjects): RMS error, true RMS, told 1-sigma, N m"
+        ),
+        &[
+            "motion",
+            "joint",
+            "4 kg error",
+            "4 kg true",
+            "4 kg sigma",
+            "8 kg error",
+            "8 kg true",
+            "8 kg sigma",
+            "12 kg error",
+            "12 kg true",
+            "12 kg sigma",
+        ],
+    );
+    let mut telling = Table::new(
+        format!("What is told in motion ({count} subjects)"),
+        &[
+            "motion",
+            "task",
+            "CoP error mm",
+            "samples",
+            "told %",
+            "above green %",
+            "withheld for (of all samples)",
+        ],
+    );
+    for (name, motion) in MOTIONS {
+        let mut sum = Shift::default();
+        for shift in ask_all(&crowd, |subject| shift(subject, motion)) {
+            for ((torques, told), (others, others_told)) in sum.lifting.iter_mut().zip(&shift.lifting) {
+                torques.merge(others);
+                told.merge(others_told);
+            }
+            for (sum, task) in [(&mut sum.work, &shift.work), (&mut sum.march, &shift.march)] {
+                sum.0.merge(&task.0);
+                sum.1.merge(&task.1);
+            }
+        }
+        for (group, (joint, _)) in GROUPS.iter().enumerate() {
+            let mut row: Vec<Cell> = vec![name.into(), (*joint).into()];
+            for (by_group, _) in &sum.lifting {
+                let sums = &by_group.0[group];
+                row.extend([&sums.error_nm, &sums.true_nm].map(|sums| Cell::from(sums.rms())));
+                row.push(sums.sigma_nm.mean().into());
+            }
+            torques.push(row);
+        }
+        let unloaded = [("no load: bends, reaches, squats", &sum.work), ("no load: marching", &sum.march)];
+        let unloaded = unloaded.map(|(task, (cop, told))| (task, Some(1e3 * cop.distance_rms_m()), told));
+        let lifting = ["4 kg", "8 kg", "12 kg"].into_iter().zip(&sum.lifting);
+        let lifting = lifting.map(|(task, (_, told))| (task, None, told));
+        for (task, cop_mm, told) in unloaded.into_iter().chain(lifting) {
+            telling.push(vec![
+                name.into(),
+                task.into(),
+                cop_mm.into(),
+                told.samples.into(),
+                percent(told.told, told.samples).into(),
+                percent(told.coloured, told.samples).into(),
+                told.reasons().as_str().into(),
+            ]);
+        }
+    }
+    torques.note("natural speed: poses 1 s apart without a rest, a box from a table, round to both sides, up, and back");
+    torques.note("error: RMS length of told less true torque, left and right together, over samples with torques and the whole box in the hands");
+    torques.note("true: inverse dynamics of the motion with the box less without it, ground at the common centre of pressure");
+    torques.note("sigma: mean of the told 1-sigma of the magnitude");
+    telling.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
+    telling.note("told: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
+    telling.note("without a load nothing should be above green");
+    vec![torques, telling]
+}

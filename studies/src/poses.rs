@@ -1,0 +1,172 @@
+//! How many poses until the model is accurate, for what is believed before and how the poses are chosen.
+
+use equipoise_core::cycle::{PoseChoice, Settings, StopRule};
+use equipoise_core::frame::{Pose, StationWorld, rotation};
+use equipoise_core::sesc::{Phi, centre_of_mass};
+use equipoise_core::static_pose::Held;
+use nalgebra::Vector2;
+
+use crate::session::Session;
+use crate::subject::{Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::quartiles;
+use crate::tasks::POSE_S;
+use crate::variants::{Belief, POSE_CHOICES, divided_library};
+
+/// Poses that may be learnt.
+const POSES_MAX: u32 = 30;
+/// Accurate means that the held-out error is below this, m.
+const ACCURATE_M: f64 = 0.010;
+/// Poses after which the error is shown.
+const SHOWN: [usize; 5] = [0, 5, 10, 20, 30];
+
+/// What one subject's run gives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Course {
+    /// Held-out error after 0, 1, 2, … poses, m.
+    pub error_m: Vec<f64>,
+}
+
+impl Course {
+    /// After how many poses the error stays below a bound for good; `None` if it never does.
+    pub fn poses_to(&self, bound_m: f64) -> Option<usize> {
+        let above = self.error_m.iter().rposition(|error_m| *error_m >= bound_m);
+        match above {
+            None => Some(0),
+            Some(last) if last + 1 < self.error_m.len() => Some(last + 1),
+            Some(_) => None,
+        }
+    }
+
+    /// The error after so many poses, or after the last that was learnt, m.
+    pub fn after(&self, poses: usize) -> Option<f64> {
+        self.error_m.get(poses).or(self.error_m.last()).copied()
+    }
+}
+
+/// Learns up to 30 poses and then checks every model on the way in the poses that were held out.
+pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
+    let (learnt, held_out) = divided_library();
+    let mut settings = Settings {
+        library: learnt,
+        pose_choice: choice,
+        stop: StopRule::PredictedCop { sigma_m: 0.0 },
+        ..subject.settings()
+    };
+    belief.put_into(&mut settings);
+    let mut session = Session::new(subject, settings);
+    session.run_until(2.0, |moment| moment.state.suggested_pose != u32::MAX);
+    let mut models = vec![session.memory().identification.phi()];
+    session.identify_in_steps(POSES_MAX, true, |session| models.push(session.memory().identification.phi()));
+    let mut squares_m2 = vec![0.0; models.len()];
+    let mut poses = 0;
+    for posture in held_out {
+        session.hold(|worker, at_s| worker.take_pose(posture, at_s, POSE_S), |_| {});
+        let window = session.memory().window;
+        let Some(stillness) = window.stillness().filter(|found| found.is_still(&session.settings().still))
+        else {
+            continue;
+        };
+        poses += 1;
+        for (square_m2, model) in squares_m2.iter_mut().zip(&models) {
+            *square_m2 +=
+                (centre_in(window.samples(), model) - Vector2::from(stillness.cop_m)).norm_squared();
+        }
+    }
+    Course { error_m: squares_m2.iter().map(|square_m2| (square_m2 / f64::from(poses)).sqrt()).collect() }
+}
+
+/// Mean centre of mass of a window by a model, m.
+fn centre_in(samples: &[Held], model: &Phi) -> Vector2<f64> {
+    let sum: Vector2<f64> = samples
+        .iter()
+        .map(|held| {
+            let pose: Pose<StationWorld> =
+                Pose::new(held.origin_m.map(Into::into), held.orientation_wxyz.map(rotation));
+            centre_of_mass(&pose, model).xy()
+        })
+        .sum();
+    sum / samples.len() as f64
+}
+
+/// The table.
+pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
+    let crowd = Subject::crowd(first_seed, count);
+    let mut questions = Vec::new();
+    for (belief_name, belief) in Belief::ALL {
+        for (choice_name, choice) in POSE_CHOICES {
+            questions
+                .extend(crowd.iter().map(|subject| (*subject, (belief_name, belief), (choice_name, choice))));
+        }
+    }
+    let courses =
+        ask_all(&questions, |(subject, (_, belief), (_, choice))| course(subject, *belief, *choice));
+    let mut table = Table::new(
+        format!("Poses until the centre of pressure is known to 10 mm ({count} subjects each)"),
+        &[
+            "prior",
+            "choice",
+            "lower quartile",
+            "median",
+            "upper quartile",
+            "never",
+            "error mm after 0",
+            "after 5",
+            "after 10",
+            "after 20",
+            "after 30",
+        ],
+    );
+    for (question, courses) in questions.chunks(count).zip(courses.chunks(count)) {
+        let (_, (belief, _), (choice, _)) = question[0];
+        // Who never gets there counts as one pose more than were tried.
+        let never = courses.iter().filter(|course| course.poses_to(ACCURATE_M).is_none()).count() as u64;
+        let poses = courses
+            .iter()
+            .map(|course| course.poses_to(ACCURATE_M).map_or(f64::from(POSES_MAX + 1), |poses| poses as f64));
+        let mut row = vec![belief.into(), choice.into()];
+        row.extend(quartiles(poses.collect()).unwrap_or_default().map(|poses| Cell::Count(poses as u64)));
+        row.push(never.into());
+        row.extend(SHOWN.map(|after| {
+            let errors = courses.iter().filter_map(|course| course.after(after)).collect();
+            Cell::from(quartiles(errors).map(|[_, median, _]| 1e3 * median))
+        }));
+        table.push(row);
+    }
+    let (learnt, held_out) = divided_library();
+    table.note(format!(
+        "poses: the least number after which the held-out error stays below 10 mm up to {POSES_MAX} poses; {} where it never does",
+        POSES_MAX + 1
+    ));
+    table.note(format!(
+        "held-out error: RMS distance of the model's centre of mass from the measured centre of pressure, means over a still window, over {} poses of the library; the other {} were there to learn from",
+        held_out.len(),
+        learnt.len()
+    ));
+    table.note("error mm after n poses: median over the subjects");
+    table.note(
+        "wrong: sure to 3 mm of a body with a trunk 25 % heavier, legs 25 % lighter, trunk's centres 4 cm forward",
+    );
+    vec![table]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn accurate_for_good_is_after_the_last_time_it_was_not() {
+        let to_10_mm = |error_m: &[f64]| Course { error_m: error_m.to_vec() }.poses_to(0.010);
+        assert_eq!(to_10_mm(&[0.020, 0.005, 0.011, 0.009]), Some(3));
+        assert_eq!(to_10_mm(&[0.009, 0.005]), Some(0));
+        assert_eq!(to_10_mm(&[0.009, 0.015]), None);
+    }
+
+    #[test]
+    fn a_pose_teaches_one_who_believes_nothing() {
+        let course = course(&Subject::somebody(4), Belief::None, PoseChoice::Paper);
+        assert!(course.error_m.len() > 20, "{}", course.error_m.len());
+        let (at_first_m, at_last_m) = (course.error_m[0], course.after(30).unwrap_or(f64::NAN));
+        assert!(at_first_m > 0.05 && at_last_m < 0.25 * at_first_m, "{at_first_m} {at_last_m}");
+    }
+}

@@ -1,0 +1,218 @@
+//! Sums over samples: root mean squares, shares, quantiles, and the joints that are told together.
+
+use equipoise_core::body::{JOINTS, Joint};
+use nalgebra::Vector3;
+
+/// What the joints of the tables are called, and MVN's names; left and right count together.
+pub const GROUPS: [(&str, &[&str]); 7] = [
+    ("hip", &["LeftHip", "RightHip"]),
+    ("knee", &["LeftKnee", "RightKnee"]),
+    ("ankle", &["LeftAnkle", "RightAnkle"]),
+    ("shoulder", &["LeftShoulder", "RightShoulder"]),
+    ("elbow", &["LeftElbow", "RightElbow"]),
+    ("wrist", &["LeftWrist", "RightWrist"]),
+    ("back", &["L5S1", "L4L3", "L1T12", "T9T8"]),
+];
+
+/// Indices of a group's joints.
+pub fn joints_of(group: usize) -> impl Iterator<Item = usize> {
+    GROUPS[group].1.iter().filter_map(|name| Joint::named(name)).map(Joint::index)
+}
+
+/// A mean and a root mean square of one quantity.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sums {
+    /// How many values were taken in.
+    pub count: u64,
+    sum: f64,
+    squares: f64,
+}
+
+impl Sums {
+    /// Takes in a value.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        self.sum += value;
+        self.squares += value * value;
+    }
+
+    /// Takes in what another has.
+    pub fn merge(&mut self, other: &Sums) {
+        self.count += other.count;
+        self.sum += other.sum;
+        self.squares += other.squares;
+    }
+
+    /// Mean; `None` of nothing.
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
+
+    /// Root mean square; `None` of nothing.
+    pub fn rms(&self) -> Option<f64> {
+        (self.count > 0).then(|| (self.squares / self.count as f64).sqrt())
+    }
+}
+
+/// Torques of one group of joints, told and true.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TorqueSums {
+    /// Magnitude that was told, N m.
+    pub told_nm: Sums,
+    /// True magnitude, N m.
+    pub true_nm: Sums,
+    /// Length of the difference of the vectors, N m.
+    pub error_nm: Sums,
+    /// σ that was told, N m.
+    pub sigma_nm: Sums,
+}
+
+impl TorqueSums {
+    fn add(&mut self, told_nm: Vector3<f64>, true_nm: Vector3<f64>, sigma_nm: f64) {
+        self.told_nm.add(told_nm.norm());
+        self.true_nm.add(true_nm.norm());
+        self.error_nm.add((told_nm - true_nm).norm());
+        self.sigma_nm.add(sigma_nm);
+    }
+
+    fn merge(&mut self, other: &TorqueSums) {
+        self.told_nm.merge(&other.told_nm);
+        self.true_nm.merge(&other.true_nm);
+        self.error_nm.merge(&other.error_nm);
+        self.sigma_nm.merge(&other.sigma_nm);
+    }
+}
+
+/// [`TorqueSums`] of every group of [`GROUPS`].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ByGroup(pub [TorqueSums; GROUPS.len()]);
+
+impl ByGroup {
+    /// Takes in all joints of one sample: what is told and its σ against what is so.
+    pub fn add(
+        &mut self,
+        told_nm: &[[f64; 3]; JOINTS],
+        sigma_nm: &[f64; JOINTS],
+        true_nm: &[Vector3<f64>; JOINTS],
+    ) {
+        for (group, sums) in self.0.iter_mut().enumerate() {
+            for joint in joints_of(group) {
+                sums.add(Vector3::from(told_nm[joint]), true_nm[joint], sigma_nm[joint]);
+            }
+        }
+    }
+
+    /// Takes in what another has.
+    pub fn merge(&mut self, other: &ByGroup) {
+        for (sums, others) in self.0.iter_mut().zip(&other.0) {
+            sums.merge(others);
+        }
+    }
+}
+
+/// How often an error lay within its own σ.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Coverage {
+    /// How many errors came with a σ.
+    pub count: u64,
+    within: [u64; 2],
+    ratio: Sums,
+}
+
+impl Coverage {
+    /// Takes in an error; one without a σ is not counted.
+    pub fn add(&mut self, error: f64, sigma: f64) {
+        if sigma <= 0.0 {
+            return;
+        }
+        let ratio = error.abs() / sigma;
+        self.count += 1;
+        self.within[0] += u64::from(ratio <= 1.0);
+        self.within[1] += u64::from(ratio <= 2.0);
+        self.ratio.add(ratio);
+    }
+
+    /// Takes in what another has.
+    pub fn merge(&mut self, other: &Coverage) {
+        self.count += other.count;
+        for (sum, others) in self.within.iter_mut().zip(other.within) {
+            *sum += others;
+        }
+        self.ratio.merge(&other.ratio);
+    }
+
+    /// Share within 1σ and within 2σ, in percent.
+    pub fn percent(&self) -> [Option<f64>; 2] {
+        self.within.map(|within| percent(within, self.count))
+    }
+
+    /// Root mean square of error over σ: 1 where σ says the truth.
+    pub fn ratio_rms(&self) -> Option<f64> {
+        self.ratio.rms()
+    }
+}
+
+/// A share in percent; `None` of nothing.
+pub fn percent(part: u64, whole: u64) -> Option<f64> {
+    (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
+}
+
+/// Lower quartile, median and upper quartile: of n ordered values the ones at ¼, ½ and ¾ of n − 1, rounded.
+pub fn quartiles(mut values: Vec<f64>) -> Option<[f64; 3]> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some([0.25, 0.5, 0.75].map(|share| values[(share * last as f64).round() as usize]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_of_a_group_is_a_joint() {
+        for (group, (name, joints)) in GROUPS.iter().enumerate() {
+            assert_eq!(joints_of(group).count(), joints.len(), "{name}");
+        }
+    }
+
+    #[test]
+    fn sums_taken_apart_and_merged_are_the_sums() {
+        let (mut whole, mut parts) = (Sums::default(), [Sums::default(); 2]);
+        for index in 0..9_usize {
+            whole.add(index as f64);
+            parts[index % 2].add(index as f64);
+        }
+        parts[0].merge(&parts[1].clone());
+        assert_eq!(parts[0], whole);
+        assert_eq!(whole.mean(), Some(4.0));
+        assert_eq!(Sums::default().rms(), None);
+    }
+
+    #[test]
+    fn who_tells_the_truth_errs_by_nothing() {
+        let truth: [Vector3<f64>; JOINTS] =
+            std::array::from_fn(|joint| Vector3::new(joint as f64, -2.0, 0.5));
+        let mut sums = ByGroup::default();
+        sums.add(&truth.map(Into::into), &[1.0; JOINTS], &truth);
+        for group in &sums.0 {
+            assert_eq!(group.error_nm.rms(), Some(0.0));
+            assert_eq!(group.told_nm, group.true_nm);
+        }
+    }
+
+    #[test]
+    fn coverage_counts_what_lies_within() {
+        let mut coverage = Coverage::default();
+        for error in [-0.5, 0.9, -1.5, 3.0] {
+            coverage.add(error, 1.0);
+        }
+        coverage.add(1.0, 0.0);
+        assert_eq!((coverage.count, coverage.percent()), (4, [Some(50.0), Some(75.0)]));
+    }
+
+    #[test]
+    fn quartiles_are_values_that_occurred() {
+        assert_eq!(quartiles(vec![5.0, 1.0, 3.0, 2.0, 4.0]), Some([2.0, 3.0, 4.0]));
+        assert_eq!(quartiles(Vec::new()), None);
+    }
+}

@@ -1,0 +1,145 @@
+//! Settings that the questions compare: the paper's method, and the default with one thing changed.
+
+use std::sync::OnceLock;
+
+use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Skeleton};
+use equipoise_core::cycle::{Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule};
+use equipoise_core::pose_suggestion::Posture;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_core::sesc::{PARAMETERS, Phi, ReductionKind};
+
+use crate::subject::Subject;
+
+/// The configuration's default half window of motion, ns.
+pub const HALF_WINDOW_NS: u64 = 100_000_000;
+/// A soft constraint this wide constrains nothing, m.
+const UNCONSTRAINED_M: f64 = 1.0;
+/// Every so many poses of the library one is held out.
+const HELD_OUT_EVERY: usize = 3;
+
+/// The paper's method: no prior, Eq. 11, every P_jj below 0.002 m², static equations. It has neither a threshold of
+/// the load nor a check of where the load is, and no soft constraints.
+pub fn paper(subject: &Subject, reduction: ReductionKind) -> Settings {
+    Settings {
+        reduction,
+        prior: PriorKind::None,
+        method: Method::Static,
+        passive: false,
+        symmetry_sigma_m: UNCONSTRAINED_M,
+        long_axis_sigma_m: UNCONSTRAINED_M,
+        pose_choice: PoseChoice::Paper,
+        stop: StopRule::Paper { variance_m2: 0.002 },
+        poses_min: 1,
+        motion: Motion::Paper,
+        load_threshold_n: 0.0,
+        load_distance_max_m: f64::MAX,
+        ..subject.settings()
+    }
+}
+
+/// What is believed before the first pose, in the tables' words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Belief {
+    /// Nothing.
+    None,
+    /// The anthropometric table.
+    Table,
+    /// For sure what is badly wrong: [`wrong_deviation_m`], identified to 3 mm.
+    Wrong,
+}
+
+impl Belief {
+    /// All of them with their names.
+    pub const ALL: [(&str, Belief); 3] =
+        [("none", Belief::None), ("table", Belief::Table), ("wrong", Belief::Wrong)];
+
+    /// Puts the belief into settings.
+    pub fn put_into(self, settings: &mut Settings) {
+        (settings.prior, settings.similar) = match self {
+            Belief::None => (PriorKind::None, None),
+            Belief::Table => (PriorKind::Table, None),
+            Belief::Wrong => {
+                let similar = Similar {
+                    deviation_m: wrong_deviation_m(settings),
+                    variance_m2: [0.003 * 0.003; PARAMETERS],
+                    likeness: 1.0,
+                };
+                (PriorKind::SimilarSubject, Some(similar))
+            }
+        };
+    }
+}
+
+/// Φ of a body whose trunk is 25 % heavier and legs 25 % lighter than the table's, and whose trunk's centres lie 4 cm
+/// further forward, less Φ of the table; segment axes, m.
+pub fn wrong_deviation_m(settings: &Settings) -> [f64; PARAMETERS] {
+    let skeleton = Skeleton::nominal(settings.height_m);
+    let table = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
+    let mut wrong = table;
+    for segment in Segment::ALL {
+        let index = segment.index();
+        if segment < Segment::Neck {
+            wrong.mass_fraction[index] *= 1.25;
+            wrong.com_m[index][0] += 0.04;
+        } else if segment >= Segment::RightUpperLeg {
+            wrong.mass_fraction[index] *= 0.75;
+        }
+    }
+    let sum: f64 = wrong.mass_fraction.iter().sum();
+    wrong.mass_fraction = wrong.mass_fraction.map(|share| share / sum);
+    let (true_to_table, off) = (Phi::of(&skeleton, &table), Phi::of(&skeleton, &wrong));
+    let mut deviation_m = [0.0; PARAMETERS];
+    for segment in 0..SEGMENTS {
+        for axis in 0..3 {
+            deviation_m[3 * segment + axis] = off.0[segment][axis] - true_to_table.0[segment][axis];
+        }
+    }
+    deviation_m
+}
+
+/// Every pose choice with its name.
+pub const POSE_CHOICES: [(&str, PoseChoice); 4] = [
+    ("paper (Eq. 11)", PoseChoice::Paper),
+    ("D-optimal", PoseChoice::DOptimal),
+    ("A-optimal", PoseChoice::AOptimal),
+    ("I-optimal", PoseChoice::IOptimal),
+];
+
+/// How overload is told in motion, with its name.
+pub const MOTIONS: [(&str, Motion); 2] =
+    [("compensated", Motion::Compensated { half_window_ns: HALF_WINDOW_NS }), ("paper", Motion::Paper)];
+
+/// The library in two parts: to learn from, and to check with.
+pub fn divided_library() -> (&'static [Posture], &'static [Posture]) {
+    static PARTS: OnceLock<[Vec<Posture>; 2]> = OnceLock::new();
+    let [learnt, held_out] = PARTS.get_or_init(|| {
+        let part = |checks: bool| {
+            let chosen =
+                LIBRARY.iter().enumerate().filter(|(index, _)| (index % HELD_OUT_EVERY == 1) == checks);
+            chosen.map(|(_, posture)| *posture).collect()
+        };
+        [part(false), part(true)]
+    });
+    (learnt, held_out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_pose_is_both_learnt_and_checked_and_there_are_enough_of_each() {
+        let (learnt, held_out) = divided_library();
+        assert_eq!(learnt.len() + held_out.len(), LIBRARY.len());
+        assert!(learnt.iter().all(|posture| !held_out.contains(posture)));
+        assert!(learnt.len() >= 30 && held_out.len() >= 15);
+    }
+
+    #[test]
+    fn the_wrong_belief_is_centimetres_off() {
+        let settings = Subject::of_the_paper(1).settings();
+        let deviation_m = wrong_deviation_m(&settings);
+        let forward_m: f64 = (0..SEGMENTS).map(|segment| deviation_m[3 * segment]).sum();
+        assert!(forward_m > 0.015, "{forward_m}");
+    }
+}
