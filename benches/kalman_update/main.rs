@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use equipoise_benches::dense::DenseFilter;
 use equipoise_benches::rounds::{Contender, compare};
 use equipoise_benches::worker::Worker;
-use equipoise_core::kalman::Filter;
+use equipoise_core::kalman::{Filter, STATES};
 use equipoise_core::sesc::Phi;
 use equipoise_core::sesc::{PARAMETERS, Prior, Reduction, ReductionKind};
 use nalgebra::{SMatrix, Vector2};
@@ -20,7 +20,7 @@ const R_M2: f64 = 5e-5;
 
 /// Two rows of a pose, and what was measured along them, m.
 struct Measurement {
-    h: [[f64; PARAMETERS]; 2],
+    h: [[f64; STATES]; 2],
     z_m: [f64; 2],
 }
 
@@ -28,8 +28,8 @@ fn measurements<const N: usize>() -> Vec<Measurement> {
     let worker = Worker::new();
     let reduction = Reduction::new(ReductionKind::Full, &Phi::of(&worker.skeleton, &worker.body));
     let measurement = |index| {
-        let mut h = reduction.rows(&worker.pose(index)).h;
-        h.iter_mut().for_each(|row| row[N..].fill(0.0));
+        let rows = reduction.rows(&worker.pose(index), [0.0; 2]).h;
+        let h = rows.map(|row| core::array::from_fn(|at| if at < N { row[at] } else { 0.0 }));
         Measurement { h, z_m: [0.02, -0.01] }
     };
     (0..POSES).map(measurement).collect()

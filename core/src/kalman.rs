@@ -178,8 +178,8 @@ impl Filter {
             return None;
         }
         let scale = 1.0 / math::sqrt(innovation.variance_m2);
-        let (mut w, count) = (spread, self.count());
-        for (w, theta) in w[..count].iter_mut().zip(&mut self.theta_m) {
+        let (mut w, states) = (spread, self.states());
+        for (w, theta) in w[..states].iter_mut().zip(&mut self.theta_m) {
             *w *= scale;
             *theta += innovation.value_m * scale * *w;
         }

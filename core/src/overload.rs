@@ -347,7 +347,7 @@ mod tests {
             |name: &str| torques(&pose, &loading, &sigma)[Joint::named(name).unwrap().index()].sigma_nm;
         assert_eq!((sigma_nm("RightWrist"), sigma_nm("L5S1")), (0.0, 0.0));
         let mut shifted = loading;
-        shifted.sharing.zeta = [0.45, 0.55];
+        shifted.sharing = Sharing::of([0.45, 0.55], loading.sharing.eta);
         let hip = Joint::named("RightHip").unwrap().index();
         let change = torques(&pose, &shifted, &NO_SIGMA)[hip].torque_nm.norm()
             - torques(&pose, &loading, &NO_SIGMA)[hip].torque_nm.norm();
