@@ -15,6 +15,7 @@ use crate::pose_suggestion::Posture;
 
 mod bench;
 mod learning;
+mod planning;
 use bench::*;
 
 fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {
