@@ -73,6 +73,8 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     while let Some(aligned) = memory.alignment.next(tick.due_ns, patience_ns(settings)) {
         memory.take_in(settings, &aligned);
     }
+    let stands = !memory.findings().any_of(Validity::FEET_OFF_PLATE);
+    memory.identification.plan_one(memory.known.suit_sample_time_ns, stands, settings);
     memory.tell(settings, tick);
     &memory.state
 }
@@ -94,7 +96,6 @@ impl Memory {
             CommandKind::IdentifyStop => {
                 self.identification.learning = 0;
                 self.identification.identified = u64::from(self.identification.has_body());
-                self.identification.suggested = NO_POSE;
                 self.model_changed_ns = tick.due_ns;
             }
             CommandKind::IdentifyReset => {
@@ -110,6 +111,9 @@ impl Memory {
                 if self.tare() {
                     self.model_changed_ns = tick.due_ns;
                 }
+            }
+            CommandKind::PoseSkip => {
+                self.identification.skip_pose();
             }
             // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave => {}
@@ -179,6 +183,7 @@ impl Memory {
         state.variance_max_m2 = identification.filter.variance_max_m2();
         state.predicted_cop_sigma_m = identification.predicted_cop_sigma_m;
         state.nis = identification.nis;
+        state.prior_inflation = identification.prior_inflation();
         if suit_stale || ground_stale {
             state.static_pose = 0;
         }

@@ -65,6 +65,16 @@ impl Filter {
         }
     }
 
+    /// Adds `v vᵀ` to θ's covariance: θ may also lie off along v, by 1-σ of its length, m.
+    pub fn widen(&mut self, along_m: &[f64; PARAMETERS]) {
+        let count = self.count();
+        for (row, own) in self.covariance_m2[..count].iter_mut().zip(along_m) {
+            for (entry, other) in row[..count].iter_mut().zip(along_m) {
+                *entry += own * other;
+            }
+        }
+    }
+
     /// Begins a state anew: zero, give or take `variance_m2`, and independent of all others.
     pub fn forget(&mut self, index: usize, variance_m2: f64) {
         self.theta_m[index] = 0.0;
@@ -130,20 +140,41 @@ impl Filter {
         let mut row = [0.0; STATES];
         row[..count].copy_from_slice(&h[..count]);
         let mut spread = self.times_covariance(&row);
-        let (x, y) = (&self.covariance_m2[count], &self.covariance_m2[count + 1]);
-        let (xx, xy, yy) = (x[count], x[count + 1], y[count + 1]);
-        let determinant = xx * yy - xy * xy;
-        let [from_x, from_y] = if determinant > 0.0 {
-            let (at_x, at_y) = (spread[count], spread[count + 1]);
-            [(yy * at_x - xy * at_y) / determinant, (xx * at_y - xy * at_x) / determinant]
-        } else {
-            [0.0; 2]
-        };
+        let [x, y] = [0, 1].map(|axis| &self.covariance_m2[count + axis]);
+        let [from_x, from_y] = self.nuisance_gain([spread[count], spread[count + 1]]);
         for ((spread, x), y) in spread[..count].iter_mut().zip(x).zip(y) {
             *spread -= from_x * x + from_y * y;
         }
         spread[count..].fill(0.0);
         spread
+    }
+
+    /// `tr(P W)` were the nuisance states known, for a symmetric W, m².
+    pub fn trace_given_nuisance_m2(&self, weight: &[[f64; PARAMETERS]; PARAMETERS]) -> f64 {
+        let count = self.count();
+        let [x, y] = [0, 1].map(|axis| &self.covariance_m2[count + axis]);
+        let mut trace = 0.0;
+        for (index, weight) in weight[..count].iter().enumerate() {
+            let [from_x, from_y] = self.nuisance_gain([x[index], y[index]]);
+            let row = &self.covariance_m2[index];
+            for column in 0..count {
+                trace += weight[column] * (row[column] - (from_x * x[column] + from_y * y[column]));
+            }
+        }
+        trace.max(0.0)
+    }
+
+    /// `P_ss⁻¹ v` of the two nuisance states; zero where they are known.
+    fn nuisance_gain(&self, [at_x, at_y]: [f64; 2]) -> [f64; 2] {
+        let count = self.count();
+        let (xx, xy) = (self.covariance_m2[count][count], self.covariance_m2[count][count + 1]);
+        let yy = self.covariance_m2[count + 1][count + 1];
+        let determinant = xx * yy - xy * xy;
+        if determinant > 0.0 {
+            [(yy * at_x - xy * at_y) / determinant, (xx * at_y - xy * at_x) / determinant]
+        } else {
+            [0.0; 2]
+        }
     }
 
     /// The covariance of `h1 θ` and `h2 θ`, m²: `[h1 P h1ᵀ, h1 P h2ᵀ, h2 P h2ᵀ]`.

@@ -1,6 +1,9 @@
-//! Which pose to ask for next, from a library of poses that people can hold (Fortini et al., §III-C, Eq. 11).
+//! Which pose to ask for next, from a library of poses that people can hold: Eq. 11 (Fortini et al., §III-C), or by
+//! what the pose would teach ([`gain`]).
 
+pub mod gain;
 pub mod library;
+pub mod planner;
 pub mod posture;
 
 use bytemuck::{Pod, Zeroable};
@@ -11,6 +14,7 @@ use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::sesc::PARAMETERS;
 
+pub use planner::Planner;
 pub use posture::Posture;
 
 /// How many performed poses Eq. 11 looks back on; older ones give way.
@@ -21,15 +25,13 @@ pub const LIBRARY_MAX: usize = 64;
 /// A pose as Eq. 11 compares it: one rotation vector per segment, rad.
 pub type Coordinates = [f64; PARAMETERS];
 
-/// Poses performed and suggested so far.
+/// Poses performed so far.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Performed {
     coordinates_rad: [Coordinates; MEMORY],
     /// How many poses were performed in all.
     count: u64,
-    /// One bit per pose of the library that was already asked for.
-    asked: u64,
 }
 
 /// The coordinates of a pose: the pelvis against the world without its heading, other segments against their parents.
@@ -68,33 +70,14 @@ impl Performed {
         self.coordinates_rad.iter().flatten().all(|value| value.is_finite())
     }
 
-    /// Eq. 11: the pose farthest from all performed ones, `argmax Σ_j √(Σ_r w_r (x_jr − y_r)²)`, with the variances
-    /// of Φ, over their largest, as weights w. Poses already asked for are left out until all were.
-    ///
-    /// Before any pose was performed it is the first of the library. `None` only for an empty library.
-    pub fn suggest(&mut self, library: &[Posture], phi_variance_m2: &[f64; PARAMETERS]) -> Option<usize> {
-        let library = &library[..library.len().min(LIBRARY_MAX)];
-        let all = if library.len() == LIBRARY_MAX { u64::MAX } else { (1 << library.len()) - 1 };
-        if self.asked & all == all {
-            self.asked = 0;
-        }
+    /// Eq. 11 for one candidate: how far it lies from all performed poses, `Σ_j √(Σ_r w_r (x_jr − y_r)²)`, rad, with the
+    /// variances of Φ, over their largest, as weights w. The paper asks for the farthest.
+    pub fn distance(&self, candidate: &Posture, phi_variance_m2: &[f64; PARAMETERS]) -> f64 {
         let largest = phi_variance_m2.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
         let weight = phi_variance_m2.map(|variance| variance / largest);
+        let candidate = coordinates_of(candidate);
         let performed = &self.coordinates_rad[..(self.count as usize).min(MEMORY)];
-
-        let mut best: Option<(usize, f64)> = None;
-        for (index, posture) in library.iter().enumerate().filter(|(index, _)| self.asked & (1 << index) == 0)
-        {
-            let candidate = coordinates_of(posture);
-            let distance: f64 =
-                performed.iter().map(|pose| weighted_distance(pose, &candidate, &weight)).sum();
-            if best.is_none_or(|(_, farthest)| distance > farthest) {
-                best = Some((index, distance));
-            }
-        }
-        let (index, _) = best?;
-        self.asked |= 1 << index;
-        Some(index)
+        performed.iter().map(|pose| weighted_distance(pose, &candidate, &weight)).sum()
     }
 }
 
@@ -121,26 +104,23 @@ mod tests {
     }
 
     #[test]
-    fn the_farthest_pose_is_asked_for_and_then_not_again() {
-        let library = [posture("stand", 0, 0), posture("a little", 20, 0), posture("far", 90, 60)];
-        let mut memory = performed(&library[0]);
-        let even = [1.0; PARAMETERS];
-        let asked: [usize; 4] = core::array::from_fn(|_| memory.suggest(&library, &even).unwrap());
-        assert_eq!(asked, [2, 1, 0, 2]);
+    fn a_pose_is_far_by_its_angles_and_by_how_unsure_their_segments_are() {
+        let (stand, elbow, knee) = (posture("stand", 0, 0), posture("elbow", 60, 0), posture("knee", 0, 50));
+        let memory = performed(&stand);
+        let mut variance = [1.0; PARAMETERS];
+        assert_eq!(memory.distance(&stand, &variance), 0.0);
+        assert!((memory.distance(&elbow, &variance) - 60f64.to_radians()).abs() < 1e-12);
+        assert!(memory.distance(&elbow, &variance) > memory.distance(&knee, &variance));
+        variance[3 * Segment::LeftForearm.index() + 2] = 0.01;
+        assert!((memory.distance(&elbow, &variance) - 6f64.to_radians()).abs() < 1e-12);
+        assert!(memory.distance(&elbow, &variance) < memory.distance(&knee, &variance));
     }
 
     #[test]
-    fn an_unsure_segment_draws_the_choice() {
-        let library = [posture("elbow", 60, 0), posture("knee", 0, 50)];
-        let mut variance = [1e-6; PARAMETERS];
-        variance[3 * Segment::LeftLowerLeg.index() + 1] = 1.0;
-        assert_eq!(performed(&posture("stand", 0, 0)).suggest(&library, &variance), Some(1));
-        assert_eq!(performed(&posture("stand", 0, 0)).suggest(&library, &[1.0; PARAMETERS]), Some(0));
-    }
-
-    #[test]
-    fn no_library_no_suggestion() {
-        let mut memory: Performed = Zeroable::zeroed();
-        assert_eq!(memory.suggest(&[], &[1.0; PARAMETERS]), None);
+    fn distances_from_all_performed_poses_add_up() {
+        let (stand, elbow) = (posture("stand", 0, 0), posture("elbow", 60, 0));
+        let mut memory = performed(&stand);
+        memory.push(coordinates_of(&stand));
+        assert!((memory.distance(&elbow, &[1.0; PARAMETERS]) - 120f64.to_radians()).abs() < 1e-12);
     }
 }

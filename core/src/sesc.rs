@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use crate::body::{Anthropometry, SEGMENTS, Segment, Skeleton};
 use crate::frame::{Pose, StationWorld};
 
-pub use prior::Prior;
+pub use prior::{Prior, Similar};
 pub use reduction::{PARAMETERS, Reduction, ReductionKind};
 
 /// The chain's parameters φ_i, segment axes, m.

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, CommandServer, Subscriber};
-use equipoise_core::cycle::Settings;
 use equipoise_core::cycle::memory::EMPTY_PLATE_N;
+use equipoise_core::cycle::{Settings, StopRule};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, Reply, State, Validity};
 
@@ -89,8 +89,14 @@ fn answer(
         Some(kind @ CommandKind::IdentifyStart) => {
             hand_over(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
         }
-        Some(kind @ CommandKind::IdentifyStop) => hand_over(rings, kind)
-            .map(|()| "learning has ended; the worker is monitored with what is known".to_owned()),
+        Some(kind @ CommandKind::IdentifyStop) => {
+            hand_over(rings, kind).map(|()| how_it_stopped(latest, settings))
+        }
+        Some(kind @ CommandKind::PoseSkip) => match latest.map(|state| state.suggested_pose) {
+            Some(pose) if pose != u32::MAX => hand_over(rings, kind)
+                .map(|()| "this pose is not asked for again; another follows".to_owned()),
+            _ => Err("no pose is asked for now".to_owned()),
+        },
         Some(kind @ CommandKind::IdentifyReset) => {
             hand_over(rings, kind).map(|()| "all poses are forgotten; learning starts anew".to_owned())
         }
@@ -103,6 +109,28 @@ fn answer(
 
 fn hand_over(rings: &Rings, kind: CommandKind) -> Result<(), String> {
     rings.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
+}
+
+/// How well the worker is known who is learnt no further.
+fn how_it_stopped(latest: Option<&State>, settings: &Settings) -> String {
+    let Some(state) = latest.filter(|state| state.variance_max_m2 > 0.0) else {
+        return "learning has ended before anything was known of the worker".to_owned();
+    };
+    let poses = match state.poses_used {
+        1 => "1 pose".to_owned(),
+        poses => format!("{poses} poses"),
+    };
+    let known = match state.predicted_cop_sigma_m {
+        sigma_m if sigma_m > 0.0 => format!("predicted CoP σ {:.1} mm", 1e3 * sigma_m),
+        _ => "predicted CoP σ not known yet".to_owned(),
+    };
+    let asked = match settings.stop {
+        StopRule::PredictedCop { sigma_m } => format!("the rule asks {:.1} mm", 1e3 * sigma_m),
+        StopRule::Paper { variance_m2 } => {
+            format!("largest variance {:.4} m², the rule asks {variance_m2} m²", state.variance_max_m2)
+        }
+    };
+    format!("stopped after {poses}: {known} ({asked})")
 }
 
 fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
@@ -172,4 +200,30 @@ fn reply(cycle: u64, outcome: Answer) -> Reply {
 pub fn text_of(field: &[u8]) -> String {
     let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
     String::from_utf8_lossy(&field[..end]).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_early_stop_says_how_well_the_worker_is_known() {
+        let mut settings = Settings::for_height(1.77);
+        let state = State {
+            poses_used: 4,
+            variance_max_m2: 0.003,
+            predicted_cop_sigma_m: 0.006_12,
+            ..State::zeroed()
+        };
+        assert_eq!(
+            how_it_stopped(Some(&state), &settings),
+            "stopped after 4 poses: predicted CoP σ 6.1 mm (the rule asks 2.5 mm)"
+        );
+        settings.stop = StopRule::Paper { variance_m2: 0.002 };
+        let said = how_it_stopped(Some(&State { poses_used: 1, ..state }), &settings);
+        assert!(
+            said.starts_with("stopped after 1 pose: ") && said.contains("0.0030 m², the rule asks 0.002 m²")
+        );
+        assert!(how_it_stopped(None, &settings).contains("before anything was known"));
+    }
 }

@@ -2,17 +2,21 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::settings::{PriorKind, Settings, StopRule};
+use super::settings::{Settings, StopRule};
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
 use crate::kalman::Filter;
-use crate::math;
-use crate::pose_suggestion::{Performed, coordinates, posture};
-use crate::sesc::suit_error::effective_vectors;
-use crate::sesc::{Phi, Prior, Reduction};
+use crate::pose_suggestion::{Performed, Planner, coordinates};
+use crate::sesc::Reduction;
+use crate::sesc::reduction::Rows;
 use crate::static_pose::{Stillness, Window, largest_joint_angle};
 
+mod belief;
+mod consistency;
 mod measurement;
+mod planning;
+
+use consistency::Consistency;
 
 /// Suit samples averaged for the bones.
 const SKELETON_SAMPLES: u64 = 20;
@@ -37,6 +41,8 @@ pub struct Identification {
     /// The stance that the filter's offset belongs to.
     stance: u64,
     performed: Performed,
+    planner: Planner,
+    consistency: Consistency,
     /// Held poses that entered the filter.
     pub poses_used: u64,
     /// 1 while held poses enter the filter.
@@ -46,9 +52,11 @@ pub struct Identification {
     last_pose_wxyz: [[f64; 4]; JOINTS],
     /// Index of the suggested pose, or [`NO_POSE`].
     pub suggested: u64,
+    /// Suit time since which the suggested pose was waited for, ns.
+    asked_ns: u64,
     /// Normalised innovation squared of the last pose, two degrees of freedom.
     pub nis: f64,
-    /// Predicted 1-σ of the CoP over the library, m.
+    /// Predicted 1-σ of the CoP over the library, the stance's offset not included, m; 0 before it is known.
     pub predicted_cop_sigma_m: f64,
 }
 
@@ -98,11 +106,8 @@ impl Identification {
         self.last_pose_wxyz = stored.last_pose_wxyz;
         self.identified = u64::from(stored.identified);
         self.learning = u64::from(!stored.identified && settings.start_identifying);
-        self.predicted_cop_sigma_m = self.predict_cop_sigma(settings);
-        if stored.identified {
-            self.suggested = NO_POSE;
-        } else {
-            self.suggest(settings);
+        if stored.poses_used > 0 {
+            self.trust_the_prior();
         }
         fits && self.is_sound()
     }
@@ -113,6 +118,8 @@ impl Identification {
         self.mass_kg = settings.mass_kg.unwrap_or(0.0);
         self.learning = u64::from(settings.start_identifying);
         self.suggested = NO_POSE;
+        self.consistency = Consistency::start();
+        self.planner.start();
     }
 
     /// Whether the bones are known and with them the prior.
@@ -150,24 +157,14 @@ impl Identification {
 
     /// Forgets every pose; the bones stay.
     pub fn return_to_prior(&mut self, settings: &Settings) {
-        let skeleton = self.skeleton();
-        let body = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
-        self.anthropometry = body;
-        self.reduction = Reduction::new(settings.reduction, &Phi::of(&skeleton, &body));
-        let mut prior = match settings.prior {
-            PriorKind::None => Prior::none(&self.reduction),
-            PriorKind::Table | PriorKind::SimilarSubject => Prior::table(&self.reduction, &skeleton, &body),
-        };
-        let psi = effective_vectors(&Phi::of(&skeleton, &body), &skeleton, settings.suit_drifts);
-        prior.add_misalignment(&self.reduction, &psi, settings.suit_misalignment_rad);
-        self.filter.reset(self.reduction.count(), &prior);
-        self.new_stance(settings);
+        self.believe(settings);
         self.performed = Zeroable::zeroed();
+        self.planner.start();
+        self.suggested = NO_POSE;
         self.poses_used = 0;
         self.identified = 0;
         self.nis = 0.0;
-        self.predicted_cop_sigma_m = self.predict_cop_sigma(settings);
-        self.suggest(settings);
+        self.predicted_cop_sigma_m = 0.0;
     }
 
     /// Whether the pose of the window's newest sample was already used.
@@ -184,47 +181,46 @@ impl Identification {
         let variance_m2 = self.pose_variance_m2(&pose_of(&newest), stillness, settings);
         self.follow_stance(newest.stance, settings);
         self.filter.predict(settings.process_variance_m2);
-        let Some(nis) = self.take_in(&rows, stillness.cop_m, variance_m2) else { return false };
-        self.nis = nis;
-        self.poses_used += 1;
-        self.last_pose_wxyz = newest.joint_wxyz;
-        self.performed.push(coordinates(&pose_of(&newest)));
-        self.predicted_cop_sigma_m = self.predict_cop_sigma(settings);
-        if self.poses_used >= settings.poses_min && self.meets(settings.stop) {
-            self.identified = 1;
-            self.learning = 0;
-            self.suggested = NO_POSE;
-        } else {
-            self.suggest(settings);
+        if self.learn_rows(&rows, stillness.cop_m, variance_m2).is_none() {
+            return false;
         }
+        self.last_pose_wxyz = newest.joint_wxyz;
+        self.finish_pose(&pose_of(&newest), settings);
         true
     }
 
-    /// Whether a stop rule holds now.
-    pub fn meets(&self, rule: StopRule) -> bool {
-        match rule {
-            StopRule::Paper { variance_m2 } => self.filter.variance_max_m2() < variance_m2,
-            StopRule::PredictedCop { sigma_m } => self.predicted_cop_sigma_m < sigma_m,
+    /// After a pose: is the worker known, and if not, which pose is next?
+    pub(super) fn finish_pose(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
+        self.performed.push(coordinates(pose));
+        self.update_predicted_cop_sigma(settings);
+        if self.poses_used >= settings.poses_min && self.meets(settings) {
+            self.identified = 1;
+            self.learning = 0;
         }
+        self.ask_again();
     }
 
-    fn suggest(&mut self, settings: &Settings) {
-        let variance = self.reduction.raw_variance(|index| self.filter.variance_m2(index));
-        self.suggested =
-            self.performed.suggest(settings.library, &variance).map_or(NO_POSE, |index| index as u64);
+    /// The same from a pose's rows: the first ones test the prior, then the filter takes them in. Its NIS.
+    pub(super) fn learn_rows(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
+        self.test_prior(rows, cop_m, variance_m2);
+        let nis = self.take_in(rows, cop_m, variance_m2)?;
+        self.nis = nis;
+        self.consistency.push(nis);
+        self.poses_used += 1;
+        Some(nis)
     }
 
-    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes, m.
-    fn predict_cop_sigma(&self, settings: &Settings) -> f64 {
-        let (mut sum, mut rows_seen) = (0.0, 0.0);
-        for posture in settings.library {
-            let rows = self.reduction.rows(&posture::pose_of(posture, &self.skeleton(), [0.0; 3]), [0.0; 2]);
-            for h in &rows.h {
-                sum += self.theta_variance_m2(h);
-                rows_seen += 1.0;
+    /// Whether the stop rule holds now. The paper's looks at P alone; ours also asks that the last poses were as well
+    /// predicted as P says.
+    pub fn meets(&self, settings: &Settings) -> bool {
+        match settings.stop {
+            StopRule::Paper { variance_m2 } => self.filter.variance_max_m2() < variance_m2,
+            StopRule::PredictedCop { sigma_m } => {
+                self.knows_the_work(settings)
+                    && self.predicted_cop_sigma_m < sigma_m
+                    && self.consistency.is_consistent()
             }
         }
-        if rows_seen > 0.0 { math::sqrt(sum / rows_seen) } else { 0.0 }
     }
 
     /// Whether every count and number is in range; a stored worker is checked before use.
@@ -238,6 +234,8 @@ impl Identification {
             && self.filter.is_sound()
             && self.filter.count() == self.reduction.count()
             && self.performed.is_sound()
+            && self.planner.is_sound()
+            && self.consistency.is_sound()
             && self.nis.is_finite()
             && self.predicted_cop_sigma_m.is_finite()
             && self.last_pose_wxyz.iter().flatten().all(|value| value.is_finite())

@@ -3,7 +3,8 @@
 use crate::body::Sex;
 use crate::overload::TorqueLimits;
 use crate::pose_suggestion::Posture;
-use crate::sesc::{PARAMETERS, ReductionKind};
+use crate::sesc::ReductionKind;
+pub use crate::sesc::Similar;
 use crate::static_pose::Thresholds;
 
 /// What is believed before the first pose.
@@ -51,17 +52,6 @@ pub enum Motion {
     Paper,
 }
 
-/// How far this worker's Φ may be from a similar worker's.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Similar {
-    /// What the similar worker's Φ had more than the table on that worker's bones, segment axes, m.
-    pub deviation_m: [f64; PARAMETERS],
-    /// Variance of `deviation_m` as it was identified, m².
-    pub variance_m2: [f64; PARAMETERS],
-    /// How much of a deviation two so similar people share, in [0, 1].
-    pub likeness: f64,
-}
-
 /// When identification is finished.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StopRule {
@@ -87,7 +77,9 @@ pub struct Settings {
     pub sex: Sex,
     /// Body mass, kg; measured from the plate in the first still window if not given.
     pub mass_kg: Option<f64>,
-    /// Which parameters are identified.
+    /// Which parameters are identified. `Merged` by default: under a prior with its whole covariance more parameters
+    /// cost no poses, and a worker who is not symmetric is not promised too much, as under `Symmetric`; `Full` finds
+    /// nothing more and its updates take two and a half times as long (`cycle/tests/planning.rs`).
     pub reduction: ReductionKind,
     /// What is believed before the first pose.
     pub prior: PriorKind,
@@ -101,7 +93,7 @@ pub struct Settings {
     pub symmetry_sigma_m: f64,
     /// Soft constraint: 1-σ of how far a limb's centre lies off its long axis, m.
     pub long_axis_sigma_m: f64,
-    /// How the next pose is chosen.
+    /// How the next pose is chosen. I-optimal by default: it needs the fewest poses (`cycle/tests/planning.rs`).
     pub pose_choice: PoseChoice,
     /// When identification is finished.
     pub stop: StopRule,
@@ -151,16 +143,16 @@ impl Settings {
             height_m,
             sex: Sex::Unstated,
             mass_kg: None,
-            reduction: ReductionKind::Symmetric,
+            reduction: ReductionKind::Merged,
             prior: PriorKind::Table,
             similar: None,
-            method: Method::Static,
+            method: Method::StaticAndDynamic,
             passive: false,
             symmetry_sigma_m: 0.005,
             long_axis_sigma_m: 0.005,
-            pose_choice: PoseChoice::Paper,
+            pose_choice: PoseChoice::IOptimal,
             stop: StopRule::PredictedCop { sigma_m: 0.0025 },
-            poses_min: 12,
+            poses_min: 6,
             process_variance_m2: 0.0,
             measurement_sigma_m: 0.002,
             cop_sigma_m: 0.001,
@@ -170,7 +162,7 @@ impl Settings {
             load_distance_max_m: 0.35,
             suit_misalignment_rad: 0.010,
             suit_wander_rad: 0.005,
-            motion: Motion::Paper,
+            motion: Motion::Compensated { half_window_ns: 70_000_000 },
             suit_latency_ns: 0,
             ground_latency_ns: 0,
             suit_drifts: true,

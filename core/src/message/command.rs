@@ -52,11 +52,13 @@ pub enum CommandKind {
     SubjectLoad = 6,
     /// Take the wrench of the last second as zero; nobody may stand on the plate.
     Tare = 7,
+    /// The worker cannot hold the suggested pose: ask for another.
+    PoseSkip = 8,
 }
 
 impl CommandKind {
     /// All kinds.
-    pub const ALL: [CommandKind; 7] = [
+    pub const ALL: [CommandKind; 8] = [
         CommandKind::IdentifyStart,
         CommandKind::IdentifyStop,
         CommandKind::IdentifyReset,
@@ -64,6 +66,7 @@ impl CommandKind {
         CommandKind::SubjectSave,
         CommandKind::SubjectLoad,
         CommandKind::Tare,
+        CommandKind::PoseSkip,
     ];
 
     /// The kind of a message's number, `None` for a number of a later version.

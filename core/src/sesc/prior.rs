@@ -1,15 +1,39 @@
-//! What is believed about θ before the first pose: the anthropometric table with its spread, or nothing.
+//! What is believed about θ before the first pose: the anthropometric table with its spread, a similar worker, or
+//! nothing; and what is believed of any body, whatever else is known of it ([`soft_constraints`]).
 //!
-//! The spread of published tables is pushed through Eq. 2, which is linear in the masses and in the centres: a
-//! heavier segment moves φ of itself and of every segment it hangs on. Spreads are those between people of one sex
-//! after scaling: about 12 % of a segment's mass and a few centimetres of its centre.
+//! The spread of the table is pushed through Eq. 2, which is linear in the centres and, to first order, in the
+//! masses: a heavier segment moves φ of itself and of every segment it hangs on.
+//!
+//! Masses: V. Zatsiorsky and V. Seluyanov, "The mass and inertia characteristics of the main segments of the human
+//! body", Biomechanics VIII-B (1983) 1152–1159, give for 100 young men the standard error of each part's mass about
+//! its regression on body mass and stature, which we take over the part's mean mass. Ours are: [`WIDER`], because the
+//! table is scaled in proportion, without that regression, and workers differ more than students of sports; that
+//! the slices of one part are heavy together; how much alike both sides are; and the spread of the centres, for which
+//! we know no table in three axes.
 
 use super::suit_error::{EffectiveVectors, misalignment_m};
 use super::{PARAMETERS, Phi, Reduction};
 use crate::body::{Anthropometry, Segment, Skeleton};
+use crate::math;
 
-/// Standard deviation of a segment's mass over its mass.
-const MASS_SPREAD: f64 = 0.12;
+/// Parts of the body, their standard error of mass over their mean mass, kg over kg (Zatsiorsky and Seluyanov,
+/// 1983); of paired parts the left one.
+const PARTS: [(&[Segment], f64); 10] = [
+    (&[Segment::Neck, Segment::Head], 0.322 / 5.018),
+    (&[Segment::T8, Segment::LeftShoulder, Segment::RightShoulder], 1.142 / 11.654),
+    (&[Segment::L3, Segment::T12], 1.238 / 11.953),
+    (&[Segment::Pelvis, Segment::L5], 1.020 / 8.164),
+    (&[Segment::LeftUpperArm], 0.178 / 1.980),
+    (&[Segment::LeftForearm], 0.101 / 1.177),
+    (&[Segment::LeftHand], 0.063 / 0.447),
+    (&[Segment::LeftUpperLeg], 0.721 / 10.36),
+    (&[Segment::LeftLowerLeg], 0.219 / 3.16),
+    (&[Segment::LeftFoot, Segment::LeftToe], 0.101 / 0.997),
+];
+/// Workers under a table in proportion differ more than students about their regression, by this factor.
+const WIDER: f64 = 1.5;
+/// Correlation between both sides' deviations from the table.
+const ALIKE: f64 = 0.95;
 /// Standard deviation of a trunk segment's centre: forward, sideways, up; m.
 const TRUNK_CENTRE_SPREAD_M: [f64; 3] = [0.03, 0.015, 0.03];
 /// Standard deviation of a limb segment's centre on each axis, m.
@@ -28,6 +52,17 @@ pub struct Prior {
     pub covariance_m2: [[f64; PARAMETERS]; PARAMETERS],
 }
 
+/// How far this worker's Φ may be from a similar worker's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Similar {
+    /// What the similar worker's Φ had more than the table on that worker's bones, segment axes, m.
+    pub deviation_m: [f64; PARAMETERS],
+    /// Variance of `deviation_m` as it was identified, m².
+    pub variance_m2: [f64; PARAMETERS],
+    /// How much of a deviation two so similar people share, in [0, 1].
+    pub likeness: f64,
+}
+
 impl Prior {
     /// Nothing is believed: zero, give or take a metre.
     pub fn none(reduction: &Reduction) -> Prior {
@@ -40,48 +75,174 @@ impl Prior {
 
     /// The table's Φ and its spread.
     pub fn table(reduction: &Reduction, skeleton: &Skeleton, body: &Anthropometry) -> Prior {
-        let count = reduction.count();
         let phi = Phi::of(skeleton, body);
-        let mut prior = Prior { theta_m: reduction.closest_theta(&phi), ..Prior::none(reduction) };
-        prior.covariance_m2 = [[0.0; PARAMETERS]; PARAMETERS];
-        for segment in Segment::ALL {
-            let direction = reduction.pseudo_inverse(&mass_direction(segment, skeleton, body, &phi));
-            let sigma = MASS_SPREAD * body.mass_fraction[segment.index()];
-            prior.add_outer(count, &direction, sigma);
-            for axis in 0..3 {
-                let mut unit = [0.0; PARAMETERS];
-                unit[3 * segment.index() + axis] = 1.0;
-                let spread =
-                    if segment <= Segment::Head { TRUNK_CENTRE_SPREAD_M[axis] } else { LIMB_CENTRE_SPREAD_M };
-                let direction = reduction.pseudo_inverse(&unit);
-                prior.add_outer(count, &direction, spread * body.mass_fraction[segment.index()]);
-            }
+        let mut prior =
+            Prior { theta_m: reduction.closest_theta(&phi), covariance_m2: [[0.0; PARAMETERS]; PARAMETERS] };
+        for (segments, spread) in PARTS {
+            let heavier = |mirrored: bool| {
+                let mut sum = [0.0; PARAMETERS];
+                for &segment in segments {
+                    let segment = if mirrored { segment.mirrored() } else { segment };
+                    let share = WIDER * spread * body.mass_fraction[segment.index()];
+                    add(&mut sum, share, &mass_direction(segment, skeleton, body, &phi));
+                }
+                sum
+            };
+            let is_paired = segments.iter().all(|segment| !segments.contains(&segment.mirrored()));
+            let other = is_paired.then(|| heavier(true));
+            prior.add_sides(reduction, &heavier(false), other.as_ref());
+        }
+        for segment in Segment::ALL.into_iter().filter(|segment| *segment <= segment.mirrored()) {
+            prior.add_centre(reduction, body, segment);
         }
         let mut sideways = [0.0; PARAMETERS];
-        sideways[3 * Segment::Pelvis.index() + 1] = 1.0;
-        prior.add_outer(count, &reduction.pseudo_inverse(&sideways), SIDEWAYS_SPREAD_M);
+        sideways[3 * Segment::Pelvis.index() + 1] = SIDEWAYS_SPREAD_M;
+        prior.add_square(reduction, &sideways, 1.0);
         prior
     }
 
-    /// Adds what a suit does whose sensors sit on the segments by `sigma_rad` about each axis wrongly: it shows every
-    /// φ rotated, for good.
-    pub fn add_misalignment(&mut self, reduction: &Reduction, psi: &EffectiveVectors, sigma_rad: f64) {
-        for segment in Segment::ALL {
-            for moved in misalignment_m(psi.0[segment.index()], sigma_rad) {
-                let mut raw = [0.0; PARAMETERS];
-                raw[3 * segment.index()..][..3].copy_from_slice(&moved);
-                self.add_outer(reduction.count(), &reduction.pseudo_inverse(&raw), 1.0);
+    /// The table, and a worker of similar build on top of it: `likeness` of that worker's deviation is this one's
+    /// too, and what the two do not share is as wide as the table.
+    pub fn similar(mut self, reduction: &Reduction, similar: &Similar) -> Prior {
+        let likeness = similar.likeness.clamp(0.0, 1.0);
+        let deviation_m = reduction.pseudo_inverse(&similar.deviation_m);
+        // Raw parameters of one group have one error, so their standard deviations combine, not their variances.
+        let sigma_m =
+            reduction.pseudo_inverse_of_sizes(&similar.variance_m2.map(|variance| math::sqrt(variance)));
+        for row in 0..reduction.count() {
+            self.theta_m[row] += likeness * deviation_m[row];
+            for entry in &mut self.covariance_m2[row] {
+                *entry *= 1.0 - likeness * likeness;
             }
+            self.covariance_m2[row][row] += likeness * likeness * sigma_m[row] * sigma_m[row];
+        }
+        self
+    }
+
+    /// Where a segment's centre may be, and its mirror image's.
+    fn add_centre(&mut self, reduction: &Reduction, body: &Anthropometry, segment: Segment) {
+        for axis in 0..3 {
+            let spread_m =
+                if segment <= Segment::Head { TRUNK_CENTRE_SPREAD_M[axis] } else { LIMB_CENTRE_SPREAD_M };
+            let moved = |of: Segment, sign: f64| {
+                let mut raw = [0.0; PARAMETERS];
+                raw[3 * of.index() + axis] = sign * spread_m * body.mass_fraction[of.index()];
+                raw
+            };
+            let mirror_sign = if axis == 1 { -1.0 } else { 1.0 };
+            let other = (segment.mirrored() != segment).then(|| moved(segment.mirrored(), mirror_sign));
+            self.add_sides(reduction, &moved(segment, 1.0), other.as_ref());
         }
     }
 
-    fn add_outer(&mut self, count: usize, direction: &[f64; PARAMETERS], sigma: f64) {
-        for row in 0..count {
-            for column in 0..count {
-                self.covariance_m2[row][column] += sigma * sigma * (direction[row] * direction[column]);
+    /// A deviation of one part, or of a part and its mirror image, which are [`ALIKE`].
+    fn add_sides(
+        &mut self,
+        reduction: &Reduction,
+        one: &[f64; PARAMETERS],
+        other: Option<&[f64; PARAMETERS]>,
+    ) {
+        let Some(other) = other else { return self.add_square(reduction, one, 1.0) };
+        let mut both = *one;
+        add(&mut both, 1.0, other);
+        self.add_square(reduction, &both, ALIKE);
+        self.add_square(reduction, one, 1.0 - ALIKE);
+        self.add_square(reduction, other, 1.0 - ALIKE);
+    }
+
+    /// Adds `share · v vᵀ` with `v = T⁺ raw`.
+    fn add_square(&mut self, reduction: &Reduction, raw: &[f64; PARAMETERS], share: f64) {
+        let direction = reduction.pseudo_inverse(raw);
+        for row in 0..reduction.count() {
+            for column in 0..reduction.count() {
+                self.covariance_m2[row][column] += share * (direction[row] * direction[column]);
             }
         }
     }
+}
+
+fn add(sum: &mut [f64; PARAMETERS], scale: f64, vector: &[f64; PARAMETERS]) {
+    for (sum, value) in sum.iter_mut().zip(vector) {
+        *sum += scale * value;
+    }
+}
+
+/// How θ moves, m, with a suit whose sensors sit on the segments by `sigma_rad` about each axis wrongly: it shows
+/// every φ rotated, for good. Independent of each other, three of each segment.
+pub fn misalignments_m(
+    reduction: &Reduction,
+    psi: &EffectiveVectors,
+    sigma_rad: f64,
+) -> impl Iterator<Item = [f64; PARAMETERS]> {
+    Segment::ALL.into_iter().flat_map(move |segment| {
+        misalignment_m(psi.0[segment.index()], sigma_rad).map(|moved| {
+            let mut raw = [0.0; PARAMETERS];
+            raw[3 * segment.index()..][..3].copy_from_slice(&moved);
+            reduction.pseudo_inverse(&raw)
+        })
+    })
+}
+
+/// One thing that is believed of any body: `h θ = value`, give or take `sigma_m`.
+#[derive(Debug, Clone, Copy)]
+pub struct SoftConstraint {
+    /// Row over θ.
+    pub h: [f64; PARAMETERS],
+    /// What it should be, m.
+    pub value_m: f64,
+    /// 1-σ, m.
+    pub sigma_m: f64,
+}
+
+/// Long axis of each limb segment, left side, and the axes across it that should hold nothing.
+const ACROSS: [(Segment, &[usize]); 7] = [
+    (Segment::LeftUpperArm, &[0, 2]),
+    (Segment::LeftForearm, &[0, 2]),
+    (Segment::LeftHand, &[0, 2]),
+    (Segment::LeftUpperLeg, &[0, 1]),
+    (Segment::LeftLowerLeg, &[0, 1]),
+    // A foot is not a rod: what lies below the ankle stays the table's.
+    (Segment::LeftFoot, &[1]),
+    (Segment::LeftToe, &[1]),
+];
+
+/// Both sides are alike, and limbs have their centres near their long axes: what [`super::ReductionKind::Symmetric`]
+/// holds exactly, believed to within `symmetry_sigma_m` and `long_axis_sigma_m`.
+///
+/// A reduction that holds a thing exactly leaves no constraint of it.
+pub fn soft_constraints(
+    reduction: &Reduction,
+    symmetry_sigma_m: f64,
+    long_axis_sigma_m: f64,
+) -> impl Iterator<Item = SoftConstraint> {
+    let pairs = Segment::ALL.into_iter().filter(|segment| *segment < segment.mirrored());
+    let symmetric = pairs.flat_map(move |one| {
+        (0..3).filter_map(move |axis| {
+            let (row, known_m) = reduction.raw_row(one, axis);
+            let (other_row, other_known_m) = reduction.raw_row(one.mirrored(), axis);
+            // Sides that share a parameter are alike already.
+            let share = row.iter().zip(&other_row).any(|(a, b)| *a != 0.0 && *b != 0.0);
+            let sign = if axis == 1 { -1.0 } else { 1.0 };
+            (!share).then(|| SoftConstraint {
+                h: core::array::from_fn(|index| row[index] - sign * other_row[index]),
+                value_m: sign * other_known_m - known_m,
+                sigma_m: symmetry_sigma_m,
+            })
+        })
+    });
+    let on_axis = ACROSS.into_iter().flat_map(move |(left, axes)| {
+        axes.iter().flat_map(move |&axis| {
+            let sides = [left, left.mirrored()].map(|segment| reduction.raw_row(segment, axis));
+            // One parameter for both sides is constrained once.
+            let same = sides[0].0.iter().zip(&sides[1].0).all(|(a, b)| a.abs() == b.abs());
+            sides.into_iter().take(if same { 1 } else { 2 }).map(move |(h, known_m)| SoftConstraint {
+                h,
+                value_m: -known_m,
+                sigma_m: long_axis_sigma_m,
+            })
+        })
+    });
+    symmetric.chain(on_axis).filter(|constraint| constraint.h.iter().any(|entry| *entry != 0.0))
 }
 
 /// `dΦ/dμ_s` with the other masses shrinking in proportion, so that the shares stay whole.
@@ -102,43 +263,4 @@ fn mass_direction(of: Segment, skeleton: &Skeleton, body: &Anthropometry, phi: &
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::body::Sex;
-    use crate::sesc::ReductionKind;
-
-    #[test]
-    fn a_heavier_segment_moves_phi_along_its_direction() {
-        let skeleton = Skeleton::nominal(1.77);
-        let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
-        let phi = Phi::of(&skeleton, &body);
-        let more = 1e-6;
-        for segment in [Segment::Pelvis, Segment::Head, Segment::LeftForearm, Segment::RightToe] {
-            let mut heavier = body;
-            heavier.mass_fraction[segment.index()] += more;
-            heavier.mass_fraction = heavier.mass_fraction.map(|fraction| fraction / (1.0 + more));
-            let moved = Phi::of(&skeleton, &heavier);
-            for (raw, slope) in mass_direction(segment, &skeleton, &body, &phi).into_iter().enumerate() {
-                let difference = (moved.0[raw / 3][raw % 3] - phi.0[raw / 3][raw % 3]) / more;
-                assert!((difference - slope).abs() < 1e-5, "{segment:?} {raw}: {difference} {slope}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_covariance_is_symmetric_and_positive_on_its_diagonal() {
-        let skeleton = Skeleton::nominal(1.77);
-        let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
-        let phi = Phi::of(&skeleton, &body);
-        for kind in [ReductionKind::Full, ReductionKind::Merged, ReductionKind::Symmetric] {
-            let reduction = Reduction::new(kind, &phi);
-            let prior = Prior::table(&reduction, &skeleton, &body);
-            for row in 0..reduction.count() {
-                assert!(prior.covariance_m2[row][row] > 0.0);
-                for column in 0..row {
-                    assert_eq!(prior.covariance_m2[row][column], prior.covariance_m2[column][row]);
-                }
-            }
-        }
-    }
-}
+mod tests;

@@ -178,6 +178,22 @@ impl Reduction {
         core::array::from_fn(|index| if square[index] > 0.0 { dot[index] / square[index] } else { 0.0 })
     }
 
+    /// The same for sizes without a sign, such as standard deviations: every weight counts as positive.
+    pub fn pseudo_inverse_of_sizes(&self, raw_sizes: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
+        let signed =
+            core::array::from_fn(|raw| raw_sizes[raw] * if self.weight[raw] < 0.0 { -1.0 } else { 1.0 });
+        self.pseudo_inverse(&signed)
+    }
+
+    /// One raw parameter as `h θ + known`: its row of T, and its part of Φ_fixed, m.
+    pub fn raw_row(&self, segment: Segment, axis: usize) -> ([f64; PARAMETERS], f64) {
+        let (raw, mut row) = (3 * segment.index() + axis, [0.0; PARAMETERS]);
+        if self.parameter[raw] != FIXED {
+            row[self.parameter[raw] as usize] = self.weight[raw];
+        }
+        (row, self.fixed_m[raw])
+    }
+
     /// The θ closest to Φ.
     pub fn closest_theta(&self, phi: &Phi) -> [f64; PARAMETERS] {
         self.pseudo_inverse(&core::array::from_fn(|raw| phi.0[raw / 3][raw % 3]))

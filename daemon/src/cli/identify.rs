@@ -5,7 +5,7 @@ use equipoise_core::message::command::CommandKind;
 
 use super::{Outcome, StationArgument, client};
 
-/// Start, stop or reset the identification of the worker
+/// Start, stop or reset the identification of the worker, or ask for another pose
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise identify start --station station-1")]
 pub(super) struct Arguments {
@@ -22,6 +22,8 @@ enum Action {
     Stop,
     /// Forget every pose and start anew
     Reset,
+    /// The worker cannot hold the pose that is asked for: ask for another
+    Skip,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -29,6 +31,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Action::Start => CommandKind::IdentifyStart,
         Action::Stop => CommandKind::IdentifyStop,
         Action::Reset => CommandKind::IdentifyReset,
+        Action::Skip => CommandKind::PoseSkip,
     };
     println!("{}", client::ask(&arguments.station.station, kind, "")?);
     Ok(Outcome::Done)

@@ -131,17 +131,17 @@ pub struct IdentificationConfig {
 impl Default for IdentificationConfig {
     fn default() -> Self {
         IdentificationConfig {
-            reduction: ReductionConfig::Symmetric,
+            reduction: ReductionConfig::Merged,
             method: MethodConfig::Static,
             prior: PriorConfig::Table,
-            pose_choice: PoseChoiceConfig::Paper,
+            pose_choice: PoseChoiceConfig::IOptimal,
             passive: false,
             symmetry_sigma_mm: 5.0,
             long_axis_sigma_mm: 5.0,
             stop: StopConfig::PredictedCop,
             stop_variance_m2: 0.002,
             stop_cop_sigma_mm: 2.5,
-            poses_min: 12,
+            poses_min: 6,
             measurement_sigma_mm: 2.0,
             process_sigma_mm: 0.0,
             auto_start: true,

@@ -112,18 +112,18 @@ impl Identification {
         })
     }
 
-    /// Variance of `h θ` were the stance's offset known, m²: what poses can still teach.
-    pub(super) fn theta_variance_m2(&self, h: &[f64; PARAMETERS]) -> f64 {
-        let spread = self.filter.spread_given_nuisance_m2(h);
-        h.iter().zip(&spread).map(|(h, spread)| h * spread).sum::<f64>().max(0.0)
+    /// A row over all states: the parameters, then the stance's offset on this axis.
+    pub(super) fn with_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
+        let mut row = self.without_stance(rows, axis);
+        row[self.reduction.count() + axis] = 1.0;
+        row
     }
 
-    /// A row over all states: the parameters, then the stance's offset on this axis.
-    fn with_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
+    /// A row over the parameters alone.
+    pub(super) fn without_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
         let mut row = [0.0; STATES];
         let count = self.reduction.count();
         row[..count].copy_from_slice(&rows.h[axis][..count]);
-        row[count + axis] = 1.0;
         row
     }
 }

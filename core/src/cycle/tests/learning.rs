@@ -2,6 +2,8 @@
 
 extern crate std;
 use std::boxed::Box;
+use std::vec;
+use std::vec::Vec;
 
 use nalgebra::Vector3;
 
@@ -10,9 +12,10 @@ use super::*;
 use crate::anchor::STANCE_SIGMA_M;
 use crate::frame::{Pose, StationWorld, SuitWorld};
 use crate::sesc::centre_of_mass;
+use crate::sesc::reduction::Rows;
 
 /// A worker whose bones are known and who has shown nothing else.
-fn worker(person: &Person, settings: &Settings) -> Box<Identification> {
+pub(super) fn worker(person: &Person, settings: &Settings) -> Box<Identification> {
     let mut worker = bytemuck::zeroed_box::<Identification>();
     worker.start(settings);
     let pose = person.pose(&postures()[0]);
@@ -121,4 +124,143 @@ fn a_measurement_that_is_no_number_teaches_nothing() {
         assert_eq!(one.take_in(&rows, cop_m, variance_m2), None);
     }
     assert_eq!(bytemuck::bytes_of(&*one), before);
+}
+
+/// Normal deviates from a seed (xorshift and Box–Muller), so that the tests need no crate.
+pub(super) struct Normal(u64);
+
+impl Normal {
+    pub(super) fn seeded(seed: u64) -> Normal {
+        // Neighbouring seeds must not give neighbouring streams.
+        let mut normal = Normal(seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        for _ in 0..8 {
+            normal.unit();
+        }
+        normal
+    }
+
+    fn unit(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+    }
+
+    pub(super) fn next(&mut self) -> f64 {
+        let (radius, angle) = ((-2.0 * self.unit().ln()).sqrt(), core::f64::consts::TAU * self.unit());
+        radius * angle.cos()
+    }
+}
+
+/// θ drawn from what a fresh worker's filter believes.
+pub(super) fn drawn(worker: &Identification, normal: &mut Normal) -> Vec<f64> {
+    let count = worker.filter.count();
+    // Cholesky, row by row.
+    let mut factor = vec![vec![0.0; count]; count];
+    for row in 0..count {
+        for column in 0..=row {
+            let inner: f64 = (0..column).map(|k| factor[row][k] * factor[column][k]).sum();
+            let rest = worker.filter.covariance_row_m2(row)[column] - inner;
+            factor[row][column] =
+                if row == column { rest.max(0.0).sqrt() } else { rest / factor[column][column] };
+        }
+    }
+    let deviates: Vec<f64> = (0..count).map(|_| normal.next()).collect();
+    (0..count)
+        .map(|row| {
+            worker.filter.theta_m()[row] + (0..=row).map(|k| factor[row][k] * deviates[k]).sum::<f64>()
+        })
+        .collect()
+}
+
+/// What the plate shows of a person with this θ in a stance that lies off, with noise as large as it is said to be.
+pub(super) fn shown(
+    rows: &Rows,
+    theta: &[f64],
+    off_m: [f64; 2],
+    variance_m2: [f64; 2],
+    normal: &mut Normal,
+) -> [f64; 2] {
+    [0, 1].map(|axis| {
+        let body: f64 = rows.h[axis].iter().zip(theta).map(|(h, theta)| h * theta).sum();
+        rows.offset_m[axis] + body + off_m[axis] + variance_m2[axis].sqrt() * normal.next()
+    })
+}
+
+/// Lets a worker with this θ hold poses one after the other; the root mean square error of the CoP over the library,
+/// the stance known, after each.
+fn errors_m(
+    worker: &mut Identification,
+    settings: &Settings,
+    person: &Person,
+    theta: &[f64],
+    poses: usize,
+    normal: &mut Normal,
+) -> Vec<f64> {
+    let variance_m2 = [9e-6; 2];
+    let off_m = [0, 1].map(|_| STANCE_SIGMA_M * normal.next());
+    let all = postures();
+    (0..poses)
+        .map(|index| {
+            let rows = worker.reduction.rows(&person.pose(&all[(7 * index) % all.len()]), [0.0; 2]);
+            let cop_m = shown(&rows, theta, off_m, variance_m2, normal);
+            worker.learn_rows(&rows, cop_m, variance_m2).unwrap();
+            let mut square = 0.0;
+            for posture in settings.library {
+                let rows = worker.reduction.rows(&person.pose(posture), [0.0; 2]);
+                let told = worker.predict_cop_m(&rows);
+                for axis in 0..2 {
+                    let body: f64 = rows.h[axis].iter().zip(theta).map(|(h, theta)| h * theta).sum();
+                    let error = told[axis] - rows.offset_m[axis] - body - off_m[axis];
+                    square += error * error / (2 * all.len()) as f64;
+                }
+            }
+            square.sqrt()
+        })
+        .collect()
+}
+
+#[test]
+fn a_right_prior_is_seldom_inflated_and_its_innovations_are_as_large_as_told() {
+    const PEOPLE: u64 = 400;
+    let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
+    let fresh = worker(&person, &settings);
+    let (mut inflated, mut nis) = (0, 0.0);
+    for seed in 0..PEOPLE {
+        let (mut one, mut normal) = (fresh.clone(), Normal::seeded(seed));
+        let theta = drawn(&one, &mut normal);
+        errors_m(&mut one, &settings, &person, &theta, 6, &mut normal);
+        nis += one.nis / PEOPLE as f64;
+        inflated += u64::from(one.prior_inflation() > 1.0);
+    }
+    assert!(inflated * 20 < PEOPLE, "{inflated} of {PEOPLE}");
+    // χ² of two degrees of freedom: mean 2, and 400 of them average to within 0.1.
+    assert!((1.7..2.3).contains(&nis), "{nis}");
+}
+
+#[test]
+fn a_badly_wrong_prior_is_inflated_and_forgotten_faster() {
+    let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
+    let fresh = worker(&person, &settings);
+    let (mut with, mut without, mut inflated) = (0.0, 0.0, 0);
+    for seed in 0..40 {
+        let mut normal = Normal::seeded(seed);
+        // Seven times as far from the table as the table's spread says.
+        let theta: Vec<f64> = drawn(&fresh, &mut normal)
+            .into_iter()
+            .zip(fresh.filter.theta_m())
+            .map(|(drawn, mean)| mean + 7.0 * (drawn - mean))
+            .collect();
+        let (mut tested, mut trusting) = (fresh.clone(), fresh.clone());
+        trusting.trust_the_prior();
+        let mut same = Normal::seeded(seed + 1000);
+        let mut again = Normal::seeded(seed + 1000);
+        with += errors_m(&mut tested, &settings, &person, &theta, 5, &mut same)[4].powi(2);
+        without += errors_m(&mut trusting, &settings, &person, &theta, 5, &mut again)[4].powi(2);
+        assert!(tested.prior_inflation() <= 100.0 && tested.is_sound());
+        inflated += u64::from(tested.prior_inflation() > 2.0);
+        assert_eq!(trusting.prior_inflation(), 1.0);
+    }
+    assert!(inflated >= 36, "{inflated} of 40");
+    assert!(with.sqrt() < 0.8 * without.sqrt(), "{} {}", with.sqrt(), without.sqrt());
 }

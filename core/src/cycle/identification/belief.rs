@@ -1,0 +1,74 @@
+//! What the filter believes before the first pose, and how it is told that it believed the wrong thing.
+
+use super::Identification;
+use super::consistency::{Consistency, Seen};
+use crate::body::Anthropometry;
+use crate::cycle::settings::{PriorKind, Settings};
+use crate::kalman::STATES;
+use crate::sesc::prior::{misalignments_m, soft_constraints};
+use crate::sesc::reduction::Rows;
+use crate::sesc::suit_error::effective_vectors;
+use crate::sesc::{Phi, Prior, Reduction};
+
+impl Identification {
+    /// Lays the table on the bones and begins with the prior: the body's, what is believed of any body, and then
+    /// what the suit makes of it.
+    pub(super) fn believe(&mut self, settings: &Settings) {
+        let skeleton = self.skeleton();
+        self.anthropometry = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
+        let phi = Phi::of(&skeleton, &self.anthropometry);
+        self.reduction = Reduction::new(settings.reduction, &phi);
+        let table = || Prior::table(&self.reduction, &skeleton, &self.anthropometry);
+        let prior = match (settings.prior, &settings.similar) {
+            (PriorKind::None, _) => Prior::none(&self.reduction),
+            (PriorKind::SimilarSubject, Some(similar)) => table().similar(&self.reduction, similar),
+            (PriorKind::Table | PriorKind::SimilarSubject, _) => table(),
+        };
+        let count = self.reduction.count();
+        self.filter.reset(count, &prior);
+        for constraint in
+            soft_constraints(&self.reduction, settings.symmetry_sigma_m, settings.long_axis_sigma_m)
+        {
+            let mut h = [0.0; STATES];
+            h[..count].copy_from_slice(&constraint.h[..count]);
+            self.filter.update(&h, constraint.value_m, constraint.sigma_m * constraint.sigma_m);
+        }
+        let psi = effective_vectors(&phi, &skeleton, settings.suit_drifts);
+        for along_m in misalignments_m(&self.reduction, &psi, settings.suit_misalignment_rad) {
+            self.filter.widen(&along_m);
+        }
+        self.consistency = Consistency::start();
+        self.new_stance(settings);
+    }
+
+    /// How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all.
+    pub fn prior_inflation(&self) -> f64 {
+        self.consistency.inflation().max(1.0)
+    }
+
+    /// What is believed now is no prior any more: poses stand behind it, and no innovation inflates it.
+    pub(in crate::cycle) fn trust_the_prior(&mut self) {
+        self.consistency.trust();
+    }
+
+    /// Holds a pose against the prior before it is learnt, and inflates P if the first poses do not fit it.
+    pub(super) fn test_prior(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) {
+        let h = [0, 1].map(|axis| self.with_stance(rows, axis));
+        let [xx, xy, yy] = self.filter.covariance_of(&h[0], &h[1]);
+        let (xx, yy) = (xx + variance_m2[0], yy + variance_m2[1]);
+        let predicted_m = self.predict_cop_m(rows);
+        let [x, y] = [cop_m[0] - predicted_m[0], cop_m[1] - predicted_m[1]];
+        let nis = (x * x * yy - 2.0 * x * y * xy + y * y * xx) / (xx * yy - xy * xy);
+        let theta_m2: f64 = [0, 1]
+            .iter()
+            .map(|&axis| self.filter.projected_variance_m2(&self.without_stance(rows, axis)))
+            .sum();
+        let seen = Seen { nis, square_m2: x * x + y * y, theta_m2, rest_m2: xx + yy - theta_m2 };
+        if !nis.is_finite() {
+            return;
+        }
+        if let Some(factor) = self.consistency.test(seen) {
+            self.filter.inflate(factor);
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! The next pose to ask for, and how well the centre of pressure is known over the poses of the work: a little of
+//! both in every cycle, so that no cycle is a long one.
+
+use super::{Identification, NO_POSE};
+use crate::cycle::settings::{PoseChoice, Settings};
+use crate::cycle::support::is_supported;
+use crate::math;
+use crate::pose_suggestion::gain::{a_gain, d_gain, i_gain};
+use crate::pose_suggestion::{Posture, posture};
+use crate::sesc::centre_of_mass;
+use crate::time::NS_PER_S;
+
+/// A suggested pose that was not held for so long, of suit time, is one that this worker cannot hold, ns.
+const PATIENCE_NS: u64 = 20 * NS_PER_S;
+/// The centre of mass of a pose that is asked for lies this far inside the soles, m: about what a prior may be off.
+const BALANCE_MARGIN_M: f64 = 0.015;
+
+impl Identification {
+    /// One step of planning: one pose of the library is weighed, or one candidate looked at, or the time that a
+    /// suggestion has stood is looked at. Called once a cycle.
+    ///
+    /// `suit_time_ns` is the newest suit sample's; `stands` is whether anybody stands on the plate, without whom no
+    /// time passes.
+    pub fn plan_one(&mut self, suit_time_ns: u64, stands: bool, settings: &Settings) {
+        let size = settings.library.len();
+        if !self.has_body() || size == 0 {
+            return;
+        }
+        if let Some(index) = self.planner.to_weigh(size) {
+            let pose = posture::pose_of(&settings.library[index], &self.skeleton(), [0.0; 3]);
+            self.planner.weigh(&self.reduction.rows(&pose, [0.0; 2]), size);
+            self.update_predicted_cop_sigma(settings);
+        } else if self.identified == 1 {
+            self.suggested = NO_POSE;
+        } else if self.suggested != NO_POSE {
+            self.lose_patience(suit_time_ns, stands);
+        } else {
+            self.look_at_one(suit_time_ns, settings);
+        }
+    }
+
+    /// The worker cannot hold the suggested pose: another is asked for. `false` if none was suggested.
+    pub fn skip_pose(&mut self) -> bool {
+        let suggested = self.suggested;
+        if suggested == NO_POSE {
+            return false;
+        }
+        self.planner.mark_unholdable(suggested);
+        self.ask_again();
+        true
+    }
+
+    /// Withdraws the suggestion; the next cycles look for another.
+    pub(in crate::cycle) fn ask_again(&mut self) {
+        self.suggested = NO_POSE;
+        self.planner.begin_sweep();
+    }
+
+    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes, were the stance's offset
+    /// known, m; 0 while nothing can be said.
+    pub(super) fn update_predicted_cop_sigma(&mut self, settings: &Settings) {
+        self.predicted_cop_sigma_m = if self.knows_the_work(settings) {
+            math::sqrt(self.filter.trace_given_nuisance_m2(self.planner.weight()))
+        } else {
+            0.0
+        };
+    }
+
+    /// Whether the poses of the work were all weighed.
+    pub(super) fn knows_the_work(&self, settings: &Settings) -> bool {
+        self.has_body() && self.planner.to_weigh(settings.library.len()).is_none()
+    }
+
+    fn lose_patience(&mut self, suit_time_ns: u64, stands: bool) {
+        let waits = stands && self.learning == 1;
+        if !waits || self.asked_ns == 0 {
+            self.asked_ns = suit_time_ns;
+        } else if suit_time_ns.saturating_sub(self.asked_ns) > PATIENCE_NS {
+            self.skip_pose();
+        }
+    }
+
+    fn look_at_one(&mut self, suit_time_ns: u64, settings: &Settings) {
+        match self.planner.candidate(settings.library.len()) {
+            Some(index) => {
+                let (gain, balanced) = self.judge(index, &settings.library[index], settings);
+                self.planner.judge(index, gain, balanced);
+            }
+            None => {
+                self.suggested = self.planner.choose().map_or(NO_POSE, |index| index as u64);
+                self.planner.begin_sweep();
+                self.asked_ns = suit_time_ns;
+            }
+        }
+    }
+
+    /// What a candidate is worth, and whether this worker keeps balance in it.
+    fn judge(&self, index: usize, posture: &Posture, settings: &Settings) -> (f64, bool) {
+        let pose = posture::pose_of(posture, &self.skeleton(), [0.0; 3]);
+        let centre = centre_of_mass(&pose, &self.phi());
+        let balanced = is_supported(&pose, [centre.x, centre.y], settings.height_m, -BALANCE_MARGIN_M);
+        // The library's first pose is the one to start from: everybody can hold it.
+        if self.performed.count() == 0 && index == 0 {
+            return (f64::MAX, balanced);
+        }
+        let rows = self.reduction.rows(&pose, [0.0; 2]);
+        let body_m2 = settings.measurement_sigma_m * settings.measurement_sigma_m;
+        let variance_m2 = self.wander_variance_m2(&pose, settings).map(|suit_m2| suit_m2 + body_m2);
+        let gain = match settings.pose_choice {
+            PoseChoice::Paper => {
+                let variance = self.reduction.raw_variance(|index| self.filter.variance_m2(index));
+                self.performed.distance(posture, &variance)
+            }
+            PoseChoice::DOptimal => d_gain(&self.filter, &rows, variance_m2),
+            PoseChoice::AOptimal => a_gain(&self.filter, &rows, variance_m2),
+            PoseChoice::IOptimal => i_gain(&self.filter, self.planner.weight(), &rows, variance_m2),
+        };
+        (gain, balanced)
+    }
+}

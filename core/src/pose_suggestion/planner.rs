@@ -1,0 +1,208 @@
+//! Which pose of the library to ask for: one candidate is looked at per cycle, so that no cycle is a long one.
+//!
+//! A suggestion is never repeated before all others were asked for. A pose that a worker could not hold is not asked
+//! for again; nor, while there are others, one over which this worker would lose balance.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::LIBRARY_MAX;
+use super::gain::Weight;
+use crate::sesc::PARAMETERS;
+use crate::sesc::reduction::Rows;
+
+/// Nothing found yet.
+const NONE: u64 = u64::MAX;
+
+/// What is remembered from one candidate to the next. Library positions are in [0, [`LIBRARY_MAX`]).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Planner {
+    /// W, the mean of `h hᵀ` over the library, as far as it is made.
+    weight: Weight,
+    /// How many poses of the library are in W.
+    weighed: u64,
+    /// The next candidate to look at.
+    next: u64,
+    /// Best candidate so far: in balance, and any. `NONE` or an index.
+    best: [u64; 2],
+    /// Their gains.
+    best_gain: [f64; 2],
+    /// One bit per pose that was already asked for.
+    asked: u64,
+    /// One bit per pose that this worker could not hold.
+    unholdable: u64,
+}
+
+impl Planner {
+    /// Begins for another body.
+    pub fn start(&mut self) {
+        *self = Zeroable::zeroed();
+        self.begin_sweep();
+    }
+
+    /// Looks for the next pose from the first candidate on.
+    pub fn begin_sweep(&mut self) {
+        self.next = 0;
+        self.best = [NONE; 2];
+        self.best_gain = [0.0; 2];
+    }
+
+    /// The next pose of a library of `size` whose rows W needs; `None` once it is whole.
+    pub fn to_weigh(&self, size: usize) -> Option<usize> {
+        (self.weighed < size.min(LIBRARY_MAX) as u64).then_some(self.weighed as usize)
+    }
+
+    /// Takes the rows of one more pose of a library of `size` into W.
+    pub fn weigh(&mut self, rows: &Rows, size: usize) {
+        let share = 1.0 / (2.0 * size.clamp(1, LIBRARY_MAX) as f64);
+        for h in &rows.h {
+            for (row, own) in self.weight.iter_mut().zip(h) {
+                // Rows are mostly zero beyond the parameters there are.
+                if *own != 0.0 {
+                    for (entry, other) in row.iter_mut().zip(h) {
+                        *entry += share * own * other;
+                    }
+                }
+            }
+        }
+        self.weighed += 1;
+    }
+
+    /// W; whole once [`Planner::to_weigh`] says so.
+    pub fn weight(&self) -> &Weight {
+        &self.weight
+    }
+
+    /// The next candidate of a library of `size`, without those that are out; `None` once all were looked at.
+    pub fn candidate(&mut self, size: usize) -> Option<usize> {
+        let size = size.min(LIBRARY_MAX);
+        let all = if size == LIBRARY_MAX { u64::MAX } else { (1 << size) - 1 };
+        // Better asked twice, or of somebody who failed once, than not at all.
+        if (self.asked | self.unholdable) & all == all {
+            self.asked = 0;
+        }
+        if self.unholdable & all == all {
+            self.unholdable = 0;
+        }
+        let out = self.asked | self.unholdable;
+        let next = (self.next as usize..size).find(|index| out & (1 << index) == 0);
+        self.next = next.map_or(size, |index| index + 1) as u64;
+        next
+    }
+
+    /// What the candidate is worth.
+    pub fn judge(&mut self, index: usize, gain: f64, balanced: bool) {
+        for (slot, counts) in [balanced, true].into_iter().enumerate() {
+            let first = self.best[slot] == NONE;
+            if counts && gain.is_finite() && (first || gain > self.best_gain[slot]) {
+                self.best[slot] = index as u64;
+                self.best_gain[slot] = gain;
+            }
+        }
+    }
+
+    /// The choice after the last candidate: the best in balance, else the best. From now on it counts as asked for.
+    pub fn choose(&mut self) -> Option<usize> {
+        let index = self.best.into_iter().find(|index| *index != NONE)? as usize;
+        self.asked |= 1 << index;
+        Some(index)
+    }
+
+    /// The worker cannot hold this pose of the library.
+    pub fn mark_unholdable(&mut self, index: u64) {
+        if index < LIBRARY_MAX as u64 {
+            self.unholdable |= 1 << index;
+        }
+    }
+
+    /// Whether indices and numbers are in range; a stored planner is checked before use.
+    pub fn is_sound(&self) -> bool {
+        let bound = LIBRARY_MAX as u64;
+        self.weighed <= bound
+            && self.next <= bound
+            && self.best.iter().all(|index| *index == NONE || *index < bound)
+            && self.best_gain.iter().all(|gain| gain.is_finite())
+            && self.weight.iter().flatten().all(|value| value.is_finite())
+    }
+}
+
+/// W has a row for every parameter.
+const _: () = assert!(size_of::<Weight>() == 8 * PARAMETERS * PARAMETERS);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Asks once, with these gains; all but the listed ones are in balance.
+    fn ask(planner: &mut Planner, gains: &[f64], unbalanced: &[usize]) -> Option<usize> {
+        planner.begin_sweep();
+        while let Some(index) = planner.candidate(gains.len()) {
+            planner.judge(index, gains[index], !unbalanced.contains(&index));
+        }
+        planner.choose()
+    }
+
+    fn planner() -> Planner {
+        let mut planner: Planner = Zeroable::zeroed();
+        planner.start();
+        planner
+    }
+
+    #[test]
+    fn the_best_is_asked_for_and_then_not_again_before_all_were() {
+        let mut planner = planner();
+        let asked: [Option<usize>; 4] = core::array::from_fn(|_| ask(&mut planner, &[1.0, 3.0, 2.0], &[]));
+        assert_eq!(asked, [Some(1), Some(2), Some(0), Some(1)]);
+        assert!(planner.is_sound());
+    }
+
+    #[test]
+    fn a_pose_out_of_balance_is_asked_for_only_when_no_other_is_left() {
+        let mut planner = planner();
+        assert_eq!(ask(&mut planner, &[1.0, 3.0], &[1]), Some(0));
+        assert_eq!(ask(&mut planner, &[1.0, 3.0], &[1]), Some(1));
+    }
+
+    #[test]
+    fn a_pose_that_was_not_held_is_not_asked_for_again_unless_there_is_no_other() {
+        let mut planner = planner();
+        planner.mark_unholdable(1);
+        planner.mark_unholdable(u64::MAX);
+        let asked: [Option<usize>; 3] = core::array::from_fn(|_| ask(&mut planner, &[1.0, 3.0, 2.0], &[]));
+        assert_eq!(asked, [Some(2), Some(0), Some(2)]);
+        planner.mark_unholdable(0);
+        planner.mark_unholdable(2);
+        assert_eq!(ask(&mut planner, &[1.0, 3.0, 2.0], &[]), Some(1));
+    }
+
+    #[test]
+    fn no_library_no_suggestion_and_the_largest_library_fits() {
+        assert_eq!(ask(&mut planner(), &[], &[]), None);
+        let gains: [f64; LIBRARY_MAX] = core::array::from_fn(|index| index as f64);
+        assert_eq!(ask(&mut planner(), &gains, &[]), Some(LIBRARY_MAX - 1));
+    }
+
+    #[test]
+    fn the_weight_gives_the_mean_square_over_the_library() {
+        let mut planner = planner();
+        let theta = [0.3, -0.2];
+        let mut mean_square = 0.0;
+        for pose in 0..3 {
+            let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+            rows.h[0][..2].copy_from_slice(&[1.0, 0.5 * f64::from(pose)]);
+            rows.h[1][..2].copy_from_slice(&[-0.3, 0.7]);
+            assert_eq!(planner.to_weigh(3), Some(pose as usize));
+            planner.weigh(&rows, 3);
+            for h in &rows.h {
+                let projected = h[0] * theta[0] + h[1] * theta[1];
+                mean_square += projected * projected / 6.0;
+            }
+        }
+        assert_eq!(planner.to_weigh(3), None);
+        let w = planner.weight();
+        let by_weight: f64 = (0..2)
+            .map(|row| (0..2).map(|column| theta[row] * w[row][column] * theta[column]).sum::<f64>())
+            .sum();
+        assert!((by_weight - mean_square).abs() < 1e-15);
+    }
+}
