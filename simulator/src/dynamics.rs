@@ -79,6 +79,7 @@ mod tests {
             com_m: move_there(com),
             grip_m: [fall; 2],
             load_kg: 0.0,
+            right_hand_share: 0.5,
         }
     }
 

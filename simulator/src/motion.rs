@@ -39,6 +39,8 @@ pub struct Habits {
     pub pose_error_rad: f64,
     /// Standard deviation of where the person chooses to balance, pose by pose, m.
     pub balance_error_m: f64,
+    /// How much of a box the right hand carries, in [0, 1].
+    pub right_hand_share: f64,
 }
 
 impl Habits {
@@ -50,6 +52,7 @@ impl Habits {
         sway_rad: 0.003,
         pose_error_rad: 0.05,
         balance_error_m: 0.008,
+        right_hand_share: 0.5,
     };
     /// A statue that takes poses exactly.
     pub const NONE: Habits = Habits {
@@ -59,6 +62,7 @@ impl Habits {
         sway_rad: 0.0,
         pose_error_rad: 0.0,
         balance_error_m: 0.0,
+        right_hand_share: 0.5,
     };
 }
 
@@ -77,12 +81,20 @@ pub struct BodyState {
     pub grip_m: [Vector3<f64>; 2],
     /// What the hands carry, kg; grows from nothing while a box is grasped.
     pub load_kg: f64,
+    /// How much of it the right hand carries, in [0, 1].
+    pub right_hand_share: f64,
 }
 
 impl BodyState {
-    /// The box's centre: the middle between the grips, m.
+    /// How much of the box each hand carries, left and right.
+    pub fn hand_share(&self) -> [f64; 2] {
+        [1.0 - self.right_hand_share, self.right_hand_share]
+    }
+
+    /// The box's centre, m: between the grips, nearer to the hand that carries more.
     pub fn load_m(&self) -> Vector3<f64> {
-        (self.grip_m[0] + self.grip_m[1]) * 0.5
+        let [left, right] = self.hand_share();
+        self.grip_m[0] * left + self.grip_m[1] * right
     }
 }
 
@@ -231,6 +243,7 @@ impl Worker {
             com_m: body.com_m,
             grip_m: grips_m(&self.person, &body.origin_m, &body.world_from_segment),
             load_kg: self.load_kg.at(time_s, mix),
+            right_hand_share: self.habits.right_hand_share,
         }
     }
 

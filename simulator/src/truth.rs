@@ -91,10 +91,11 @@ impl Truth {
         let load_m = body.load_m();
         let with_load_m = (com_m.xy() * body_n + load_m.xy() * load_n) / (body_n + load_n);
         let down = -Vector3::z();
-        let hands = Side::BOTH.map(|side| Force {
-            on: side.hand(),
-            at_m: body.grip_m[if side == Side::Left { 0 } else { 1 }],
-            force_n: down * (0.5 * load_n),
+        let hand_share = body.hand_share();
+        let hands: [Force; 2] = std::array::from_fn(|k| Force {
+            on: Side::BOTH[k].hand(),
+            at_m: body.grip_m[k],
+            force_n: down * (hand_share[k] * load_n),
         });
         let overload = |contact| {
             let without = ground_forces(&body.origin_m, com_m.xy(), body_n, contact);
@@ -105,6 +106,7 @@ impl Truth {
         let in_motion = Difference {
             origin_m: &body.origin_m,
             grip_m: body.grip_m,
+            hand_share,
             load_force_n: load_force_in_motion_n,
             without: ground_without_load,
             with: ground,

@@ -53,7 +53,7 @@ pub struct Session {
 impl Session {
     /// The subject stands straight at time 0, in an ordinary suit on a good plate; nothing is learnt yet.
     pub fn new(subject: &Subject, settings: Settings) -> Session {
-        Session::with(subject, settings, Rig::ORDINARY, Habits::ORDINARY)
+        Session::with(subject, settings, Rig::ORDINARY, subject.habits())
     }
 
     /// The same with other sensors or habits.

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use equipoise_core::body::Sex;
 use equipoise_core::cycle::Settings;
 use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::motion::Habits;
 use equipoise_simulator::person::Person;
 use equipoise_simulator::random::Random;
 
@@ -16,6 +17,9 @@ const HEIGHT_M: [f64; 2] = [1.55, 1.95];
 const MASS_KG: [f64; 2] = [50.0, 105.0];
 /// Body mass indices that are drawn, kg/m².
 const BODY_MASS_INDEX: [f64; 2] = [19.0, 30.0];
+
+/// How much of a box the right hand carries.
+const RIGHT_HAND_SHARE: [f64; 2] = [0.2, 0.8];
 
 /// One synthetic subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +38,15 @@ impl Subject {
     /// The paper's subject: 72 kg, 1.77 m, a man; the body follows from the seed.
     pub fn of_the_paper(seed: u64) -> Subject {
         Subject { seed, height_m: 1.77, mass_kg: 72.0, sex: Sex::Male }
+    }
+
+    /// What this subject does besides what is asked; as people do, one hand carries more than the other.
+    pub fn habits(&self) -> Habits {
+        let mut random = Random::new(self.seed, "hands");
+        Habits {
+            right_hand_share: random.between(RIGHT_HAND_SHARE[0], RIGHT_HAND_SHARE[1]),
+            ..Habits::ORDINARY
+        }
     }
 
     /// Somebody: stature, build and sex by the seed.

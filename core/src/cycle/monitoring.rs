@@ -33,7 +33,7 @@ const ROWS_PER_INDEPENDENT: f64 = 5.0;
 /// Two degrees of freedom exceed this once in a thousand times.
 const NIS_OF_A_BLUNDER: f64 = 13.8;
 /// 1-σ of where a load is in the hands, as seen from the joints: grips differ, and so do sensors on arms, m.
-const GRIP_SIGMA_M: f64 = 0.025;
+const GRIP_SIGMA_M: f64 = 0.02;
 /// 1-σ of where a joint is above the floor, m.
 const JOINT_SIGMA_M: f64 = 0.010;
 /// The CoP may lie this far outside the modelled soles, m.

@@ -156,7 +156,7 @@ impl Settings {
             process_variance_m2: 0.0,
             measurement_sigma_m: 0.002,
             cop_sigma_m: 0.001,
-            force_sigma_n: 3.0,
+            force_sigma_n: 2.0,
             still: Thresholds::default(),
             load_threshold_n: 15.0,
             load_distance_max_m: 0.35,

@@ -30,8 +30,8 @@ pub struct Sharing {
     pub foot_cop_m: Option<[[f64; 2]; 2]>,
 }
 
-/// 1-σ of a share of which nothing is known but that it lies in [0, 1].
-const EVEN_SIGMA: f64 = 0.29;
+/// 1-σ of how far from even people share a load between their hands.
+const EVEN_SIGMA: f64 = 0.2;
 /// Points closer than this are one point; a line between them has no direction, m.
 pub(super) const TOO_CLOSE_M: f64 = 0.05;
 /// 1-σ of where on its sole a foot presses, off its ankle along the line between the feet, m: soles are about four

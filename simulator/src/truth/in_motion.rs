@@ -22,8 +22,10 @@ struct Contact {
 pub struct Difference<'a> {
     /// Segment origins, m.
     pub origin_m: &'a [Vector3<f64>; SEGMENTS],
-    /// Where the left and the right hand grip, m; each carries half.
+    /// Where the left and the right hand grip, m.
     pub grip_m: [Vector3<f64>; 2],
+    /// How much of the box each carries.
+    pub hand_share: [f64; 2],
     /// The box's force on both hands, N.
     pub load_force_n: Vector3<f64>,
     /// The ground's wrench without the box.
@@ -36,7 +38,11 @@ impl Difference<'_> {
     /// Torque that the box asks of each joint in this motion, world axes, N m.
     pub fn overload_nm(&self, contact: FootContact) -> [Vector3<f64>; JOINTS] {
         let hands = [0, 1].map(|k| Contact {
-            force: Force { on: Side::BOTH[k].hand(), at_m: self.grip_m[k], force_n: self.load_force_n * 0.5 },
+            force: Force {
+                on: Side::BOTH[k].hand(),
+                at_m: self.grip_m[k],
+                force_n: self.load_force_n * self.hand_share[k],
+            },
             couple_nm: Vector3::zeros(),
         });
         let with = self.feet(&self.with, contact).into_iter().chain(hands);
