@@ -7,6 +7,8 @@ use equipoise_core::cycle::{Method, Motion, PoseChoice, PriorKind, Settings, Sto
 use equipoise_core::sesc::ReductionKind;
 use serde::{Deserialize, Serialize};
 
+use crate::profile::Build;
+
 pub(super) type Checked = Result<(), (&'static str, String)>;
 
 /// `[subject]`
@@ -59,6 +61,11 @@ impl From<SexConfig> for Sex {
 }
 
 impl SubjectConfig {
+    /// How the worker is built.
+    pub fn build(&self) -> Build {
+        Build { height_m: self.height_m, sex: self.sex }
+    }
+
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.sex = self.sex.into();
         settings.mass_kg = self.mass_kg;

@@ -54,3 +54,10 @@ fn a_page_for_the_whole_network_is_refused() {
 fn a_station_with_a_path_in_its_name_is_refused() {
     assert!(refusal(&SMALLEST.replace("station-1", "../etc")).contains("c.toml, line 2: station:"));
 }
+
+#[test]
+fn what_a_file_does_not_say_is_what_core_has_for_defaults() {
+    let told = Config::parse(SMALLEST, "c.toml").unwrap().settings();
+    let core = Settings { library: told.library, ..Settings::for_height(1.77) };
+    assert_eq!(format!("{told:?}"), format!("{core:?}"));
+}
