@@ -28,7 +28,12 @@ pub struct Thresholds {
 
 impl Default for Thresholds {
     fn default() -> Self {
-        Thresholds { joint_rad: 0.0175, cop_m: 0.004, leave_rad: 0.12, weight_share: 0.05 }
+        Thresholds {
+            joint_rad: 1f64.to_radians(),
+            cop_m: 0.004,
+            leave_rad: 7f64.to_radians(),
+            weight_share: 0.04,
+        }
     }
 }
 

@@ -180,7 +180,7 @@ fn load(command: &Command, rings: &Rings, settings: &Settings, workers: &mut Wor
     if rings.command.is_full() || rings.worker.is_full() {
         return Err("too many commands at once; ask again".to_owned());
     }
-    let number = workers.all.add(Saving::of(&id, remember));
+    let number = workers.all.add(Saving::of(&id, profile.build(), remember));
     let _ = rings.worker.push((number, worker));
     hand_over(rings, CommandKind::SubjectLoad).inspect(|()| workers.in_use = number).map(|()| in_use)
 }

@@ -8,8 +8,10 @@ pub mod sensors;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use equipoise_core::cycle::Settings;
+use equipoise_core::cycle::{PriorKind, Settings};
 use serde::{Deserialize, Serialize};
+
+use crate::similar;
 
 pub use method::{IdentificationConfig, StaticPoseConfig, SubjectConfig};
 pub use overload::OverloadConfig;
@@ -174,6 +176,17 @@ impl Config {
         self.identification.apply(&mut settings);
         self.static_pose.apply(&mut settings);
         self.overload.apply(&mut settings);
+        settings
+    }
+
+    /// The same, with the similar worker that `prior = "similar-subject"` finds in a folder of profiles; says whom.
+    pub fn settings_among(&self, profiles: &Path) -> Settings {
+        let mut settings = self.settings();
+        if settings.prior == PriorKind::SimilarSubject {
+            let chosen = similar::choose(&self.subject.id, &settings, profiles);
+            tracing::info!("{}", similar::tell(chosen.as_ref()));
+            settings.similar = chosen.map(|chosen| chosen.similar);
+        }
         settings
     }
 

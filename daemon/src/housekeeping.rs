@@ -75,7 +75,7 @@ impl Housekeeping {
         let Some(saving) = self.workers.get(*number).filter(|saving| saving.refusal.is_none()) else {
             return;
         };
-        let Some(profile) = Profile::of(&saving.subject, worker) else { return };
+        let Some(profile) = Profile::of(&saving.subject, saving.build, worker) else { return };
         if let Err(error) = profile.write(&saving.path) {
             warn!("{error}; the worker is kept in memory and saved again after the next pose");
         }

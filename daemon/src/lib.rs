@@ -20,6 +20,7 @@ pub mod replay;
 pub mod rings;
 pub mod schedule;
 pub mod sensors;
+pub mod similar;
 pub mod status;
 pub mod tick;
 pub mod workers;

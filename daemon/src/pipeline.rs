@@ -16,7 +16,7 @@ use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::page_feed;
-use crate::profile::Profile;
+use crate::profile::{self, Profile};
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
 use crate::status::{Status, StatusFile, ThreadStatus};
@@ -110,14 +110,18 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
-        let settings = config.settings();
+        let settings = config.settings_among(&profile::folder());
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
         let memory_lock = lock_memory(config)?;
 
         // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
         // so it is opened there, and this thread waits for the word.
-        let workers = Workers::new(Saving::of(&config.subject.id, config.subject.remember));
+        let workers = Workers::new(Saving::of(
+            &config.subject.id,
+            Some(config.subject.build()),
+            config.subject.remember,
+        ));
         let workers = Arc::new(workers);
         let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
         let (commands, ()) = started("commands", move |ready| {

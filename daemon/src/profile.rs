@@ -13,8 +13,21 @@ use equipoise_core::cycle::identification::Stored;
 use equipoise_core::cycle::{Identification, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::config::method::SexConfig;
+
 /// Grows with every change of the file's layout or meaning.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
+/// Files from before stature and sex were kept; read, but of no use as a similar worker.
+const FORMAT_WITHOUT_BUILD: u32 = 1;
+
+/// How a worker is built, beside the mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Build {
+    /// Stature, m.
+    pub height_m: f64,
+    /// Which table the worker started from.
+    pub sex: SexConfig,
+}
 
 /// A profile as it stands in the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -28,6 +41,12 @@ pub struct Profile {
     pub parameters: usize,
     /// Body mass, kg; 0 while unknown.
     pub mass_kg: f64,
+    /// Stature, m; absent in files of format 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    height_m: Option<f64>,
+    /// Sex as it was configured; absent in files of format 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sex: Option<SexConfig>,
     /// Held poses that entered the filter.
     pub poses_used: u64,
     /// Whether identification was finished.
@@ -67,7 +86,7 @@ pub enum ProfileError {
 
 impl Profile {
     /// The profile of a worker whose bones are known; `None` before that.
-    pub fn of(subject: &str, worker: &Identification) -> Option<Profile> {
+    pub fn of(subject: &str, build: Option<Build>, worker: &Identification) -> Option<Profile> {
         let stored = worker.stored()?;
         let count = stored.theta_m.len();
         Some(Profile {
@@ -75,6 +94,8 @@ impl Profile {
             subject: subject.to_owned(),
             parameters: count,
             mass_kg: stored.mass_kg,
+            height_m: build.map(|build| build.height_m),
+            sex: build.map(|build| build.sex),
             poses_used: stored.poses_used,
             identified: stored.identified,
             skeleton_m: stored.skeleton_m.to_vec(),
@@ -82,6 +103,26 @@ impl Profile {
             theta_m: stored.theta_m.to_vec(),
             covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
         })
+    }
+
+    /// How the worker is built; `None` if the file does not say.
+    pub fn build(&self) -> Option<Build> {
+        Some(Build { height_m: self.height_m.filter(|metres| (0.5..3.0).contains(metres))?, sex: self.sex? })
+    }
+
+    /// Bones: each segment's origin in its parent, m.
+    pub fn skeleton_m(&self) -> &[[f64; 3]] {
+        &self.skeleton_m
+    }
+
+    /// θ, m.
+    pub fn theta_m(&self) -> &[f64] {
+        &self.theta_m
+    }
+
+    /// P, m², row by row.
+    pub fn covariance_m2(&self) -> &[f64] {
+        &self.covariance_m2
     }
 
     /// The worker of this profile under these settings.
@@ -130,8 +171,12 @@ impl Profile {
         };
         let refused = |why: String| ProfileError::Refused { path: path.to_owned(), why };
         let profile: Profile = toml::from_str(&text).map_err(|error| refused(error.message().to_owned()))?;
-        if profile.format != FORMAT {
-            return Err(refused(format!("its format is {}, this version reads {FORMAT}", profile.format)));
+        if !(FORMAT_WITHOUT_BUILD..=FORMAT).contains(&profile.format) {
+            let why = format!(
+                "its format is {}, this version reads {FORMAT_WITHOUT_BUILD} to {FORMAT}",
+                profile.format
+            );
+            return Err(refused(why));
         }
         Ok(Some(profile))
     }
@@ -195,9 +240,14 @@ pub fn is_plain(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
 }
 
+/// Where profiles are kept.
+pub fn folder() -> PathBuf {
+    state_directory().join("subjects")
+}
+
 /// The file of a subject; the id is checked by the configuration.
 pub fn path_of(subject: &str) -> PathBuf {
-    state_directory().join("subjects").join(format!("{subject}.toml"))
+    folder().join(format!("{subject}.toml"))
 }
 
 #[cfg(test)]
@@ -222,5 +272,22 @@ mod tests {
         fs::write(&path, "format = 1\nsubject = ").unwrap();
         assert!(Profile::read(&path).unwrap_err().to_string().contains("left as it is"));
         assert_eq!(fs::read_to_string(&path).unwrap(), "format = 1\nsubject = ");
+    }
+
+    #[test]
+    fn a_file_without_stature_is_read_and_one_of_a_later_version_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.toml");
+        let old = "format = 1\nsubject = \"a\"\nparameters = 0\nmass_kg = 70.0\nposes_used = 3\nidentified = true\n\
+                   skeleton_m = []\nlast_pose_wxyz = []\ntheta_m = []\ncovariance_m2 = []\n";
+        fs::write(&path, old).unwrap();
+        let profile = Profile::read(&path).unwrap().unwrap();
+        assert_eq!((profile.poses_used, profile.build()), (3, None));
+        let new = old.replace("format = 1", "format = 2\nheight_m = 1.7\nsex = \"female\"");
+        fs::write(&path, &new).unwrap();
+        let build = Build { height_m: 1.7, sex: SexConfig::Female };
+        assert_eq!(Profile::read(&path).unwrap().unwrap().build(), Some(build));
+        fs::write(&path, new.replace("format = 2", "format = 3")).unwrap();
+        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 2"));
     }
 }

@@ -6,18 +6,20 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use crate::profile;
+use crate::profile::{self, Build};
 
 /// The configured worker.
 pub const CONFIGURED: u64 = 0;
 
 /// Where a worker is saved.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Saving {
     /// The pseudonym.
     pub subject: String,
     /// The file.
     pub path: PathBuf,
+    /// How the worker is built; `None` if that is not known.
+    pub build: Option<Build>,
     /// Whether the configuration asks to remember.
     pub remember: bool,
     /// Why it is not written, if so: nobody asked to remember, or the file is there and cannot be understood.
@@ -26,10 +28,10 @@ pub struct Saving {
 
 impl Saving {
     /// Saves a subject under its own name; not, with a reason, if nobody asked to remember.
-    pub fn of(subject: &str, remember: bool) -> Saving {
+    pub fn of(subject: &str, build: Option<Build>, remember: bool) -> Saving {
         let refusal = (!remember)
             .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
-        Saving { subject: subject.to_owned(), path: profile::path_of(subject), remember, refusal }
+        Saving { subject: subject.to_owned(), path: profile::path_of(subject), build, remember, refusal }
     }
 }
 
@@ -77,8 +79,8 @@ mod tests {
 
     #[test]
     fn every_worker_keeps_a_file_of_its_own() {
-        let workers = Workers::new(Saving::of("a", true));
-        let second = workers.add(Saving::of("b", false));
+        let workers = Workers::new(Saving::of("a", None, true));
+        let second = workers.add(Saving::of("b", None, false));
         let of = |number| workers.get(number).unwrap();
         assert_eq!((of(CONFIGURED).subject.as_str(), of(CONFIGURED).refusal), ("a", None));
         assert_eq!(of(second).subject, "b");

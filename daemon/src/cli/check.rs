@@ -2,8 +2,11 @@
 
 use std::path::PathBuf;
 
+use equipoise_core::cycle::PriorKind;
+
 use super::Outcome;
 use crate::config::Config;
+use crate::{profile, similar};
 
 /// Check a configuration file
 #[derive(Debug, clap::Args)]
@@ -22,5 +25,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         config.tick.rate_hz,
         config.subject.id
     );
+    let settings = config.settings();
+    if settings.prior == PriorKind::SimilarSubject {
+        let chosen = similar::choose(&config.subject.id, &settings, &profile::folder());
+        println!("{}", similar::tell(chosen.as_ref()));
+    }
     Ok(Outcome::Done)
 }

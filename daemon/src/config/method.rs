@@ -8,6 +8,8 @@ use equipoise_core::overload::TorqueLimits;
 use equipoise_core::sesc::ReductionKind;
 use serde::{Deserialize, Serialize};
 
+use crate::profile::Build;
+
 pub(super) type Checked = Result<(), (&'static str, String)>;
 
 /// `[subject]`
@@ -60,6 +62,11 @@ impl From<SexConfig> for Sex {
 }
 
 impl SubjectConfig {
+    /// How the worker is built.
+    pub fn build(&self) -> Build {
+        Build { height_m: self.height_m, sex: self.sex }
+    }
+
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.sex = self.sex.into();
         settings.mass_kg = self.mass_kg;
@@ -132,7 +139,7 @@ impl Default for IdentificationConfig {
     fn default() -> Self {
         IdentificationConfig {
             reduction: ReductionConfig::Merged,
-            method: MethodConfig::Static,
+            method: MethodConfig::StaticAndDynamic,
             prior: PriorConfig::Table,
             pose_choice: PoseChoiceConfig::IOptimal,
             passive: false,

@@ -30,10 +30,10 @@ impl Default for OverloadConfig {
         OverloadConfig {
             threshold_n: 15.0,
             load_distance_max_m: 0.35,
-            motion: MotionConfig::Paper,
-            motion_window_ms: 100.0,
+            motion: MotionConfig::Compensated,
+            motion_window_ms: 70.0,
             cop_sigma_mm: 1.0,
-            force_sigma_n: 3.0,
+            force_sigma_n: 2.0,
             level_margin_percent: 2.0,
         }
     }

@@ -78,3 +78,10 @@ fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
     assert!(refusal(&with(0.0, 60.0)).contains("ground.latency_ms: the streams are 60 ms apart"));
     assert!(Config::parse(&with(1000.0, 950.0), "c.toml").is_ok());
 }
+
+#[test]
+fn what_a_file_does_not_say_is_what_core_has_for_defaults() {
+    let told = Config::parse(SMALLEST, "c.toml").unwrap().settings();
+    let core = Settings { library: told.library, ..Settings::for_height(1.77) };
+    assert_eq!(format!("{told:?}"), format!("{core:?}"));
+}

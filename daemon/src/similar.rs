@@ -1,0 +1,173 @@
+//! Who of the workers that are known is built like this one: `prior = "similar-subject"`.
+//!
+//! Likeness is a Gaussian kernel over stature and body mass, less across sexes. Its widths and shares are ours, not
+//! measured: half of what people of one sex differ by.
+
+use std::path::Path;
+
+use equipoise_core::body::{Anthropometry, SEGMENTS, Skeleton};
+use equipoise_core::cycle::{PriorKind, Settings, Similar};
+use equipoise_core::sesc::{PARAMETERS, Phi, Reduction, ReductionKind};
+
+use crate::profile::Profile;
+
+/// Stature that makes two people one width apart, m.
+const HEIGHT_WIDTH_M: f64 = 0.04;
+/// Body mass that does, kg.
+const MASS_WIDTH_KG: f64 = 7.0;
+/// What twins in stature, mass and sex share of a deviation from the table.
+const LIKENESS_MAX: f64 = 0.8;
+/// What is left of it where the sexes differ, or one is not stated.
+const OTHER_SEX: f64 = 0.6;
+/// Below this nobody is similar.
+const LIKENESS_MIN: f64 = 0.2;
+
+/// The worker who was taken.
+#[derive(Debug, Clone)]
+pub struct Chosen {
+    /// The pseudonym.
+    pub subject: String,
+    /// What it means for the prior.
+    pub similar: Similar,
+}
+
+/// The most similar of the profiles in a folder, for the worker of these settings; not that worker's own.
+///
+/// `None` if the settings ask for nobody, or nobody is similar. Profiles that cannot be read, are not finished, or
+/// do not say stature and sex are passed over.
+pub fn choose(subject: &str, settings: &Settings, folder: &Path) -> Option<Chosen> {
+    if settings.prior != PriorKind::SimilarSubject {
+        return None;
+    }
+    let mut files: Vec<_> =
+        std::fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path()).collect();
+    // Of two equally similar workers always the same.
+    files.sort();
+    files
+        .iter()
+        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
+        .filter_map(|path| Profile::read(path).ok().flatten())
+        .filter(|profile| profile.subject != subject && profile.identified)
+        .filter_map(|profile| compare(&profile, settings))
+        .filter(|chosen| chosen.similar.likeness >= LIKENESS_MIN)
+        .reduce(|best, other| if other.similar.likeness > best.similar.likeness { other } else { best })
+}
+
+/// One sentence for people.
+pub fn tell(chosen: Option<&Chosen>) -> String {
+    match chosen {
+        Some(chosen) => format!(
+            "the prior is the table and subject {}, likeness {:.2}",
+            chosen.subject, chosen.similar.likeness
+        ),
+        None => "no stored subject is similar enough; the prior is the table".to_owned(),
+    }
+}
+
+fn compare(profile: &Profile, settings: &Settings) -> Option<Chosen> {
+    let build = profile.build()?;
+    let apart = |difference: f64, width: f64| (difference / width).powi(2);
+    let mass = match settings.mass_kg {
+        Some(mass_kg) if profile.mass_kg > 0.0 => apart(mass_kg - profile.mass_kg, MASS_WIDTH_KG),
+        // Not known: one width apart.
+        _ => 1.0,
+    };
+    let distance = apart(settings.height_m - build.height_m, HEIGHT_WIDTH_M) + mass;
+    let sex = if settings.sex == build.sex.into() { 1.0 } else { OTHER_SEX };
+    let (deviation_m, variance_m2) = deviation(profile)?;
+    let similar =
+        Similar { deviation_m, variance_m2, likeness: LIKENESS_MAX * sex * (-0.5 * distance).exp() };
+    Some(Chosen { subject: profile.subject.clone(), similar })
+}
+
+/// What a worker's Φ has more than the table on that worker's bones, and its variance.
+fn deviation(profile: &Profile) -> Option<([f64; PARAMETERS], [f64; PARAMETERS])> {
+    let build = profile.build()?;
+    let offset_m: [[f64; 3]; SEGMENTS] = profile.skeleton_m().try_into().ok()?;
+    let skeleton = Skeleton { offset_m };
+    let table = Phi::of(&skeleton, &Anthropometry::de_leva(&skeleton, build.height_m, build.sex.into()));
+    let reduction = [ReductionKind::Full, ReductionKind::Merged, ReductionKind::Symmetric]
+        .map(|kind| Reduction::new(kind, &table))
+        .into_iter()
+        .find(|reduction| reduction.count() == profile.parameters)?;
+    let (theta_m, covariance_m2) = (profile.theta_m(), profile.covariance_m2());
+    if theta_m.len() != profile.parameters || covariance_m2.len() != profile.parameters.pow(2) {
+        return None;
+    }
+    let phi = reduction.phi(theta_m);
+    let deviation_m = std::array::from_fn(|raw| phi.0[raw / 3][raw % 3] - table.0[raw / 3][raw % 3]);
+    let variance_m2 = reduction.raw_variance(|index| covariance_m2[index * (profile.parameters + 1)]);
+    let is_sound = deviation_m.iter().chain(&variance_m2).all(|value: &f64| value.is_finite())
+        && variance_m2.iter().all(|variance| *variance >= 0.0);
+    is_sound.then_some((deviation_m, variance_m2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::method::SexConfig;
+    use crate::profile::Build;
+    use equipoise_core::body::Segment;
+    use equipoise_core::cycle::Identification;
+    use equipoise_core::frame::{Pose, SuitWorld};
+    use equipoise_core::static_pose::WINDOW;
+
+    fn settings() -> Settings {
+        Settings {
+            prior: PriorKind::SimilarSubject,
+            mass_kg: Some(72.0),
+            sex: SexConfig::Male.into(),
+            ..Settings::for_height(1.77)
+        }
+    }
+
+    /// A finished worker of a build, exactly as the table has it.
+    fn store(folder: &Path, subject: &str, build: Option<Build>, mass_kg: f64, identified: u64) {
+        let height_m = build.map_or(1.77, |build| build.height_m);
+        let settings = Settings { height_m, mass_kg: Some(mass_kg), ..settings() };
+        let mut worker = bytemuck::zeroed_box::<Identification>();
+        worker.start(&settings);
+        let origin = Skeleton::nominal(height_m).t_pose_m().map(Into::into);
+        let pose: Pose<SuitWorld> =
+            Pose::new(origin, [equipoise_core::frame::rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
+        for _ in 0..WINDOW {
+            worker.learn_skeleton(&pose, &settings);
+        }
+        worker.identified = identified;
+        let profile = Profile::of(subject, build, &worker).unwrap();
+        profile.write(&folder.join(format!("{subject}.toml"))).unwrap();
+    }
+
+    #[test]
+    fn the_closest_finished_worker_who_says_stature_and_sex_is_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let build = |height_m, sex| Some(Build { height_m, sex });
+        assert!(choose("me", &settings(), folder.path()).is_none());
+        store(folder.path(), "far", build(1.60, SexConfig::Male), 72.0, 1);
+        assert!(choose("me", &settings(), folder.path()).is_none(), "four widths away");
+        store(folder.path(), "woman", build(1.77, SexConfig::Female), 72.0, 1);
+        assert_eq!(choose("me", &settings(), folder.path()).unwrap().subject, "woman");
+        store(folder.path(), "man", build(1.78, SexConfig::Male), 74.0, 1);
+        store(folder.path(), "me", build(1.77, SexConfig::Male), 72.0, 1);
+        store(folder.path(), "unfinished", build(1.77, SexConfig::Male), 72.0, 0);
+        store(folder.path(), "old", None, 72.0, 1);
+        std::fs::write(folder.path().join("broken.toml"), "format = ").unwrap();
+        let chosen = choose("me", &settings(), folder.path()).unwrap();
+        assert_eq!(chosen.subject, "man");
+        assert!((0.7..0.8).contains(&chosen.similar.likeness));
+        assert!(tell(Some(&chosen)).contains("subject man, likeness 0.7"));
+        let table = Settings { prior: PriorKind::Table, ..settings() };
+        assert!(choose("me", &table, folder.path()).is_none());
+    }
+
+    #[test]
+    fn what_a_worker_has_more_than_the_table_is_found_again() {
+        let folder = tempfile::tempdir().unwrap();
+        store(folder.path(), "a", Some(Build { height_m: 1.77, sex: SexConfig::Male }), 72.0, 1);
+        let profile = Profile::read(&folder.path().join("a.toml")).unwrap().unwrap();
+        let (deviation_m, variance_m2) = deviation(&profile).unwrap();
+        // Soft constraints pull the table itself by less than half a millimetre.
+        assert!(deviation_m.iter().all(|metres| metres.abs() < 5e-4), "{deviation_m:?}");
+        assert!(variance_m2[3 * Segment::Pelvis.index()] > 0.0);
+    }
+}
