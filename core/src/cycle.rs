@@ -102,6 +102,10 @@ impl Memory {
                 if self.identification.has_body() {
                     self.identification.return_to_prior(settings);
                 }
+                // What was seen before the command is not to be learnt again.
+                self.window.clear();
+                self.history.clear();
+                self.unloaded.forget();
                 // A mass that was measured may have been measured wrongly.
                 self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
                 self.identification.learning = 1;

@@ -103,5 +103,8 @@ fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
     bench.feet_m = None;
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     assert_eq!(bench.state().sharing_source, SharingSource::Geometry as u32);
-    assert_eq!(bench.state().torque_nm, by_geometry.torque_nm);
+    for (again, before) in bench.state().torque_nm.iter().zip(&by_geometry.torque_nm) {
+        // What was learnt about noise in between may move the hands' shares by a hair.
+        assert!((Vector3::from(*again) - Vector3::from(*before)).norm() < 0.1, "{again:?} {before:?}");
+    }
 }
