@@ -107,8 +107,7 @@ impl Prior {
         let likeness = similar.likeness.clamp(0.0, 1.0);
         let deviation_m = reduction.pseudo_inverse(&similar.deviation_m);
         // Raw parameters of one group have one error, so their standard deviations combine, not their variances.
-        let sigma_m =
-            reduction.pseudo_inverse_of_sizes(&similar.variance_m2.map(|variance| math::sqrt(variance)));
+        let sigma_m = reduction.pseudo_inverse_of_sizes(&similar.variance_m2.map(math::sqrt));
         for row in 0..reduction.count() {
             self.theta_m[row] += likeness * deviation_m[row];
             for entry in &mut self.covariance_m2[row] {

@@ -80,9 +80,9 @@ fn draw(body: &Anthropometry, normal: &mut Normal) -> Anthropometry {
     let sum: f64 = person.mass_fraction.iter().sum();
     person.mass_fraction = person.mass_fraction.map(|fraction| fraction / sum);
     for segment in Segment::ALL.into_iter().filter(|segment| *segment <= segment.mirrored()) {
-        for axis in 0..3 {
-            let spread_m =
-                if segment <= Segment::Head { TRUNK_CENTRE_SPREAD_M[axis] } else { LIMB_CENTRE_SPREAD_M };
+        let spreads_m =
+            if segment <= Segment::Head { TRUNK_CENTRE_SPREAD_M } else { [LIMB_CENTRE_SPREAD_M; 3] };
+        for (axis, spread_m) in spreads_m.into_iter().enumerate() {
             if segment == segment.mirrored() {
                 person.com_m[segment.index()][axis] += spread_m * normal.next();
                 continue;
@@ -197,16 +197,16 @@ fn a_similar_worker_moves_the_mean_and_narrows_the_covariance() {
                 core::array::from_fn(|raw| moved.0[raw / 3][raw % 3] - there.0[raw / 3][raw % 3]);
             table.similar(&reduction, &Similar { deviation_m, variance_m2: variance, likeness })
         };
-        for index in 0..reduction.count() {
+        for (index, delta) in delta[..reduction.count()].iter().enumerate() {
             let (stranger, twin, cousin) = (similar(0.0), similar(1.0), similar(0.6));
             let before = table.covariance_m2[index][index];
             assert_eq!(
                 (stranger.theta_m[index], stranger.covariance_m2[index]),
                 (table.theta_m[index], table.covariance_m2[index])
             );
-            assert!((twin.theta_m[index] - table.theta_m[index] - delta[index]).abs() < 1e-12);
+            assert!((twin.theta_m[index] - table.theta_m[index] - delta).abs() < 1e-12);
             assert!((twin.covariance_m2[index][index] - 1e-6).abs() < 1e-15, "{kind:?} {index}");
-            assert!((cousin.theta_m[index] - table.theta_m[index] - 0.6 * delta[index]).abs() < 1e-12);
+            assert!((cousin.theta_m[index] - table.theta_m[index] - 0.6 * delta).abs() < 1e-12);
             assert!((cousin.covariance_m2[index][index] - 0.64 * before - 0.36e-6).abs() < 1e-15);
         }
     }
