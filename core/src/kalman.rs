@@ -75,6 +75,11 @@ impl Filter {
         }
     }
 
+    /// Eq. 7 for one state: it may have wandered by a variance.
+    pub fn wander(&mut self, index: usize, variance_m2: f64) {
+        self.covariance_m2[index][index] += variance_m2;
+    }
+
     /// Begins a state anew: zero, give or take `variance_m2`, and independent of all others.
     pub fn forget(&mut self, index: usize, variance_m2: f64) {
         self.theta_m[index] = 0.0;
@@ -149,19 +154,24 @@ impl Filter {
         spread
     }
 
-    /// `tr(P W)` were the nuisance states known, for a symmetric W, m².
-    pub fn trace_given_nuisance_m2(&self, weight: &[[f64; PARAMETERS]; PARAMETERS]) -> f64 {
+    /// Mean variance of `h θ + s` over rows of both axes, m², s being the axis' nuisance state. `weight` is the mean of
+    /// `h hᵀ` over all rows; `mean_row` the sum of h over the rows of one axis, over the number of all rows.
+    pub fn mean_variance_m2(
+        &self,
+        weight: &[[f64; PARAMETERS]; PARAMETERS],
+        mean_row: &[[f64; PARAMETERS]; 2],
+    ) -> f64 {
         let count = self.count();
-        let [x, y] = [0, 1].map(|axis| &self.covariance_m2[count + axis]);
-        let mut trace = 0.0;
-        for (index, weight) in weight[..count].iter().enumerate() {
-            let [from_x, from_y] = self.nuisance_gain([x[index], y[index]]);
-            let row = &self.covariance_m2[index];
-            for column in 0..count {
-                trace += weight[column] * (row[column] - (from_x * x[column] + from_y * y[column]));
-            }
-        }
-        trace.max(0.0)
+        let dot = |a: &[f64], b: &[f64]| a[..count].iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let of_theta: f64 =
+            weight[..count].iter().zip(&self.covariance_m2).map(|(weight, row)| dot(weight, row)).sum();
+        let with_nuisance: f64 = (0..2)
+            .map(|axis| {
+                let nuisance = &self.covariance_m2[count + axis];
+                2.0 * dot(&mean_row[axis], nuisance) + 0.5 * nuisance[count + axis]
+            })
+            .sum();
+        (of_theta + with_nuisance).max(0.0)
     }
 
     /// `P_ss⁻¹ v` of the two nuisance states; zero where they are known.

@@ -19,6 +19,8 @@ const NONE: u64 = u64::MAX;
 pub struct Planner {
     /// W, the mean of `h hᵀ` over the library, as far as it is made.
     weight: Weight,
+    /// Sum of h over the rows of each axis, over the number of all rows.
+    mean_row: [[f64; PARAMETERS]; 2],
     /// How many poses of the library are in W.
     weighed: u64,
     /// The next candidate to look at.
@@ -55,7 +57,10 @@ impl Planner {
     /// Takes the rows of one more pose of a library of `size` into W.
     pub fn weigh(&mut self, rows: &Rows, size: usize) {
         let share = 1.0 / (2.0 * size.clamp(1, LIBRARY_MAX) as f64);
-        for h in &rows.h {
+        for (h, mean) in rows.h.iter().zip(&mut self.mean_row) {
+            for (mean, value) in mean.iter_mut().zip(h) {
+                *mean += share * value;
+            }
             for (row, own) in self.weight.iter_mut().zip(h) {
                 // Rows are mostly zero beyond the parameters there are.
                 if *own != 0.0 {
@@ -71,6 +76,11 @@ impl Planner {
     /// W; whole once [`Planner::to_weigh`] says so.
     pub fn weight(&self) -> &Weight {
         &self.weight
+    }
+
+    /// What [`crate::kalman::Filter::mean_variance_m2`] asks for beside W.
+    pub fn mean_row(&self) -> &[[f64; PARAMETERS]; 2] {
+        &self.mean_row
     }
 
     /// The next candidate of a library of `size`, without those that are out; `None` once all were looked at.
@@ -122,7 +132,7 @@ impl Planner {
             && self.next <= bound
             && self.best.iter().all(|index| *index == NONE || *index < bound)
             && self.best_gain.iter().all(|gain| gain.is_finite())
-            && self.weight.iter().flatten().all(|value| value.is_finite())
+            && self.weight.iter().chain(&self.mean_row).flatten().all(|value| value.is_finite())
     }
 }
 

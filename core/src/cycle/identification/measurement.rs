@@ -13,19 +13,30 @@ use crate::sesc::suit_error::{effective_vectors, wander_variance_m2};
 use crate::sesc::{PARAMETERS, Phi};
 use crate::static_pose::{Stillness, WINDOW, Window};
 
+/// 1-σ of how far the plate's configured place in the suit's world is off at first, m: told by hand, and the suit has
+/// drifted since.
+const REGISTRATION_SIGMA_M: f64 = 0.03;
+
 impl Identification {
-    /// Begins a new stance if this is one: its offset on the floor is not that of the last.
+    /// Begins a new stance if this is one: the anchor carries its shift over a step, so the offset on the floor is that
+    /// of the last stance give or take [`STANCE_SIGMA_M`]. Where the suit's position is absolute it stays zero.
     pub fn follow_stance(&mut self, stance: u64, settings: &Settings) {
-        if self.stance != stance {
-            self.stance = stance;
-            self.new_stance(settings);
+        if self.stance == stance {
+            return;
+        }
+        self.stance = stance;
+        if settings.suit_drifts {
+            for axis in 0..2 {
+                self.filter.wander(self.reduction.count() + axis, STANCE_SIGMA_M * STANCE_SIGMA_M);
+            }
         }
     }
 
-    /// Forgets the stance's offset: zero, give or take [`STANCE_SIGMA_M`]; exactly zero where the suit's position is
-    /// absolute. θ stays.
+    /// Forgets the stance's offset: zero, give or take [`REGISTRATION_SIGMA_M`]; exactly zero where the suit's position
+    /// is absolute. θ stays.
     pub fn new_stance(&mut self, settings: &Settings) {
-        let variance_m2 = if settings.suit_drifts { STANCE_SIGMA_M * STANCE_SIGMA_M } else { 0.0 };
+        let variance_m2 =
+            if settings.suit_drifts { REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M } else { 0.0 };
         for axis in 0..2 {
             self.filter.forget(self.reduction.count() + axis, variance_m2);
         }

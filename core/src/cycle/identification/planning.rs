@@ -56,11 +56,11 @@ impl Identification {
         self.planner.begin_sweep();
     }
 
-    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes, were the stance's offset
-    /// known, m; 0 while nothing can be said.
+    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes in this stance, m; 0 while
+    /// nothing can be said.
     pub(super) fn update_predicted_cop_sigma(&mut self, settings: &Settings) {
         self.predicted_cop_sigma_m = if self.knows_the_work(settings) {
-            math::sqrt(self.filter.trace_given_nuisance_m2(self.planner.weight()))
+            math::sqrt(self.filter.mean_variance_m2(self.planner.weight(), self.planner.mean_row()))
         } else {
             0.0
         };
