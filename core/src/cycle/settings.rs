@@ -93,7 +93,7 @@ pub struct Settings {
     pub symmetry_sigma_m: f64,
     /// Soft constraint: 1-σ of how far a limb's centre lies off its long axis, m.
     pub long_axis_sigma_m: f64,
-    /// How the next pose is chosen. D-optimal by default: it needs the fewest poses (`cycle/tests/planning.rs`).
+    /// How the next pose is chosen. I-optimal by default: it errs least after few poses (docs/identification.md).
     pub pose_choice: PoseChoice,
     /// When identification is finished.
     pub stop: StopRule,
@@ -150,7 +150,7 @@ impl Settings {
             passive: false,
             symmetry_sigma_m: 0.005,
             long_axis_sigma_m: 0.005,
-            pose_choice: PoseChoice::DOptimal,
+            pose_choice: PoseChoice::IOptimal,
             stop: StopRule::PredictedCop { sigma_m: 0.0025 },
             poses_min: 6,
             process_variance_m2: 0.0,

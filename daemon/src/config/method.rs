@@ -141,7 +141,7 @@ impl Default for IdentificationConfig {
             reduction: ReductionConfig::Merged,
             method: MethodConfig::StaticAndDynamic,
             prior: PriorConfig::Table,
-            pose_choice: PoseChoiceConfig::DOptimal,
+            pose_choice: PoseChoiceConfig::IOptimal,
             passive: false,
             symmetry_sigma_mm: 5.0,
             long_axis_sigma_mm: 5.0,
