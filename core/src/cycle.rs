@@ -10,9 +10,12 @@ pub mod checkpoint;
 mod exposure;
 mod feet;
 pub mod identification;
+mod loading;
 pub mod memory;
 pub mod monitoring;
+mod residual;
 pub mod settings;
+pub mod skew_watch;
 pub mod support;
 mod tare;
 

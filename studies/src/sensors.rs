@@ -27,6 +27,8 @@ pub struct Rig {
     pub suit_noise: SuitNoise,
     /// The plate's errors, each sample's own.
     pub plate_noise: PlateNoise,
+    /// How much too late the suit stamps its samples, ns.
+    pub suit_late_ns: u64,
 }
 
 impl Rig {
@@ -36,6 +38,7 @@ impl Rig {
         plate_hz: 1000,
         suit_noise: SuitNoise::ORDINARY,
         plate_noise: PlateNoise::ORDINARY,
+        suit_late_ns: 0,
     };
     /// The same without any error.
     pub const PERFECT: Rig =
@@ -55,7 +58,7 @@ pub fn simulated_s(time_ns: u64) -> f64 {
 /// The suit's sample of that number.
 pub fn suit_sample(worker: &Worker, suit: &Suit, rig: &Rig, number: u32) -> SuitSample {
     let seen = frame(worker, suit, SuitWorld::default(), STREAMS, 0, (number, f64::from(rig.suit_hz)));
-    let time_ns = sample_time_ns(number, rig.suit_hz);
+    let time_ns = sample_time_ns(number, rig.suit_hz) + rig.suit_late_ns;
     let mut sample = SuitSample {
         sample_time_ns: time_ns,
         sample_time_sigma_ns: TIME_SIGMA_NS,

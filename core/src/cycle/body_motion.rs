@@ -125,6 +125,12 @@ impl BodyMotion {
         core::array::from_fn(|axis| 0.5 * (left[axis] + right[axis]))
     }
 
+    /// How much farther the centre of pressure would lie if the body accelerated as the suit shows it, m.
+    pub(super) fn missed_by_suit_m(&self, axis: usize) -> f64 {
+        let by_suit = self.suit_acceleration_m_per_s2[axis] / self.specific_force_m_per_s2;
+        self.centre_height_m * (self.slope[axis] - by_suit)
+    }
+
     /// How far leaning and turning shift the centre of pressure on an axis, m.
     fn shift_m(&self, axis: usize) -> f64 {
         (self.centre_height_m * self.slope[axis]).abs() + self.turning_m[axis].abs()

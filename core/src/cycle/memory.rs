@@ -6,6 +6,7 @@ use super::alignment::Alignment;
 use super::body_motion::MotionNoise;
 use super::identification::Identification;
 use super::settings::Settings;
+use super::skew_watch::SkewWatch;
 use super::tare::Tare;
 use crate::anchor::Anchor;
 use crate::exposure::Exposure;
@@ -32,6 +33,8 @@ pub struct Memory {
     pub window: Window,
     /// How far the compensation of inertia can be trusted.
     pub(super) noise: MotionNoise,
+    /// What motion shows of the skew between both streams.
+    pub(super) skew: SkewWatch,
     /// Whether nothing is carried.
     pub(super) unloaded: Unloaded,
     /// Time of the newest suit sample in the history.
@@ -77,6 +80,7 @@ impl Memory {
             && self.history.is_sound()
             && self.window.is_sound()
             && self.noise.is_sound()
+            && self.skew.is_sound()
             && self.unloaded.is_sound()
             && self.identification.is_sound()
             && self.exposure.is_sound()

@@ -5,18 +5,16 @@ use nalgebra::Vector3;
 use super::alignment::Aligned;
 use super::body_motion::BodyMotion;
 use super::memory::Memory;
-use super::settings::{Method, Motion, Settings};
+use super::settings::{Motion, Settings};
 use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
-use crate::body::{JOINTS, Side, gyration_m2};
+use crate::body::{JOINTS, gyration_m2};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::state::SharingSource;
 use crate::message::{GroundSample, State, Validity};
 use crate::motion::{Build, Inertia, Moment};
-use crate::overload::{
-    self, GRAVITY_M_PER_S2, Level, Levels, Loading, LoadingSigma, Sharing, Swing, sharing,
-};
+use crate::overload::{GRAVITY_M_PER_S2, Level, Levels};
 use crate::sesc::centre_of_mass;
 use crate::static_pose::{Held, Stillness, rms_joint_angle};
 
@@ -24,18 +22,6 @@ use crate::static_pose::{Held, Stillness, rms_joint_angle};
 const NEARLY_STILL: f64 = 3.0;
 /// What a plate may show that is taken for a worker's mass, kg.
 const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
-/// A force is a load if it is so many σ from nothing.
-const SIGMAS_OF_A_LOAD: f64 = 2.5;
-/// Moments in motion enter the filter at most so often, ns …
-const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
-/// … and so many of them say as much as one: errors of a motion last about half a second.
-const ROWS_PER_INDEPENDENT: f64 = 5.0;
-/// Two degrees of freedom exceed this once in a thousand times.
-const NIS_OF_A_BLUNDER: f64 = 13.8;
-/// 1-σ of where a load is in the hands, as seen from the joints: grips differ, and so do sensors on arms, m.
-const GRIP_SIGMA_M: f64 = 0.02;
-/// 1-σ of where a joint is above the floor, m.
-const JOINT_SIGMA_M: f64 = 0.010;
 /// The CoP may lie this far outside the modelled soles, m.
 const SUPPORT_MARGIN_M: f64 = 0.02;
 
@@ -128,6 +114,7 @@ impl Memory {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);
         } else {
             self.unloaded.forget();
+            self.skew.interrupt();
         }
         self.found = found.0;
     }
@@ -192,85 +179,6 @@ impl Memory {
         };
     }
 
-    /// While nothing is carried, what is left over says how good the compensation is; and motion teaches the filter.
-    fn watch_the_residual(
-        &mut self,
-        pose: &Pose<StationWorld>,
-        moment: &Moment,
-        body: &BodyMotion,
-        step_s: f64,
-        settings: &Settings,
-    ) {
-        let mass_kg = self.identification.mass_kg;
-        if mass_kg <= 0.0 || !self.identification.has_body() {
-            return;
-        }
-        let [delta_f_n, sigma_n] = [self.known.delta_f_n[2], self.known.delta_f_sigma_n];
-        if !self.unloaded.watch(delta_f_n, step_s, settings.load_threshold_n, sigma_n) {
-            return;
-        }
-        self.learn_errors(settings);
-        if self.wants_motion(moment, settings) {
-            self.learn_motion(pose, moment, body, settings);
-        }
-    }
-
-    /// How wrong the compensation is, while nothing but the body is there to explain.
-    fn learn_errors(&mut self, settings: &Settings) {
-        let noise = &mut self.noise;
-        let activity_n = noise.vertical_activity_n.height();
-        noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
-        for axis in 0..2 {
-            let activity_m = noise.cop_activity_m[axis].height();
-            let [sigma_m, moving_m] = [self.known.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
-            let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
-            let error_m = self.known.cop_measured_m[axis] - self.known.cop_estimated_m[axis];
-            noise.cop[axis].learn(error_m, activity_m, at_rest_m);
-        }
-    }
-
-    /// Whether a moment in motion may teach the filter: asked for, in one stance, and the last one not just before.
-    fn wants_motion(&self, moment: &Moment, settings: &Settings) -> bool {
-        let worker = &self.identification;
-        let asked = worker.learning == 1 || (settings.passive && worker.identified == 1);
-        settings.method == Method::StaticAndDynamic
-            && asked
-            && self.known.static_pose == 0
-            && (moment.both_feet_stand == 1 || !settings.suit_drifts)
-            && moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS
-    }
-
-    /// The moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4), with R grown by the motion.
-    fn learn_motion(
-        &mut self,
-        pose: &Pose<StationWorld>,
-        moment: &Moment,
-        body: &BodyMotion,
-        settings: &Settings,
-    ) {
-        self.motion_learnt_ns = moment.time_ns;
-        let rows = self.identification.reduction.rows(pose, body.slope);
-        let wander = self.identification.wander_variance_m2(pose, settings);
-        let cop_m = core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.turning_m[axis]);
-        let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
-        let variance_m2 = core::array::from_fn(|axis| {
-            let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m)
-        });
-        let predicted_m = self.identification.predict_cop_m(&rows);
-        let known_m2 = self.identification.cop_variance_m2(&rows);
-        let nis: f64 = (0..2)
-            .map(|axis| {
-                let innovation_m: f64 = cop_m[axis] - predicted_m[axis];
-                innovation_m * innovation_m / (known_m2[axis] + variance_m2[axis])
-            })
-            .sum();
-        // A touch or a stumble is no news about this body.
-        if nis < NIS_OF_A_BLUNDER && self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
-            self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
-        }
-    }
-
     /// A still worker shows the mass, if it is not known, and then one more pose.
     fn learn_from_stillness(
         &mut self,
@@ -293,97 +201,6 @@ impl Memory {
         let wanted = worker.has_body() && worker.learning == 1 && !worker.has_used(&self.window, settings);
         if wanted && unloaded {
             worker.learn_pose(&self.window, stillness, settings);
-        }
-    }
-
-    /// 1-σ of the external force in this motion, N.
-    fn delta_f_sigma_n(&self, settings: &Settings) -> f64 {
-        let by_motion_n = self.noise.vertical.sigma(self.noise.vertical_activity_n.height());
-        math::hypot([settings.force_sigma_n, by_motion_n])
-    }
-
-    /// From which external force on something is carried, N.
-    fn load_limit_n(&self, settings: &Settings) -> f64 {
-        settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.delta_f_sigma_n(settings))
-    }
-
-    /// Eq. 14 and 15; `feet` where each was measured by itself.
-    fn overload(
-        &mut self,
-        pose: &Pose<StationWorld>,
-        body: &BodyMotion,
-        moment: &Moment,
-        settings: &Settings,
-        found: &mut Validity,
-    ) {
-        let feet = moment.ground().and_then(GroundSample::feet);
-        let worker = &self.identification;
-        let vertical_n = self.known.ground_force_n[2];
-        let delta_f_n = vertical_n - worker.mass_kg * body.specific_force_m_per_s2;
-        self.known.delta_f_n = [0.0, 0.0, delta_f_n];
-        self.known.delta_f_sigma_n = self.delta_f_sigma_n(settings);
-        let loaded = delta_f_n.abs() >= self.load_limit_n(settings);
-        found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
-        if !loaded || !worker.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
-            return;
-        }
-        let table = worker.anthropometry();
-        let grip_m: [Vector3<f64>; 2] =
-            Side::BOTH.map(|side| pose.point_on(side.hand(), table.grip_m(side.hand())));
-        let (cop_measured_m, cop_estimated_m) = (self.known.cop_measured_m, self.known.cop_estimated_m);
-        let by_geometry =
-            Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, &grip_m);
-        let (sharing, source, zeta_sigma) = match feet {
-            Some(feet) => {
-                let sigma = (settings.force_sigma_n / vertical_n).min(0.5);
-                (by_geometry.with_feet(&feet, cop_measured_m), SharingSource::Measured, sigma)
-            }
-            None => (by_geometry, SharingSource::Geometry, Sharing::zeta_sigma_by_geometry(pose)),
-        };
-        // The load's place is known as well as the two centres of pressure, magnified by weight over load.
-        let place_sigma_m = self.known.cop_sigma_m.iter().copied().fold(0.0, f64::max)
-            * (vertical_n - delta_f_n)
-            / delta_f_n.abs();
-        let between_hands_m = (grip_m[0] - grip_m[1]).xy().norm();
-        let eta_sigma = place_sigma_m / between_hands_m.max(1e-3);
-        let (sharing, eta_sigma, swing_n) = if settings.motion == Motion::Paper {
-            (sharing.as_in_the_paper(), eta_sigma.min(0.5), [0.0; 2])
-        } else {
-            let (sharing, eta_sigma) = sharing.with_both_hands(eta_sigma);
-            let load_kg = body.load_kg(delta_f_n);
-            let [x, y, _] = body.hands_acceleration_m_per_s2();
-            (sharing, eta_sigma, [load_kg * x, load_kg * y])
-        };
-        let loading = Loading {
-            cop_measured_m,
-            cop_estimated_m,
-            vertical_n,
-            delta_f_n,
-            grip_m,
-            sharing,
-            swing: Swing { force_n: swing_n, surface_z_m: moment.ground.surface_z_m },
-        };
-        let sigma = LoadingSigma {
-            cop_measured_m: settings.cop_sigma_m,
-            cop_estimated_m: self.known.cop_sigma_m,
-            delta_f_n: self.known.delta_f_sigma_n,
-            eta: eta_sigma,
-            zeta: zeta_sigma,
-            foot_without_load_m: if feet.is_some() { sharing::FOOT_WITHOUT_LOAD_SIGMA_M } else { 0.0 },
-            grip_m: GRIP_SIGMA_M,
-            joint_m: JOINT_SIGMA_M,
-        };
-        found.raise(
-            Validity::LOAD_NOT_AT_HANDS,
-            sharing.load_distance_m > settings.load_distance_max_m + 2.0 * place_sigma_m,
-        );
-        self.known.zeta = sharing.zeta;
-        self.known.sharing_source = source as u32;
-        self.known.eta = sharing.eta;
-        self.known.load_distance_m = sharing.load_distance_m;
-        for (joint, torque) in overload::torques(pose, &loading, &sigma).into_iter().enumerate() {
-            self.known.torque_nm[joint] = torque.torque_nm.into();
-            self.known.torque_sigma_nm[joint] = torque.sigma_nm;
         }
     }
 

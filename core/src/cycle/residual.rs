@@ -1,0 +1,126 @@
+//! What is left over while nothing is carried: it says how good the compensation is, how far the clocks are apart, and
+//! teaches the filter.
+
+use super::body_motion::BodyMotion;
+use super::memory::Memory;
+use super::settings::{Method, Motion, Settings};
+use super::skew_watch::Shown;
+use crate::frame::{Pose, StationWorld};
+use crate::math;
+use crate::motion::Moment;
+
+/// Moments in motion enter the filter at most so often, ns …
+const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
+/// … and so many of them say as much as one: errors of a motion last about half a second.
+const ROWS_PER_INDEPENDENT: f64 = 5.0;
+/// Two degrees of freedom exceed this once in a thousand times.
+const NIS_OF_A_BLUNDER: f64 = 13.8;
+
+impl Memory {
+    /// While nothing is carried, what is left over says how good the compensation is; and motion teaches the filter.
+    pub(super) fn watch_the_residual(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        body: &BodyMotion,
+        step_s: f64,
+        settings: &Settings,
+    ) {
+        let mass_kg = self.identification.mass_kg;
+        if mass_kg <= 0.0 || !self.identification.has_body() {
+            return;
+        }
+        let [delta_f_n, sigma_n] = [self.known.delta_f_n[2], self.known.delta_f_sigma_n];
+        if !self.unloaded.watch(delta_f_n, step_s, settings.load_threshold_n, sigma_n) {
+            self.skew.interrupt();
+            return;
+        }
+        self.learn_errors(settings);
+        self.watch_the_skew(moment, body, settings);
+        if self.wants_motion(moment, settings) {
+            self.learn_motion(pose, moment, body, settings);
+        }
+    }
+
+    /// How wrong the compensation is, while nothing but the body is there to explain.
+    fn learn_errors(&mut self, settings: &Settings) {
+        let noise = &mut self.noise;
+        let activity_n = noise.vertical_activity_n.height();
+        noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
+        for axis in 0..2 {
+            let activity_m = noise.cop_activity_m[axis].height();
+            let [sigma_m, moving_m] = [self.known.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
+            let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
+            let error_m = self.known.cop_measured_m[axis] - self.known.cop_estimated_m[axis];
+            noise.cop[axis].learn(error_m, activity_m, at_rest_m);
+        }
+    }
+
+    /// What the plate measures beside what the suit's motion alone predicts: the body's vertical acceleration, and the
+    /// centre of pressure. (Measured shear would bring the plate's own time into the prediction.)
+    fn watch_the_skew(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+        if settings.motion == Motion::Paper {
+            return;
+        }
+        let mass_kg = self.identification.mass_kg;
+        let [_, _, vertical_n] = moment.ground.force_n;
+        let by_suit_m: [f64; 2] =
+            core::array::from_fn(|axis| self.known.cop_estimated_m[axis] + body.missed_by_suit_m(axis));
+        let cop_sigma_m: [f64; 2] = core::array::from_fn(|axis| {
+            let by_motion_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
+            math::hypot([settings.cop_sigma_m, by_motion_m])
+        });
+        let [measured_x_m, measured_y_m] = self.known.cop_measured_m;
+        self.skew.take_in(Shown {
+            time_s: moment.time_ns as f64 * 1e-9,
+            measured: [vertical_n / mass_kg, measured_x_m, measured_y_m],
+            predicted: [body.specific_force_m_per_s2, by_suit_m[0], by_suit_m[1]],
+            sigma: [self.known.delta_f_sigma_n / mass_kg, cop_sigma_m[0], cop_sigma_m[1]],
+        });
+        if let Some((skew_s, sigma_s)) = self.skew.estimate() {
+            (self.known.suit_skew_s, self.known.suit_skew_sigma_s) = (skew_s, sigma_s);
+        }
+    }
+
+    /// Whether a moment in motion may teach the filter: asked for, in one stance, and the last one not just before.
+    fn wants_motion(&self, moment: &Moment, settings: &Settings) -> bool {
+        let worker = &self.identification;
+        let asked = worker.learning == 1 || (settings.passive && worker.identified == 1);
+        settings.method == Method::StaticAndDynamic
+            && asked
+            && self.known.static_pose == 0
+            && (moment.both_feet_stand == 1 || !settings.suit_drifts)
+            && moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS
+    }
+
+    /// The moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4), with R grown by the motion.
+    fn learn_motion(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        body: &BodyMotion,
+        settings: &Settings,
+    ) {
+        self.motion_learnt_ns = moment.time_ns;
+        let rows = self.identification.reduction.rows(pose, body.slope);
+        let wander = self.identification.wander_variance_m2(pose, settings);
+        let cop_m = core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.turning_m[axis]);
+        let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
+        let variance_m2 = core::array::from_fn(|axis| {
+            let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
+            ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m)
+        });
+        let predicted_m = self.identification.predict_cop_m(&rows);
+        let known_m2 = self.identification.cop_variance_m2(&rows);
+        let nis: f64 = (0..2)
+            .map(|axis| {
+                let innovation_m: f64 = cop_m[axis] - predicted_m[axis];
+                innovation_m * innovation_m / (known_m2[axis] + variance_m2[axis])
+            })
+            .sum();
+        // A touch or a stumble is no news about this body.
+        if nis < NIS_OF_A_BLUNDER && self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
+            self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
+        }
+    }
+}
