@@ -62,7 +62,7 @@ fn figaroh_the_identified_model_holds_for_blocks_it_was_not_learnt_from() {
     let input = Input::open(&csv).unwrap();
     let chosen = input.configuration(Some(&human_motion_config())).unwrap();
     for blocks in [5, 8] {
-        let judged = cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic).unwrap();
+        let judged = cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic, None).unwrap();
         println!("{judged}");
         let [forward_mm, sideways_mm] = judged.overall.identified_mm.unwrap();
         assert!(forward_mm <= 8.8 && sideways_mm <= 7.9, "{judged}");

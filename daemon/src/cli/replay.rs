@@ -35,6 +35,9 @@ pub(super) struct Arguments {
     /// Nothing is carried in all of it: cross-validation judges every sample, moving or not, beside the still ones
     #[arg(long, requires = "cross_validate")]
     unloaded: bool,
+    /// Cross-validation learns from at most so many poses, each unlike the others
+    #[arg(long, value_name = "COUNT", requires = "cross_validate")]
+    poses: Option<usize>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -48,9 +51,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let summary = replay.run(arguments.out.as_deref())?;
     let mut text = format!("{}\nconfiguration: {}\n{summary}", file.display(), chosen.origin);
     if let Some(blocks) = arguments.cross_validate {
-        text += &cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic)?.to_string();
+        text +=
+            &cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic, arguments.poses)?.to_string();
         if arguments.unloaded {
-            text += &cross_validate(&input, &chosen.config, blocks, Judge::AllUnloaded)?.to_string();
+            text += &cross_validate(&input, &chosen.config, blocks, Judge::AllUnloaded, arguments.poses)?
+                .to_string();
         }
     }
     // Results on standard output stand alone.

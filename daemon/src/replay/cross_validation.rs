@@ -2,12 +2,15 @@
 //!
 //! For every block the identification runs over the whole input with the ground's samples of that block left out, so
 //! nothing of what the plate says there can be learnt; then the model is frozen and judged on the block. The stop rule
-//! is off: it would keep late blocks from being learnt.
+//! is off: it would keep late blocks from being learnt. Learning may be held to a number of poses that differ from each
+//! other, as an identification session would have.
 
 mod verdict;
 
 use anyhow::bail;
+use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
+use equipoise_core::static_pose::largest_joint_angle;
 
 use super::free;
 use super::input::Input;
@@ -26,11 +29,12 @@ pub fn cross_validate(
     config: &Config,
     count: usize,
     judge: Judge,
+    poses_max: Option<usize>,
 ) -> anyhow::Result<CrossValidation> {
     if !(2..=1000).contains(&count) {
         bail!("--cross-validate {count}: give 2 to 1000 blocks");
     }
-    let pass = Pass::new(input, config, judge);
+    let pass = Pass { poses_max, ..Pass::new(input, config, judge) };
     // The table is what the loop believes while it learns nothing.
     let table = pass.run(Learning::Never, None)?;
     let (Some([first_ns, last_ns]), false) = (table.span_ns, table.scored.is_empty()) else {
@@ -48,7 +52,7 @@ pub fn cross_validate(
         let learnt = pass.run(Learning::ApartFrom(span_ns), None)?;
         let frozen = pass.run(Learning::Never, Some(&learnt.worker))?;
         let of_block = Judged::of(&table.scored, &frozen.scored, span_ns);
-        blocks.push(of_block.block(span_ns, learnt.worker.poses_used));
+        blocks.push(of_block.block(span_ns, learnt.learnt));
         judged.extend(of_block);
     }
     let poses = blocks.iter().map(|block| block.poses_used).sum::<u64>() / count as u64;
@@ -81,9 +85,42 @@ struct Pass<'a> {
     config: &'a Config,
     settings: Settings,
     judge: Judge,
+    /// Most poses, or moments of motion, that are learnt.
+    poses_max: Option<usize>,
+}
+
+/// Poses learnt so far, each unlike the others.
+#[derive(Default)]
+struct Diverse {
+    learnt: Vec<[[f64; 4]; JOINTS]>,
+    count: u64,
+}
+
+/// Poses are unlike if some joint differs by more than this, rad.
+const UNLIKE_RAD: f64 = 0.35;
+
+impl Diverse {
+    /// Whether the pose of the newest moment is unlike all that were learnt, and fewer than `most` were.
+    fn wants(&self, memory: &Memory, most: usize) -> bool {
+        let unlike = |joints: &[[f64; 4]; JOINTS]| {
+            self.learnt.iter().all(|other| largest_joint_angle(other, joints) > UNLIKE_RAD)
+        };
+        self.learnt.len() < most && memory.window.newest().is_none_or(|held| unlike(&held.joint_wxyz))
+    }
+
+    /// Keeps the newest pose if one more was learnt in the last step.
+    fn follow(&mut self, memory: &Memory) {
+        let count = memory.identification.poses_used + u64::from(memory.state.motion_samples_used);
+        if count > self.count {
+            self.learnt.extend(memory.window.newest().map(|held| held.joint_wxyz));
+        }
+        self.count = count;
+    }
 }
 
 struct Passed {
+    /// Poses and moments of motion that were learnt.
+    learnt: u64,
     scored: Vec<Scored>,
     worker: Box<Identification>,
     /// First and last suit sample time, ns.
@@ -95,7 +132,7 @@ impl<'a> Pass<'a> {
         // Learning never ends by itself.
         let stop = StopRule::PredictedCop { sigma_m: 0.0 };
         let settings = Settings { stop, poses_min: u64::MAX, ..config.settings() };
-        Pass { input, config, settings, judge }
+        Pass { input, config, settings, judge, poses_max: None }
     }
 
     /// Runs over the whole input and learns, or judges a frozen worker.
@@ -106,6 +143,7 @@ impl<'a> Pass<'a> {
             memory.identification = *worker;
         }
         let (mut scored, mut span_ns) = (Vec::new(), None);
+        let mut diverse = Diverse::default();
         let samples = self.input.samples(self.config)?.filter(|sample| match (learning, sample) {
             (Learning::ApartFrom([begin_ns, end_ns]), Sample::Ground(ground)) => {
                 !(begin_ns..end_ns).contains(&ground.sample_time_ns)
@@ -114,8 +152,11 @@ impl<'a> Pass<'a> {
         });
         free::run(samples, self.config.period_ns(), |tick: Tick, inputs: Inputs<'_>| {
             let before_ns = memory.state.suit_sample_time_ns;
-            memory.identification.learning = u64::from(!matches!(learning, Learning::Never));
-            let state = step(&self.settings, &mut memory, tick, inputs);
+            let wanted = self.poses_max.is_none_or(|most| diverse.wants(&memory, most));
+            memory.identification.learning = u64::from(wanted && !matches!(learning, Learning::Never));
+            step(&self.settings, &mut memory, tick, inputs);
+            diverse.follow(&memory);
+            let state = &memory.state;
             if state.suit_sample_time_ns != before_ns {
                 let [first_ns, _] = span_ns.unwrap_or([state.suit_sample_time_ns; 2]);
                 span_ns = Some([first_ns, state.suit_sample_time_ns]);
@@ -123,6 +164,6 @@ impl<'a> Pass<'a> {
             }
             Ok(())
         })?;
-        Ok(Passed { scored, worker: Box::new(memory.identification), span_ns })
+        Ok(Passed { learnt: diverse.count, scored, worker: Box::new(memory.identification), span_ns })
     }
 }

@@ -12,7 +12,7 @@ pub struct Block {
     pub span_ns: [u64; 2],
     /// Quasi-static samples in it.
     pub samples: usize,
-    /// Poses learnt from the other blocks.
+    /// Held poses and moments of motion that the model of the other blocks was learnt from.
     pub poses_used: u64,
     /// Table alone, mm RMS x and y; `None` without samples.
     pub table_mm: Option<[f64; 2]>,
@@ -90,8 +90,8 @@ impl fmt::Display for CrossValidation {
         let [table, offset, identified] = names;
         writeln!(
             f,
-            "  {:<20} {:>7}  {table:>15}  {offset:>15}  {identified:>15}  {:>5}",
-            "block", "samples", "poses"
+            "  {:<20} {:>7}  {table:>15}  {offset:>15}  {identified:>15}  {:>6}",
+            "block", "samples", "learnt"
         )?;
         for block in &self.blocks {
             let [begin_s, end_s] = block.span_ns.map(|time_ns| seconds_since(self.started_ns, time_ns));
@@ -106,7 +106,7 @@ fn line(f: &mut fmt::Formatter<'_>, name: &str, block: &Block) -> fmt::Result {
         [block.table_mm, block.offset_mm, block.identified_mm].map(|rms| Pair(rms).to_string());
     writeln!(
         f,
-        "  {name:<20} {:>7}  {table:>15}  {offset:>15}  {identified:>15}  {:>5}",
+        "  {name:<20} {:>7}  {table:>15}  {offset:>15}  {identified:>15}  {:>6}",
         block.samples, block.poses_used
     )
 }
