@@ -141,10 +141,10 @@ impl Memory {
         if let Some(ground) = moment.ground() {
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
-            if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg) {
-                if !self.noise.is_pushed(missed, step_s) {
-                    body.believe(shear);
-                }
+            if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg)
+                && !self.noise.is_pushed(missed, step_s)
+            {
+                body.believe(shear);
             }
         }
         body

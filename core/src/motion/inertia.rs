@@ -50,19 +50,19 @@ impl Inertia {
         let mass = &worker.body.mass_fraction;
         let acceleration = |segment: usize| Vector3::from(motion.acceleration_m_per_s2[segment]);
         let (mut centre, mut whole) = (Vector3::zeros(), Vector3::zeros());
-        for segment in 0..SEGMENTS {
-            centre += mass[segment] * moment.centre(segment);
-            whole += mass[segment] * acceleration(segment);
+        for (segment, &mass) in mass.iter().enumerate() {
+            centre += mass * moment.centre(segment);
+            whole += mass * acceleration(segment);
         }
         let mut momentum_rate = Vector3::zeros();
-        for segment in 0..SEGMENTS {
+        for (segment, &mass) in mass.iter().enumerate() {
             let arm = moment.centre(segment) - centre;
             let spin = spin_rate(
                 &moment.orientation_wxyz[segment],
                 &motion.turning[segment],
                 &worker.gyration_m2[segment],
             );
-            momentum_rate += mass[segment] * (arm.cross(&acceleration(segment)) + spin);
+            momentum_rate += mass * (arm.cross(&acceleration(segment)) + spin);
         }
         Inertia {
             acceleration_m_per_s2: whole.into(),
