@@ -12,10 +12,14 @@ use crate::overload::GRAVITY_M_PER_S2;
 pub struct MotionNoise {
     /// Of the vertical force; activity in N.
     pub vertical: Confidence,
+    /// Of the centre's horizontal acceleration; activity in m/s².
+    pub horizontal: Confidence,
     /// Of the centre of pressure, forward and sideways; activity in m.
     pub cop: [Confidence; 2],
     /// How much is compensated now.
     pub vertical_activity_n: Envelope,
+    /// Likewise, m/s².
+    pub horizontal_activity_m_per_s2: Envelope,
     /// Likewise, m.
     pub cop_activity_m: [Envelope; 2],
     /// Mean over a short time of the shear that the suit's motion does not explain, m/s².
@@ -25,9 +29,16 @@ pub struct MotionNoise {
 impl MotionNoise {
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.cop.iter().chain([&self.vertical]).all(Confidence::is_sound)
+        self.cop.iter().chain([&self.vertical, &self.horizontal]).all(Confidence::is_sound)
+            && self.horizontal_activity_m_per_s2.is_sound()
             && self.cop_activity_m.iter().chain([&self.vertical_activity_n]).all(Envelope::is_sound)
             && self.push_m_per_s2.iter().all(|value| value.is_finite())
+    }
+
+    /// 1-σ of the suit's horizontal acceleration per axis, m/s².
+    pub(super) fn acceleration_sigma_m_per_s2(&self) -> f64 {
+        let by_motion = self.horizontal.sigma(self.horizontal_activity_m_per_s2.height());
+        math::hypot([by_motion, ACCELERATION_AT_REST_M_PER_S2])
     }
 
     /// Takes in the shear that the suit's motion does not explain, m/s²; whether somebody or something pushes.
@@ -42,6 +53,8 @@ impl MotionNoise {
     /// Takes in how much is compensated at a moment, `step_s` after the one before.
     pub(super) fn follow(&mut self, body: &BodyMotion, mass_kg: f64, step_s: f64) {
         self.vertical_activity_n.follow(mass_kg * body.suit_acceleration_m_per_s2[2], step_s);
+        let [x, y, _] = body.suit_acceleration_m_per_s2;
+        self.horizontal_activity_m_per_s2.follow(math::hypot([x, y]), step_s);
         for axis in 0..2 {
             self.cop_activity_m[axis].follow(body.shift_m(axis), step_s);
         }
@@ -137,6 +150,8 @@ impl BodyMotion {
     }
 }
 
+/// 1-σ of a suit's acceleration at rest, m/s².
+pub(super) const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
 /// Shear that lasts and that no motion explains is a push from this on, m/s² …
 const PUSH_M_PER_S2: f64 = 0.35;
 /// … averaged over about this time, s: the noise of accelerations does not last.

@@ -29,7 +29,12 @@ impl Memory {
 
     /// From which external force on something is carried, N.
     pub(super) fn load_limit_n(&self, settings: &Settings) -> f64 {
-        settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.delta_f_sigma_n(settings))
+        match settings.motion {
+            Motion::Paper => settings.load_threshold_n,
+            Motion::Compensated { .. } => {
+                settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.delta_f_sigma_n(settings))
+            }
+        }
     }
 
     /// Eq. 14 and 15; `feet` where each was measured by itself.

@@ -1,13 +1,15 @@
 //! What is left over while nothing is carried: it says how good the compensation is, how far the clocks are apart, and
 //! teaches the filter.
 
-use super::body_motion::BodyMotion;
+use super::body_motion::{ACCELERATION_AT_REST_M_PER_S2, BodyMotion};
 use super::memory::Memory;
 use super::settings::{Method, Motion, Settings};
 use super::skew_watch::Shown;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::motion::Moment;
+use crate::sesc::PARAMETERS;
+use crate::sesc::reduction::Rows;
 
 /// Moments in motion enter the filter at most so often, ns …
 const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
@@ -35,7 +37,7 @@ impl Memory {
             self.skew.interrupt();
             return;
         }
-        self.learn_errors(settings);
+        self.learn_errors(moment, body, settings);
         self.watch_the_skew(moment, body, settings);
         if self.wants_motion(moment, settings) {
             self.learn_motion(pose, moment, body, settings);
@@ -43,11 +45,18 @@ impl Memory {
     }
 
     /// How wrong the compensation is, while nothing but the body is there to explain.
-    fn learn_errors(&mut self, settings: &Settings) {
+    fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
         noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
+        let shear = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
         for axis in 0..2 {
+            // Shear that is exactly zero was not measured.
+            if shear[axis] != 0.0 {
+                let error = shear[axis] - body.suit_acceleration_m_per_s2[axis];
+                let activity = noise.horizontal_activity_m_per_s2.height();
+                noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
+            }
             let activity_m = noise.cop_activity_m[axis].height();
             let [sigma_m, moving_m] = [self.known.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
             let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
@@ -121,6 +130,31 @@ impl Memory {
         // A touch or a stumble is no news about this body.
         if nis < NIS_OF_A_BLUNDER && self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
             self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
+        }
+        self.learn_shear(moment, settings);
+    }
+
+    /// The force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), where shear is measured.
+    fn learn_shear(&mut self, moment: &Moment, settings: &Settings) {
+        let Motion::Compensated { half_window_ns } = settings.motion else { return };
+        let [x, y, _] = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
+        if (x, y) == (0.0, 0.0) {
+            return;
+        }
+        let mut sum = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        let reduction = &self.identification.reduction;
+        let complete = self.history.differentiate_twice(half_window_ns, |weight, near| {
+            let rows = reduction.rows(&near.pose(), [0.0; 2]);
+            for axis in 0..2 {
+                sum.offset_m[axis] += weight * (rows.offset_m[axis] - near.station_from_suit_m[axis]);
+                for (sum, value) in sum.h[axis].iter_mut().zip(&rows.h[axis]) {
+                    *sum += weight * value;
+                }
+            }
+        });
+        let sigma = self.noise.acceleration_sigma_m_per_s2();
+        if complete {
+            self.identification.take_in_force(&sum, [x, y], ROWS_PER_INDEPENDENT * sigma * sigma);
         }
     }
 }

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
 use super::inertia::{Build, Inertia};
-use super::weights::weights;
+use super::weights::{Weights, weights};
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation, wxyz};
 use crate::message::GroundSample;
@@ -34,6 +34,8 @@ pub struct Moment {
     pub origin_m: [[f64; 3]; SEGMENTS],
     /// `world_from_segment`, scalar first.
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],
+    /// What the anchor shifted the suit's world by, m.
+    pub station_from_suit_m: [f64; 2],
     /// Centres of mass of the segments by the table, in the suit's own world: the anchor's shifts are no motion, m.
     centre_m: [[f64; 3]; SEGMENTS],
     /// The wrench at that time; means something if `has_ground`.
@@ -57,6 +59,7 @@ impl Moment {
         Moment {
             time_ns,
             origin_m: pose.origin.map(Into::into),
+            station_from_suit_m: (pose.origin[0] - in_suit_world.origin[0]).xy().into(),
             orientation_wxyz: pose.world_from_segment.map(|rotation| wxyz(&rotation)),
             centre_m: core::array::from_fn(centre),
             ..Zeroable::zeroed()
@@ -72,6 +75,7 @@ impl Moment {
         let numbers = self.origin_m.iter().flatten().chain(self.centre_m.iter().flatten());
         let wrench =
             self.ground.force_n.iter().chain(&self.ground.moment_nm).chain([&self.ground.surface_z_m]);
+        let numbers = numbers.chain(&self.station_from_suit_m);
         numbers.chain(self.orientation_wxyz.iter().flatten()).chain(wrench).all(|value| value.is_finite())
     }
 
@@ -138,6 +142,27 @@ impl History {
 
     /// How the body accelerates at a moment; `None` with too few samples on either side, or a gap between them.
     fn inertia_at(&self, index: u64, half_window_ns: u64, worker: &Build<'_>) -> Option<Inertia> {
+        let (first, count, weights) = self.window_at(index, half_window_ns)?;
+        let mut motion = Motion::zeroed();
+        for (place, moment) in (first..first + count as u64).enumerate() {
+            motion.add(self.at(moment), weights.first[place], weights.second[place]);
+        }
+        Some(Inertia::of(self.at(index), &motion, worker))
+    }
+
+    /// Shows every moment of the window around the one that came out last, with its weight in a second derivative
+    /// there, 1/s². Whether there is such a window.
+    pub fn differentiate_twice(&self, half_window_ns: u64, mut show: impl FnMut(f64, &Moment)) -> bool {
+        let Some(index) = self.count_out.checked_sub(1) else { return false };
+        let Some((first, count, weights)) = self.window_at(index, half_window_ns) else { return false };
+        for (place, moment) in (first..first + count as u64).enumerate() {
+            show(weights.second[place], self.at(moment));
+        }
+        true
+    }
+
+    /// The first moment of the window around one, how many there are, and their weights.
+    fn window_at(&self, index: u64, half_window_ns: u64) -> Option<(u64, usize, Weights)> {
         let centre = self.at(index);
         let oldest = self.count_in.saturating_sub(CAPACITY as u64);
         let belongs = |other: u64, neighbour: u64| {
@@ -160,12 +185,7 @@ impl History {
             *time_s = (self.at(moment).time_ns as f64 - centre.time_ns as f64) * 1e-9;
         }
         let count = (last - first + 1) as usize;
-        let weights = weights(&times_s[..count])?;
-        let mut motion = Motion::zeroed();
-        for (place, moment) in (first..=last).enumerate() {
-            motion.add(self.at(moment), weights.first[place], weights.second[place]);
-        }
-        Some(Inertia::of(centre, &motion, worker))
+        Some((first, count, weights(&times_s[..count])?))
     }
 
     fn at(&self, index: u64) -> &Moment {
@@ -214,5 +234,106 @@ impl Moment {
     /// Centre of mass of a segment by the table, suit's world, m.
     pub(super) fn centre(&self, segment: usize) -> Vector3<f64> {
         Vector3::from(self.centre_m[segment])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::boxed::Box;
+    use std::vec::Vec;
+
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+    use crate::body::{Segment, Sex, Skeleton, gyration_m2};
+
+    const PERIOD_NS: u64 = 10_000_000;
+    const HALF_NS: u64 = 70_000_000;
+
+    fn skeleton() -> Skeleton {
+        Skeleton::nominal(1.77)
+    }
+
+    /// A stiff body that is thrown forward and turned about its upright axis.
+    fn moment(index: u64, body: &Anthropometry) -> Moment {
+        let time_s = (index * PERIOD_NS) as f64 * 1e-9;
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 1.5 * time_s);
+        let pelvis = Vector3::new(0.8 * time_s * time_s, 0.3 * time_s, 0.95);
+        let origin = skeleton().t_pose_m().map(|origin| pelvis + turn * Vector3::from(origin));
+        let in_suit_world = Pose::<SuitWorld>::new(origin, [turn; SEGMENTS]);
+        // The anchor's shift jumps in the middle, as at a step.
+        let shift = Vector3::new(if index < 20 { 0.1 } else { 0.3 }, -0.2, 0.0);
+        Moment::new(index * PERIOD_NS, &in_suit_world, &in_suit_world.shifted(shift), body)
+    }
+
+    fn released(upto: u64) -> (Box<History>, Vec<(Moment, Option<Inertia>)>) {
+        let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
+        let gyration_m2 = gyration_m2(&skeleton(), 1.77);
+        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let mut history: Box<History> = bytemuck::zeroed_box();
+        let mut out = Vec::new();
+        for index in 1..=upto {
+            history.push(moment(index, &body));
+            while let Some(next) = history.next(HALF_NS, &build) {
+                out.push(next);
+            }
+        }
+        (history, out)
+    }
+
+    #[test]
+    fn each_moment_comes_out_once_in_order_when_its_window_is_full() {
+        let (_, out) = released(200);
+        assert_eq!(out.len(), 200 - 7);
+        for (index, (moment, inertia)) in out.iter().enumerate() {
+            assert_eq!(moment.time_ns, (index as u64 + 1) * PERIOD_NS);
+            assert_eq!(inertia.is_some(), index >= 2, "{index}: two samples before it are needed");
+        }
+    }
+
+    #[test]
+    fn a_step_of_the_anchor_is_no_acceleration() {
+        // On the upright axis the throw is all; the table's centre lies a little off it and turns along.
+        let (_, out) = released(60);
+        for (_, inertia) in out.into_iter().skip(8) {
+            let [x, _, z] = inertia.unwrap().acceleration_m_per_s2;
+            assert!((x - 1.6).abs() < 0.2 && z.abs() < 1e-9, "{x} {z}");
+        }
+    }
+
+    #[test]
+    fn differentiated_by_hand_the_chain_accelerates_as_the_inertia_says() {
+        let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
+        let (history, out) = released(60);
+        let mut sum = Vector3::zeros();
+        assert!(history.differentiate_twice(HALF_NS, |weight, near| {
+            let shift = Vector3::new(near.station_from_suit_m[0], near.station_from_suit_m[1], 0.0);
+            for segment in Segment::ALL {
+                let index = segment.index();
+                let centre = near.pose().point_on(segment, body.com_m[index]) - shift;
+                sum += weight * body.mass_fraction[index] * centre;
+            }
+        }));
+        let inertia = out.last().unwrap().1.unwrap();
+        assert!((sum - Vector3::from(inertia.acceleration_m_per_s2)).norm() < 1e-9, "{sum} {inertia:?}");
+    }
+
+    #[test]
+    fn a_gap_leaves_the_moments_beside_it_without_inertia() {
+        let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
+        let gyration_m2 = gyration_m2(&skeleton(), 1.77);
+        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let mut history: Box<History> = bytemuck::zeroed_box();
+        let mut without = 0;
+        for index in (1..30).chain(60..90) {
+            history.push(moment(index, &body));
+            while let Some((_, inertia)) = history.next(HALF_NS, &build) {
+                without += u32::from(inertia.is_none());
+            }
+        }
+        // Two at the start, two on each side of the gap.
+        assert_eq!(without, 6);
+        assert!(history.is_sound());
     }
 }

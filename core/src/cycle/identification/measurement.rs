@@ -17,6 +17,9 @@ use crate::static_pose::{Stillness, WINDOW, Window};
 /// drifted since.
 const REGISTRATION_SIGMA_M: f64 = 0.03;
 
+/// One degree of freedom exceeds this once in a thousand times.
+const BLUNDER_SQUARE: f64 = 10.8;
+
 impl Identification {
     /// Begins a new stance if this is one: the anchor carries its shift over a step, so the offset on the floor is that
     /// of the last stance give or take [`STANCE_SIGMA_M`]. Where the suit's position is absolute it stays zero.
@@ -84,6 +87,23 @@ impl Identification {
             nis += innovation.normalised_square();
         }
         Some(nis)
+    }
+
+    /// Takes in the two force rows `Σ_k w_k (x0 + BΦ)_k = F_xy/M`, m/s² per m: second derivatives of the chain against
+    /// measured shear. A row whose innovation is a blunder's is passed over. Whether any was taken.
+    pub fn take_in_force(&mut self, rows: &Rows, force_m_per_s2: [f64; 2], variance: f64) -> bool {
+        let mut taken = false;
+        for axis in 0..2 {
+            let mut h = [0.0; STATES];
+            h[..self.reduction.count()].copy_from_slice(&rows.h[axis][..self.reduction.count()]);
+            let measured = force_m_per_s2[axis] - rows.offset_m[axis];
+            let innovation = measured - self.filter.project(&h);
+            let expected = self.filter.projected_variance_m2(&h) + variance;
+            if innovation * innovation < BLUNDER_SQUARE * expected {
+                taken |= self.filter.update(&h, measured, variance).is_some();
+            }
+        }
+        taken
     }
 
     /// Φ as it stands.
