@@ -31,6 +31,8 @@ pub struct Anchor {
     standing: u64,
     /// Grows by one with every foot that comes down.
     stance: u64,
+    /// 1 after the body was lost from sight: the feet may stand anywhere.
+    lost: u64,
 }
 
 impl Anchor {
@@ -48,6 +50,13 @@ impl Anchor {
     pub fn is_sound(&self) -> bool {
         self.standing_at_m.iter().flatten().chain(&self.station_from_suit_m).all(|value| value.is_finite())
             && self.standing <= 0b11
+            && self.lost <= 1
+            && self.stance < 1 << 48
+    }
+
+    /// The body was lost from sight: where the feet are seen next is a new stance.
+    pub fn lose(&mut self) {
+        self.lost = self.started;
     }
 
     /// The pose in the station's world, the standing feet held.
@@ -70,6 +79,12 @@ impl Anchor {
                 standing: 0b11,
                 ..Zeroable::zeroed()
             };
+        }
+        if self.lost == 1 {
+            let shift = self.station_from_suit_m;
+            self.standing_at_m = foot.map(|foot| [foot.x + shift[0], foot.y + shift[1]]);
+            self.stance += 1;
+            self.lost = 0;
         }
         let stands = self.standing_feet(&foot);
         if let Some(shift) = self.shift_that_holds(&foot, stands).filter(|_| suit_drifts) {

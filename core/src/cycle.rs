@@ -112,6 +112,7 @@ impl Memory {
                 // A mass that was measured may have been measured wrongly.
                 self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
                 self.identification.learning = 1;
+                self.known.motion_samples_used = 0;
                 self.model_changed_ns = tick.due_ns;
             }
             CommandKind::Tare => {
@@ -130,6 +131,8 @@ impl Memory {
                 self.history.clear();
                 self.unloaded.forget();
                 self.exposure.start();
+                self.noise = bytemuck::Zeroable::zeroed();
+                self.known.motion_samples_used = 0;
                 self.model_changed_ns = tick.due_ns;
             }
         }
@@ -143,11 +146,11 @@ impl Memory {
         let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
         // Samples that came in last may still wait for the ground; what is told is what was worked through.
-        let worked_age_ns = now_ns.saturating_sub(self.worked_ns);
+        let told_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
         let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
         let suit_period_ns = self.alignment.suit_period_ns();
         let suit_stale = stale(beyond(suit_age_ns, settings.suit_latency_ns), suit_period_ns)
-            || stale(beyond(worked_age_ns, patience_ns(settings)), suit_period_ns);
+            || stale(beyond(told_age_ns, patience_ns(settings) + settings.half_window_ns()), suit_period_ns);
         let ground_stale =
             stale(beyond(ground_age_ns, settings.ground_latency_ns), self.alignment.ground_period_ns());
         if suit_stale && !ground_stale {
@@ -215,6 +218,8 @@ fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {
         state.cop_estimated_m = [0.0; 2];
         state.cop_sigma_m = [0.0; 2];
+    }
+    if valid.any_of(Validity::SPOILS_COM) {
         state.com_m = [0.0; 3];
     }
     if valid.any_of(Validity::SPOILS_DELTA_F) {

@@ -240,6 +240,34 @@ impl Filter {
         }
     }
 
+    /// Eq. 8–10 for the nuisance states alone (Schmidt's filter): θ and its covariance stay, but are counted in the
+    /// innovation's variance and in what the two have in common.
+    pub fn update_nuisance(&mut self, h: &[f64; STATES], z_m: f64, r_m2: f64) {
+        let count = self.count();
+        let spread = self.times_covariance(h);
+        let innovation_m = z_m - self.project(h);
+        let variance_m2 = self.dot(h, &spread).max(0.0) + r_m2;
+        // False for NaN.
+        if !(innovation_m.abs() < f64::MAX && variance_m2 < f64::MAX && r_m2 > 0.0) {
+            return;
+        }
+        let gain = [0, 1].map(|nuisance| spread[count + nuisance] / variance_m2);
+        for (nuisance, gain) in gain.into_iter().enumerate() {
+            let own = count + nuisance;
+            self.theta_m[own] += gain * innovation_m;
+            for (other, value) in spread[..count].iter().enumerate() {
+                self.covariance_m2[own][other] -= gain * value;
+                self.covariance_m2[other][own] = self.covariance_m2[own][other];
+            }
+            for (other, value) in spread[count..count + NUISANCE].iter().enumerate() {
+                self.covariance_m2[own][count + other] -= gain * value;
+            }
+        }
+        let mean = 0.5 * (self.covariance_m2[count][count + 1] + self.covariance_m2[count + 1][count]);
+        self.covariance_m2[count][count + 1] = mean;
+        self.covariance_m2[count + 1][count] = mean;
+    }
+
     /// Whether every number is finite, every variance of θ positive (of a nuisance state: not negative) and every
     /// correlation within one; a stored filter is checked before use.
     pub fn is_sound(&self) -> bool {

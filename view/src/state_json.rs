@@ -181,7 +181,7 @@ impl<'a> StateJson<'a> {
                 .unless(Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m)
                 .and_then(all_finite),
             cop_sigma: state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_sigma_m).and_then(all_finite),
-            com: state.unless(Validity::SPOILS_COP_ESTIMATED, state.com_m).and_then(all_finite),
+            com: state.unless(Validity::SPOILS_COM, state.com_m).and_then(all_finite),
             ground_force_n: state
                 .unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n)
                 .and_then(all_finite),

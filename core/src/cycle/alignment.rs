@@ -122,7 +122,8 @@ impl Alignment {
     pub(super) fn tare(&mut self, empty_n: f64) -> Option<Tare> {
         let newest_ns = self.newest_ground()?.sample_time_ns;
         let filled = (self.ground_count as usize).min(GROUND_RING);
-        let is_recent = |sample: &&GroundSample| newest_ns - sample.sample_time_ns <= TARE_SPAN_NS;
+        let is_recent =
+            |sample: &&GroundSample| newest_ns.saturating_sub(sample.sample_time_ns) <= TARE_SPAN_NS;
         let recent = || self.ground[..filled].iter().filter(is_recent);
         if recent().any(|sample| sample.device_status != 0 || sample.force_n[2].abs() >= empty_n) {
             return None;

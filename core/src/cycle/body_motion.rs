@@ -22,8 +22,10 @@ pub struct MotionNoise {
     pub horizontal_activity_m_per_s2: Envelope,
     /// Likewise, m.
     pub cop_activity_m: [Envelope; 2],
-    /// Mean over a short time of the shear that the suit's motion does not explain, m/s².
+    /// Mean over a short time of the shear that the suit's motion does not explain, m/s² …
     push_m_per_s2: [f64; 2],
+    /// … and over a long one.
+    bias_m_per_s2: [f64; 2],
 }
 
 impl MotionNoise {
@@ -32,7 +34,7 @@ impl MotionNoise {
         self.cop.iter().chain([&self.vertical, &self.horizontal]).all(Confidence::is_sound)
             && self.horizontal_activity_m_per_s2.is_sound()
             && self.cop_activity_m.iter().chain([&self.vertical_activity_n]).all(Envelope::is_sound)
-            && self.push_m_per_s2.iter().all(|value| value.is_finite())
+            && self.push_m_per_s2.iter().chain(&self.bias_m_per_s2).all(|value| value.is_finite())
     }
 
     /// 1-σ of the suit's horizontal acceleration per axis, m/s².
@@ -41,13 +43,28 @@ impl MotionNoise {
         math::hypot([by_motion, ACCELERATION_AT_REST_M_PER_S2])
     }
 
-    /// Takes in the shear that the suit's motion does not explain, m/s²; whether somebody or something pushes.
-    pub(super) fn is_pushed(&mut self, missed_m_per_s2: [f64; 2], step_s: f64) -> bool {
-        let share = (step_s.max(0.0) / (PUSH_OVER_S + step_s.max(0.0))).min(1.0);
-        for (mean, missed) in self.push_m_per_s2.iter_mut().zip(missed_m_per_s2) {
-            *mean += share * (missed - *mean);
+    /// Takes in the shear that the suit's motion does not explain, m/s². Gives back its long mean: what a plate that is
+    /// not level shows for ever.
+    pub(super) fn follow_shear(&mut self, missed_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
+        let step_s = step_s.max(0.0);
+        for (mean, over_s) in [(&mut self.push_m_per_s2, PUSH_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
+        {
+            let share = (step_s / (over_s + step_s)).min(1.0);
+            for (mean, missed) in mean.iter_mut().zip(missed_m_per_s2) {
+                *mean += share * (missed.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2) - *mean);
+            }
         }
+        self.bias_m_per_s2
+    }
+
+    /// Whether somebody or something pushes: shear that lasts and that no motion explains.
+    pub(super) fn is_pushed(&self) -> bool {
         math::hypot(self.push_m_per_s2) > PUSH_M_PER_S2
+    }
+
+    /// Whether a push cannot be ruled out: nothing is learnt then.
+    pub(super) fn may_be_pushed(&self) -> bool {
+        math::hypot(self.push_m_per_s2) > 0.5 * PUSH_M_PER_S2
     }
 
     /// Takes in how much is compensated at a moment, `step_s` after the one before.
@@ -74,7 +91,8 @@ pub(super) struct BodyMotion {
     pub(super) suit_acceleration_m_per_s2: [f64; 3],
     /// How the hands move, left and right, m/s².
     pub(super) hand_acceleration_m_per_s2: [[f64; 3]; 2],
-    /// Height of the centre of mass, m.
+    /// Height of the walking surface, and of the centre of mass above it, m.
+    floor_m: f64,
     centre_height_m: f64,
 }
 
@@ -86,11 +104,12 @@ impl BodyMotion {
         specific_force_m_per_s2: GRAVITY_M_PER_S2,
         suit_acceleration_m_per_s2: [0.0; 3],
         hand_acceleration_m_per_s2: [[0.0; 3]; 2],
+        floor_m: 0.0,
         centre_height_m: 0.0,
     };
 
     /// The motion that the suit shows.
-    pub(super) fn by_suit(inertia: &Inertia, centre_height_m: f64) -> BodyMotion {
+    pub(super) fn by_suit(inertia: &Inertia, centre_z_m: f64, floor_m: f64) -> BodyMotion {
         let specific_force = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
         let [x, y, _] = inertia.acceleration_m_per_s2;
         BodyMotion {
@@ -99,7 +118,8 @@ impl BodyMotion {
             specific_force_m_per_s2: specific_force,
             suit_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
             hand_acceleration_m_per_s2: inertia.hand_acceleration_m_per_s2,
-            centre_height_m,
+            floor_m,
+            centre_height_m: centre_z_m - floor_m,
         }
     }
 
@@ -128,14 +148,24 @@ impl BodyMotion {
 
     /// Mass in the hands that a vertical force holds in this motion, kg; never negative.
     pub(super) fn load_kg(&self, delta_f_n: f64) -> f64 {
+        (delta_f_n / self.load_weight_m_per_s2()).max(0.0)
+    }
+
+    /// What a kilogram in the hands weighs in this motion, N/kg; not below half of what it weighs at rest.
+    pub(super) fn load_weight_m_per_s2(&self) -> f64 {
         let [_, _, up] = self.hands_acceleration_m_per_s2();
-        (delta_f_n / (GRAVITY_M_PER_S2 + up).max(0.5 * GRAVITY_M_PER_S2)).max(0.0)
+        (GRAVITY_M_PER_S2 + up).max(0.5 * GRAVITY_M_PER_S2)
     }
 
     /// Acceleration of the middle between the hands, m/s².
     pub(super) fn hands_acceleration_m_per_s2(&self) -> [f64; 3] {
         let [left, right] = self.hand_acceleration_m_per_s2;
         core::array::from_fn(|axis| 0.5 * (left[axis] + right[axis]))
+    }
+
+    /// What the rows of the chain leave out of the centre of pressure, m: turning, and the height of the floor.
+    pub(super) fn beside_the_rows_m(&self, axis: usize) -> f64 {
+        self.turning_m[axis] + self.slope[axis] * self.floor_m
     }
 
     /// How much farther the centre of pressure would lie if the body accelerated as the suit shows it, m.
@@ -156,3 +186,7 @@ pub(super) const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
 const PUSH_M_PER_S2: f64 = 0.35;
 /// … averaged over about this time, s: the noise of accelerations does not last.
 const PUSH_OVER_S: f64 = 0.5;
+/// What a plate shows for ever is averaged over about this time, s.
+const BIAS_OVER_S: f64 = 8.0;
+/// No body is accelerated more; beyond it is noise, m/s².
+const SHEAR_MAX_M_PER_S2: f64 = 5.0;

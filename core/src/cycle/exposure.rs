@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::body_motion::BodyMotion;
 use super::memory::Memory;
 use super::settings::Settings;
 use super::{MODEL_CHANGED_NS, NO_JOINT};
@@ -18,9 +19,17 @@ const L5S1: Joint = Joint::ALL[0];
 
 impl Memory {
     /// Works through what the sample's torques mean. Comes after them.
-    pub(super) fn expose(&mut self, pose: &Pose<StationWorld>, settings: &Settings, found: Validity) {
+    pub(super) fn expose(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        body: &BodyMotion,
+        settings: &Settings,
+        found: Validity,
+    ) {
         let magnitude_nm = self.known.torque_nm.map(|torque_nm| Vector3::from(torque_nm).norm());
-        let load = self.load(found, &magnitude_nm);
+        // In quick motion a load may hide below what can be told: then nothing is known of it.
+        let may_hide = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
+        let load = self.load(found, may_hide, &magnitude_nm);
         self.exposure.advance(self.known.suit_sample_time_ns, &load, &settings.limits);
         self.known.torque_limit_nm = settings.limits.0;
         self.known.fatigue = self.exposure.fatigue.share;
@@ -33,18 +42,20 @@ impl Memory {
             return;
         }
         let loaded = !found.any_of(Validity::BELOW_LOAD_THRESHOLD);
-        self.judge_back(pose, loaded);
+        if loaded || !may_hide {
+            self.judge_back(pose, loaded);
+        }
         if loaded {
-            self.judge_load(pose, settings, &magnitude_nm);
+            self.judge_load(pose, body, settings, &magnitude_nm);
         }
     }
 
     /// What is known about the load, by the reasons that this sample and the worker's model give.
-    fn load(&self, found: Validity, magnitude_nm: &[f64; JOINTS]) -> Load {
+    fn load(&self, found: Validity, may_hide: bool, magnitude_nm: &[f64; JOINTS]) -> Load {
         let worker = &self.identification;
         let weighed = worker.mass_kg > 0.0;
         if found == Validity::BELOW_LOAD_THRESHOLD && weighed {
-            return Load::None;
+            return if may_hide { Load::Unknown } else { Load::None };
         }
         let since_change_ns = self.known.suit_sample_time_ns.saturating_sub(self.model_changed_ns);
         let changed = self.model_changed_ns > 0 && since_change_ns < MODEL_CHANGED_NS;
@@ -92,13 +103,20 @@ impl Memory {
         self.known.l5s1_compression_sigma_n = back.compression_sigma_n;
     }
 
-    fn judge_load(&mut self, pose: &Pose<StationWorld>, settings: &Settings, magnitude_nm: &[f64; JOINTS]) {
+    fn judge_load(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        body_motion: &BodyMotion,
+        settings: &Settings,
+        magnitude_nm: &[f64; JOINTS],
+    ) {
         let body = self.identification.anthropometry();
         let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m(side.hand())));
         let known = &mut self.known;
         let (vertical_n, delta_f_n) = (known.ground_force_n[2], known.delta_f_n[2]);
         let sigma_n = known.delta_f_sigma_n.max(settings.force_sigma_n);
-        [known.lifted_mass_kg, known.lifted_mass_sigma_kg] = lift::lifted_mass_kg(delta_f_n, sigma_n);
+        [known.lifted_mass_kg, known.lifted_mass_sigma_kg] =
+            lift::lifted_mass_kg(delta_f_n, sigma_n, body_motion.load_weight_m_per_s2());
 
         let weight_n = vertical_n - delta_f_n;
         let place = lift::Place {

@@ -39,6 +39,8 @@ pub struct Memory {
     pub(super) unloaded: Unloaded,
     /// Time of the newest suit sample in the history.
     pub(super) worked_ns: u64,
+    /// The suit's session of that sample.
+    pub(super) session: u64,
     /// Time of the last moment in motion that entered the filter.
     pub(super) motion_learnt_ns: u64,
     /// This worker.

@@ -12,7 +12,7 @@ use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::state::SharingSource;
-use crate::message::{GroundSample, State, Validity};
+use crate::message::{GroundSample, State, SuitSample, Validity};
 use crate::motion::{Build, Inertia, Moment};
 use crate::overload::{GRAVITY_M_PER_S2, Level, Levels};
 use crate::sesc::centre_of_mass;
@@ -22,6 +22,10 @@ use crate::static_pose::{Held, Stillness, rms_joint_angle};
 const NEARLY_STILL: f64 = 3.0;
 /// What a plate may show that is taken for a worker's mass, kg.
 const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
+/// A body that was not seen for so long may stand elsewhere, ns.
+const SIGHT_LOST_NS: u64 = 300_000_000;
+/// A still body's shear over its weight: more means that it leans on something.
+const SHEAR_SHARE_MAX: f64 = 0.02;
 /// The CoP may lie this far outside the modelled soles, m.
 const SUPPORT_MARGIN_M: f64 = 0.02;
 
@@ -30,6 +34,7 @@ impl Memory {
     pub(super) fn take_in(&mut self, settings: &Settings, aligned: &Aligned) {
         let suit = &aligned.suit;
         let in_suit_world = suit.pose();
+        self.lose_sight_after_a_gap(suit, settings);
         self.worked_ns = suit.sample_time_ns;
         self.identification.learn_skeleton(&in_suit_world, settings);
         let pose = if settings.suit_drifts {
@@ -48,15 +53,31 @@ impl Memory {
             moment.has_ground = 1;
         }
         self.history.push(moment);
-        let half_window_ns = match settings.motion {
-            Motion::Compensated { half_window_ns } => half_window_ns,
-            Motion::Paper => 0,
-        };
+        let half_window_ns = settings.half_window_ns();
         let gyration_m2 = gyration_m2(&self.identification.skeleton(), settings.height_m);
         let build = Build { body: &body, gyration_m2: &gyration_m2 };
         // Bounded: the history holds a fixed number of moments.
         while let Some((moment, inertia)) = self.history.next(half_window_ns, &build) {
             self.monitor(settings, &moment, inertia);
+        }
+    }
+
+    /// Who was out of sight for a while, or whose suit began anew, may stand elsewhere.
+    fn lose_sight_after_a_gap(&mut self, suit: &SuitSample, settings: &Settings) {
+        let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
+        let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || u64::from(suit.session) != self.session);
+        self.session = u64::from(suit.session);
+        if !anew {
+            return;
+        }
+        self.history.clear();
+        self.window.clear();
+        self.unloaded.forget();
+        if settings.suit_drifts {
+            self.anchor.lose();
+            if self.identification.has_body() {
+                self.identification.new_stance(settings);
+            }
         }
     }
 
@@ -67,6 +88,7 @@ impl Memory {
         self.known.suit_sample_time_ns = moment.time_ns;
         self.known.group_delay_ns = self.worked_ns.saturating_sub(moment.time_ns);
         self.known.stance = moment.stance as u32;
+        self.known.cop_measured_sigma_m = [settings.cop_sigma_m; 2];
         self.known.segment_origin_m = moment.origin_m;
         let mut found = Validity::default();
         found.raise(Validity::CLOCK_UNSYNCHRONISED, moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS);
@@ -109,8 +131,8 @@ impl Memory {
             self.learn_from_stillness(&pose, moment, &stillness, settings);
         }
         self.overload(&pose, &body, moment, settings, &mut found);
-        self.expose(&pose, settings, found);
-        if motion.is_some() && standing.is_some() {
+        self.expose(&pose, &body, settings, found);
+        if motion.is_some() && standing.is_some() && !found.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);
         } else {
             self.unloaded.forget();
@@ -137,14 +159,17 @@ impl Memory {
         };
         let centre = centre_of_mass(pose, &worker.phi());
         let floor_m = moment.ground().map_or(0.0, |ground| ground.surface_z_m);
-        let mut body = BodyMotion::by_suit(&inertia, centre.z - floor_m);
+        let mut body = BodyMotion::by_suit(&inertia, centre.z, floor_m);
         if let Some(ground) = moment.ground() {
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
-            if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg)
-                && !self.noise.is_pushed(missed, step_s)
-            {
-                body.believe(shear);
+            let still = self.known.static_pose == 1;
+            if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg) {
+                let bias = self.noise.follow_shear(missed, step_s);
+                if !self.noise.is_pushed() {
+                    // A plate that is not level shows shear that is no motion; a still body has none.
+                    body.believe([0, 1].map(|axis| if still { 0.0 } else { shear[axis] - bias[axis] }));
+                }
             }
         }
         body
@@ -162,7 +187,7 @@ impl Memory {
         self.known.com_m = centre_of_mass(pose, &self.identification.phi()).into();
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         for axis in 0..2 {
-            self.known.cop_estimated_m[axis] = still[axis] + body.turning_m[axis];
+            self.known.cop_estimated_m[axis] = still[axis] + body.beside_the_rows_m(axis);
             let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             let variance = known[axis] + wander[axis] + floor + moving * moving;
             self.known.cop_sigma_m[axis] = math::sqrt(variance);
@@ -197,7 +222,10 @@ impl Memory {
             worker.mass_kg = shown_kg;
         }
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
-        let unloaded = (stillness.vertical_n - weight_n).abs() < settings.still.weight_share * weight_n;
+        let nothing_n = (settings.still.weight_share * weight_n).min(settings.load_threshold_n);
+        let [x, y, _] = moment.ground.force_n;
+        let leans = math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.is_pushed();
+        let unloaded = (stillness.vertical_n - weight_n).abs() < nothing_n && !leans;
         let wanted = worker.has_body() && worker.learning == 1 && !worker.has_used(&self.window, settings);
         if wanted && unloaded {
             worker.learn_pose(&self.window, stillness, settings);

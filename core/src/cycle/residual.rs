@@ -15,6 +15,8 @@ use crate::sesc::reduction::Rows;
 const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
 /// … and so many of them say as much as one: errors of a motion last about half a second.
 const ROWS_PER_INDEPENDENT: f64 = 5.0;
+/// After a gap longer than this nothing is known of the hands, s.
+const GAP_MAX_S: f64 = 0.2;
 /// Two degrees of freedom exceed this once in a thousand times.
 const NIS_OF_A_BLUNDER: f64 = 13.8;
 
@@ -32,14 +34,22 @@ impl Memory {
         if mass_kg <= 0.0 || !self.identification.has_body() {
             return;
         }
+        if step_s > GAP_MAX_S {
+            self.unloaded.forget();
+        }
         let [delta_f_n, sigma_n] = [self.known.delta_f_n[2], self.known.delta_f_sigma_n];
         if !self.unloaded.watch(delta_f_n, step_s, settings.load_threshold_n, sigma_n) {
             self.skew.interrupt();
             return;
         }
+        if self.noise.may_be_pushed() {
+            return;
+        }
         self.learn_errors(moment, body, settings);
         self.watch_the_skew(moment, body, settings);
-        if self.wants_motion(moment, settings) {
+        let steady = moment.both_feet_stand == 1 || !settings.suit_drifts;
+        let due = moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS;
+        if steady && due {
             self.learn_motion(pose, moment, body, settings);
         }
     }
@@ -91,15 +101,15 @@ impl Memory {
         }
     }
 
-    /// Whether a moment in motion may teach the filter: asked for, in one stance, and the last one not just before.
-    fn wants_motion(&self, moment: &Moment, settings: &Settings) -> bool {
+    /// Whether motion may teach the filter about the body: asked for, taken out by compensation, and not a pose that
+    /// is held.
+    fn wants_motion(&self, settings: &Settings) -> bool {
         let worker = &self.identification;
         let asked = worker.learning == 1 || (settings.passive && worker.identified == 1);
         settings.method == Method::StaticAndDynamic
+            && settings.motion != Motion::Paper
             && asked
             && self.known.static_pose == 0
-            && (moment.both_feet_stand == 1 || !settings.suit_drifts)
-            && moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS
     }
 
     /// The moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4), with R grown by the motion.
@@ -113,7 +123,8 @@ impl Memory {
         self.motion_learnt_ns = moment.time_ns;
         let rows = self.identification.reduction.rows(pose, body.slope);
         let wander = self.identification.wander_variance_m2(pose, settings);
-        let cop_m = core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.turning_m[axis]);
+        let cop_m =
+            core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis));
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         let variance_m2 = core::array::from_fn(|axis| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
@@ -128,10 +139,17 @@ impl Memory {
             })
             .sum();
         // A touch or a stumble is no news about this body.
-        if nis < NIS_OF_A_BLUNDER && self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
-            self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
+        if nis >= NIS_OF_A_BLUNDER {
+            return;
         }
-        self.learn_shear(moment, settings);
+        if !self.wants_motion(settings) {
+            // Who is known well enough still steps about: the stance's offset is followed, the body is left alone.
+            self.identification.follow_offset(&rows, cop_m, variance_m2);
+        } else if self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
+            self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
+            self.learn_shear(moment, settings);
+        }
+        self.identification.update_predicted_cop_sigma(settings);
     }
 
     /// The force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), where shear is measured.

@@ -137,6 +137,14 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Half the window over which motion is looked at, ns; 0 where it is not.
+    pub fn half_window_ns(&self) -> u64 {
+        match self.motion {
+            Motion::Compensated { half_window_ns } => half_window_ns,
+            Motion::Paper => 0,
+        }
+    }
+
     /// Defaults for a worker of this stature.
     pub fn for_height(height_m: f64) -> Settings {
         Settings {

@@ -282,7 +282,7 @@ fn a_suit_that_returns_alone_is_not_fresh_before_it_was_worked_through() {
     bench.suit_silent = false;
     for _ in 0..200 {
         bench.hold(&person, &postures()[0], None, 1);
-        if !bench.state().validity().any_of(Validity::SUIT_STALE) {
+        if !bench.state().validity().any_of(Validity::SPOILS_COM) {
             assert_ne!(bench.state().com_m, [0.0; 3]);
         }
     }

@@ -1,13 +1,12 @@
 //! The mass in the hands and how far it is reached for.
 
-use crate::overload::GRAVITY_M_PER_S2;
-
 /// The load's centre lies about this far from the middle of the grips, 1-σ per axis, m: a box is not all handle.
 const GRIP_SIGMA_M: f64 = 0.10;
 
-/// Mass of an external force and its 1-σ, kg: `ΔF_z / g`. Negative if the force holds the worker up.
-pub fn lifted_mass_kg(delta_f_n: f64, sigma_n: f64) -> [f64; 2] {
-    [delta_f_n / GRAVITY_M_PER_S2, sigma_n / GRAVITY_M_PER_S2]
+/// Mass of an external force and its 1-σ, kg: `ΔF_z / (g + a)`, a being the hands' vertical acceleration and
+/// `weight_m_per_s2` the sum. Negative if the force holds the worker up.
+pub fn lifted_mass_kg(delta_f_n: f64, sigma_n: f64, weight_m_per_s2: f64) -> [f64; 2] {
+    [delta_f_n / weight_m_per_s2, sigma_n / weight_m_per_s2]
 }
 
 /// Where the load is, horizontally, by two opinions.
@@ -44,6 +43,7 @@ impl Place {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::overload::GRAVITY_M_PER_S2;
 
     fn place(sigma_m: f64) -> Place {
         Place { by_pressure_m: [0.5, 0.0], pressure_sigma_m: [sigma_m; 2], grip_middle_m: [0.4, 0.0] }
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn a_kilogram_weighs_what_it_weighs() {
-        assert_eq!(lifted_mass_kg(98.1, 9.81), [98.1 / GRAVITY_M_PER_S2, 1.0]);
-        assert!(lifted_mass_kg(-20.0, 3.0)[0] < 0.0);
+        assert_eq!(lifted_mass_kg(98.1, 9.81, GRAVITY_M_PER_S2), [98.1 / GRAVITY_M_PER_S2, 1.0]);
+        assert!(lifted_mass_kg(-20.0, 3.0, GRAVITY_M_PER_S2)[0] < 0.0);
     }
 }

@@ -46,10 +46,13 @@ impl Validity {
     pub const SPOILS_COP_MEASURED: Validity = Validity::SPOILS_GROUND_FORCE.and(Validity::FEET_OFF_PLATE);
     /// What spoils the measured ground reaction.
     pub const SPOILS_GROUND_FORCE: Validity = Validity::GROUND_STALE.and(Validity::PLATE_FAULT);
-    /// What spoils the estimated centre of mass and centre of pressure.
-    pub const SPOILS_COP_ESTIMATED: Validity = Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN);
+    /// What spoils the estimated centre of mass.
+    pub const SPOILS_COM: Validity = Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN);
+    /// What spoils the estimated centre of pressure.
+    pub const SPOILS_COP_ESTIMATED: Validity = Validity::SPOILS_COM.and(Validity::MOVING);
     /// What spoils the external force.
-    pub const SPOILS_DELTA_F: Validity = Validity::SPOILS_COP_MEASURED.and(Validity::MASS_UNKNOWN);
+    pub const SPOILS_DELTA_F: Validity =
+        Validity::SPOILS_COP_MEASURED.and(Validity::MASS_UNKNOWN).and(Validity::MOVING);
     /// What spoils the mass in the hands.
     pub const SPOILS_LIFTED_MASS: Validity =
         Validity::SPOILS_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD).and(Validity::MOVING);

@@ -30,6 +30,11 @@ impl Unloaded {
         self.quiet_s >= QUIET_FOR_S
     }
 
+    /// Whether nothing was carried for a while, by the last moment watched.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet_s >= QUIET_FOR_S
+    }
+
     /// Starts over: nothing is known.
     pub fn forget(&mut self) {
         *self = Zeroable::zeroed();

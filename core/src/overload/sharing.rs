@@ -113,7 +113,10 @@ impl Sharing {
             let moved = [left, right].map(|cop| [cop[0] + off[0], cop[1] + off[1]]);
             (math::hypot(off) <= FEET_OFF_MAX_M).then_some(moved)
         });
-        Sharing { zeta, foot_cop_m, ..self }
+        // The load moves as much weight from foot to foot as geometry says, from where it was measured.
+        let moved = self.zeta_without_load[1] - self.zeta[1];
+        let right = (zeta[1] + moved).clamp(0.0, 1.0);
+        Sharing { zeta, zeta_without_load: [1.0 - right, right], foot_cop_m, ..self }
     }
 
     /// 1-σ of a ζ that comes from geometry: nobody knows where on its sole each foot presses.

@@ -51,7 +51,7 @@ pub enum MotionConfig {
 
 impl OverloadConfig {
     pub(super) fn check(&self) -> Checked {
-        between("overload.motion_window_ms", self.motion_window_ms, 20.0, 250.0)?;
+        between("overload.motion_window_ms", self.motion_window_ms, 40.0, 250.0)?;
         between("overload.threshold_n", self.threshold_n, 1.0, 500.0)?;
         between("overload.load_distance_max_m", self.load_distance_max_m, 0.01, 5.0)?;
         between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.0, 100.0)?;

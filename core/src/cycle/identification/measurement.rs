@@ -89,6 +89,14 @@ impl Identification {
         Some(nis)
     }
 
+    /// Takes in a measured CoP for the stance's offset alone; θ stays, its doubt is counted in.
+    pub fn follow_offset(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) {
+        for axis in 0..2 {
+            let h = self.with_stance(rows, axis);
+            self.filter.update_nuisance(&h, cop_m[axis] - rows.offset_m[axis], variance_m2[axis]);
+        }
+    }
+
     /// Takes in the two force rows `Σ_k w_k (x0 + BΦ)_k = F_xy/M`, m/s² per m: second derivatives of the chain against
     /// measured shear. A row whose innovation is a blunder's is passed over. Whether any was taken.
     pub fn take_in_force(&mut self, rows: &Rows, force_m_per_s2: [f64; 2], variance: f64) -> bool {

@@ -30,7 +30,7 @@ impl Identification {
             let pose = posture::pose_of(&settings.library[index], &self.skeleton(), [0.0; 3]);
             self.planner.weigh(&self.reduction.rows(&pose, [0.0; 2]), size);
             self.update_predicted_cop_sigma(settings);
-        } else if self.identified == 1 {
+        } else if self.identified == 1 || self.learning == 0 {
             self.suggested = NO_POSE;
         } else if self.suggested != NO_POSE {
             self.lose_patience(suit_time_ns, stands);
@@ -58,7 +58,7 @@ impl Identification {
 
     /// Root mean square of the predicted 1-σ of the CoP over the library and both axes in this stance, m; 0 while
     /// nothing can be said.
-    pub(super) fn update_predicted_cop_sigma(&mut self, settings: &Settings) {
+    pub(in crate::cycle) fn update_predicted_cop_sigma(&mut self, settings: &Settings) {
         self.predicted_cop_sigma_m = if self.knows_the_work(settings) {
             math::sqrt(self.filter.mean_variance_m2(self.planner.weight(), self.planner.mean_row()))
         } else {
