@@ -69,7 +69,8 @@ stages! {
     SuitAdapter = "suit.adapter", SuitTaken: suit_arrival_ns => suit_published_ns;
     /// The bus, the ring and the wait for the next cycle.
     SuitWait = "suit.wait", SuitTaken: suit_published_ns => compute_start_ns;
-    /// The whole path: the age of the newest suit sample when its state was published.
+    /// The whole path: the age of the newest suit sample when the cycle that took it was published. What that state tells
+    /// lies `group_delay_ns` further back, for compensation of motion waits for a moment's future.
     SuitToState = "suit.to_state", SuitTaken: suit_sample_time_ns => published_ns;
     /// The plate's own processing and the network.
     GroundTransport = "ground.transport", GroundTaken: ground_sample_time_ns => ground_arrival_ns;

@@ -56,7 +56,7 @@ pub struct Identification {
     asked_ns: u64,
     /// Normalised innovation squared of the last pose, two degrees of freedom.
     pub nis: f64,
-    /// Predicted 1-σ of the CoP over the library, the stance's offset not included, m; 0 before it is known.
+    /// Predicted 1-σ of the CoP over the library in this stance, m; 0 before it is known.
     pub predicted_cop_sigma_m: f64,
 }
 

@@ -60,8 +60,7 @@ pub enum StopRule {
         /// Bound on every variance, m².
         variance_m2: f64,
     },
-    /// The predicted 1-σ of the CoP, root mean square over the poses of the library, below this, m; the stance's
-    /// offset, which no pose can take away, not included.
+    /// The predicted 1-σ of the CoP, root mean square over the poses of the library in this stance, below this, m.
     PredictedCop {
         /// Bound, m.
         sigma_m: f64,

@@ -17,7 +17,7 @@
 //!
 //! A **lift** is an episode of at least half a second in which a load is known to be carried. It ends, and counts, when
 //! nothing has been known to be carried for half a second too, or when a gap hides what happened. Where the torques are
-//! withheld between, as in quick motion, it goes on; a peak that falls into such a time is missed.
+//! withheld between, as in an impact, it goes on; a peak that falls into such a time is missed.
 
 use bytemuck::{Pod, Zeroable};
 
