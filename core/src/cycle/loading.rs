@@ -18,7 +18,7 @@ const SIGMAS_OF_A_LOAD: f64 = 2.5;
 /// 1-σ of where a load is in the hands, as seen from the joints: grips differ, and so do sensors on arms, m.
 const GRIP_SIGMA_M: f64 = 0.02;
 /// 1-σ of where a joint is above the floor, m.
-const JOINT_SIGMA_M: f64 = 0.010;
+const JOINT_SIGMA_M: f64 = 0.02;
 
 impl Memory {
     /// 1-σ of the external force in this motion, N.

@@ -163,12 +163,11 @@ impl Memory {
         if let Some(ground) = moment.ground() {
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
-            let still = self.known.static_pose == 1;
             if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg) {
                 let bias = self.noise.follow_shear(missed, step_s);
                 if !self.noise.is_pushed() {
-                    // A plate that is not level shows shear that is no motion; a still body has none.
-                    body.believe([0, 1].map(|axis| if still { 0.0 } else { shear[axis] - bias[axis] }));
+                    // A plate that is not level shows shear that is no motion.
+                    body.believe([0, 1].map(|axis| shear[axis] - bias[axis]));
                 }
             }
         }
