@@ -54,21 +54,25 @@ fn figaroh_import_and_replay_give_the_same_bytes_every_time() {
     assert!(said(&output).contains("choose a new name"), "{}", said(&output));
 }
 
-/// The bounds are the figures of "table + constant offset" published with the data: a model that was learnt must tell
-/// more about poses it has not seen than the table and one constant.
+/// The bounds are the figures published with the data, each block held out: SESC with symmetry and a prior from the table,
+/// quasi-static (6.3 / 7.8 mm) and with the equation of motion on all samples (5.2 / 7.8 mm); and with 25 poses 7 mm.
 #[test]
 fn figaroh_the_identified_model_holds_for_blocks_it_was_not_learnt_from() {
     let Some(csv) = human_motion() else { return };
     let input = Input::open(&csv).unwrap();
     let chosen = input.configuration(Some(&human_motion_config())).unwrap();
-    for blocks in [5, 8] {
-        let judged = cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic, None).unwrap();
+    for (judge, poses_max, bound_mm, samples_min) in [
+        (Judge::QuasiStatic, None, [6.3, 7.8], 150),
+        (Judge::AllUnloaded, None, [5.2, 7.8], 2000),
+        (Judge::QuasiStatic, Some(25), [7.0, 7.0], 150),
+    ] {
+        let judged = cross_validate(&input, &chosen.config, 9, judge, poses_max).unwrap();
         println!("{judged}");
         let [forward_mm, sideways_mm] = judged.overall.identified_mm.unwrap();
-        assert!(forward_mm <= 8.8 && sideways_mm <= 7.9, "{judged}");
+        assert!(forward_mm <= bound_mm[0] && sideways_mm <= bound_mm[1], "{judged}");
         let [table_forward_mm, table_sideways_mm] = judged.overall.table_mm.unwrap();
         assert!(forward_mm < table_forward_mm && sideways_mm < table_sideways_mm, "{judged}");
-        assert!(judged.overall.samples > 150 && judged.overall.poses_used >= 6, "{judged}");
+        assert!(judged.overall.samples > samples_min && judged.overall.poses_used >= 6, "{judged}");
     }
 }
 

@@ -13,6 +13,8 @@ const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
 
 /// A body that is accelerated more than this is struck or leaps.
 const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
+/// A body that turns so that its centre of pressure were this far off would fall over its feet, m: a leap of sample times.
+const TURNING_SHIFT_MAX_M: f64 = 0.3;
 
 /// How this worker's mass is spread, by the table.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +78,9 @@ impl Inertia {
     pub fn is_moderate(&self) -> bool {
         let square: f64 = self.acceleration_m_per_s2.iter().map(|value| value * value).sum();
         square < ACCELERATION_MAX_M_PER_S2 * ACCELERATION_MAX_M_PER_S2
-            && self.specific_force_m_per_s2().is_some()
+            && self.specific_force_m_per_s2().is_some_and(|force| {
+                self.turning_shift_m(force).iter().all(|shift| shift.abs() < TURNING_SHIFT_MAX_M)
+            })
     }
 
     /// Vertical force over mass that this motion needs, g + C̈_z, m/s²; `None` of a body that leaps.
@@ -106,4 +110,26 @@ fn spin_rate(
     };
     let (velocity, acceleration) = (twice(*first), twice(*second));
     spread(acceleration) + velocity.cross(&spread(velocity))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leaps_impacts_and_impossible_turns_are_not_the_motion_of_work() {
+        let moving = |acceleration_m_per_s2, momentum_rate_m2_per_s2| Inertia {
+            acceleration_m_per_s2,
+            momentum_rate_m2_per_s2,
+            ..Inertia::REST
+        };
+        assert!(Inertia::REST.is_moderate());
+        // A brisk bend: 2 m/s² and 10 cm.
+        assert!(moving([2.0, 0.0, -1.0], [0.0, 0.9, 0.0]).is_moderate());
+        assert!(!moving([0.0, 6.1, 0.0], [0.0; 3]).is_moderate());
+        assert!(!moving([0.0, 0.0, -9.0], [0.0; 3]).is_moderate());
+        assert!(!moving([0.0; 3], [0.0, -3.1, 0.0]).is_moderate());
+        // About the vertical a body may turn as it likes: that moves no centre of pressure.
+        assert!(moving([0.0; 3], [0.0, 0.0, 9.0]).is_moderate());
+    }
 }

@@ -221,8 +221,9 @@ impl Script {
             for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
                 let Some(joint) = Joint::named(name).map(Joint::index) else { continue };
                 let told = Vector3::from(state.torque_nm[joint]);
-                // Both feet's forces act at the common centre of pressure, as in Eq. 15.
-                let real = truth.overload_at_cop_nm[joint];
+                // Told in motion, so judged by the truth in motion; both feet's forces act at the common centre of
+                // pressure, as in Eq. 15.
+                let real = truth.overload_in_motion_nm[joint];
                 sums.told_nm += told.norm();
                 sums.true_nm += real.norm();
                 sums.told_max_nm = sums.told_max_nm.max(told.norm());
