@@ -45,7 +45,12 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     line(format!("Equipoise  {station}  {}  cycle {}", state.phase_name(), state.cycle));
     line(format!("  {}", words::instruction(state, pose).text));
     line(format!("  {}", progress(state)));
-    line(format!("  suit {}  ground {}", age(state, Stream::Suit), age(state, Stream::Ground)));
+    line(format!(
+        "  suit {}  ground {}{}",
+        age(state, Stream::Suit),
+        age(state, Stream::Ground),
+        delay(state)
+    ));
     line(String::new());
     line(format!("  load          {}", load(state).unwrap_or_else(withheld)));
     line(format!("  CoP measured  {}", cop(state, Validity::SPOILS_COP_MEASURED, state.cop_measured_m)));
@@ -170,6 +175,14 @@ fn age(state: &State, stream: Stream) -> String {
     }
 }
 
+/// The ages are the newest samples'; the values are older than those, since they waited for their window.
+fn delay(state: &State) -> String {
+    match state.group_delay_ns {
+        0 => String::new(),
+        delay_ns => format!("  values {:.0} ms behind the suit", 1e3 * seconds(delay_ns)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -232,6 +245,19 @@ mod tests {
         let block = dashboard(&moving, "station-1", None);
         assert!(block.contains("load 98 N\n") && !block.contains("2410"), "{block}");
         assert!(block.contains("12 lifts"), "what has added up is always told: {block}");
+    }
+
+    #[test]
+    fn the_block_says_how_far_the_values_lie_behind() {
+        let told = |group_delay_ns| {
+            let state = State { suit_age_ns: 4_000_000, group_delay_ns, ..carrying() };
+            dashboard(&state, "station-1", None).lines().nth(3).map(str::to_owned)
+        };
+        assert_eq!(
+            told(66_700_000).as_deref(),
+            Some("  suit 4 ms old  ground 0 ms old  values 67 ms behind the suit")
+        );
+        assert_eq!(told(0).as_deref(), Some("  suit 4 ms old  ground 0 ms old"));
     }
 
     #[test]

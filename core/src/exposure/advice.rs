@@ -2,7 +2,7 @@
 //!
 //! From Eq. 15, posture and shares as they are: with the load moved rigidly with the hands by a horizontal δ, the
 //! ground reaction follows it (C_wt moves by δ ΔF/(W + ΔF)), and the arm of joint j, `(−Δτ_y, Δτ_x)`, grows by
-//! `(Σ η_h − Σ ζ_k) ΔF δ` ([`leverage`]). So |Δτ_j| falls fastest along that arm, by the leverage times |ΔF| per metre:
+//! `(Σ η_h − Σ ζ_k) ΔF δ` (`leverage`). So |Δτ_j| falls fastest along that arm, by the leverage times |ΔF| per metre:
 //! an arm's or the trunk's joint wants the load above itself, a leg's wants the ground reaction below itself. ΔF is
 //! vertical, so moving the load up or down changes no torque: the direction is horizontal.
 

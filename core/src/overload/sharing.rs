@@ -93,7 +93,7 @@ impl Sharing {
     /// The hands' shares with the belief that people use both, and the 1-σ of the right hand's.
     ///
     /// `eta_sigma` is that of the share by geometry. Where it says little, the load is somewhere between the hands: even
-    /// shares, give or take [`EVEN_SIGMA`].
+    /// shares, give or take `EVEN_SIGMA`.
     #[must_use]
     pub fn with_both_hands(self, eta_sigma: f64) -> (Sharing, f64) {
         let (even, measured) = (EVEN_SIGMA * EVEN_SIGMA, eta_sigma * eta_sigma);

@@ -6,7 +6,7 @@
 //!
 //! Masses: V. Zatsiorsky and V. Seluyanov, "The mass and inertia characteristics of the main segments of the human
 //! body", Biomechanics VIII-B (1983) 1152–1159, give for 100 young men the standard error of each part's mass about
-//! its regression on body mass and stature, which we take over the part's mean mass. Ours are: [`WIDER`], because the
+//! its regression on body mass and stature, which we take over the part's mean mass. Ours are: `WIDER`, because the
 //! table is scaled in proportion, without that regression, and workers differ more than students of sports; that
 //! the slices of one part are heavy together; how much alike both sides are; and the spread of the centres, for which
 //! we know no table in three axes.

@@ -35,7 +35,7 @@ impl Identification {
         }
     }
 
-    /// Forgets the stance's offset: zero, give or take [`REGISTRATION_SIGMA_M`]; exactly zero where the suit's position
+    /// Forgets the stance's offset: zero, give or take `REGISTRATION_SIGMA_M`; exactly zero where the suit's position
     /// is absolute. θ stays.
     pub fn new_stance(&mut self, settings: &Settings) {
         let variance_m2 =
