@@ -221,7 +221,13 @@ impl Memory {
             worker.mass_kg = shown_kg;
         }
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
-        let nothing_n = (settings.still.weight_share * weight_n).min(settings.load_threshold_n);
+        // The paper has no threshold of the load.
+        let nothing_n = match settings.motion {
+            Motion::Paper => settings.still.weight_share * weight_n,
+            Motion::Compensated { .. } => {
+                (settings.still.weight_share * weight_n).min(settings.load_threshold_n)
+            }
+        };
         let [x, y, _] = moment.ground.force_n;
         let leans = math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.is_pushed();
         let unloaded = (stillness.vertical_n - weight_n).abs() < nothing_n && !leans;
