@@ -59,11 +59,11 @@ impl Memory {
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
         noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
-        let shear = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
-        for axis in 0..2 {
+        let [force_x_n, force_y_n, _] = moment.ground.force_n;
+        for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
             // Shear that is exactly zero was not measured.
-            if shear[axis] != 0.0 {
-                let error = shear[axis] - body.suit_acceleration_m_per_s2[axis];
+            if shear_n != 0.0 {
+                let error = shear_n / self.identification.mass_kg - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
                 noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
             }

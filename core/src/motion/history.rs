@@ -109,11 +109,9 @@ const COUNT_MAX: u64 = 1 << 48;
 impl History {
     /// Takes in the newest moment.
     pub fn push(&mut self, mut moment: Moment) {
-        if let Some(newest) = self.newest() {
-            if moment.time_ns.saturating_sub(newest.time_ns) > GAP_MAX_NS {
-                // What still waited for its future will not have one, and is no news any more.
-                self.count_out = self.count_in;
-            }
+        if self.newest().is_some_and(|newest| moment.time_ns.saturating_sub(newest.time_ns) > GAP_MAX_NS) {
+            // What still waited for its future will not have one, and is no news any more.
+            self.count_out = self.count_in;
         }
         if let Some(newest) = self.newest() {
             // q and −q are one rotation; a jump between them would look like motion.

@@ -101,10 +101,10 @@ impl Identification {
     /// measured shear. A row whose innovation is a blunder's is passed over. Whether any was taken.
     pub fn take_in_force(&mut self, rows: &Rows, force_m_per_s2: [f64; 2], variance: f64) -> bool {
         let mut taken = false;
-        for axis in 0..2 {
+        for (axis, measured) in force_m_per_s2.into_iter().enumerate() {
             let mut h = [0.0; STATES];
             h[..self.reduction.count()].copy_from_slice(&rows.h[axis][..self.reduction.count()]);
-            let measured = force_m_per_s2[axis] - rows.offset_m[axis];
+            let measured = measured - rows.offset_m[axis];
             let innovation = measured - self.filter.project(&h);
             let expected = self.filter.projected_variance_m2(&h) + variance;
             if innovation * innovation < BLUNDER_SQUARE * expected {
