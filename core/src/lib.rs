@@ -3,7 +3,7 @@
 //!
 //! No clock, no file, no thread, no heap, no unsafe: samples and a time go in, a state comes out. Floors, ground
 //! first, each resting only on those before it:
-//! [`time`], [`body`] and [`frame`] → [`message`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
+//! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
 //! [`pose_suggestion`] → [`overload`] → [`exposure`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
@@ -11,6 +11,7 @@
 pub mod anchor;
 pub mod body;
 pub mod cycle;
+pub mod effect;
 pub mod exposure;
 pub mod frame;
 pub mod kalman;
