@@ -63,7 +63,7 @@ impl Memory {
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
             // Shear that is exactly zero was not measured.
             if shear_n != 0.0 {
-                let error = shear_n / self.identification.mass_kg - body.suit_acceleration_m_per_s2[axis];
+                let error = body.acceleration_m_per_s2(axis) - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
                 noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
             }
@@ -96,9 +96,8 @@ impl Memory {
             predicted: [body.specific_force_m_per_s2, by_suit_m[0], by_suit_m[1]],
             sigma: [self.known.delta_f_sigma_n / mass_kg, cop_sigma_m[0], cop_sigma_m[1]],
         });
-        if let Some((skew_s, sigma_s)) = self.skew.estimate() {
-            (self.known.suit_skew_s, self.known.suit_skew_sigma_s) = (skew_s, sigma_s);
-        }
+        // What has faded is unknown again.
+        (self.known.suit_skew_s, self.known.suit_skew_sigma_s) = self.skew.estimate().unwrap_or_default();
     }
 
     /// Whether motion may teach the filter about the body: asked for, taken out by compensation, and not a pose that
@@ -120,6 +119,10 @@ impl Memory {
         body: &BodyMotion,
         settings: &Settings,
     ) {
+        // The static equation says nothing of a body that moves, not even of where it stands.
+        if settings.motion == Motion::Paper && self.known.static_pose == 0 {
+            return;
+        }
         self.motion_learnt_ns = moment.time_ns;
         let rows = self.identification.reduction.rows(pose, body.slope);
         let wander = self.identification.wander_variance_m2(pose, settings);
@@ -147,16 +150,16 @@ impl Memory {
             self.identification.follow_offset(&rows, cop_m, variance_m2);
         } else if self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
             self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
-            self.learn_shear(moment, settings);
+            self.learn_shear(moment, body, settings);
         }
         self.identification.update_predicted_cop_sigma(settings);
     }
 
     /// The force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), where shear is measured.
-    fn learn_shear(&mut self, moment: &Moment, settings: &Settings) {
+    fn learn_shear(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
         let Motion::Compensated { half_window_ns } = settings.motion else { return };
-        let [x, y, _] = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
-        if (x, y) == (0.0, 0.0) {
+        let [x_n, y_n, _] = moment.ground.force_n;
+        if (x_n, y_n) == (0.0, 0.0) {
             return;
         }
         let mut sum = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
@@ -172,7 +175,8 @@ impl Memory {
         });
         let sigma = self.noise.acceleration_sigma_m_per_s2();
         if complete {
-            self.identification.take_in_force(&sum, [x, y], ROWS_PER_INDEPENDENT * sigma * sigma);
+            let believed = [0, 1].map(|axis| body.acceleration_m_per_s2(axis));
+            self.identification.take_in_force(&sum, believed, ROWS_PER_INDEPENDENT * sigma * sigma);
         }
     }
 }
