@@ -54,8 +54,14 @@ impl Memory {
         }
     }
 
+    /// The body's own horizontal acceleration as believed: without what the model's terms push, m/s².
+    fn body_acceleration_m_per_s2(&self, body: &BodyMotion, axis: usize) -> f64 {
+        body.acceleration_m_per_s2(axis) - self.terms.force_n[axis] / self.identification.mass_kg
+    }
+
     /// How wrong the compensation is, while nothing but the body is there to explain.
     fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+        let by_plate = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
         noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
@@ -63,7 +69,7 @@ impl Memory {
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
             // Shear that is exactly zero was not measured.
             if shear_n != 0.0 {
-                let error = body.acceleration_m_per_s2(axis) - body.suit_acceleration_m_per_s2[axis];
+                let error = by_plate[axis] - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
                 noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
             }
@@ -93,7 +99,11 @@ impl Memory {
         self.skew.take_in(Shown {
             time_s: moment.time_ns as f64 * 1e-9,
             measured: [vertical_n / mass_kg, measured_x_m, measured_y_m],
-            predicted: [body.specific_force_m_per_s2, by_suit_m[0], by_suit_m[1]],
+            predicted: [
+                body.specific_force_m_per_s2 + self.terms.force_n[2] / mass_kg,
+                by_suit_m[0],
+                by_suit_m[1],
+            ],
             sigma: [self.known.delta_f_sigma_n / mass_kg, cop_sigma_m[0], cop_sigma_m[1]],
         });
         // What has faded is unknown again.
@@ -126,8 +136,9 @@ impl Memory {
         self.motion_learnt_ns = moment.time_ns;
         let rows = self.identification.reduction.rows(pose, body.slope);
         let wander = self.identification.wander_variance_m2(pose, settings);
-        let cop_m =
-            core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis));
+        let cop_m = core::array::from_fn(|axis| {
+            self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis) - self.terms.cop_m[axis]
+        });
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         let variance_m2 = core::array::from_fn(|axis| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
@@ -175,7 +186,7 @@ impl Memory {
         });
         let sigma = self.noise.acceleration_sigma_m_per_s2();
         if complete {
-            let believed = [0, 1].map(|axis| body.acceleration_m_per_s2(axis));
+            let believed = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
             self.identification.take_in_force(&sum, believed, ROWS_PER_INDEPENDENT * sigma * sigma);
         }
     }
