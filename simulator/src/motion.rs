@@ -297,7 +297,9 @@ impl Worker {
     /// What is aimed at, seen from where the person has walked.
     fn turn_towards(&self, aim: &mut Aim, time_s: f64) {
         let heading = UnitQuaternion::from_scaled_axis(Vector3::z() * self.walk.heading_rad(time_s));
-        let chosen_m = aim.balance_m - usual_balance_m(&self.person, &self.stance);
+        // On one foot there is little room to choose where to balance.
+        let room = 1.0 - 0.8 * self.walk.share(time_s);
+        let chosen_m = (aim.balance_m - usual_balance_m(&self.person, &self.stance)) * room;
         aim.balance_m = self.walk.balance_m(time_s) + self.in_heading(chosen_m, time_s);
         aim.pose.parent_from_segment[0] = heading * aim.pose.parent_from_segment[0];
         aim.pose.pelvis_height -= self.walk.sink(time_s);

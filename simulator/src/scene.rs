@@ -93,9 +93,13 @@ impl SensedPlate {
         SensedPlate { faulty: FaultyPlate::new(hidden.plate.clone()), colour, noise, seed }
     }
 
-    /// What it tells of a wrench on the person: faults first, then noise, which is the same whatever is hidden.
-    pub fn feel(&mut self, on_person: Wrench, time_s: f64, number: u32) -> Wrench {
-        let faulty = self.faulty.feel(on_person, time_s);
+    /// What it would tell of a wrench on the person without noise.
+    pub fn faulty(&mut self, on_person: Wrench, time_s: f64) -> Wrench {
+        self.faulty.feel(on_person, time_s)
+    }
+
+    /// The same with noise, which does not depend on what is hidden.
+    pub fn noisy(&self, faulty: Wrench, time_s: f64, number: u32) -> Wrench {
         let mut random = Random::numbered(self.seed, "plate noise", number);
         self.noise.on(self.colour.on(faulty, time_s), &mut random)
     }

@@ -159,10 +159,15 @@ impl Walk {
 
     /// By which share of its height the pelvis is lower at a time.
     pub fn sink(&self, time_s: f64) -> f64 {
+        SINK * self.share(time_s)
+    }
+
+    /// How much of a walk is under way at a time: 0 at its ends, 1 while the feet are raised.
+    pub fn share(&self, time_s: f64) -> f64 {
         let Some((first, last)) = self.bout(time_s) else { return 0.0 };
         let ramp_s = 2.0 * SHIFT_S;
         let (start_s, end_s) = (first.start_s - SHIFT_S, last.start_s + Pair::LENGTH_S + SHIFT_S);
-        SINK * minimum_jerk((time_s - start_s) / ramp_s) * minimum_jerk((end_s - time_s) / ramp_s)
+        minimum_jerk((time_s - start_s) / ramp_s) * minimum_jerk((end_s - time_s) / ramp_s)
     }
 
     /// The walking without a pause of which a time is part.
@@ -184,7 +189,7 @@ impl Walk {
     /// Where the centre of mass is balanced at a time, m.
     pub fn balance_m(&self, time_s: f64) -> Vector2<f64> {
         let (reach_s, step_s) = FORESIGHT;
-        let press = |time_s: f64| self.press_m.at(time_s, |from, to, s| from.lerp(to, s));
+        let press = |time_s: f64| self.press_m.at(time_s, Vector2::lerp);
         let walking =
             |pair: &Pair| (pair.start_s - reach_s..pair.start_s + Pair::LENGTH_S + reach_s).contains(&time_s);
         if !self.pairs.iter().any(walking) {
