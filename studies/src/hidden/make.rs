@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use equipoise_simulator::motion::Habits;
 use equipoise_simulator::random::Random;
 
-use super::ladder::{self, Circumstances, RUNGS};
+use super::effects::{Circumstances, Drawn};
+use super::ladder::{self, RUNGS};
 use super::recording::{self, Noise, Station};
 use super::scenario::{self, Lengths};
 use super::truth::Truth;
@@ -87,10 +88,7 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
 /// A sentence: a folder or file cannot be written, or nothing is called so.
 pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, String> {
     let plans = plans(order)?;
-    for folder in folders(order) {
-        std::fs::create_dir_all(&folder)
-            .map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
-    }
+    prepare(order)?;
     let made = ask_all(&plans, |plan| {
         let truth = make_one(plan, order)?;
         done(&truth);
@@ -99,10 +97,17 @@ pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, S
     made.into_iter().collect()
 }
 
-fn folders(order: &Order) -> Vec<PathBuf> {
-    let mut folders = vec![order.out.clone(), order.out.join("truth")];
-    folders.extend(order.twins.then(|| order.out.join("twins")));
-    folders
+/// Makes the folders.
+///
+/// # Errors
+/// A sentence: one cannot be made.
+pub fn prepare(order: &Order) -> Result<(), String> {
+    let twins = order.twins.then(|| order.out.join("twins"));
+    for folder in [Some(order.out.join("truth")), twins].into_iter().flatten() {
+        std::fs::create_dir_all(&folder)
+            .map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
+    }
+    Ok(())
 }
 
 /// Makes one session.
@@ -165,7 +170,7 @@ pub struct Session {
     /// What is done.
     pub script: scenario::Script,
     /// What is hidden.
-    pub drawn: ladder::Drawn,
+    pub drawn: Drawn,
     /// Whether the program is told of the reference.
     pub tells_reference: bool,
 }
