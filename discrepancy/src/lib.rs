@@ -7,4 +7,5 @@
 
 pub mod block;
 pub mod finding;
+pub mod picture;
 pub mod session;
