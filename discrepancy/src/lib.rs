@@ -8,4 +8,5 @@
 pub mod block;
 pub mod finding;
 pub mod picture;
+pub mod report;
 pub mod session;
