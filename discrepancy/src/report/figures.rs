@@ -40,10 +40,20 @@ impl When {
 /// A signal for people.
 pub(super) fn signal(signal: Signal) -> &'static str {
     match signal {
-        Signal::CopX => "centre of pressure, forward",
-        Signal::CopY => "centre of pressure, to the left",
+        Signal::CopX => "forward centre of pressure",
+        Signal::CopY => "sideways centre of pressure",
         Signal::Fz => "vertical force",
     }
+}
+
+/// Label of an axis of residuals: which way is positive, and the unit.
+fn residual(signal: Signal) -> String {
+    let way = match signal {
+        Signal::CopX => "forward",
+        Signal::CopY => "to the left",
+        Signal::Fz => "upward",
+    };
+    format!("residual {way}, {}", signal.unit())
 }
 
 fn sentence(text: &str) -> String {
@@ -75,7 +85,6 @@ pub(super) fn over_time(
     spans: &[Suspicion],
     when: When,
 ) -> Figure {
-    let unit = of.signal.unit();
     let times = || of.points.iter().map(|point| point.time_s);
     let [from, to] = picture.spans_s.work;
     let from = times().fold(from, f64::min);
@@ -133,7 +142,7 @@ pub(super) fn over_time(
             label: format!("time in the recording, {time_name}"),
             scale: Scale::exactly(from / second, to / second),
         },
-        y: Axis { label: format!("residual, {unit}"), scale: y },
+        y: Axis { label: residual(of.signal), scale: y },
         marks,
         legend,
     };
@@ -187,7 +196,7 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
             when.words()
         ),
         x: Axis { label: format!("{}, {}", of.feature, of.unit), scale: x },
-        y: Axis { label: format!("residual, {}", of.signal.unit()), scale: y },
+        y: Axis { label: residual(of.signal), scale: y },
         marks: vec![
             level_band(x, of.noise_sigma),
             Mark::Dots { look: when.look(), points: shown },
@@ -225,7 +234,7 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
             signal(of.signal)
         ),
         x: Axis { label: format!("predicted by the effect, {unit}"), scale: x },
-        y: Axis { label: format!("residual, {unit}"), scale: y },
+        y: Axis { label: residual(of.signal), scale: y },
         marks: vec![
             Mark::Dots { look: Look::Before, points },
             around(1.0),

@@ -4,25 +4,37 @@ use super::document::{Figure, Text};
 use super::svg::rows::{Row, Rows};
 use super::svg::{Key, Look};
 use super::words;
-use crate::finding::{Finding, Gap};
+use crate::finding::{AxisGap, Finding, Gap};
+use crate::picture::Signal;
 
 /// An axis of the gap for people: `x_still` is "forward, still".
 pub(super) fn axis(name: &str) -> String {
     let (signal, how) = name.split_once('_').unwrap_or((name, ""));
     let signal = match signal {
         "x" => "forward",
-        "y" => "to the left",
+        "y" => "sideways",
         "fz" => "vertical force",
         other => other,
     };
     if how.is_empty() { signal.to_owned() } else { format!("{signal}, {how}") }
 }
 
+/// The axes of the gap as people read them: each signal as a whole, then still and moving.
+pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
+    let rank = |name: &str| {
+        let signal = Signal::ALL.iter().position(|signal| name.split('_').next() == Some(signal.axis()));
+        (signal.unwrap_or(Signal::ALL.len()), name.to_owned())
+    };
+    let mut axes: Vec<(&str, AxisGap)> =
+        gap.per_axis.iter().map(|(name, gap)| (name.as_str(), *gap)).collect();
+    axes.sort_by_key(|(name, _)| rank(name));
+    axes
+}
+
 /// How many times noise the gap is, per axis; before only, or before and after.
 pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
-    let rows: Vec<Row> = gap
-        .per_axis
-        .iter()
+    let rows: Vec<Row> = axes(gap)
+        .into_iter()
         .filter(|(_, axis)| axis.noise_floor > 0.0)
         .map(|(name, gap)| {
             let (before, rest) = (gap.before / gap.noise_floor, gap.after / gap.noise_floor);
@@ -67,7 +79,7 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
         .take(MOST)
         .map(|candidate| {
             let look = if named.contains(&candidate.name) { Look::After } else { Look::Noise };
-            let told = words::number(candidate.log_odds);
+            let told = words::odds(candidate.log_odds);
             Row { name: candidate.name.clone(), values: vec![(look, candidate.log_odds)], told }
         })
         .collect();
@@ -84,7 +96,7 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
         description: "Natural logarithm of the odds of each candidate against adding nothing.".to_owned(),
         label: "log odds against adding nothing".to_owned(),
         rows,
-        rule: Some((threshold, format!("needed: {}", words::number(threshold)))),
+        rule: Some((threshold, format!("needed: {}", words::odds(threshold)))),
         bars: true,
         legend,
     };

@@ -165,10 +165,10 @@ impl Mark {
 /// Lays entries side by side; returns how many rows they took.
 pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
     /// Advance of an average letter of the legend's type.
-    const LETTER: f64 = 5.9;
+    const LETTER: f64 = 5.5;
     let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
     for (key, look, text) in entries {
-        let width = 26.0 + LETTER * text.chars().count() as f64 + 10.0;
+        let width = 34.0 + LETTER * text.chars().count() as f64;
         if x > LEFT && x + width > WIDTH - RIGHT {
             (x, row) = (LEFT, row + 1);
         }
@@ -197,10 +197,10 @@ struct Frame {
 }
 
 impl Frame {
-    /// Columns into which long lines are thinned: one a unit.
-    const COLUMNS: usize = (WIDTH - LEFT - RIGHT) as usize;
+    /// Columns into which long lines are thinned.
+    const COLUMNS: usize = 330;
     /// Most dots of a cloud.
-    const DOTS: usize = 700;
+    const DOTS: usize = 500;
 
     fn px(&self, x: f64) -> f64 {
         LEFT + self.x.share(x) * (WIDTH - LEFT - RIGHT)
@@ -292,7 +292,7 @@ impl Frame {
         }
     }
 
-    /// Half as many columns as a line: noise changes slowly.
+    /// Fewer columns than a line has: noise changes slowly.
     fn band(&self, points: &[[f64; 2]], gap: f64) -> String {
         let mut path = String::new();
         for run in thin::line(points, self.x, Self::COLUMNS / 4, gap) {

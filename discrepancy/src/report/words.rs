@@ -194,6 +194,11 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
+/// Log odds: one decimal is more than anyone needs.
+pub(super) fn odds(log_odds: f64) -> String {
+    if log_odds.is_finite() { format!("{log_odds:.1}").replace('-', "−") } else { "not known".to_owned() }
+}
+
 /// Two numbers as `value ± sigma`: as many decimals as σ has in two digits.
 pub(super) fn with_sigma(value: f64, sigma: f64) -> String {
     if !(sigma.is_finite() && sigma > 0.0) || sigma < 1e-6 || !value.is_finite() {

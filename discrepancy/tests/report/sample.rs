@@ -235,11 +235,12 @@ fn surprise(moments: &[Moment], share: f64) -> Vec<SurpriseBin> {
         .collect()
 }
 
+type Wanted = fn(&&TimePoint) -> bool;
+
 fn gap(picture: &Picture) -> Gap {
     let mut per_axis = BTreeMap::new();
     for plot in &picture.time {
-        let sets: [(&str, fn(&&TimePoint) -> bool); 3] =
-            [("", |_| true), ("_still", |p| p.still), ("_moving", |p| !p.still)];
+        let sets: [(&str, Wanted); 3] = [("", |_| true), ("_still", |p| p.still), ("_moving", |p| !p.still)];
         for (suffix, wanted) in sets {
             let of = |value: fn(&TimePoint) -> f64| rms(plot.points.iter().filter(wanted).map(value));
             let (before, after, noise_floor) = (of(|p| p.before), of(|p| p.after), of(|p| p.noise_sigma));

@@ -65,7 +65,7 @@ fn verdict(gap: &Gap) -> &'static str {
 fn axes(gap: &Gap) -> Table {
     let mut table =
         Table::new(&["axis", ">before", ">after, held out", ">noise alone", ">times noise before", ">after"]);
-    for (name, axis) in &gap.per_axis {
+    for (name, axis) in figures_by_row::axes(gap) {
         let value = |value: f64| format!("{} {}", number(value), axis.unit).into();
         let times = |value: f64| ratio(value, axis.noise_floor).trim_end_matches(" times").to_owned().into();
         table.rows.push(vec![

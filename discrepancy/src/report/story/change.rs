@@ -26,12 +26,7 @@ pub(super) fn section(report: &Report) -> Section {
 fn effect(report: &Report, named: &Named, section: &mut Section) {
     let full_name = words::full_name(named);
     section.head(code(&full_name).plain(": ").plain(words::candidate(&full_name)));
-    let mut table = Table::new(&["parameter", ">value ± 1 σ", ">that is"]);
-    for (name, estimate) in &named.parameters {
-        let everyday = words::in_everyday_units(estimate).unwrap_or_else(|| "–".to_owned());
-        table.rows.push(vec![code(name), words::estimate(estimate).into(), everyday.into()]);
-    }
-    section.table(table);
+    section.table(parameters(named));
     if let [Some(from), Some(to)] = ["from_s", "to_s"].map(|key| named.place.get(key)?.as_f64()) {
         let text = Text::from("It holds from ").strong(words::seconds(from)).plain(" to ");
         section.say(text.strong(words::seconds(to)).plain(" of the recording."));
@@ -51,6 +46,19 @@ fn effect(report: &Report, named: &Named, section: &mut Section) {
     let plots = report.picture.predictors.iter().enumerate().filter(|(_, plot)| plot.effect == full_name);
     let figures: Vec<_> = plots.map(|(n, plot)| figures::over_predictor(n + 1, plot)).collect();
     section.figures(figures);
+}
+
+/// The second way to say a value only where one of them has it.
+fn parameters(named: &Named) -> Table {
+    let everyday: Vec<_> = named.parameters.values().map(words::in_everyday_units).collect();
+    let heads = ["parameter", ">value ± 1 σ", ">that is"];
+    let mut table = Table::new(if everyday.iter().any(Option::is_some) { &heads } else { &heads[..2] });
+    for ((name, estimate), everyday) in named.parameters.iter().zip(everyday) {
+        let second = Text::from(everyday.unwrap_or_else(|| "–".to_owned()));
+        let cells = [code(name), words::estimate(estimate).into(), second];
+        table.rows.push(cells.into_iter().take(table.head.len()).collect());
+    }
+    table
 }
 
 fn nothing(report: &Report, section: &mut Section) {

@@ -73,8 +73,10 @@ fn unexplained(report: &Report, section: &mut Section) {
     );
     let describe = |term: &crate::finding::Generic| {
         let times = words::times(term.log_odds).unwrap_or_else(|| "hardly any".to_owned());
-        strong(&term.what)
-            .plain(format!(": {times} times more likely than nothing (log odds {})", number(term.log_odds)))
+        strong(&term.what).plain(format!(
+            ": {times} times more likely than nothing (log odds {})",
+            words::odds(term.log_odds)
+        ))
     };
     section.list(terms.iter().map(describe).collect());
 }

@@ -3,7 +3,7 @@
 use super::super::Report;
 use super::super::document::{Section, Table, Text, code, strong};
 use super::super::figures_by_row;
-use super::super::words::{self, number};
+use super::super::words::{self, odds};
 use super::alike;
 use crate::finding::{Named, SetAside, Verdict};
 
@@ -13,7 +13,7 @@ pub(super) fn section(report: &Report) -> Section {
     section.say(format!(
         "Every effect of the catalogue was tried, alone and beside those accepted before it. It counts from a log odds \
          of {} on: the data must be {} times more likely with it than without it, which covers that many were tried.",
-        number(report.picture.threshold_log_odds),
+        odds(report.picture.threshold_log_odds),
         words::times(report.picture.threshold_log_odds).unwrap_or_else(|| "hardly".to_owned())
     ));
     section
@@ -37,7 +37,7 @@ fn runner_up(named: &Named) -> Text {
     let text = strong(words::candidate(&words::full_name(named))).plain(format!(
         " makes the data {} times more likely than without it (log odds {}). ",
         words::times(named.log_odds).unwrap_or_else(|| "hardly any".to_owned()),
-        number(named.log_odds)
+        odds(named.log_odds)
     ));
     let Some(second) = &named.runner_up else { return text.plain("Nothing else came near.") };
     text.plain("Next best: ")
@@ -55,7 +55,7 @@ fn table(report: &Report, set_aside: &[SetAside]) -> Table {
             words::candidate(&each.name).into(),
             each.why.as_str().into(),
             against.into(),
-            number(each.log_odds).into(),
+            odds(each.log_odds).into(),
         ]);
     }
     table

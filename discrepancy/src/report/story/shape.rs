@@ -38,7 +38,7 @@ pub(super) fn section(report: &Report) -> Section {
     section.figures(all);
 
     let mut table = Table::new(&["axis", ">gap", ">noise alone", ">times noise"]);
-    for (name, axis) in &gap.per_axis {
+    for (name, axis) in figures_by_row::axes(gap) {
         table.rows.push(vec![
             figures_by_row::axis(name).into(),
             format!("{} {}", number(axis.before), axis.unit).into(),

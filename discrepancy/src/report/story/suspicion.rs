@@ -39,8 +39,7 @@ pub(super) fn section(report: &Report) -> Section {
 }
 
 fn in_words(span: &Suspicion) -> Text {
-    let signal = Signal::ALL.into_iter().find(|signal| signal.name() == span.signal);
-    let signal = signal.map_or_else(|| span.signal.clone(), |signal| figures::signal(signal).to_owned());
+    let signal = signal_in_words(span);
     let mut text = Text::from("from ")
         .strong(words::seconds(span.from_s))
         .plain(" to ")
@@ -50,6 +49,11 @@ fn in_words(span: &Suspicion) -> Text {
         text = text.plain(", going with the pose of ").strong(words::place_in_words(segment));
     }
     text.plain(", ").then(strong(format!("{} times noise", number(span.times_noise))))
+}
+
+fn signal_in_words(span: &Suspicion) -> String {
+    let known = Signal::ALL.into_iter().find(|signal| signal.name() == span.signal);
+    known.map_or_else(|| span.signal.clone(), |signal| figures::signal(signal).to_owned())
 }
 
 fn while_in_words(name: &str) -> &str {
@@ -69,7 +73,7 @@ fn table(spans: &[Suspicion]) -> Table {
             strong(letter(n)),
             words::seconds(span.from_s).into(),
             words::seconds(span.to_s).into(),
-            Text::default().code(&span.signal),
+            signal_in_words(span).into(),
             while_in_words(&span.while_).into(),
             segment.into(),
             number(span.times_noise).into(),

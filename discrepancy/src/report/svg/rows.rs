@@ -7,12 +7,12 @@ use super::{Drawing, Key, Look, RIGHT, WIDTH, at, legend};
 use crate::report::escape::xml;
 
 /// Where names end and values begin.
-const NAMES: f64 = 190.0;
+const NAMES: f64 = 196.0;
 /// Room for a value behind its bar.
 const VALUES: f64 = 52.0;
 const ROW: f64 = 22.0;
 /// Longest name that fits, in letters.
-const LETTERS: usize = 29;
+const LETTERS: usize = 27;
 
 /// A row of bars or dots.
 #[derive(Debug, Clone)]
