@@ -8,6 +8,7 @@ mod document;
 mod escape;
 mod figures;
 mod figures_by_row;
+mod figures_left;
 mod html;
 mod markdown;
 mod story;

@@ -5,7 +5,7 @@ use super::svg::scale::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot, thin};
 use super::words;
 use crate::finding::Suspicion;
-use crate::picture::{Picture, PosePlot, PredictorPlot, Signal, SurpriseBin, TimePlot, Whiteness};
+use crate::picture::{Picture, PosePlot, PosePoint, PredictorPlot, Signal, TimePlot, TimePoint};
 
 /// Which of the two a drawing shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,7 +56,7 @@ fn residual(signal: Signal) -> String {
     format!("residual {way}, {}", signal.unit())
 }
 
-fn sentence(text: &str) -> String {
+pub(super) fn sentence(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
@@ -91,7 +91,7 @@ pub(super) fn over_time(
     let to = times().fold(to, f64::max);
     let (second, time_name) = time_unit(to - from);
     let gap = 3.0 * picture.block_s.max(0.1) / second;
-    let series = |value: fn(&crate::picture::TimePoint) -> f64| -> Vec<[f64; 2]> {
+    let series = |value: fn(&TimePoint) -> f64| -> Vec<[f64; 2]> {
         of.points.iter().map(|point| [point.time_s / second, value(point)]).collect()
     };
     let shown = series(match when {
@@ -138,11 +138,11 @@ pub(super) fn over_time(
             signal(of.signal),
             when.words()
         ),
-        x: Axis {
-            label: format!("time in the recording, {time_name}"),
-            scale: Scale::exactly(from / second, to / second),
-        },
-        y: Axis { label: residual(of.signal), scale: y },
+        x: Axis::new(
+            format!("time in the recording, {time_name}"),
+            Scale::exactly(from / second, to / second),
+        ),
+        y: Axis::new(residual(of.signal), y),
         marks,
         legend,
     };
@@ -172,7 +172,7 @@ fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
 pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When) -> Figure {
     const PARTS: usize = 12;
     let points = |when: When| -> Vec<[f64; 2]> {
-        let value = |point: &crate::picture::PosePoint| match when {
+        let value = |point: &PosePoint| match when {
             When::Before => point.before,
             When::After => point.after,
         };
@@ -195,8 +195,8 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
             of.feature,
             when.words()
         ),
-        x: Axis { label: format!("{}, {}", of.feature, of.unit), scale: x },
-        y: Axis { label: residual(of.signal), scale: y },
+        x: Axis::new(format!("{}, {}", of.feature, of.unit), x),
+        y: Axis::new(residual(of.signal), y),
         marks: vec![
             level_band(x, of.noise_sigma),
             Mark::Dots { look: when.look(), points: shown },
@@ -233,8 +233,8 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
             "Residual of the {} against what {words} predicts of it. On the diagonal the effect explains all.",
             signal(of.signal)
         ),
-        x: Axis { label: format!("predicted by the effect, {unit}"), scale: x },
-        y: Axis { label: residual(of.signal), scale: y },
+        x: Axis::new(format!("predicted by the effect, {unit}"), x),
+        y: Axis::new(residual(of.signal), y),
         marks: vec![
             Mark::Dots { look: Look::Before, points },
             around(1.0),
@@ -264,104 +264,4 @@ fn clipped(line: Vec<[f64; 2]>, y: Scale) -> Vec<[f64; 2]> {
         if level == p[1] || slope == 0.0 { p } else { [p[0] + (level - p[1]) / slope, level] }
     };
     vec![cut(a), cut(b)]
-}
-
-/// The autocorrelation of what is left.
-pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
-    const LAGS: usize = 60;
-    let lag = |n: usize| (n + 1) as f64 * block_s;
-    let count = of.before.len().max(of.after.len()).min(LAGS);
-    let x = Scale::exactly(0.0, lag(count.max(1) - 1) + block_s);
-    let columns: Vec<[f64; 3]> = of
-        .after
-        .iter()
-        .take(LAGS)
-        .enumerate()
-        .map(|(n, &value)| [lag(n) - 0.35 * block_s, lag(n) + 0.35 * block_s, value])
-        .collect();
-    let before: Vec<[f64; 2]> =
-        of.before.iter().take(LAGS).enumerate().map(|(n, &value)| [lag(n), value]).collect();
-    let y = Scale::covering(of.before.iter().chain(&of.after).copied().chain([of.bound, -of.bound]));
-    let band = vec![[x.from, of.bound], [x.to, of.bound]];
-    let mut marks = vec![
-        Mark::Band { look: Look::Noise, points: band, gap: f64::INFINITY },
-        Mark::Columns { look: Look::After, columns },
-    ];
-    let mut legend = vec![
-        (Key::Area, Look::After, if changed { "after" } else { "as it is" }.to_owned()),
-        (Key::Area, Look::Noise, "white noise (95 of 100)".to_owned()),
-    ];
-    if changed {
-        marks.push(Mark::Line { look: Look::Before, points: before, gap: f64::INFINITY });
-        legend.insert(0, (Key::Line, Look::Before, "before".to_owned()));
-    }
-    let plot = Plot {
-        name: format!("whiteness-{}", of.signal.name()),
-        title: format!("{}: likeness to itself", sentence(signal(of.signal))),
-        description: format!(
-            "Autocorrelation of the whitened residual of the {} by lag, with the bounds of white noise.",
-            signal(of.signal)
-        ),
-        x: Axis { label: "lag, s".to_owned(), scale: x },
-        y: Axis { label: "autocorrelation".to_owned(), scale: y },
-        marks,
-        legend,
-    };
-    Figure { drawing: plot.draw(), caption: Text::default() }
-}
-
-/// How often the residual is how surprising.
-pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
-    let last = bins.last()?;
-    let end = if last.to.is_finite() {
-        last.to
-    } else {
-        last.from + bins.first().map_or(1.0, |bin| bin.to - bin.from)
-    };
-    let x = Scale::exactly(bins.first()?.from, end);
-    let highest = bins.iter().flat_map(|bin| [bin.before, bin.after, bin.expected]).fold(0.0, f64::max);
-    let to = |bin: &SurpriseBin| bin.to.min(end);
-    let column = |bin: &SurpriseBin, [from, until]: [f64; 2], value: f64| {
-        let width = to(bin) - bin.from;
-        [bin.from + from * width, bin.from + until * width, 100.0 * value]
-    };
-    let (left, right) = if changed { ([0.08, 0.48], [0.52, 0.92]) } else { ([0.0; 2], [0.2, 0.8]) };
-    let mut marks = vec![
-        Mark::Columns {
-            look: Look::After,
-            columns: bins.iter().map(|bin| column(bin, right, bin.after)).collect(),
-        },
-        Mark::Line {
-            look: Look::Expected,
-            points: bins
-                .iter()
-                .flat_map(|bin| [[bin.from, 100.0 * bin.expected], [to(bin), 100.0 * bin.expected]])
-                .collect(),
-            gap: f64::INFINITY,
-        },
-    ];
-    let mut legend = vec![
-        (Key::Area, Look::After, if changed { "after" } else { "as it is" }.to_owned()),
-        (Key::Line, Look::Expected, "noise alone".to_owned()),
-    ];
-    if changed {
-        let columns = bins.iter().map(|bin| column(bin, left, bin.before)).collect();
-        marks.insert(0, Mark::Columns { look: Look::Before, columns });
-        legend.insert(0, (Key::Area, Look::Before, "before".to_owned()));
-    }
-    let plot = Plot {
-        name: "surprise".to_owned(),
-        title: "How surprising the blocks are".to_owned(),
-        description:
-            "Share of blocks by the square of the whitened residual, beside what noise alone would have."
-                .to_owned(),
-        x: Axis { label: "whitened residual squared (last column: and more)".to_owned(), scale: x },
-        y: Axis {
-            label: "share of blocks, %".to_owned(),
-            scale: Scale::exactly(0.0, 104.0 * highest.max(0.01)),
-        },
-        marks,
-        legend,
-    };
-    Some(Figure { drawing: plot.draw(), caption: Text::default() })
 }

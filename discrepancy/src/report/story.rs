@@ -45,9 +45,11 @@ fn headline(report: &Report) -> Text {
         Verdict::None => "Nothing is missing in the model that these data could show.".into(),
         Verdict::Named => Text::from("The model lacks ").strong(found).plain("."),
         Verdict::Ambiguous => {
-            let alike: Vec<String> = alike(report).iter().map(|name| words::candidate(name)).collect();
-            Text::from("Something is missing in the model, but these data cannot tell what: ")
-                .strong(enumeration_with(&alike, "or"))
+            let sets = alike(report).into_iter().map(|set| {
+                enumeration_with(&set.iter().map(|name| words::candidate(name)).collect::<Vec<_>>(), "or")
+            });
+            Text::from("Something is missing in the model, but these data cannot tell for sure what: ")
+                .strong(sets.collect::<Vec<_>>().join("; and "))
                 .plain(".")
         }
         Verdict::Unexplained if finding.effects.is_empty() => {
@@ -97,21 +99,19 @@ fn changed(finding: &Finding) -> bool {
     !finding.effects.is_empty()
 }
 
-/// Names that explain the data alike: what was named with its family, and what comes close to the first candidate.
-fn alike(report: &Report) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for named in &report.finding.effects {
-        names.push(words::full_name(named));
-        names.extend(named.family.iter().cloned());
+/// Sets of names that explain the data alike: each effect with those that these data cannot tell from it; if none was
+/// accepted, what comes close to the first candidate.
+fn alike(report: &Report) -> Vec<Vec<String>> {
+    let with_family = |named: &Named| -> Vec<String> {
+        std::iter::once(words::full_name(named)).chain(named.family.iter().cloned()).collect()
+    };
+    if !report.finding.effects.is_empty() {
+        return report.finding.effects.iter().map(with_family).collect();
     }
-    if let Some(best) = report.finding.candidates.first() {
-        let near = |odds: f64| best.log_odds - odds < report.picture.threshold_log_odds;
-        let candidates = report.finding.candidates.iter().filter(|candidate| near(candidate.log_odds));
-        names.extend(candidates.map(|candidate| candidate.name.clone()));
-    }
-    let mut seen = std::collections::BTreeSet::new();
-    names.retain(|name| seen.insert(name.clone()));
-    names
+    let candidates = &report.finding.candidates;
+    let best = candidates.first().map_or(0.0, |best| best.log_odds);
+    let near = candidates.iter().filter(|each| best - each.log_odds < report.picture.threshold_log_odds);
+    vec![near.map(|candidate| candidate.name.clone()).collect()]
 }
 
 /// "a, b and c".

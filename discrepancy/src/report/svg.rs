@@ -1,5 +1,6 @@
 //! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; none carries meaning alone.
 
+mod frame;
 pub(super) mod rows;
 pub(super) mod scale;
 pub(super) mod thin;
@@ -7,7 +8,8 @@ pub(super) mod thin;
 use std::fmt::Write;
 
 use super::escape::xml;
-use scale::{Scale, Ticks};
+use frame::Frame;
+use scale::Scale;
 
 /// Colours of all plots. Okabe and Ito's palette, which people with any colour vision can tell apart.
 pub(super) const STYLE: &str = include_str!("plot.css");
@@ -17,6 +19,7 @@ const WIDTH: f64 = 540.0;
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 40.0;
+
 /// A finished drawing.
 #[derive(Debug, Clone)]
 pub(super) struct Drawing {
@@ -116,6 +119,23 @@ pub(super) enum Key {
 pub(super) struct Axis {
     pub(super) label: String,
     pub(super) scale: Scale,
+    /// Classes instead of a scale: where each stands, and its name.
+    pub(super) classes: Vec<(f64, String)>,
+}
+
+impl Axis {
+    pub(super) fn new(label: impl Into<String>, scale: Scale) -> Axis {
+        Axis { label: label.into(), scale, classes: Vec::new() }
+    }
+
+    /// Where ticks stand, and their names.
+    fn named_ticks(&self, most: usize) -> Vec<(f64, String)> {
+        if !self.classes.is_empty() {
+            return self.classes.clone();
+        }
+        let ticks = self.scale.ticks(most);
+        ticks.values.iter().map(|&value| (value, ticks.label(value))).collect()
+    }
 }
 
 /// A plot with two axes.
@@ -186,155 +206,6 @@ pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, 
         x += width;
     }
     (out, if entries.is_empty() { 0 } else { row + 1 })
-}
-
-/// Where values come to lie.
-struct Frame {
-    x: Scale,
-    y: Scale,
-    top: f64,
-    bottom: f64,
-}
-
-impl Frame {
-    /// Columns into which long lines are thinned.
-    const COLUMNS: usize = 330;
-    /// Most dots of a cloud.
-    const DOTS: usize = 500;
-
-    fn px(&self, x: f64) -> f64 {
-        LEFT + self.x.share(x) * (WIDTH - LEFT - RIGHT)
-    }
-
-    fn py(&self, y: f64) -> f64 {
-        self.bottom - self.y.share(y) * (self.bottom - self.top)
-    }
-
-    fn path(&self, points: &[[f64; 2]]) -> String {
-        let mut path = String::from("M");
-        for (n, point) in points.iter().enumerate() {
-            let space = if n == 0 { "" } else { " " };
-            let _ = write!(path, "{space}{} {}", at(self.px(point[0])), at(self.py(point[1])));
-        }
-        path
-    }
-
-    fn axes(&self, plot: &Plot, out: &mut String) {
-        let (x, y) = (self.x.ticks(8), self.y.ticks(6));
-        let (right, width) = (at(WIDTH - RIGHT), WIDTH - LEFT - RIGHT);
-        let mut grid = String::new();
-        for &value in &y.values {
-            let _ = write!(grid, "M{LEFT} {}H{right}", at(self.py(value)));
-        }
-        let _ = write!(out, "<path class=\"grid\" d=\"{grid}\"/>");
-        if self.y.from < 0.0 && self.y.to > 0.0 {
-            let _ = write!(out, "<path class=\"zero\" d=\"M{LEFT} {}H{right}\"/>", at(self.py(0.0)));
-        }
-        let _ = write!(out, "<path class=\"axis\" d=\"M{LEFT} {}V{}h{width}", at(self.top), at(self.bottom));
-        for &value in &x.values {
-            let _ = write!(out, "M{} {}v4", at(self.px(value)), at(self.bottom));
-        }
-        out.push_str("\"/>");
-        self.labels(&x, &y, out);
-        let (middle_x, middle_y) = (at(LEFT + width / 2.0), at((self.top + self.bottom) / 2.0));
-        let _ = write!(
-            out,
-            "<text class=\"label\" x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
-             <text class=\"label\" transform=\"translate(14 {middle_y}) rotate(-90)\" \
-             text-anchor=\"middle\">{}</text>",
-            at(self.bottom + 33.0),
-            xml(&plot.x.label),
-            xml(&plot.y.label)
-        );
-    }
-
-    fn labels(&self, x: &Ticks, y: &Ticks, out: &mut String) {
-        out.push_str("<g class=\"tick\" text-anchor=\"middle\">");
-        for &value in &x.values {
-            let (place, line) = (at(self.px(value)), at(self.bottom + 17.0));
-            let _ = write!(out, "<text x=\"{place}\" y=\"{line}\">{}</text>", x.label(value));
-        }
-        out.push_str("</g><g class=\"tick\" text-anchor=\"end\">");
-        for &value in &y.values {
-            let line = at(self.py(value) + 4.0);
-            let _ = write!(out, "<text x=\"{}\" y=\"{line}\">{}</text>", at(LEFT - 6.0), y.label(value));
-        }
-        out.push_str("</g>");
-    }
-
-    fn mark(&self, mark: &Mark, out: &mut String) {
-        let (kind, look, path) = match mark {
-            Mark::Band { look, points, gap } => ("area", look, self.band(points, *gap)),
-            Mark::Line { look, points, gap } => {
-                let runs = thin::line(points, self.x, Self::COLUMNS, *gap);
-                ("line", look, runs.iter().map(|run| self.path(run)).collect())
-            }
-            Mark::Dots { look, points } => ("dots", look, self.cloud(points)),
-            Mark::Columns { look, columns } => ("area", look, self.columns(columns)),
-            Mark::Stretch { look, from, to, letter } => {
-                let middle = (self.px(*from) + self.px(*to)) / 2.0;
-                let (x, y) = (at(middle), at(self.top + 13.0));
-                let _ = write!(
-                    out,
-                    "<text class=\"letter\" x=\"{x}\" y=\"{y}\" text-anchor=\"middle\">{}</text>",
-                    xml(letter)
-                );
-                ("area", look, self.stretch(*from, *to, self.top, 1.5))
-            }
-            Mark::Strip { look, stretches } => (
-                "area",
-                look,
-                stretches.iter().map(|s| self.stretch(s[0], s[1], self.bottom - 5.0, 0.5)).collect(),
-            ),
-        };
-        if !path.is_empty() {
-            let _ = write!(out, "<path class=\"{kind} {}\" d=\"{path}\"/>", look.class());
-        }
-    }
-
-    /// Fewer columns than a line has: noise changes slowly.
-    fn band(&self, points: &[[f64; 2]], gap: f64) -> String {
-        let mut path = String::new();
-        for run in thin::line(points, self.x, Self::COLUMNS / 4, gap) {
-            let back = run.iter().rev().map(|&[x, half]| [x, -half]);
-            let around: Vec<[f64; 2]> = run.iter().copied().chain(back).collect();
-            path.push_str(&self.path(&around));
-            path.push('z');
-        }
-        path
-    }
-
-    fn cloud(&self, points: &[[f64; 2]]) -> String {
-        let mut path = String::new();
-        for point in thin::dots(points, self.x, self.y, Self::DOTS) {
-            let _ = write!(path, "M{} {}h0", at(self.px(point[0])), at(self.py(point[1])));
-        }
-        path
-    }
-
-    fn columns(&self, columns: &[[f64; 3]]) -> String {
-        let mut path = String::new();
-        for &[from, to, value] in columns.iter().filter(|column| column.iter().all(|v| v.is_finite())) {
-            let (left, right) = (self.px(from), self.px(to));
-            let _ = write!(
-                path,
-                "M{} {}V{}H{}V{}z",
-                at(left),
-                at(self.py(0.0)),
-                at(self.py(value)),
-                at(right),
-                at(self.py(0.0))
-            );
-        }
-        path
-    }
-
-    /// From `top` down to the foot, at least so wide that it is seen.
-    fn stretch(&self, from: f64, to: f64, top: f64, least: f64) -> String {
-        let (left, right) = (self.px(from), self.px(to));
-        let right = right.max(left + least);
-        format!("M{} {}H{}V{}H{}z", at(left), at(top), at(right), at(self.bottom), at(left))
-    }
 }
 
 /// A coordinate with a tenth of a unit, as short as it goes.

@@ -290,7 +290,7 @@ pub(crate) fn named(work_s: f64) -> Sample {
         ]),
         parameters: BTreeMap::from([
             ("mass_kg".to_owned(), parameter(1.5134, 0.0312, "kg")),
-            ("moment_x_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
+            ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
         ]),
         log_odds: 204.3,
         runner_up: Some(candidate("worn_mass RightForearm", 181.9)),
@@ -364,7 +364,7 @@ pub(crate) fn none(work_s: f64) -> Sample {
     };
     picture.unseen = vec![
         unseen("hand_load right", "mass_kg", 0.14, "kg"),
-        unseen("plate_yaw", "yaw_rad", 0.012, "rad"),
+        unseen("plate_yaw", "psi_rad", 0.012, "rad"),
         unseen("plate_gain", "kx", 0.009, ""),
     ];
     let finding = &mut sample.finding;

@@ -4,11 +4,17 @@ use super::super::Report;
 use super::super::document::{Section, Table, Text, code, strong};
 use super::super::escape::shell;
 use super::super::figures;
-use super::super::words::{self, number};
+use super::super::words;
 use crate::finding::{Named, Verdict};
+use crate::picture::Unseen;
 
 pub(super) fn section(report: &Report) -> Section {
     let mut section = Section::new("4. The change");
+    if report.finding.verdict == Verdict::Ambiguous && !report.finding.effects.is_empty() {
+        section.say(
+            "What stands here is the likeliest of those that fit alike. Before it is believed, do what step 6 asks for.",
+        );
+    }
     for named in &report.finding.effects {
         effect(report, named, &mut section);
     }
@@ -35,7 +41,7 @@ fn effect(report: &Report, named: &Named, section: &mut Section) {
         let family: Vec<String> = named.family.iter().map(|name| words::candidate(name)).collect();
         section.say(
             strong("Mind: ")
-                .plain("on data like these it cannot be told from ")
+                .plain("on data like these it may also be ")
                 .plain(super::enumeration_with(&family, "or"))
                 .plain("."),
         );
@@ -72,19 +78,30 @@ fn nothing(report: &Report, section: &mut Section) {
         }
         Verdict::Named | Verdict::None => "Nothing is added to the model: it lacks nothing that these data could show.",
     });
-    let mut table = Table::new(&["effect", "that is", ">not larger than (95 %)"]);
-    for each in &report.picture.unseen {
-        let size = format!("{} = {} {}", each.parameter, number(each.at_most), each.unit);
-        table.rows.push(vec![
-            code(&each.effect),
-            words::candidate(&each.effect).into(),
-            size.trim_end().into(),
-        ]);
-    }
+    let table = unseen(&report.picture.unseen);
     if !table.rows.is_empty() {
-        section.say("Smaller effects than these may be there unseen:");
+        section.say(
+            "Smaller effects than these may be there unseen; of each kind, the place where it hides best:",
+        );
     }
     section.table(table);
+}
+
+/// One row per effect: the place that allows the most.
+fn unseen(all: &[Unseen]) -> Table {
+    let mut table = Table::new(&["effect", "that is", "parameter", ">not larger than (95 %)"]);
+    let kind = |each: &Unseen| each.effect.split(' ').next().unwrap_or_default().to_owned();
+    for (n, first) in all.iter().enumerate() {
+        let same = |each: &&Unseen| kind(each) == kind(first) && each.parameter == first.parameter;
+        if all[..n].iter().any(|each| same(&each)) {
+            continue;
+        }
+        let most = all.iter().filter(same).max_by(|a, b| a.at_most.total_cmp(&b.at_most)).unwrap_or(first);
+        let size = words::size(most.at_most, most.unit);
+        let words = words::candidate(&most.effect);
+        table.rows.push(vec![code(&most.effect), words.into(), code(&most.parameter), size.into()]);
+    }
+    table
 }
 
 fn model_file(report: &Report, path: &str, toml: Option<&str>, section: &mut Section) {

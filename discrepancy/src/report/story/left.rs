@@ -3,6 +3,7 @@
 use super::super::Report;
 use super::super::document::{Section, Table, Text, strong};
 use super::super::figures;
+use super::super::figures_left;
 use super::super::words::{self, number};
 use super::changed;
 use crate::finding::Verdict;
@@ -20,9 +21,9 @@ pub(super) fn section(report: &Report) -> Section {
     );
     section.list(picture.whiteness.iter().map(|each| white(each, changed(report.finding))).collect());
     let mut all: Vec<_> = (picture.whiteness.iter())
-        .map(|each| figures::whiteness(each, picture.block_s, changed(report.finding)))
+        .map(|each| figures_left::whiteness(each, picture.block_s, changed(report.finding)))
         .collect();
-    all.extend(figures::surprise(&picture.surprise, changed(report.finding)));
+    all.extend(figures_left::surprise(&picture.surprise, changed(report.finding)));
     section.figures(all);
     windows(report, &mut section);
     unexplained(report, &mut section);

@@ -20,10 +20,11 @@ pub(super) fn section(report: &Report) -> Section {
         .figures(figures_by_row::evidence(finding, report.picture.threshold_log_odds).into_iter().collect());
     section.list(finding.effects.iter().map(runner_up).collect());
     if finding.verdict == Verdict::Ambiguous {
-        section.say("These explain the data alike, and none is preferred:");
-        section.list(
-            alike(report).iter().map(|name| code(name).plain(": ").plain(words::candidate(name))).collect(),
-        );
+        for set in alike(report).iter().filter(|set| set.len() > 1) {
+            section.say("These explain the data alike:");
+            let in_words = |name: &String| code(name).plain(": ").plain(words::candidate(name));
+            section.list(set.iter().map(in_words).collect());
+        }
     }
     section.table(table(report, &finding.set_aside));
     if finding.candidates.is_empty() && finding.set_aside.is_empty() {

@@ -142,8 +142,9 @@ mod tests {
         let highest = |points: &[[f64; 2]]| points.iter().map(|point| point[1]).fold(f64::MIN, f64::max);
         let lowest = |points: &[[f64; 2]]| points.iter().map(|point| point[1]).fold(f64::MAX, f64::min);
         assert_eq!((highest(&kept), lowest(&kept)), (highest(&points), lowest(&points)));
-        let few = dots(&points[..50], x, y, 700);
-        assert!(points[..50].iter().all(|point| few.contains(point)));
+        let few = &points[..50];
+        let kept = dots(few, Scale::covering(few.iter().map(|point| point[0])), y, 700);
+        assert!(few.iter().all(|point| kept.contains(point)));
     }
 
     #[test]
