@@ -7,4 +7,6 @@
 
 pub mod block;
 pub mod finding;
+pub mod picture;
+pub mod report;
 pub mod session;
