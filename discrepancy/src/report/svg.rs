@@ -192,10 +192,10 @@ impl Mark {
 /// Lays entries side by side; returns how many rows they took.
 pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
     /// Advance of an average letter of the legend's type.
-    const LETTER: f64 = 6.1;
+    const LETTER: f64 = 5.8;
     let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
     for (key, look, text) in entries {
-        let width = 31.0 + LETTER * text.chars().count() as f64;
+        let width = 35.0 + LETTER * text.chars().count() as f64;
         if x > LEFT && x + width > WIDTH - RIGHT {
             (x, row) = (LEFT, row + 1);
         }
