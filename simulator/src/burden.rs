@@ -202,3 +202,120 @@ impl SuitFault {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::intention::{Arm, Intention};
+    use crate::motion::{DIFFERENCE_S, Habits, Worker};
+    use crate::noise::{Suit, SuitNoise};
+    use crate::person::Person;
+    use crate::scene::{Hidden, Scene};
+    use nalgebra::UnitQuaternion;
+
+    const HALF: Span = Span { from_s: 10.0, to_s: f64::INFINITY, flips_at_s: None };
+
+    /// Stands still, raises both arms at 2 s, and then something is hidden from 10 s on.
+    fn scene(hidden: Hidden) -> Scene {
+        let mut worker = Worker::with_habits(Person::new(6, 1.77, 72.0), 6, Habits::NONE);
+        let level = Arm { elevation_deg: 90.0, forward_deg: 90.0, outward_deg: 0.0, elbow_deg: 20.0 };
+        worker.intend(&Intention { trunk_flex_deg: 30.0, ..Intention::STAND.arms(level) }, 2.0, 1.5);
+        Scene { worker, suit: Suit::new(SuitNoise::NONE, 6), hidden }
+    }
+
+    /// What the ground does more once it is there.
+    fn more(hidden: Hidden) -> Wrench {
+        let scene = scene(hidden);
+        let (before, after) = (scene.ground_reaction(9.0), scene.ground_reaction(14.0));
+        Wrench { force_n: after.force_n - before.force_n, moment_nm: after.moment_nm - before.moment_nm }
+    }
+
+    fn hand(scene: &Scene) -> (Point, Vector3<f64>) {
+        let point = Point { segment: Segment::RightHand, at_m: Vector3::new(0.0, -0.08, 0.0) };
+        (point, point.in_world_m(&scene.body(14.0)))
+    }
+
+    #[test]
+    fn a_mass_presses_with_its_weight_where_it_is_and_a_push_with_its_opposite() {
+        let (point, at_m) = hand(&scene(Hidden::default()));
+        let weight = Wrench::at(at_m, Vector3::z() * (2.0 * GRAVITY_M_PER_S2));
+        let mass = Hidden { burdens: vec![(Burden::Mass(point, 2.0), HALF)], ..Hidden::default() };
+        let steady = Coloured::new(&mut crate::random::Random::new(1, "steady"), 0.0, 1.0, 20.0);
+        let force_n = Vector3::new(0.0, 0.0, -2.0 * GRAVITY_M_PER_S2);
+        let push =
+            Hidden { burdens: vec![(Burden::Push(point, force_n, steady), HALF)], ..Hidden::default() };
+        for found in [more(mass), more(push)] {
+            assert!((found.force_n - weight.force_n).norm() < 1e-3, "{found:?}");
+            assert!((found.moment_nm - weight.moment_nm).norm() < 1e-3, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_mass_that_is_swung_is_carried_with_its_inertia() {
+        let (point, _) = hand(&scene(Hidden::default()));
+        let scene =
+            scene(Hidden { burdens: vec![(Burden::Mass(point, 2.0), Span::ALWAYS)], ..Hidden::default() });
+        let without = Scene { hidden: Hidden::default(), ..scene.clone() };
+        let time_s = 2.6;
+        let h = 4.0 * DIFFERENCE_S;
+        let at = |time_s: f64| point.in_world_m(&scene.body(time_s));
+        let acceleration = (at(time_s + h) - at(time_s) * 2.0 + at(time_s - h)) / (h * h);
+        let found = scene.ground_reaction(time_s).force_n - without.ground_reaction(time_s).force_n;
+        let expected = (acceleration + Vector3::z() * GRAVITY_M_PER_S2) * 2.0;
+        assert!(acceleration.norm() > 1.0 && (found - expected).norm() < 0.01, "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn a_band_pulls_towards_its_anchor() {
+        let point = Point { segment: Segment::T8, at_m: Vector3::zeros() };
+        let anchor_m = Vector3::new(-3.0, 0.0, 1.3);
+        let band =
+            Hidden { burdens: vec![(Burden::Band(point, anchor_m, 20.0, 1.0), HALF)], ..Hidden::default() };
+        let found = more(band);
+        // It draws the body backwards, so the ground must push forwards.
+        assert!(found.force_n.x > 20.0 && found.moment_nm.y > 20.0, "{found:?}");
+    }
+
+    #[test]
+    fn what_a_suit_does_not_know_of_changes_the_ground_and_not_what_it_sees() {
+        let by_m = Vector3::new(0.03, 0.0, 0.0);
+        let breath = BodyChange::Breath(Segment::T8, by_m, 0.25);
+        for change in [
+            BodyChange::Centre(Segment::T8, by_m),
+            BodyChange::ShoulderBlades(by_m),
+            BodyChange::SpineShape(by_m),
+            breath,
+        ] {
+            let name = format!("{change:?}");
+            let hidden = scene(Hidden { changes: vec![(change, HALF)], ..Hidden::default() });
+            let clean = scene(Hidden::default());
+            let time_s = 13.0;
+            let moved = hidden.ground_reaction(time_s).cop_m() - clean.ground_reaction(time_s).cop_m();
+            assert!((0.000_5..0.02).contains(&moved.x.abs()), "{name}: {moved:?}");
+            let [(seen, turned), (without, straight)] = [&hidden, &clean].map(|scene| scene.seen(time_s));
+            assert!(seen.iter().zip(&without).all(|(a, b)| (a - b).norm() < 1e-9), "{name}");
+            assert!(turned.iter().zip(&straight).all(|(a, b)| a.angle_to(b) < 1e-9), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_late_suit_shows_what_was_and_a_turning_one_turns_to_the_left() {
+        let late = scene(Hidden { suit_lag_s: vec![(0.05, Span::ALWAYS)], ..Hidden::default() });
+        let clean = scene(Hidden::default());
+        let hand = Segment::LeftHand.index();
+        assert!((late.seen(2.6).0[hand] - clean.seen(2.55).0[hand]).norm() < 1e-12);
+        let drift = Hidden { suit: vec![(SuitFault::HeadingDrift(0.01), HALF)], ..Hidden::default() };
+        let turned = scene(drift).seen(20.0).1[hand];
+        let expected = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.1) * clean.seen(20.0).1[hand];
+        assert!(turned.angle_to(&expected) < 1e-9);
+    }
+
+    #[test]
+    fn a_span_comes_turns_over_and_goes() {
+        let span = Span { from_s: 10.0, to_s: 30.0, flips_at_s: Some(20.0) };
+        for (time_s, share) in [(9.9, 0.0), (15.0, 1.0), (25.0, -1.0), (30.1, 0.0)] {
+            assert!((span.share(time_s) - share).abs() < 1e-12, "{time_s}");
+        }
+        assert!((Span::ALWAYS.share(0.0) - 1.0).abs() < 1e-12);
+    }
+}

@@ -201,7 +201,7 @@ impl Judged {
 
     /// Whether something was said of a session in which nothing is.
     pub fn is_false_alarm(&self) -> bool {
-        self.class == Class::Clean && self.verdict != "none"
+        self.class == Class::Clean && !["none", "failed"].contains(&self.verdict.as_str())
     }
 
     /// How far the gap after is above what the truth would leave; 1 is as good as knowing it.

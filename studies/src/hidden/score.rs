@@ -21,6 +21,20 @@ pub struct Asking {
     pub finds_spans: bool,
 }
 
+impl Asking {
+    /// Whether there is such a program at all: better known before an hour of sessions than after.
+    fn check(&self) -> Result<(), String> {
+        let asked = Command::new(&self.program).arg("--version").output();
+        let missing = |error| {
+            format!(
+                "cannot run {}: {error}; build it with `cargo build --release`, or name it with --program",
+                self.program.display()
+            )
+        };
+        asked.map(|_| ()).map_err(missing)
+    }
+}
+
 /// What a session has: its recording, its truth, and its clean twin where there is one.
 #[derive(Debug, Clone)]
 struct Files {
@@ -58,6 +72,7 @@ pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
         .filter_map(|entry| Some(entry.ok()?.path().file_stem()?.to_string_lossy().into_owned()))
         .collect();
     sessions.sort();
+    asking.check()?;
     let judged = ask_all(&sessions, |session| {
         let judged = score_one(&Files::of(folder, session), asking)?;
         done(&judged);
@@ -72,6 +87,7 @@ pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
 /// As of making and judging.
 pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
     let plans = make::plans(order)?;
+    asking.check()?;
     make::prepare(order)?;
     let judged = ask_all(&plans, |plan| {
         make::make_one(plan, order)?;
@@ -187,5 +203,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let asking = Asking { program: PathBuf::from("equipoise"), finds_spans: false };
         assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("make sessions first"));
+        sessions(folder.path());
+        let asking = Asking { program: folder.path().join("none"), finds_spans: false };
+        assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("cargo build --release"));
     }
 }
