@@ -177,7 +177,8 @@ fn hide(kind: &str, size: f64, random: &mut Random, at: &Circumstances, drawn: &
         parameters: told.parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         span_s: [span.from_s.max(0.0), span.to_s.min(at.length_s)],
         flips_at_s: span.flips_at_s,
-        size,
+        // Inertia is missing or it is not: it has no rungs.
+        size: if kind == "inertia" { 1.0 } else { size },
         from_beginning,
         description,
     });
