@@ -6,5 +6,7 @@
 //! what is found is a [`finding::Finding`], from which model file and report are made.
 
 pub mod block;
+pub mod compare;
 pub mod finding;
 pub mod session;
+pub mod spans;
