@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::alignment::Alignment;
 use super::body_motion::MotionNoise;
 use super::identification::Identification;
+use super::model_terms::ModelTerms;
 use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
@@ -35,6 +36,8 @@ pub struct Memory {
     pub(super) noise: MotionNoise,
     /// What motion shows of the skew between both streams.
     pub(super) skew: SkewWatch,
+    /// What the model has beside the body.
+    pub(super) terms: ModelTerms,
     /// Whether nothing is carried.
     pub(super) unloaded: Unloaded,
     /// Time of the newest suit sample in the history.
@@ -90,6 +93,7 @@ impl Memory {
             && self.window.is_sound()
             && self.noise.is_sound()
             && self.skew.is_sound()
+            && self.terms.is_sound()
             && self.unloaded.is_sound()
             && self.identification.is_sound()
             && self.exposure.is_sound()
