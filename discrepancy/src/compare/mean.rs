@@ -167,6 +167,7 @@ impl Mean {
             mass_kg: worker.mass_kg,
             floor_m: sum.floor_m / count,
             feet_m: mean(sum.feet_m, count),
+            feet_hold: worker.feet_hold,
             origin_m: bodies.origin_m,
             origin_acceleration_m_per_s2: bodies.origin_acceleration_m_per_s2,
             rotation: bodies.rotation,

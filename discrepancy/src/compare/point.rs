@@ -80,7 +80,8 @@ impl Point {
         // Shear that is exactly zero was not measured.
         let has_shear = shear_x_n != 0.0 || shear_y_n != 0.0;
         let slope_by_suit = [sums.acceleration.x / specific_force, sums.acceleration.y / specific_force];
-        let by_shear = [sums.force_n[0] / vertical_n, sums.force_n[1] / vertical_n];
+        // As the loop does: over the force that the body needs, so that a load's weight does not lessen the slope.
+        let by_shear = [0, 1].map(|axis| sums.force_n[axis] / (worker.mass_kg * specific_force));
         let slope_is_measured = has_shear && options.has_inertia;
         let slope = match (options.has_inertia, has_shear) {
             (false, _) => [0.0; 2],

@@ -17,6 +17,8 @@ pub struct Worker {
     pub mass_kg: f64,
     /// The chain's parameters.
     pub phi: Phi,
+    /// Whether the standing feet hold the body in its place, because the suit's position drifts.
+    pub feet_hold: bool,
     /// Where the centre of pressure lies from the chain's, by the plate's place in the suit's world, m: constant.
     pub offset_m: [f64; 2],
     /// The table laid on this worker's bones.
@@ -33,6 +35,7 @@ impl Worker {
         (learnt.has_body() && learnt.mass_kg > 0.0).then(|| Worker {
             mass_kg: learnt.mass_kg,
             phi: learnt.phi(),
+            feet_hold: settings.suit_drifts,
             offset_m,
             body: *learnt.anthropometry(),
             gyration_m2: gyration_m2(&learnt.skeleton(), settings.height_m),
