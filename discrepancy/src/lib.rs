@@ -8,5 +8,7 @@
 pub mod block;
 pub mod compare;
 pub mod finding;
+pub mod picture;
+pub mod report;
 pub mod session;
 pub mod spans;
