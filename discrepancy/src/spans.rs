@@ -191,8 +191,9 @@ impl Given {
             Some(span) => span.pair(),
             None => self.longest_rest(identify, reference, shown.samples_s),
         };
-        if work[1] - work[0] < WORK_MIN_S.min(if self.work.is_some() { SHORTEST_S } else { WORK_MIN_S }) {
-            return Err(SpanError::Short { what: "the work", length_s: work[1] - work[0], least_s: WORK_MIN_S });
+        let [length_s, least_s] = [work[1] - work[0], if self.work.is_some() { SHORTEST_S } else { WORK_MIN_S }];
+        if length_s < least_s {
+            return Err(SpanError::Short { what: "the work", length_s, least_s });
         }
         let found = self.identify.is_none() || self.work.is_none();
         let spans_s = Spans { identify, reference, work, found };
@@ -223,4 +224,71 @@ impl Given {
 
 fn seconds([from_s, to_s]: [f64; 2]) -> String {
     format!("{from_s:.1} s – {to_s:.1} s")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAMPLES_S: [f64; 2] = [0.5, 300.0];
+
+    fn span(text: &str) -> Option<Span> {
+        Some(text.parse().unwrap())
+    }
+
+    fn shown(identified_s: Option<f64>, last_learnt_s: Option<f64>) -> Shown {
+        Shown { samples_s: SAMPLES_S, identified_s, last_learnt_s, brings_worker: false }
+    }
+
+    #[test]
+    fn a_span_is_two_times_in_order() {
+        assert_eq!("12:90.5".parse(), Ok(Span { from_s: 12.0, to_s: 90.5 }));
+        for wrong in ["12", "12:", "a:b", "20:10", "5:5", "-3:4", "1:inf", "1:2:3"] {
+            assert!(wrong.parse::<Span>().unwrap_err().contains(wrong), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_given_is_found_and_told() {
+        let found = Given::default().find(&shown(Some(80.0), Some(79.0))).unwrap();
+        let spans_s = Spans { identify: [0.5, 80.0], reference: None, work: [80.0, 300.0], found: true };
+        assert_eq!(found.spans_s, spans_s);
+        assert!(found.told.contains("0.5 s – 80.0 s (until the worker was identified)"), "{}", found.told);
+        // Identification never came to its end: what was learnt in the first part stands for it.
+        let found = Given::default().find(&shown(None, Some(250.0))).unwrap();
+        assert!((found.spans_s.identify[1] - 120.3).abs() < 1e-9, "{:?}", found.spans_s);
+    }
+
+    #[test]
+    fn what_is_given_is_taken_and_the_rest_is_work() {
+        let given = Given { identify: span("200:280"), reference: span("150:200"), work: None };
+        let found = given.find(&shown(None, None)).unwrap();
+        assert_eq!(found.spans_s.work, [0.5, 150.0]);
+        let given = Given { work: span("100:130"), ..Given::default() };
+        let found = given.find(&shown(Some(140.0), None)).unwrap();
+        assert_eq!((found.spans_s.identify, found.spans_s.work), ([0.5, 100.0], [100.0, 130.0]));
+    }
+
+    #[test]
+    fn a_long_recording_has_a_reference_and_a_worker_who_was_known_no_poses() {
+        let long = Shown { samples_s: [0.0, 7200.0], ..shown(Some(90.0), None) };
+        let spans_s = Given::default().find(&long).unwrap().spans_s;
+        assert_eq!((spans_s.reference, spans_s.work), (Some([90.0, 270.0]), [270.0, 7200.0]));
+        let known = Shown { brings_worker: true, ..shown(None, None) };
+        let spans_s = Given::default().find(&known).unwrap().spans_s;
+        assert_eq!((spans_s.identify, spans_s.work), ([0.5; 2], SAMPLES_S));
+    }
+
+    #[test]
+    fn spans_that_cannot_be_are_refused_by_name() {
+        let refused = |given: Given| given.find(&shown(Some(80.0), None)).unwrap_err().to_string();
+        let text = refused(Given { work: span("290:400"), ..Given::default() });
+        assert!(text.contains("--work 290:400 lies outside") && text.contains("300.0 s"), "{text}");
+        let text = refused(Given { identify: span("0:60"), work: span("50:200"), ..Given::default() });
+        assert!(text.contains("--identify 0:60 and --work 50:200 overlap"), "{text}");
+        let text = refused(Given { reference: span("100:101"), ..Given::default() });
+        assert!(text.contains("--reference lasts 1.0 s"), "{text}");
+        let text = refused(Given { identify: span("0:295"), ..Given::default() });
+        assert!(text.contains("the work lasts 5.0 s; at least 10 s"), "{text}");
+    }
 }
