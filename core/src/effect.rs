@@ -5,10 +5,42 @@
 //! for a missing effect fits them, and the loop adds the very same columns times the fitted parameters to what it
 //! predicts ([`Model`]). Prediction plus columns times parameters is what is measured.
 //!
-//! One file per effect; this file is the table of all. Two effects are more than columns of a moment: `suit_lag`
-//! shifts the suit's time, `plate_lowpass` filters the prediction; both have their own functions.
+//! One file per effect; this file is the table of all. Two effects are more than columns of a moment: [`suit_lag`]
+//! shifts the suit's time, [`plate_lowpass`] filters the prediction; both have their own functions.
+//!
+//! Signs. What is worn or leans on the body counts as it acts on the body. The plate's parameters say how its readings
+//! differ from the truth, so their columns are added as they are. The suit's parameters say how what it shows differs
+//! from the truth, so their columns undo it: a segment whose heading is read `ψ` too far left has its arm turned back.
+
+mod catalogue;
+mod families;
+mod force_gain;
+mod geometry;
+mod hand_contact;
+mod hand_load;
+mod inertia;
+mod mass;
+mod periodic_sway;
+mod plate_crosstalk;
+mod plate_drift;
+mod plate_gain;
+mod plate_height;
+pub mod plate_lowpass;
+mod plate_offset;
+mod plate_yaw;
+mod segment_heading;
+mod segment_misalignment;
+mod suit_heading_drift;
+pub mod suit_lag;
+#[cfg(test)]
+mod tests;
+mod unbalanced_parameters;
+mod worn_mass;
+
+use geometry::Column;
 
 use crate::body::{SEGMENTS, Segment, Side};
+use crate::message::ground::COP_MIN_VERTICAL_N;
 
 /// Most parameters that an effect has.
 pub const PARAMETERS_MAX: usize = 4;
@@ -84,7 +116,8 @@ pub struct Parameter {
 /// Everything of one moment that an effect's columns are made of. Station's world: X forward, Y left, Z up.
 #[derive(Debug, Clone, Copy)]
 pub struct Observation {
-    /// Time since the station's first moment (the recording's begin), s.
+    /// Time since the station's first moment (the recording's begin), s. Drifts and sways count from its zero:
+    /// [`Term::columns`] counts from where the term's span begins.
     pub time_s: f64,
     /// Body mass, kg.
     pub mass_kg: f64,
@@ -92,6 +125,9 @@ pub struct Observation {
     pub floor_m: f64,
     /// Middle between the standing feet, m.
     pub feet_m: [f64; 2],
+    /// Whether the standing feet hold the body in its place, as they do where the suit's position drifts: an error of a
+    /// leg's orientation then carries all that stands on it along.
+    pub feet_hold: bool,
     /// Segment origins, m, and their second derivatives, m/s².
     pub origin_m: [[f64; 3]; SEGMENTS],
     /// Second derivative of each, m/s².
@@ -112,7 +148,9 @@ pub struct Observation {
     pub com_acceleration_m_per_s2: [f64; 3],
     /// Shift of the predicted centre of pressure by the turning of the body, m.
     pub turning_m: [f64; 2],
-    /// Horizontal over vertical force, as it entered the prediction: measured shear where there is one, else the suit's.
+    /// Horizontal over vertical force, as it entered the prediction: measured shear where there is one, over the
+    /// vertical force that the body alone needs by the suit (`force_predicted_n[2]`, not the measured one: that already
+    /// bears what the model may lack); else the suit's acceleration over the same.
     pub slope: [f64; 2],
     /// Whether `slope` is measured.
     pub slope_is_measured: bool,
@@ -142,6 +180,62 @@ impl Columns {
     pub const fn zero(count: usize) -> Columns {
         Columns { count, cop_m: [[0.0; 2]; PARAMETERS_MAX], force_n: [[0.0; 3]; PARAMETERS_MAX] }
     }
+
+    /// These, one a parameter; at most [`PARAMETERS_MAX`].
+    fn of(columns: &[Column]) -> Columns {
+        let mut all = Columns::zero(columns.len().min(PARAMETERS_MAX));
+        for (index, column) in columns.iter().take(PARAMETERS_MAX).enumerate() {
+            all.cop_m[index] = column.cop_m;
+            all.force_n[index] = column.force_n;
+        }
+        all
+    }
+
+    /// What parameters of these values change: of the centre of pressure, m, and of the force, N.
+    pub fn times(&self, value: &[f64; PARAMETERS_MAX]) -> ([f64; 2], [f64; 3]) {
+        let (mut cop_m, mut force_n) = ([0.0; 2], [0.0; 3]);
+        for (index, value) in value.iter().enumerate().take(self.count) {
+            for (sum, part) in cop_m.iter_mut().zip(self.cop_m[index]) {
+                *sum += value * part;
+            }
+            for (sum, part) in force_n.iter_mut().zip(self.force_n[index]) {
+                *sum += value * part;
+            }
+        }
+        (cop_m, force_n)
+    }
+}
+
+/// The columns of an effect at one moment; nothing while nobody stands on the plate, at a place where the effect cannot
+/// be, and for the two effects that are no columns ([`suit_lag`], [`plate_lowpass`]).
+///
+/// `shape` is [`Term::shape`]. What grows with time counts from `observation.time_s` = 0.
+pub fn columns(effect: Effect, place: Place, shape: f64, observation: &Observation) -> Columns {
+    let o = observation;
+    let none = Columns::zero(effect.parameters().len());
+    let stands = o.force_measured_n[2] >= COP_MIN_VERTICAL_N && o.force_predicted_n[2] >= COP_MIN_VERTICAL_N;
+    if !stands || !effect.accepts(place) {
+        return none;
+    }
+    match effect {
+        Effect::HandLoad => hand_load::columns(place, o),
+        Effect::HandContact => hand_contact::columns(place, o),
+        Effect::WornMass => worn_mass::columns(place, o),
+        Effect::PlateOffset => plate_offset::columns(),
+        Effect::PlateYaw => plate_yaw::columns(o),
+        Effect::PlateGain => plate_gain::columns(o),
+        Effect::PlateCrosstalk => plate_crosstalk::columns(o),
+        Effect::PlateHeight => plate_height::columns(o),
+        Effect::ForceGain => force_gain::columns(o),
+        Effect::PlateDrift => plate_drift::columns(shape, o),
+        Effect::PlateLowpass | Effect::SuitLag => none,
+        Effect::SuitHeadingDrift => suit_heading_drift::columns(o),
+        Effect::SegmentHeading => segment_heading::columns(place, o),
+        Effect::SegmentMisalignment => segment_misalignment::columns(place, o),
+        Effect::Inertia => inertia::columns(o),
+        Effect::PeriodicSway => periodic_sway::columns(shape, o),
+        Effect::UnbalancedParameters => unbalanced_parameters::columns(place, o),
+    }
 }
 
 /// One term of a model: an effect, where it acts, how strong it is.
@@ -156,8 +250,24 @@ pub struct Term {
     pub shape: f64,
     /// The parameters, in the order and units of [`Effect::parameters`].
     pub value: [f64; PARAMETERS_MAX],
-    /// From when to when it holds, s since the station's first moment.
+    /// From when to when it holds, s since the station's first moment; the end may be infinite.
     pub span_s: [f64; 2],
+}
+
+impl Term {
+    /// Whether it holds at a time, s since the station's first moment.
+    pub fn holds_at(&self, time_s: f64) -> bool {
+        (self.span_s[0]..self.span_s[1]).contains(&time_s)
+    }
+
+    /// Its columns at a moment, drifts and sways counted from where its span begins; nothing outside the span.
+    pub fn columns(&self, observation: &Observation) -> Columns {
+        if !self.holds_at(observation.time_s) {
+            return Columns::zero(self.effect.parameters().len());
+        }
+        let since = Observation { time_s: observation.time_s - self.span_s[0], ..*observation };
+        columns(self.effect, self.place, self.shape, &since)
+    }
 }
 
 /// What a model has beside the body: at most [`TERMS_MAX`] terms.
@@ -165,4 +275,31 @@ pub struct Term {
 pub struct Model {
     /// The terms.
     pub terms: [Option<Term>; TERMS_MAX],
+}
+
+impl Model {
+    /// Whether it has no term.
+    pub fn is_empty(&self) -> bool {
+        self.terms.iter().all(Option::is_none)
+    }
+
+    /// The terms that hold at a time, s since the station's first moment.
+    pub fn at(&self, time_s: f64) -> impl Iterator<Item = &Term> {
+        self.terms.iter().flatten().filter(move |term| term.holds_at(time_s))
+    }
+
+    /// What all terms together change at a moment: of the centre of pressure, m, and of the force, N.
+    pub fn change(&self, observation: &Observation) -> ([f64; 2], [f64; 3]) {
+        let (mut cop_m, mut force_n) = ([0.0; 2], [0.0; 3]);
+        for term in self.terms.iter().flatten() {
+            let (cop, force) = term.columns(observation).times(&term.value);
+            for (sum, part) in cop_m.iter_mut().zip(cop) {
+                *sum += part;
+            }
+            for (sum, part) in force_n.iter_mut().zip(force) {
+                *sum += part;
+            }
+        }
+        (cop_m, force_n)
+    }
 }

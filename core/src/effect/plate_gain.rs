@@ -1,0 +1,15 @@
+//! `plate_gain`: the centre of pressure is stretched about the world's origin, each axis by itself.
+
+use super::geometry::Column;
+use super::{Columns, Observation, Parameter};
+
+pub(super) const PARAMETERS: [Parameter; 2] = [
+    Parameter { name: "kx", unit: "1", prior_sigma: 0.05 },
+    Parameter { name: "ky", unit: "1", prior_sigma: 0.05 },
+];
+
+/// Columns: measured is `1 + k` times true.
+pub(super) fn columns(o: &Observation) -> Columns {
+    let [x, y] = o.cop_predicted_m;
+    Columns::of(&[Column::of_cop([x, 0.0]), Column::of_cop([0.0, y])])
+}

@@ -1,0 +1,107 @@
+//! `plate_lowpass`: the plate's own filter, of first order: what it shows follows late and rounded.
+//!
+//! No column of a moment, since it remembers: the loop filters what it predicts.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Parameter;
+use crate::math;
+
+pub(super) const PARAMETERS: [Parameter; 1] = [Parameter { name: "cutoff_hz", unit: "Hz", prior_sigma: 2.0 }];
+
+/// A filter of first order for signals whose samples may lie unevenly: between two of them the signal is a line, and
+/// the filter's answer to it is exact.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LowPass {
+    /// The newest sample, and the filter's answer there.
+    newest: f64,
+    shown: f64,
+    /// 1 once there was a sample.
+    started: u64,
+}
+
+impl LowPass {
+    /// Takes in a sample, `step_s` after the one before; gives back what a filter with this cutoff shows then. The
+    /// first sample is taken as if it had always been so.
+    pub fn step(&mut self, cutoff_hz: f64, step_s: f64, value: f64) -> f64 {
+        let per_s = core::f64::consts::TAU * cutoff_hz;
+        let turned = per_s * step_s;
+        // The comparison is false for a number that is none.
+        let usable = turned > 0.0 && self.started == 1;
+        self.shown = match usable {
+            true => {
+                // A line of this slope is shown late by one time constant once the start is forgotten.
+                let late = (value - self.newest) / turned;
+                value - late + (self.shown - self.newest + late) * math::exp(-turned)
+            }
+            false if self.started == 1 => self.shown,
+            false => value,
+        };
+        self.newest = value;
+        self.started = 1;
+        self.shown
+    }
+
+    /// Forgets everything: the next sample is the first.
+    pub fn forget(&mut self) {
+        *self = Zeroable::zeroed();
+    }
+
+    /// Whether every number is in range; a stored one is checked before use.
+    pub fn is_sound(&self) -> bool {
+        self.newest.is_finite() && self.shown.is_finite() && self.started <= 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CUTOFF_HZ: f64 = 2.0;
+
+    /// At the cutoff a filter of first order shows 1/√2 of an oscillation, an eighth of a turn late.
+    #[test]
+    fn at_its_cutoff_it_shows_the_root_of_a_half_an_eighth_late() {
+        let mut filter: LowPass = Zeroable::zeroed();
+        let (step_s, mut worst) = (0.002, 0.0_f64);
+        for index in 0..5000 {
+            let turn = core::f64::consts::TAU * CUTOFF_HZ * step_s * f64::from(index);
+            let shown = filter.step(CUTOFF_HZ, step_s, math::sin_cos(turn).0);
+            let expected = math::sin_cos(turn - core::f64::consts::FRAC_PI_4).0 / math::sqrt(2.0);
+            if index > 1000 {
+                worst = worst.max((shown - expected).abs());
+            }
+        }
+        assert!(worst < 2e-4, "{worst}");
+    }
+
+    #[test]
+    fn uneven_steps_along_a_line_end_where_even_ones_do() {
+        let show = |steps: &[f64]| {
+            let mut filter: LowPass = Zeroable::zeroed();
+            let (mut time_s, mut shown) = (0.0, filter.step(CUTOFF_HZ, 0.0, 0.0));
+            for step_s in steps {
+                time_s += step_s;
+                shown = filter.step(CUTOFF_HZ, *step_s, 3.0 * time_s);
+            }
+            shown
+        };
+        let (even, uneven) = (show(&[0.01; 30]), show(&[0.05, 0.01, 0.2, 0.04]));
+        assert!((even - uneven).abs() < 1e-12, "{even} {uneven}");
+        // Nearly settled: late by one time constant.
+        let late_s = 0.3 - show(&[0.3]) / 3.0;
+        assert!((late_s - 0.0796).abs() < 0.003, "{late_s}");
+    }
+
+    #[test]
+    fn what_does_not_change_is_shown_as_it_is() {
+        let mut filter: LowPass = Zeroable::zeroed();
+        assert!(
+            [0.0, 0.01, -1.0, 0.5, f64::NAN].iter().all(|step| filter.step(CUTOFF_HZ, *step, 0.3) == 0.3)
+        );
+        assert!(filter.is_sound());
+        filter.forget();
+        assert_eq!(filter.step(CUTOFF_HZ, 0.01, -1.0), -1.0);
+    }
+}
