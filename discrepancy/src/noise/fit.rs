@@ -8,10 +8,11 @@ use crate::block::Phase;
 use crate::linear::{Factor, dot, outer};
 use crate::rows::Rows;
 
-/// What is believed before: 0.45°, 0.3° and 0.06° of wander, 3 % of soft tissue, 0.4 mm white, 3 mm per m/s, 1.5 mm of pose.
-const BELIEVED: [f64; COUNT] = [0.00785, 0.00524, 0.00105, 0.03, 0.0004, 0.003, 0.0015];
+/// What is believed before: 0.35°, 0.25° and 0.06° of wander, 3 % of soft tissue, 0.4 mm white, 3 mm per m/s, 1.5 mm of
+/// pose, 0.9° of heading.
+const BELIEVED: [f64; COUNT] = [0.0061, 0.0044, 0.00105, 0.03, 0.0004, 0.003, 0.0015, 0.0157];
 /// How sure that is, as 1-σ of the logarithms.
-const BELIEF_SIGMA: [f64; COUNT] = [0.25, 0.4, 0.8, 0.4, 0.6, 0.9, 0.5];
+const BELIEF_SIGMA: [f64; COUNT] = [0.3, 0.4, 0.8, 0.4, 0.6, 0.9, 0.5, 0.35];
 /// Poses alone say little about motion and slow wander: then the belief counts for more.
 const WITHOUT_REFERENCE: f64 = 0.5;
 /// Blocks that the fit looks at: of poses and of clean work.

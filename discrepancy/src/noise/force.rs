@@ -5,7 +5,7 @@ use equipoise_core::body::SEGMENTS;
 use faer::Mat;
 
 use super::fit::all_products;
-use super::kernels::norm;
+use super::kernels::{looseness, norm};
 use super::minimise::minimise;
 use crate::block::Phase;
 use crate::linear::{Factor, outer, product, root};
@@ -166,7 +166,7 @@ fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     let skin = Mat::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
         let (segment, along, joint) = (column / 9, column / 3 % 3, column % 3);
         let rotation = &rows.blocks[block].observation.rotation[segment];
-        let size = soft * rows.blocks[block].joint_rad[segment][joint];
+        let size = soft * looseness(segment) * rows.blocks[block].joint_rad[segment][joint];
         pulled(block, segment, [0, 1, 2].map(|k| rotation[k][along] * size))
     });
     sum += outer(skin.as_ref(), skin.as_ref());

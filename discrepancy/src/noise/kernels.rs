@@ -1,6 +1,6 @@
 //! Kernels of the centre of pressure: one shape per cause.
 
-use equipoise_core::body::SEGMENTS;
+use equipoise_core::body::{SEGMENTS, Segment};
 use faer::Mat;
 
 use crate::block::Phase;
@@ -8,18 +8,18 @@ use crate::linear::{outer, product, root};
 use crate::rows::{Rows, cross};
 
 /// Number of fitted sizes.
-pub(crate) const COUNT: usize = 7;
+pub(crate) const COUNT: usize = 8;
 /// Index of the white noise among the sizes.
 pub(crate) const WHITE: usize = 4;
 
 /// Logarithms of the fitted sizes: wander of orientations over 60 s, 12 s and 2.5 s (rad), soft tissue (rad per rad),
-/// white noise (m), error in motion (s), unknown function of the pose (m).
+/// white noise (m), error in motion (s), unknown function of the pose (m), wander of headings beside that (rad).
 pub(crate) type Sizes = [f64; COUNT];
 
 /// How long orientations take to wander, s.
 const WANDER_S: [f64; 3] = [60.0, 12.0, 2.5];
-/// Headings wander more than inclinations, since gravity does not hold them.
-const HEADING_OVER_INCLINATION: f64 = 1.5;
+/// Headings wander more than inclinations, since gravity does not hold them; over this time, s.
+const HEADING_S: f64 = 40.0;
 /// Heading of the suit as a whole: 1-σ, rad, and how long it takes, s.
 const WHOLE_HEADING: (f64, f64) = (0.006, 60.0);
 /// Where a stance is put down, 1-σ, m: of a suit that drifts and of one that does not.
@@ -56,10 +56,11 @@ pub(crate) fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
 /// A part of size one; the white one is not made.
 pub(crate) fn unit_part(rows: &Rows<'_>, part: usize) -> Mat<f64> {
     match part {
-        0..3 => wander(rows, WANDER_S[part]),
+        0..3 => wander(rows, &[0, 1, 2], WANDER_S[part]),
         3 => soft_tissue(rows),
         5 => motion(rows),
-        _ => pose(rows, |_, _| true),
+        6 => pose(rows, |_, _| true),
+        _ => wander(rows, &[2], HEADING_S),
     }
 }
 
@@ -118,12 +119,12 @@ fn whole_heading_m2(rows: &Rows<'_>) -> Mat<f64> {
     times(rows, outer(column.as_ref(), column.as_ref()), |i, j| matern(rows, i, j, time_s))
 }
 
-/// Orientations of the segments wander.
-fn wander(rows: &Rows<'_>, time_s: f64) -> Mat<f64> {
-    let columns = features(rows, 3 * SEGMENTS, |block, column| {
-        let mut axis = [0.0; 3];
-        axis[column % 3] = if column % 3 == 2 { HEADING_OVER_INCLINATION } else { 1.0 };
-        rows.on_cop(block, cross(axis, rows.lever_m[block][column / 3]))
+/// Orientations of the segments wander about some of the world's axes.
+fn wander(rows: &Rows<'_>, axes: &[usize], time_s: f64) -> Mat<f64> {
+    let columns = features(rows, axes.len() * SEGMENTS, |block, column| {
+        let mut turn = [0.0; 3];
+        turn[axes[column % axes.len()]] = 1.0;
+        rows.on_cop(block, cross(turn, rows.lever_m[block][column / axes.len()]))
     });
     times(rows, outer(columns.as_ref(), columns.as_ref()), |i, j| matern(rows, i, j, time_s))
 }
@@ -134,10 +135,23 @@ fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
         let (segment, axis, joint) = (column / 9, column / 3 % 3, column % 3);
         let rotation = &rows.blocks[block].observation.rotation[segment];
         let turn = [0, 1, 2].map(|k| rotation[k][axis]);
-        let size = rows.blocks[block].joint_rad[segment][joint];
+        let size = looseness(segment) * rows.blocks[block].joint_rad[segment][joint];
         rows.on_cop(block, cross(turn, rows.lever_m[block][segment])).map(|moved| moved * size)
     });
     outer(columns.as_ref(), columns.as_ref())
+}
+
+/// How much skin there is between sensor and bone, over that of an arm: less on pelvis, legs and feet.
+pub(super) fn looseness(segment: usize) -> f64 {
+    match Segment::ALL[segment] {
+        Segment::Pelvis
+        | Segment::RightFoot
+        | Segment::LeftFoot
+        | Segment::RightToe
+        | Segment::LeftToe => 0.4,
+        Segment::RightUpperLeg | Segment::LeftUpperLeg | Segment::RightLowerLeg | Segment::LeftLowerLeg => 0.7,
+        _ => 1.0,
+    }
 }
 
 /// Errors that grow with motion, forgotten within a third of a second; m² per (m/s)².
