@@ -12,6 +12,7 @@ mod feet;
 pub mod identification;
 mod loading;
 pub mod memory;
+mod model_terms;
 pub mod monitoring;
 mod residual;
 pub mod settings;
@@ -70,10 +71,11 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
         memory.alignment.push_ground(&memory.tare.off(sample), tick.due_ns);
     }
     for sample in inputs.suit {
-        memory.alignment.push_suit(sample, tick.due_ns);
+        let sample_time_ns = memory.terms.without_lag_ns(&settings.model, sample.sample_time_ns);
+        memory.alignment.push_suit(&SuitSample { sample_time_ns, ..*sample }, tick.due_ns);
     }
     // Bounded: the queue holds a fixed number of samples.
-    while let Some(aligned) = memory.alignment.next(tick.due_ns, patience_ns(settings)) {
+    while let Some(aligned) = memory.alignment.next(tick.due_ns, memory.patience_ns(settings, tick)) {
         memory.take_in(settings, &aligned);
     }
     let stands = !memory.findings().any_of(Validity::FEET_OFF_PLATE);
@@ -82,14 +84,20 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     &memory.state
 }
 
-/// How old a suit sample may become before it goes on without the ground, ns.
-///
-/// A stream with a constant latency is that much older when it comes; that is no silence.
-fn patience_ns(settings: &Settings) -> u64 {
-    PATIENCE_NS + settings.suit_latency_ns.max(settings.ground_latency_ns)
-}
-
 impl Memory {
+    /// How much older than it should be a suit sample is when it comes, ns: by its adapter and by the model's lag.
+    fn suit_latency_ns(&self, settings: &Settings, tick: Tick) -> u64 {
+        let lag_s = self.terms.suit_lag_s(&settings.model, tick.due_ns);
+        settings.suit_latency_ns + (lag_s.max(0.0) * 1e9) as u64
+    }
+
+    /// How old a suit sample may become before it goes on without the ground, ns.
+    ///
+    /// A stream with a constant latency is that much older when it comes; that is no silence.
+    fn patience_ns(&self, settings: &Settings, tick: Tick) -> u64 {
+        PATIENCE_NS + self.suit_latency_ns(settings, tick).max(settings.ground_latency_ns)
+    }
+
     fn obey(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
         match command {
             CommandKind::IdentifyStart => {
@@ -149,8 +157,9 @@ impl Memory {
         let told_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
         let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
         let suit_period_ns = self.alignment.suit_period_ns();
-        let suit_stale = stale(beyond(suit_age_ns, settings.suit_latency_ns), suit_period_ns)
-            || stale(beyond(told_age_ns, patience_ns(settings) + settings.half_window_ns()), suit_period_ns);
+        let patience_ns = self.patience_ns(settings, tick);
+        let suit_stale = stale(beyond(suit_age_ns, self.suit_latency_ns(settings, tick)), suit_period_ns)
+            || stale(beyond(told_age_ns, patience_ns + settings.half_window_ns()), suit_period_ns);
         let ground_stale =
             stale(beyond(ground_age_ns, settings.ground_latency_ns), self.alignment.ground_period_ns());
         if suit_stale && !ground_stale {

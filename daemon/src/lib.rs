@@ -15,6 +15,7 @@ pub mod page_feed;
 pub mod pipeline;
 pub mod profile;
 pub mod realtime;
+pub mod reconcile;
 pub mod record;
 pub mod replay;
 pub mod rings;

@@ -11,7 +11,7 @@
 pub mod cross_validation;
 mod feed;
 pub mod fidelity;
-mod free;
+pub(crate) mod free;
 pub mod input;
 mod machine;
 mod output;

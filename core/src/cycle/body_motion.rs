@@ -83,6 +83,8 @@ impl MotionNoise {
 pub(super) struct BodyMotion {
     /// Horizontal over vertical force of the ground on the body alone.
     pub(super) slope: [f64; 2],
+    /// Whether that is measured shear.
+    pub(super) slope_is_measured: bool,
     /// Shift of the centre of pressure by the turning of the body, m.
     pub(super) turning_m: [f64; 2],
     /// Vertical force over mass, g + C̈_z, m/s².
@@ -100,6 +102,7 @@ impl BodyMotion {
     /// A body at rest: the paper's equations know no motion.
     pub(super) const REST: BodyMotion = BodyMotion {
         slope: [0.0; 2],
+        slope_is_measured: false,
         turning_m: [0.0; 2],
         specific_force_m_per_s2: GRAVITY_M_PER_S2,
         suit_acceleration_m_per_s2: [0.0; 3],
@@ -114,6 +117,7 @@ impl BodyMotion {
         let [x, y, _] = inertia.acceleration_m_per_s2;
         BodyMotion {
             slope: [x / specific_force, y / specific_force],
+            slope_is_measured: false,
             turning_m: inertia.turning_shift_m(specific_force),
             specific_force_m_per_s2: specific_force,
             suit_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
@@ -144,6 +148,7 @@ impl BodyMotion {
     /// Believes this horizontal acceleration of the body, m/s².
     pub(super) fn believe(&mut self, acceleration_m_per_s2: [f64; 2]) {
         self.slope = acceleration_m_per_s2.map(|value| value / self.specific_force_m_per_s2);
+        self.slope_is_measured = true;
     }
 
     /// Mass in the hands that a vertical force holds in this motion, kg; never negative.

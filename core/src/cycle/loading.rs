@@ -49,7 +49,7 @@ impl Memory {
         let feet = moment.ground().and_then(GroundSample::feet);
         let worker = &self.identification;
         let vertical_n = self.known.ground_force_n[2];
-        let delta_f_n = vertical_n - worker.mass_kg * body.specific_force_m_per_s2;
+        let delta_f_n = vertical_n - worker.mass_kg * body.specific_force_m_per_s2 - self.terms.force_n[2];
         self.known.delta_f_n = [0.0, 0.0, delta_f_n];
         self.known.delta_f_sigma_n = self.delta_f_sigma_n(settings);
         let loaded = delta_f_n.abs() >= self.load_limit_n(settings);

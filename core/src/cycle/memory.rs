@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::alignment::Alignment;
 use super::body_motion::MotionNoise;
 use super::identification::Identification;
+use super::model_terms::ModelTerms;
 use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
@@ -35,6 +36,8 @@ pub struct Memory {
     pub(super) noise: MotionNoise,
     /// What motion shows of the skew between both streams.
     pub(super) skew: SkewWatch,
+    /// What the model has beside the body.
+    pub(super) terms: ModelTerms,
     /// Whether nothing is carried.
     pub(super) unloaded: Unloaded,
     /// Time of the newest suit sample in the history.
@@ -73,6 +76,13 @@ impl Memory {
         self.found = Validity::MOVING.and(Validity::FEET_OFF_PLATE).0;
     }
 
+    /// Starts over with the streams, keeping only what an empty plate shows: a tare lasts until the next.
+    pub fn start_over(&mut self, settings: &Settings) {
+        let tare = self.tare;
+        self.start(settings);
+        self.tare = tare;
+    }
+
     /// Whether every index and number is in range. A memory that was stored is checked before it is used: no file
     /// may make the loop panic.
     pub fn is_sound(&self) -> bool {
@@ -83,6 +93,7 @@ impl Memory {
             && self.window.is_sound()
             && self.noise.is_sound()
             && self.skew.is_sound()
+            && self.terms.is_sound()
             && self.unloaded.is_sound()
             && self.identification.is_sound()
             && self.exposure.is_sound()

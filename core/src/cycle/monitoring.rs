@@ -124,10 +124,14 @@ impl Memory {
         if self.identification.has_body() {
             self.identification.follow_stance(moment.stance, settings);
         }
+        let mut observation = self.observe(&pose, moment, inertia, settings);
+        self.foresee_terms(observation.as_mut(), settings);
         let body = self.body_motion(&pose, moment, motion, step_s, settings);
+        self.apply_terms(observation.as_mut(), &pose, &body, step_s, settings);
         self.noise.follow(&body, self.identification.mass_kg, step_s);
         self.estimate(&pose, &body, settings);
-        if let Some(stillness) = stillness.filter(|_| is_still) {
+        let without_terms = stillness.and_then(|window| self.terms.off(&window, &settings.model));
+        if let Some(stillness) = without_terms.filter(|_| is_still) {
             self.learn_from_stillness(&pose, moment, &stillness, settings);
         }
         self.overload(&pose, &body, moment, settings, &mut found);
@@ -161,9 +165,12 @@ impl Memory {
         let floor_m = moment.ground().map_or(0.0, |ground| ground.surface_z_m);
         let mut body = BodyMotion::by_suit(&inertia, centre.z, floor_m);
         if let Some(ground) = moment.ground() {
-            let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2;
+            let [terms_x_n, terms_y_n, terms_z_n] = self.terms.force_n;
+            let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2 - terms_z_n;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
             if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg) {
+                let explained = [terms_x_n, terms_y_n].map(|force_n| force_n / worker.mass_kg);
+                let missed = [0, 1].map(|axis| missed[axis] - explained[axis]);
                 let bias = self.noise.follow_shear(missed, step_s);
                 if !self.noise.is_pushed() {
                     // A plate that is not level shows shear that is no motion.
@@ -186,7 +193,8 @@ impl Memory {
         self.known.com_m = centre_of_mass(pose, &self.identification.phi()).into();
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         for axis in 0..2 {
-            self.known.cop_estimated_m[axis] = still[axis] + body.beside_the_rows_m(axis);
+            self.known.cop_estimated_m[axis] =
+                still[axis] + body.beside_the_rows_m(axis) + self.terms.cop_m[axis];
             let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             let variance = known[axis] + wander[axis] + floor + moving * moving;
             self.known.cop_sigma_m[axis] = math::sqrt(variance);
@@ -228,7 +236,7 @@ impl Memory {
                 (settings.still.weight_share * weight_n).min(settings.load_threshold_n)
             }
         };
-        let [x, y, _] = moment.ground.force_n;
+        let [x, y] = [0, 1].map(|axis| moment.ground.force_n[axis] - self.terms.force_n[axis]);
         let leans = math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.is_pushed();
         let unloaded = (stillness.vertical_n - weight_n).abs() < nothing_n && !leans;
         let wanted = worker.has_body() && worker.learning == 1 && !worker.has_used(&self.window, settings);

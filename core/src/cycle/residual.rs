@@ -63,7 +63,8 @@ impl Memory {
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
             // Shear that is exactly zero was not measured.
             if shear_n != 0.0 {
-                let error = shear_n / self.identification.mass_kg - body.suit_acceleration_m_per_s2[axis];
+                let body_n = shear_n - self.terms.force_n[axis];
+                let error = body_n / self.identification.mass_kg - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
                 noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
             }
@@ -93,7 +94,11 @@ impl Memory {
         self.skew.take_in(Shown {
             time_s: moment.time_ns as f64 * 1e-9,
             measured: [vertical_n / mass_kg, measured_x_m, measured_y_m],
-            predicted: [body.specific_force_m_per_s2, by_suit_m[0], by_suit_m[1]],
+            predicted: [
+                body.specific_force_m_per_s2 + self.terms.force_n[2] / mass_kg,
+                by_suit_m[0],
+                by_suit_m[1],
+            ],
             sigma: [self.known.delta_f_sigma_n / mass_kg, cop_sigma_m[0], cop_sigma_m[1]],
         });
         if let Some((skew_s, sigma_s)) = self.skew.estimate() {
@@ -123,8 +128,9 @@ impl Memory {
         self.motion_learnt_ns = moment.time_ns;
         let rows = self.identification.reduction.rows(pose, body.slope);
         let wander = self.identification.wander_variance_m2(pose, settings);
-        let cop_m =
-            core::array::from_fn(|axis| self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis));
+        let cop_m = core::array::from_fn(|axis| {
+            self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis) - self.terms.cop_m[axis]
+        });
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         let variance_m2 = core::array::from_fn(|axis| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
@@ -155,10 +161,12 @@ impl Memory {
     /// The force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), where shear is measured.
     fn learn_shear(&mut self, moment: &Moment, settings: &Settings) {
         let Motion::Compensated { half_window_ns } = settings.motion else { return };
-        let [x, y, _] = moment.ground.force_n.map(|force| force / self.identification.mass_kg);
-        if (x, y) == (0.0, 0.0) {
+        let [x_n, y_n, _] = moment.ground.force_n;
+        if (x_n, y_n) == (0.0, 0.0) {
             return;
         }
+        let [terms_x_n, terms_y_n, _] = self.terms.force_n;
+        let [x, y] = [x_n - terms_x_n, y_n - terms_y_n].map(|force_n| force_n / self.identification.mass_kg);
         let mut sum = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
         let reduction = &self.identification.reduction;
         let complete = self.history.differentiate_twice(half_window_ns, |weight, near| {

@@ -1,6 +1,7 @@
 //! What a cycle is told once: the worker, the method, the thresholds.
 
 use crate::body::Sex;
+use crate::effect::Model;
 use crate::overload::TorqueLimits;
 use crate::pose_suggestion::Posture;
 use crate::sesc::ReductionKind;
@@ -67,6 +68,9 @@ pub enum StopRule {
     },
 }
 
+/// Half the window over which motion is looked at unless told otherwise, ns.
+const HALF_WINDOW_NS: u64 = 70_000_000;
+
 /// Everything constant of a cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -131,15 +135,19 @@ pub struct Settings {
     pub level_margin_share: f64,
     /// τ_max per joint.
     pub limits: TorqueLimits,
+    /// What the model has beside the body: effects that were found and named.
+    pub model: Model,
     /// Poses that may be suggested, at most [`crate::pose_suggestion::LIBRARY_MAX`].
     pub library: &'static [Posture],
 }
 
 impl Settings {
-    /// Half the window over which motion is looked at, ns; 0 where it is not.
+    /// Half the window over which motion is looked at, ns; 0 where it is not. Terms of a model look at motion even where
+    /// the paper's equations do not.
     pub fn half_window_ns(&self) -> u64 {
         match self.motion {
             Motion::Compensated { half_window_ns } => half_window_ns,
+            Motion::Paper if !self.model.is_empty() => HALF_WINDOW_NS,
             Motion::Paper => 0,
         }
     }
@@ -169,13 +177,14 @@ impl Settings {
             load_distance_max_m: 0.35,
             suit_misalignment_rad: 0.6f64.to_radians(),
             suit_wander_rad: 0.3f64.to_radians(),
-            motion: Motion::Compensated { half_window_ns: 70_000_000 },
+            motion: Motion::Compensated { half_window_ns: HALF_WINDOW_NS },
             suit_latency_ns: 0,
             ground_latency_ns: 0,
             suit_drifts: true,
             start_identifying: true,
             level_margin_share: 0.02,
             limits: TorqueLimits::default(),
+            model: Model::default(),
             library: &[],
         }
     }

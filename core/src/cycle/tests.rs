@@ -17,6 +17,7 @@ mod bench;
 mod exposure;
 mod latency;
 mod learning;
+mod model_terms;
 mod planning;
 mod sharing;
 use bench::*;

@@ -83,7 +83,7 @@ impl Observation {
     }
 
     /// What of the predicted centre of pressure the suit alone says, m: without the slope where that was measured.
-    pub(super) fn cop_by_suit_m(&self) -> [f64; 2] {
+    pub(crate) fn cop_by_suit_m(&self) -> [f64; 2] {
         let height_m = if self.slope_is_measured { self.centre_height_m() } else { 0.0 };
         [0, 1].map(|axis| self.cop_predicted_m[axis] + self.slope[axis] * height_m)
     }

@@ -127,6 +127,28 @@ impl Bench {
         load: Option<(f64, Vector3<f64>)>,
         milliseconds: u64,
     ) {
+        self.hold_on(person, posture, load, 0.0, milliseconds);
+    }
+
+    /// On a plate whose readings lie forward of the truth, m.
+    pub(super) fn hold_on_a_shifted_plate(
+        &mut self,
+        person: &Person,
+        posture: &Posture,
+        off_m: f64,
+        milliseconds: u64,
+    ) {
+        self.hold_on(person, posture, None, off_m, milliseconds);
+    }
+
+    fn hold_on(
+        &mut self,
+        person: &Person,
+        posture: &Posture,
+        load: Option<(f64, Vector3<f64>)>,
+        off_m: f64,
+        milliseconds: u64,
+    ) {
         let pose = person.pose(posture);
         let centre = centre_of_mass(&pose, &person.phi);
         let weight_n = MASS_KG * GRAVITY_M_PER_S2;
@@ -134,7 +156,11 @@ impl Bench {
         for _ in 0..milliseconds {
             self.now_ns += TICK_NS;
             self.cycle += 1;
-            let moment = [centre.y * weight_n + at.y * load_n, -centre.x * weight_n - at.x * load_n, 0.0];
+            let moment = [
+                centre.y * weight_n + at.y * load_n,
+                -centre.x * weight_n - at.x * load_n - off_m * (weight_n + load_n),
+                0.0,
+            ];
             let ground = GroundSample {
                 sample_time_ns: self.now_ns - self.settings.ground_latency_ns,
                 sequence: self.cycle,

@@ -1,0 +1,235 @@
+//! What the model has beside the body, at the moment that is worked through ([`crate::effect`]).
+//!
+//! The terms are taken off wherever measured and predicted meet: in what is told, and in every innovation, so that
+//! terms and φ do not fight over one error.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::body_motion::BodyMotion;
+use super::memory::Memory;
+use super::settings::{Motion, Settings};
+use crate::body::{SEGMENTS, Side};
+use crate::effect::plate_lowpass::LowPass;
+use crate::effect::{Effect, Model, Observation, suit_lag};
+use crate::frame::{Pose, StationWorld};
+use crate::motion::{Inertia, Moment};
+use crate::overload::GRAVITY_M_PER_S2;
+use crate::static_pose::{Stillness, WINDOW};
+
+/// After a gap longer than this a filter of the plate has settled, s.
+const SETTLED_S: f64 = 0.5;
+
+/// What the terms change of the prediction at the moment that is worked through; zero with a model that has none.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct ModelTerms {
+    /// Of the centre of pressure, m.
+    pub(super) cop_m: [f64; 2],
+    /// Of the ground's force on the body, N.
+    pub(super) force_n: [f64; 3],
+    /// The station's first moment; 0 before it. Spans count from it.
+    first_moment_ns: u64,
+    /// What the terms changed at the last moments, those of the still window: centre of pressure, m, vertical force, N.
+    recent: [[f64; 3]; WINDOW],
+    /// Where the next goes, in [0, WINDOW).
+    next: u64,
+    /// For how many moments in a row the terms could be told, up to WINDOW.
+    told: u64,
+    /// The plate's filter, on what is predicted of the same three.
+    filter: [LowPass; 3],
+}
+
+impl ModelTerms {
+    /// Whether every index and number is in range; stored ones are checked before use.
+    pub(super) fn is_sound(&self) -> bool {
+        let numbers = self.cop_m.iter().chain(&self.force_n).chain(self.recent.iter().flatten());
+        numbers.copied().all(f64::is_finite)
+            && self.next < WINDOW as u64
+            && self.told <= WINDOW as u64
+            && self.filter.iter().all(LowPass::is_sound)
+    }
+
+    /// Time since the station's first moment, s; 0 before it.
+    fn since_start_s(&self, time_ns: u64) -> f64 {
+        if self.first_moment_ns == 0 {
+            0.0
+        } else {
+            time_ns.saturating_sub(self.first_moment_ns) as f64 * 1e-9
+        }
+    }
+
+    /// By how much the suit is late at a time, s.
+    pub(super) fn suit_lag_s(&self, model: &Model, time_ns: u64) -> f64 {
+        let lags = model.at(self.since_start_s(time_ns)).filter(|term| term.effect == Effect::SuitLag);
+        lags.map(|term| term.shape).sum()
+    }
+
+    /// The newest sample's time without the suit's lag, ns.
+    pub(super) fn without_lag_ns(&self, model: &Model, time_ns: u64) -> u64 {
+        suit_lag::without_lag_ns(time_ns, self.suit_lag_s(model, time_ns))
+    }
+
+    /// The cutoff of the plate's filter at a time, Hz.
+    fn cutoff_hz(model: &Model, time_s: f64) -> Option<f64> {
+        model.at(time_s).find(|term| term.effect == Effect::PlateLowpass).map(|term| term.shape)
+    }
+
+    /// A filter of the plate shows late and rounded what the suit predicts: the change by it is one more term.
+    fn filter(&mut self, model: &Model, o: &Observation, step_s: f64) {
+        let Some(cutoff_hz) = ModelTerms::cutoff_hz(model, o.time_s) else {
+            self.filter.iter_mut().for_each(LowPass::forget);
+            return;
+        };
+        if step_s > SETTLED_S {
+            self.filter.iter_mut().for_each(LowPass::forget);
+        }
+        // Measured shear went through the same filter.
+        let by_suit_m = o.cop_by_suit_m();
+        for (axis, by_suit_m) in by_suit_m.into_iter().enumerate() {
+            let predicted_m = by_suit_m + self.cop_m[axis];
+            self.cop_m[axis] += self.filter[axis].step(cutoff_hz, step_s, predicted_m) - predicted_m;
+        }
+        let predicted_n = o.force_predicted_n[2] + self.force_n[2];
+        self.force_n[2] += self.filter[2].step(cutoff_hz, step_s, predicted_n) - predicted_n;
+    }
+
+    fn remember(&mut self) {
+        self.recent[self.next as usize % WINDOW] = [self.cop_m[0], self.cop_m[1], self.force_n[2]];
+        self.next = (self.next + 1) % WINDOW as u64;
+    }
+
+    /// A full still window without what the terms explain of it; `None` while that is not known of all of it.
+    pub(super) fn off(&self, stillness: &Stillness, model: &Model) -> Option<Stillness> {
+        if !model.is_empty() && self.told < WINDOW as u64 {
+            return None;
+        }
+        let mut without = *stillness;
+        for [x_m, y_m, vertical_n] in self.recent {
+            without.cop_m[0] -= x_m / WINDOW as f64;
+            without.cop_m[1] -= y_m / WINDOW as f64;
+            without.vertical_n -= vertical_n / WINDOW as f64;
+        }
+        Some(without)
+    }
+}
+
+impl Memory {
+    /// Everything of this moment that the terms are made of, as far as it is known before the ground's shear is looked
+    /// at: the slope is the suit's.
+    pub(super) fn observe(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        inertia: Option<Inertia>,
+        settings: &Settings,
+    ) -> Option<Observation> {
+        if self.terms.first_moment_ns == 0 {
+            self.terms.first_moment_ns = moment.time_ns.max(1);
+        }
+        let ground = moment.ground()?;
+        let worker = &self.identification;
+        if settings.model.is_empty() || !worker.has_body() {
+            return None;
+        }
+        let inertia = inertia.filter(Inertia::is_moderate).unwrap_or(Inertia::REST);
+        let specific = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
+        let table = worker.anthropometry();
+        let (origin_acceleration, rotation_acceleration) = self.accelerations(settings);
+        // Who was not weighed yet weighs what the plate shows.
+        let mass_kg = if worker.mass_kg > 0.0 { worker.mass_kg } else { ground.force_n[2] / specific };
+        let feet = Side::BOTH.map(|side| pose.origin_of(side.foot()) + pose.origin_of(side.toe()));
+        Some(Observation {
+            time_s: self.terms.since_start_s(moment.time_ns),
+            mass_kg,
+            floor_m: ground.surface_z_m,
+            feet_m: [0, 1].map(|axis| 0.25 * (feet[0][axis] + feet[1][axis])),
+            feet_hold: settings.suit_drifts,
+            origin_m: moment.origin_m,
+            origin_acceleration_m_per_s2: origin_acceleration,
+            rotation: rotations(pose),
+            rotation_acceleration_per_s2: rotation_acceleration,
+            phi_m: worker.phi().0,
+            grip_m: Side::BOTH.map(|side| table.grip_m(side.hand())),
+            centre_m: table.com_m,
+            com_m: crate::sesc::centre_of_mass(pose, &worker.phi()).into(),
+            com_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
+            turning_m: inertia.turning_shift_m(specific),
+            slope: [0.0; 2],
+            slope_is_measured: false,
+            cop_predicted_m: [0.0; 2],
+            force_predicted_n: [0.0, 0.0, mass_kg * specific],
+            cop_measured_m: self.known.cop_measured_m,
+            force_measured_n: ground.force_n,
+        })
+    }
+
+    /// What the terms change of the force: that needs no slope, and the slope needs it.
+    pub(super) fn foresee_terms(&mut self, observation: Option<&mut Observation>, settings: &Settings) {
+        (self.terms.cop_m, self.terms.force_n) = ([0.0; 2], [0.0; 3]);
+        let Some(o) = observation else { return };
+        predict_force(o, settings);
+        (_, self.terms.force_n) = settings.model.change(o);
+    }
+
+    /// What the terms change of this moment's prediction, which is `body`'s.
+    pub(super) fn apply_terms(
+        &mut self,
+        observation: Option<&mut Observation>,
+        pose: &Pose<StationWorld>,
+        body: &BodyMotion,
+        step_s: f64,
+        settings: &Settings,
+    ) {
+        if let Some(o) = observation {
+            o.slope = body.slope;
+            o.slope_is_measured = body.slope_is_measured;
+            let rows = self.identification.reduction.rows(pose, body.slope);
+            let still = self.identification.predict_cop_m(&rows);
+            o.cop_predicted_m = [0, 1].map(|axis| still[axis] + body.beside_the_rows_m(axis));
+            (self.terms.cop_m, self.terms.force_n) = settings.model.change(o);
+            self.terms.filter(&settings.model, o, step_s);
+            self.terms.told = (self.terms.told + 1).min(WINDOW as u64);
+        } else {
+            self.terms.told = 0;
+            self.terms.filter.iter_mut().for_each(LowPass::forget);
+        }
+        self.terms.remember();
+    }
+
+    /// Second derivatives of origins, m/s², and rotations, 1/s², at the moment; zero where there is no window.
+    fn accelerations(&self, settings: &Settings) -> ([[f64; 3]; SEGMENTS], [[[f64; 3]; 3]; SEGMENTS]) {
+        let (mut origin, mut rotation) = ([[0.0; 3]; SEGMENTS], [[[0.0; 3]; 3]; SEGMENTS]);
+        self.history.differentiate_twice(settings.half_window_ns(), |weight, near| {
+            // The anchor's steps are no motion.
+            let [x, y] = near.station_from_suit_m;
+            for (sums, at) in origin.iter_mut().zip(&near.origin_m) {
+                for (sum, value) in sums.iter_mut().zip([at[0] - x, at[1] - y, at[2]]) {
+                    *sum += weight * value;
+                }
+            }
+            let near = rotations(&near.pose());
+            for (sum, value) in rotation.iter_mut().flatten().flatten().zip(near.iter().flatten().flatten()) {
+                *sum += weight * value;
+            }
+        });
+        (origin, rotation)
+    }
+}
+
+/// What the model predicts of the force by the suit's motion; the paper's knows none.
+fn predict_force(o: &mut Observation, settings: &Settings) {
+    if settings.motion == Motion::Paper {
+        o.force_predicted_n = [0.0, 0.0, o.mass_kg * GRAVITY_M_PER_S2];
+    } else {
+        let [x, y, _] = o.com_acceleration_m_per_s2;
+        o.force_predicted_n = [o.mass_kg * x, o.mass_kg * y, o.force_predicted_n[2]];
+    }
+}
+
+/// `world_from_segment` as matrices, row by row.
+fn rotations(pose: &Pose<StationWorld>) -> [[[f64; 3]; 3]; SEGMENTS] {
+    pose.world_from_segment.map(|rotation| {
+        let matrix = rotation.to_rotation_matrix();
+        core::array::from_fn(|row| core::array::from_fn(|column| matrix[(row, column)]))
+    })
+}

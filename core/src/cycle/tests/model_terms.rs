@@ -1,0 +1,286 @@
+//! A model's terms in the loop: what they change of what is told and learnt, when they hold, and that an empty model
+//! changes nothing.
+
+use super::*;
+use crate::body::SEGMENTS;
+use crate::effect::{Effect, Model, PARAMETERS_MAX, Place, TERMS_MAX, Term};
+use crate::frame::wxyz;
+
+const FOR_EVER_S: [f64; 2] = [0.0, f64::INFINITY];
+
+fn term(effect: Effect, place: Place, shape: f64, value: [f64; PARAMETERS_MAX]) -> Term {
+    Term { effect, place, shape, value, span_s: FOR_EVER_S }
+}
+
+fn model(some: &[Term]) -> Model {
+    let mut terms = [None; TERMS_MAX];
+    for (place, term) in terms.iter_mut().zip(some) {
+        *place = Some(*term);
+    }
+    Model { terms }
+}
+
+fn bench(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
+    Bench::new(|settings| {
+        settings.model = model(some);
+        change(settings);
+    })
+}
+
+/// A worker of the table's build, whose identification is over and whose place is the suit's: nothing is learnt, not
+/// even a stance's offset, so terms alone differ.
+fn known(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
+    let mut bench = bench(some, |settings| {
+        settings.start_identifying = false;
+        settings.suit_drifts = false;
+        change(settings);
+    });
+    bench.hold(&Person::real(), &postures()[0], None, 400);
+    bench.command(CommandKind::IdentifyStop);
+    bench
+}
+
+/// A trunk that swings and arms that go with it; the plate reads something steady, with shear if asked.
+fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
+    let person = Person::real();
+    for step in 0..4000_u64 {
+        bench.now_ns += TICK_NS;
+        bench.cycle += 1;
+        let turn = core::f64::consts::TAU * 0.5 * (bench.now_ns as f64 * 1e-9);
+        let (sine, cosine) = crate::math::sin_cos(turn);
+        let mut pose = person.pose(&stand(10, 4, [-40, 0, -30], [40, 0, 30], 20));
+        let lean = nalgebra::UnitQuaternion::from_euler_angles(0.08 * cosine, 0.15 * sine, 0.1 * sine);
+        for index in 0..SEGMENTS {
+            if Segment::ALL[index] <= Segment::LeftHand {
+                let arm = pose.origin[index] - pose.origin[0];
+                pose.origin[index] = pose.origin[0] + lean * arm;
+                pose.world_from_segment[index] = lean * pose.world_from_segment[index];
+            }
+        }
+        let weight_n = MASS_KG * GRAVITY_M_PER_S2;
+        let push_n = if shear { [10.0 * sine, -6.0 * cosine, weight_n] } else { [0.0, 0.0, weight_n] };
+        let ground = GroundSample {
+            sample_time_ns: bench.now_ns,
+            sequence: bench.cycle,
+            force_n: push_n,
+            moment_nm: [0.03 * weight_n, -0.05 * weight_n, 0.0],
+            ..Zeroable::zeroed()
+        };
+        let mut suit: SuitSample = Zeroable::zeroed();
+        suit.sample_time_ns = bench.now_ns - 500_000;
+        suit.position_m = pose.origin.map(Into::into);
+        suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
+        let has_suit = step.is_multiple_of(10);
+        let inputs = Inputs {
+            suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
+            ground: core::slice::from_ref(&ground),
+            command: None,
+        };
+        let tick = Tick { cycle: bench.cycle, due_ns: bench.now_ns };
+        step_of(bench, tick, inputs);
+        look(bench);
+    }
+}
+
+fn step_of(bench: &mut Bench, tick: Tick, inputs: Inputs<'_>) {
+    step(&bench.settings, &mut bench.memory, tick, inputs);
+}
+
+/// Every state of a run: its moment's time, estimated CoP and external force.
+fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
+    let mut all: Vec<(u64, [f64; 2], f64)> = Vec::new();
+    swing(bench, shear, |bench| {
+        let known = &bench.memory.known;
+        if all.last().is_none_or(|(time, ..)| *time != known.suit_sample_time_ns) {
+            all.push((known.suit_sample_time_ns, known.cop_estimated_m, known.delta_f_n[2]));
+        }
+    });
+    all
+}
+
+/// What an observer outside the loop makes of the same motion: the loop's state with a model is the state without it
+/// plus columns times values. Its parts are offset and gain of the plate, of which the columns are told by the state.
+#[test]
+fn the_state_with_a_model_is_the_state_without_it_and_the_columns() {
+    for shear in [false, true] {
+        let plain = states(&mut known(&[], |_| {}), shear);
+        let plate = [
+            term(Effect::PlateOffset, Place::Whole, 0.0, [0.011, -0.007, 0.0, 0.0]),
+            term(Effect::PlateGain, Place::Whole, 0.0, [0.03, -0.02, 0.0, 0.0]),
+            term(Effect::PlateCrosstalk, Place::Whole, 0.0, [0.015, 0.0, 0.0, 0.0]),
+        ];
+        let with = states(&mut known(&plate, |_| {}), shear);
+        assert_eq!(plain.len(), with.len());
+        let mut moved = 0.0_f64;
+        for ((_, [x, y], force), (_, told, told_force)) in plain.iter().zip(&with) {
+            let expected = [x + 0.011 + 0.03 * x + 0.015 * y, y - 0.007 - 0.02 * y + 0.015 * x];
+            for axis in 0..2 {
+                assert!((told[axis] - expected[axis]).abs() < 1e-12, "{told:?} {expected:?}");
+            }
+            assert_eq!(force, told_force);
+            moved = moved.max((told[0] - x).abs());
+        }
+        assert!(moved > 0.01);
+    }
+}
+
+/// A mass on the back in the loop's numbers, against the weight that the same motion gives it: the acceleration of its
+/// place is differentiated here by hand.
+#[test]
+fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
+    let worn = [term(Effect::WornMass, Place::Segment(Segment::T8), 0.0, [3.0, 0.0, 0.0, 0.0])];
+    for shear in [false, true] {
+        let mut plain = known(&[], |_| {});
+        let mut places: Vec<(u64, f64)> = Vec::new();
+        let mut forces = Vec::new();
+        swing(&mut plain, shear, |bench| {
+            if let Some(newest) = bench.memory.history.newest() {
+                let table = bench.memory.identification.anthropometry().com_m[Segment::T8.index()];
+                if places.last().is_none_or(|(time, _)| *time != newest.time_ns) {
+                    places.push((newest.time_ns, newest.pose().point_on(Segment::T8, table).z));
+                }
+            }
+            let known = &bench.memory.known;
+            if forces.last().is_none_or(|(time, _): &(u64, f64)| *time != known.suit_sample_time_ns) {
+                forces.push((known.suit_sample_time_ns, known.delta_f_n[2]));
+            }
+        });
+        let with = states(&mut known(&worn, |_| {}), shear);
+        let mut compared = 0;
+        let mut heaviest = 0.0_f64;
+        for (time_ns, force) in &forces {
+            let Some(index) = places.iter().position(|(time, _)| time == time_ns) else { continue };
+            if index < 12 || index + 12 >= places.len() {
+                continue;
+            }
+            // Seven samples on each side, as the loop's window has.
+            let window: Vec<f64> = (0..15).map(|k| places[index + k - 7].1).collect();
+            let up = curvature(&window) / (0.01 * 0.01);
+            let (_, _, told) = with.iter().find(|(time, ..)| time == time_ns).unwrap();
+            let weighs = force - told;
+            assert!((weighs - 3.0 * (GRAVITY_M_PER_S2 + up)).abs() < 1e-6, "{weighs} {up}");
+            heaviest = heaviest.max(up.abs());
+            compared += 1;
+        }
+        assert!(compared > 80 && heaviest > 0.05, "{compared} {heaviest}");
+    }
+}
+
+/// Second derivative per sample² of the parabola of least squares through samples around the middle one.
+fn curvature(values: &[f64]) -> f64 {
+    let half = (values.len() / 2) as f64;
+    let at = |index: usize| index as f64 - half;
+    let n = values.len() as f64;
+    let mean_square = (0..values.len()).map(|index| at(index) * at(index)).sum::<f64>() / n;
+    let shape = |index: usize| at(index) * at(index) - mean_square;
+    let norm: f64 = (0..values.len()).map(|index| shape(index) * shape(index)).sum();
+    2.0 * values.iter().enumerate().map(|(index, value)| shape(index) * value).sum::<f64>() / norm
+}
+
+#[test]
+fn a_term_holds_in_its_span_of_the_stations_time_alone() {
+    let mut offset = term(Effect::PlateOffset, Place::Whole, 0.0, [0.01, 0.0, 0.0, 0.0]);
+    offset.span_s = [0.6, 1.1];
+    let plain = states(&mut known(&[], |_| {}), false);
+    let with = states(&mut known(&[offset], |_| {}), false);
+    // The first moment of the station: the suit's sample at the first multiple of its period after the start.
+    let first_ns = NS_PER_S + SUIT_PERIOD_NS - 500_000;
+    let (mut inside, mut outside) = (0, 0);
+    for ((time_ns, [plain_x_m, _], _), (_, [with_x_m, _], _)) in plain.iter().zip(&with) {
+        let holds = (0.6..1.1).contains(&((time_ns - first_ns) as f64 * 1e-9));
+        let expected_m = if holds { 0.01 } else { 0.0 };
+        assert!((with_x_m - plain_x_m - expected_m).abs() < 1e-12, "{time_ns}");
+        (inside, outside) = (inside + u64::from(holds), outside + u64::from(!holds));
+    }
+    assert!(inside > 30 && outside > 30, "{inside} {outside}");
+}
+
+#[test]
+fn what_a_term_explains_is_not_learnt_into_the_body() {
+    let person = Person::real();
+    let shifted = |with: &[Term], off_m: f64| {
+        let mut bench = bench(with, |_| {});
+        for posture in postures() {
+            bench.hold_on_a_shifted_plate(&person, &posture, off_m, 400);
+        }
+        bench
+    };
+    let clean = shifted(&[], 0.0);
+    let explained = shifted(&[term(Effect::PlateOffset, Place::Whole, 0.0, [0.02, 0.0, 0.0, 0.0])], 0.02);
+    let swallowed = shifted(&[], 0.02);
+    let distance = |bench: &Bench| {
+        let theta = bench.memory.identification.filter.theta_m();
+        let right = clean.memory.identification.filter.theta_m();
+        theta.iter().zip(right).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    assert!(clean.state().poses_used >= 6);
+    assert_eq!(clean.state().poses_used, explained.state().poses_used);
+    assert!(distance(&explained) < 1e-9, "{}", distance(&explained));
+    assert!(distance(&swallowed) > 1e-3, "without the term the body takes it: {}", distance(&swallowed));
+}
+
+#[test]
+fn a_worker_who_wears_something_known_weighs_less_than_the_plate_shows() {
+    let worn = [term(Effect::WornMass, Place::Segment(Segment::Pelvis), 0.0, [2.0, 0.0, 0.0, 0.0])];
+    let mut bench = bench(&worn, |settings| settings.mass_kg = None);
+    bench.hold(&Person::real(), &postures()[0], None, 600);
+    assert!((bench.state().mass_kg - (MASS_KG - 2.0)).abs() < 1e-9, "{}", bench.state().mass_kg);
+}
+
+/// A suit that is late by 30 ms, dated back: moments are those of a suit that is not late, and nothing is stale.
+#[test]
+fn a_late_suit_is_dated_back_at_intake() {
+    let plain = states(&mut known(&[], |_| {}), false);
+    for tau_s in [0.12, -0.03] {
+        let lag = term(Effect::SuitLag, Place::Whole, tau_s, [tau_s, 0.0, 0.0, 0.0]);
+        let mut bench = known(&[lag], |_| {});
+        let with = states(&mut bench, false);
+        let valid = bench.state().validity();
+        assert!(!valid.any_of(Validity::SUIT_STALE.and(Validity::GROUND_STALE)), "{tau_s}: {valid:?}");
+        let shift_ns = (tau_s * 1e9) as i64;
+        let [(plain_ns, ..), (with_ns, ..)] = [plain[100], with[100]];
+        assert_eq!((plain_ns as i64 - with_ns as i64 - shift_ns).rem_euclid(SUIT_PERIOD_NS as i64), 0);
+    }
+}
+
+/// A filter of the plate at work: what is told follows what was predicted, late by the filter's time constant.
+#[test]
+fn a_slow_plate_is_expected_to_show_the_swing_late_and_smaller() {
+    let cutoff_hz = 0.5;
+    let low = [term(Effect::PlateLowpass, Place::Whole, cutoff_hz, [cutoff_hz, 0.0, 0.0, 0.0])];
+    let plain = states(&mut known(&[], |_| {}), false);
+    let with = states(&mut known(&low, |_| {}), false);
+    let swing = |all: &[(u64, [f64; 2], f64)]| {
+        let last = all[all.len() - 200..].iter().map(|(_, [x, _], _)| *x);
+        last.clone().fold(f64::MIN, f64::max) - last.fold(f64::MAX, f64::min)
+    };
+    // The swing is at the cutoff: a filter of first order shows 1/√2 of it.
+    let share = swing(&with) / swing(&plain);
+    assert!((0.66..0.75).contains(&share), "{share}");
+}
+
+#[test]
+fn a_load_in_the_model_is_no_overload_any_more() {
+    let person = Person::real();
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    let lifted = lifted_box(&person, &posture);
+    let told = |with: &[Term]| {
+        let mut bench = bench(with, |settings| settings.model = Model::default());
+        bench.identify(&person);
+        bench.settings.model = model(with);
+        bench.hold(&person, &posture, Some((4.0, lifted)), 600);
+        *bench.state()
+    };
+    let without = told(&[]);
+    assert!(!without.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
+    let with = told(&[term(Effect::HandLoad, Place::BothHands, 0.0, [4.0, 0.0, 0.0, 0.0])]);
+    assert!(with.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
+    assert!(with.delta_f_n[2].abs() < 1e-9, "{}", with.delta_f_n[2]);
+    // The box lies at the middle of the grips of the true body; the table's grips are the term's.
+    assert!(
+        cop_error_m(&with) < 0.2 * cop_error_m(&without),
+        "{} {}",
+        cop_error_m(&with),
+        cop_error_m(&without)
+    );
+}

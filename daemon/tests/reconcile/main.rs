@@ -1,0 +1,6 @@
+//! From a recording to a session of blocks: right about what was predicted and measured, and clear about what it
+//! lacks.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod accuracy;
+mod make;

@@ -1,0 +1,267 @@
+//! The drawings, from what the engine kept for them.
+
+use super::document::{Figure, Text};
+use super::svg::scale::Scale;
+use super::svg::{Axis, Key, Look, Mark, Plot, thin};
+use super::words;
+use crate::finding::Suspicion;
+use crate::picture::{Picture, PosePlot, PosePoint, PredictorPlot, Signal, TimePlot, TimePoint};
+
+/// Which of the two a drawing shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum When {
+    Before,
+    After,
+}
+
+impl When {
+    const fn look(self) -> Look {
+        match self {
+            When::Before => Look::Before,
+            When::After => Look::After,
+        }
+    }
+
+    const fn words(self) -> &'static str {
+        match self {
+            When::Before => "before",
+            When::After => "after, on data held out",
+        }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            When::Before => "before",
+            When::After => "after",
+        }
+    }
+}
+
+/// A signal for people.
+pub(super) fn signal(signal: Signal) -> &'static str {
+    match signal {
+        Signal::CopX => "forward centre of pressure",
+        Signal::CopY => "sideways centre of pressure",
+        Signal::Fz => "vertical force",
+    }
+}
+
+/// Label of an axis of residuals: which way is positive, and the unit.
+fn residual(signal: Signal) -> String {
+    let way = match signal {
+        Signal::CopX => "forward",
+        Signal::CopY => "to the left",
+        Signal::Fz => "upward",
+    };
+    format!("residual {way}, {}", signal.unit())
+}
+
+pub(super) fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// A letter for each suspicious span, as the table beside has it.
+pub(super) fn letter(n: usize) -> String {
+    char::from_u32('A' as u32 + n as u32)
+        .filter(char::is_ascii_uppercase)
+        .map_or_else(|| (n + 1).to_string(), String::from)
+}
+
+/// Unit of a time axis that fits the length: seconds, minutes, hours.
+fn time_unit(length_s: f64) -> (f64, &'static str) {
+    match length_s {
+        long if long > 3.0 * 3600.0 => (3600.0, "h"),
+        long if long > 300.0 => (60.0, "min"),
+        _ => (1.0, "s"),
+    }
+}
+
+/// The residual of one signal over time. `section` keeps the names of drawings apart.
+pub(super) fn over_time(
+    section: &str,
+    picture: &Picture,
+    of: &TimePlot,
+    spans: &[Suspicion],
+    when: When,
+) -> Figure {
+    let times = || of.points.iter().map(|point| point.time_s);
+    let [from, to] = picture.spans_s.work;
+    let from = times().fold(from, f64::min);
+    let to = times().fold(to, f64::max);
+    let (second, time_name) = time_unit(to - from);
+    let gap = 3.0 * picture.block_s.max(0.1) / second;
+    let series = |value: fn(&TimePoint) -> f64| -> Vec<[f64; 2]> {
+        of.points.iter().map(|point| [point.time_s / second, value(point)]).collect()
+    };
+    let shown = series(match when {
+        When::Before => |point| point.before,
+        When::After => |point| point.after,
+    });
+    let y =
+        Scale::covering(of.points.iter().flat_map(|point| {
+            [point.before, point.after, 2.0 * point.noise_sigma, -2.0 * point.noise_sigma]
+        }));
+
+    let mut marks: Vec<Mark> = spans
+        .iter()
+        .enumerate()
+        .filter(|(_, span)| span.to_s >= from && span.from_s <= to)
+        .map(|(n, span)| Mark::Stretch {
+            look: Look::Suspect,
+            from: span.from_s / second,
+            to: span.to_s / second,
+            letter: letter(n),
+        })
+        .collect();
+    marks.push(Mark::Band { look: Look::Noise, points: series(|point| 2.0 * point.noise_sigma), gap });
+    let held = held_poses(of, picture.block_s, second);
+    let mut legend = vec![
+        (Key::Line, when.look(), "measured − predicted".to_owned()),
+        (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
+    ];
+    if !spans.is_empty() {
+        legend.push((Key::Area, Look::Suspect, "suspicious".to_owned()));
+    }
+    if !held.is_empty() {
+        legend.push((Key::Area, Look::Still, "held pose".to_owned()));
+        marks.push(Mark::Strip { look: Look::Still, stretches: held });
+    }
+    marks.push(Mark::Line { look: when.look(), points: shown, gap });
+
+    let what = sentence(signal(of.signal));
+    let plot = Plot {
+        name: format!("{section}-{}-{}", of.signal.name(), when.name()),
+        title: format!("{what}: {}", when.words()),
+        description: format!(
+            "Residual of the {} over time, {}, with the band in which noise alone would stay.",
+            signal(of.signal),
+            when.words()
+        ),
+        x: Axis::new(
+            format!("time in the recording, {time_name}"),
+            Scale::exactly(from / second, to / second),
+        ),
+        y: Axis::new(residual(of.signal), y),
+        marks,
+        legend,
+    };
+    Figure { drawing: plot.draw(), caption: Text::default() }
+}
+
+/// Stretches of held poses; neighbours are one. At most as many as can be seen.
+fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
+    const MOST: usize = 300;
+    let length_s = match of.points[..] {
+        [first, .., last] => last.time_s - first.time_s,
+        _ => block_s,
+    };
+    let join_s = (length_s / MOST as f64).max(1.1 * block_s);
+    let mut held: Vec<[f64; 2]> = Vec::new();
+    for point in of.points.iter().filter(|point| point.still) {
+        let [from, to] = [point.time_s - block_s / 2.0, point.time_s + block_s / 2.0];
+        match held.last_mut() {
+            Some(last) if from - last[1] < join_s - block_s => last[1] = to,
+            _ => held.push([from, to]),
+        }
+    }
+    held.iter().map(|stretch| stretch.map(|time_s| time_s / second)).collect()
+}
+
+/// The residual of one signal against a feature of the pose.
+pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When) -> Figure {
+    const PARTS: usize = 12;
+    let points = |when: When| -> Vec<[f64; 2]> {
+        let value = |point: &PosePoint| match when {
+            When::Before => point.before,
+            When::After => point.after,
+        };
+        of.points.iter().map(|point| [point.feature, value(point)]).collect()
+    };
+    let x = Scale::covering(of.points.iter().map(|point| point.feature));
+    let noise = [2.0 * of.noise_sigma, -2.0 * of.noise_sigma];
+    let both = points(When::Before).into_iter().chain(points(When::After));
+    let all = both.map(|point| point[1]).chain(noise);
+    let y = Scale::covering(all);
+    let shown = points(when);
+    let mean = thin::means(&shown, x, PARTS);
+    let what = sentence(signal(of.signal));
+    let plot = Plot {
+        name: format!("{section}-pose-{number}-{}", when.name()),
+        title: format!("{what} by {}: {}", of.feature, when.name()),
+        description: format!(
+            "Residual of the {} against {}, {}, with its mean and the band of noise.",
+            signal(of.signal),
+            of.feature,
+            when.words()
+        ),
+        x: Axis::new(format!("{}, {}", of.feature, of.unit), x),
+        y: Axis::new(residual(of.signal), y),
+        marks: vec![
+            level_band(x, of.noise_sigma),
+            Mark::Dots { look: when.look(), points: shown },
+            Mark::Line { look: Look::Expected, points: mean, gap: f64::INFINITY },
+        ],
+        legend: vec![
+            (Key::Dot, when.look(), when.words().to_owned()),
+            (Key::Line, Look::Expected, "mean".to_owned()),
+            (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
+        ],
+    };
+    Figure { drawing: plot.draw(), caption: Text::default() }
+}
+
+fn level_band(x: Scale, sigma: f64) -> Mark {
+    let points = vec![[x.from, 2.0 * sigma], [x.to, 2.0 * sigma]];
+    Mark::Band { look: Look::Noise, points, gap: f64::INFINITY }
+}
+
+/// The residual against what one effect predicts of it.
+pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
+    let points: Vec<[f64; 2]> = of.points.iter().map(|point| [point.predicted, point.residual]).collect();
+    let x = Scale::covering(points.iter().map(|point| point[0]));
+    let y = Scale::covering(points.iter().map(|point| point[1]).chain([x.from, x.to]));
+    let around = |way: f64| {
+        let points = [x.from, x.to].map(|at| [at, at + way * 2.0 * of.noise_sigma]).to_vec();
+        Mark::Line { look: Look::Noise, points: clipped(points, y), gap: f64::INFINITY }
+    };
+    let (unit, words) = (of.signal.unit(), words::candidate(&of.effect));
+    let plot = Plot {
+        name: format!("predictor-{number}"),
+        title: format!("What {} predicts, and what was measured", of.effect),
+        description: format!(
+            "Residual of the {} against what {words} predicts of it. On the diagonal the effect explains all.",
+            signal(of.signal)
+        ),
+        x: Axis::new(format!("predicted by the effect, {unit}"), x),
+        y: Axis::new(residual(of.signal), y),
+        marks: vec![
+            Mark::Dots { look: Look::Before, points },
+            around(1.0),
+            around(-1.0),
+            Mark::Line {
+                look: Look::Expected,
+                points: vec![[x.from, x.from], [x.to, x.to]],
+                gap: f64::INFINITY,
+            },
+        ],
+        legend: vec![
+            (Key::Dot, Look::Before, "a block".to_owned()),
+            (Key::Line, Look::Expected, "the effect explains it".to_owned()),
+            (Key::Line, Look::Noise, "noise alone (2 σ)".to_owned()),
+        ],
+    };
+    let caption = format!("{}. Parameters come from other blocks of time.", sentence(signal(of.signal)));
+    Figure { drawing: plot.draw(), caption: caption.into() }
+}
+
+/// A straight line, cut where it leaves the range of y.
+fn clipped(line: Vec<[f64; 2]>, y: Scale) -> Vec<[f64; 2]> {
+    let [Some(&a), Some(&b)] = [line.first(), line.last()] else { return line };
+    let slope = (b[1] - a[1]) / (b[0] - a[0]);
+    let cut = |p: [f64; 2]| {
+        let level = p[1].clamp(y.from, y.to);
+        if level == p[1] || slope == 0.0 { p } else { [p[0] + (level - p[1]) / slope, level] }
+    };
+    vec![cut(a), cut(b)]
+}

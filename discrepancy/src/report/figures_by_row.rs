@@ -1,0 +1,104 @@
+//! The drawings with a row per name: the gap as a multiple of noise, and the evidence of the candidates.
+
+use super::document::{Figure, Text};
+use super::svg::rows::{Row, Rows};
+use super::svg::{Key, Look};
+use super::words;
+use crate::finding::{AxisGap, Finding, Gap};
+use crate::picture::Signal;
+
+/// An axis of the gap for people: `x_still` is "forward, still".
+pub(super) fn axis(name: &str) -> String {
+    let (signal, how) = name.split_once('_').unwrap_or((name, ""));
+    let signal = match signal {
+        "x" => "forward",
+        "y" => "sideways",
+        "fz" => "vertical force",
+        other => other,
+    };
+    if how.is_empty() { signal.to_owned() } else { format!("{signal}, {how}") }
+}
+
+/// The axes of the gap as people read them: each signal as a whole, then still and moving.
+pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
+    let rank = |name: &str| {
+        let signal = Signal::ALL.iter().position(|signal| name.split('_').next() == Some(signal.axis()));
+        (signal.unwrap_or(Signal::ALL.len()), name.to_owned())
+    };
+    let mut axes: Vec<(&str, AxisGap)> =
+        gap.per_axis.iter().map(|(name, gap)| (name.as_str(), *gap)).collect();
+    axes.sort_by_key(|(name, _)| rank(name));
+    axes
+}
+
+/// How many times noise the gap is, per axis; before only, or before and after.
+pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
+    let rows: Vec<Row> = axes(gap)
+        .into_iter()
+        .filter(|(_, axis)| axis.noise_floor > 0.0)
+        .map(|(name, gap)| {
+            let (before, rest) = (gap.before / gap.noise_floor, gap.after / gap.noise_floor);
+            let mut values = vec![(Look::Before, before)];
+            let mut told = format!("{before:.1}");
+            if after {
+                values.push((Look::After, rest));
+                told = format!("{before:.1} → {rest:.1}");
+            }
+            Row { name: axis(name), values, told }
+        })
+        .collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let mut legend = vec![(Key::Dot, Look::Before, "before".to_owned())];
+    if after {
+        legend.push((Key::Dot, Look::After, "after, on data held out".to_owned()));
+    }
+    let drawing = Rows {
+        name: format!("{section}-gap"),
+        title: "The gap as a multiple of noise".to_owned(),
+        description: "Root mean square of the residual over that of noise alone, per axis, still and moving."
+            .to_owned(),
+        label: "times what noise alone would leave".to_owned(),
+        rows,
+        rule: Some((1.0, "noise alone".to_owned())),
+        bars: false,
+        legend,
+    };
+    Some(Figure { drawing: drawing.draw(), caption: Text::default() })
+}
+
+/// The evidence of the best candidates.
+pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
+    const MOST: usize = 12;
+    let named: Vec<String> = finding.effects.iter().map(words::full_name).collect();
+    let rows: Vec<Row> = finding
+        .candidates
+        .iter()
+        .filter(|candidate| candidate.log_odds.is_finite())
+        .take(MOST)
+        .map(|candidate| {
+            let look = if named.contains(&candidate.name) { Look::After } else { Look::Noise };
+            let told = words::odds(candidate.log_odds);
+            Row { name: candidate.name.clone(), values: vec![(look, candidate.log_odds)], told }
+        })
+        .collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let mut legend = vec![(Key::Area, Look::Noise, "considered".to_owned())];
+    if !named.is_empty() {
+        legend.insert(0, (Key::Area, Look::After, "named".to_owned()));
+    }
+    let drawing = Rows {
+        name: "evidence".to_owned(),
+        title: "Evidence for each explanation by itself".to_owned(),
+        description: "Natural logarithm of the odds of each candidate against adding nothing.".to_owned(),
+        label: "log odds against adding nothing".to_owned(),
+        rows,
+        rule: Some((threshold, format!("needed: {}", words::odds(threshold)))),
+        bars: true,
+        legend,
+    };
+    Some(Figure { drawing: drawing.draw(), caption: Text::default() })
+}

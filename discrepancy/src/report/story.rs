@@ -1,0 +1,133 @@
+//! The story of a finding, step by step.
+
+mod again;
+mod change;
+mod left;
+mod origin;
+mod set_aside;
+mod shape;
+mod suspicion;
+
+use super::Report;
+use super::document::{Document, Text, strong};
+use super::words::{self, number, ratio};
+use crate::finding::{Estimate, Finding, Named, Verdict};
+
+/// The whole report.
+pub(super) fn document(report: &Report) -> Document {
+    let recordings: Vec<&str> = report.origin.recordings.iter().map(|each| each.name.as_str()).collect();
+    Document {
+        title: format!("Model and measurement: {}", recordings.join(", ")),
+        verdict: match report.finding.verdict {
+            Verdict::Named => "named",
+            Verdict::None => "none",
+            Verdict::Ambiguous => "ambiguous",
+            Verdict::Unexplained => "unexplained",
+        },
+        headline: headline(report),
+        numbers: numbers(report.finding),
+        sections: vec![
+            shape::section(report),
+            suspicion::section(report),
+            set_aside::section(report),
+            change::section(report),
+            again::section(report),
+            left::section(report),
+            origin::section(report),
+        ],
+    }
+}
+
+fn headline(report: &Report) -> Text {
+    let finding = report.finding;
+    let found = enumeration(&finding.effects.iter().map(in_a_phrase).collect::<Vec<_>>());
+    match finding.verdict {
+        Verdict::None => "Nothing is missing in the model that these data could show.".into(),
+        Verdict::Named => Text::from("The model lacks ").strong(found).plain("."),
+        Verdict::Ambiguous => {
+            let sets = alike(report).into_iter().map(|set| {
+                enumeration_with(&set.iter().map(|name| words::candidate(name)).collect::<Vec<_>>(), "or")
+            });
+            Text::from("Something is missing in the model, but these data cannot tell for sure what: ")
+                .strong(sets.collect::<Vec<_>>().join("; and "))
+                .plain(".")
+        }
+        Verdict::Unexplained if finding.effects.is_empty() => {
+            "Something is missing in the model that nothing in the catalogue explains.".into()
+        }
+        Verdict::Unexplained => Text::from("The model lacks ")
+            .strong(found)
+            .plain(", and something more that nothing in the catalogue explains."),
+    }
+}
+
+/// A named effect with its surest parameter.
+fn in_a_phrase(named: &Named) -> String {
+    let words = words::candidate(&words::full_name(named));
+    match surest(named) {
+        Some((_, estimate)) => format!("{words} ({})", everyday(estimate)),
+        None => words,
+    }
+}
+
+/// The parameter that is farthest from zero in σ.
+fn surest(named: &Named) -> Option<(&str, &Estimate)> {
+    let sigmas = |estimate: &Estimate| estimate.value.abs() / estimate.sigma.max(f64::MIN_POSITIVE);
+    let parameters = named.parameters.iter().map(|(name, estimate)| (name.as_str(), estimate));
+    parameters.max_by(|a, b| sigmas(a.1).total_cmp(&sigmas(b.1)))
+}
+
+fn everyday(estimate: &Estimate) -> String {
+    words::in_everyday_units(estimate).unwrap_or_else(|| words::estimate(estimate))
+}
+
+fn numbers(finding: &Finding) -> Vec<[String; 3]> {
+    let gap = &finding.gap;
+    let times = |value: f64| format!("{} noise", ratio(value, gap.noise_floor_mm));
+    let mm = |value: f64| format!("{} mm", number(value));
+    let mut numbers = vec![["gap before".to_owned(), mm(gap.before_mm), times(gap.before_mm)]];
+    if changed(finding) {
+        numbers.push(["gap after, on data held out".to_owned(), mm(gap.after_mm), times(gap.after_mm)]);
+    }
+    let meaning = "what sway, suit, soft tissue and plate leave by themselves".to_owned();
+    numbers.push(["noise alone".to_owned(), mm(gap.noise_floor_mm), meaning]);
+    numbers
+}
+
+/// Whether there is an "after" that differs from the "before".
+fn changed(finding: &Finding) -> bool {
+    !finding.effects.is_empty()
+}
+
+/// Sets of names that explain the data alike: each effect with those that these data cannot tell from it; if none was
+/// accepted, what comes close to the first candidate.
+fn alike(report: &Report) -> Vec<Vec<String>> {
+    let with_family = |named: &Named| -> Vec<String> {
+        std::iter::once(words::full_name(named)).chain(named.family.iter().cloned()).collect()
+    };
+    if !report.finding.effects.is_empty() {
+        return report.finding.effects.iter().map(with_family).collect();
+    }
+    let candidates = &report.finding.candidates;
+    let best = candidates.first().map_or(0.0, |best| best.log_odds);
+    let near = candidates.iter().filter(|each| best - each.log_odds < report.picture.threshold_log_odds);
+    vec![near.map(|candidate| candidate.name.clone()).collect()]
+}
+
+/// "a, b and c".
+fn enumeration(parts: &[String]) -> String {
+    enumeration_with(parts, "and")
+}
+
+fn enumeration_with(parts: &[String], word: &str) -> String {
+    match parts {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} {word} {last}", first.join(", ")),
+    }
+}
+
+/// A value in mm or N.
+fn with_unit(value: f64, unit: &str) -> Text {
+    strong(format!("{} {unit}", number(value)))
+}

@@ -1,0 +1,122 @@
+//! Step 4: what was added to the model.
+
+use super::super::Report;
+use super::super::document::{Section, Table, Text, code, strong};
+use super::super::escape::shell;
+use super::super::figures;
+use super::super::words;
+use crate::finding::{Named, Verdict};
+use crate::picture::Unseen;
+
+pub(super) fn section(report: &Report) -> Section {
+    let mut section = Section::new("4. The change");
+    if report.finding.verdict == Verdict::Ambiguous && !report.finding.effects.is_empty() {
+        section.say(
+            "What stands here is the likeliest of those that fit alike. Before it is believed, do what step 6 asks for.",
+        );
+    }
+    for named in &report.finding.effects {
+        effect(report, named, &mut section);
+    }
+    if report.finding.effects.is_empty() {
+        nothing(report, &mut section);
+    }
+    match (&report.finding.model, report.model_toml) {
+        (Some(path), toml) => model_file(report, path, toml, &mut section),
+        (None, _) if report.finding.effects.is_empty() => {}
+        (None, _) => section.say("No model file was written."),
+    }
+    section
+}
+
+fn effect(report: &Report, named: &Named, section: &mut Section) {
+    let full_name = words::full_name(named);
+    section.head(code(&full_name).plain(": ").plain(words::candidate(&full_name)));
+    section.table(parameters(named));
+    if let [Some(from), Some(to)] = ["from_s", "to_s"].map(|key| named.place.get(key)?.as_f64()) {
+        let text = Text::from("It holds from ").strong(words::seconds(from)).plain(" to ");
+        section.say(text.strong(words::seconds(to)).plain(" of the recording."));
+    }
+    if !named.family.is_empty() {
+        let family: Vec<String> = named.family.iter().map(|name| words::candidate(name)).collect();
+        section.say(
+            strong("Mind: ")
+                .plain("on data like these it may also be ")
+                .plain(super::enumeration_with(&family, "or"))
+                .plain("."),
+        );
+    }
+    if let Some(remedy) = words::remedy(&named.name) {
+        section.say(strong("At the station: ").plain(remedy));
+    }
+    let plots = report.picture.predictors.iter().enumerate().filter(|(_, plot)| plot.effect == full_name);
+    let figures: Vec<_> = plots.map(|(n, plot)| figures::over_predictor(n + 1, plot)).collect();
+    section.figures(figures);
+}
+
+/// The second way to say a value only where one of them has it.
+fn parameters(named: &Named) -> Table {
+    let everyday: Vec<_> = named.parameters.values().map(words::in_everyday_units).collect();
+    let heads = ["parameter", ">value ± 1 σ", ">that is"];
+    let mut table = Table::new(if everyday.iter().any(Option::is_some) { &heads } else { &heads[..2] });
+    for ((name, estimate), everyday) in named.parameters.iter().zip(everyday) {
+        let second = Text::from(everyday.unwrap_or_else(|| "–".to_owned()));
+        let cells = [code(name), words::estimate(estimate).into(), second];
+        table.rows.push(cells.into_iter().take(table.head.len()).collect());
+    }
+    table
+}
+
+fn nothing(report: &Report, section: &mut Section) {
+    section.say(match report.finding.verdict {
+        Verdict::Ambiguous => {
+            "Nothing is added to the model: adding one of several that fit alike would be a guess. What to do to tell \
+             them apart stands in step 6."
+        }
+        Verdict::Unexplained => {
+            "Nothing is added to the model: no effect of the catalogue fits. What is known of the cause stands in step 6."
+        }
+        Verdict::Named | Verdict::None => "Nothing is added to the model: it lacks nothing that these data could show.",
+    });
+    let table = unseen(&report.picture.unseen);
+    if !table.rows.is_empty() {
+        section.say(
+            "Smaller effects than these may be there unseen; of each kind, the place where it hides best:",
+        );
+    }
+    section.table(table);
+}
+
+/// One row per effect: the place that allows the most.
+fn unseen(all: &[Unseen]) -> Table {
+    let mut table = Table::new(&["effect", "that is", "parameter", ">not larger than (95 %)"]);
+    let kind = |each: &Unseen| each.effect.split(' ').next().unwrap_or_default().to_owned();
+    for (n, first) in all.iter().enumerate() {
+        let same = |each: &&Unseen| kind(each) == kind(first) && each.parameter == first.parameter;
+        if all[..n].iter().any(|each| same(&each)) {
+            continue;
+        }
+        let most = all.iter().filter(same).max_by(|a, b| a.at_most.total_cmp(&b.at_most)).unwrap_or(first);
+        let size = words::size(most.at_most, most.unit);
+        let words = words::candidate(&most.effect);
+        table.rows.push(vec![code(&most.effect), words.into(), code(&most.parameter), size.into()]);
+    }
+    table
+}
+
+fn model_file(report: &Report, path: &str, toml: Option<&str>, section: &mut Section) {
+    section.head("The model file");
+    section.say(
+        Text::from("The change stands in ").code(path).plain(". The real-time loop runs these very terms."),
+    );
+    if let Some(toml) = toml {
+        section.code("toml", toml);
+    }
+    section.say("See the gap shrink in the loop's own numbers, or put the model to work:");
+    let recordings: Vec<String> = report.origin.recordings.iter().map(|each| shell(&each.name)).collect();
+    let path = shell(path);
+    section.code(
+        "sh",
+        format!("equipoise replay {} --model {path}\nequipoise run --model {path}", recordings.join(" ")),
+    );
+}

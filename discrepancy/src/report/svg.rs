@@ -1,0 +1,215 @@
+//! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; none carries meaning alone.
+
+mod frame;
+pub(super) mod rows;
+pub(super) mod scale;
+pub(super) mod thin;
+
+use std::fmt::Write;
+
+use super::escape::xml;
+use frame::Frame;
+use scale::Scale;
+
+/// Colours of all plots. Okabe and Ito's palette, which people with any colour vision can tell apart.
+pub(super) const STYLE: &str = include_str!("plot.css");
+
+/// Width of every plot, in its own units: what fits twice on a page.
+const WIDTH: f64 = 540.0;
+const LEFT: f64 = 58.0;
+const RIGHT: f64 = 14.0;
+const BOTTOM: f64 = 40.0;
+
+/// A finished drawing.
+#[derive(Debug, Clone)]
+pub(super) struct Drawing {
+    /// Stem of its file's name, and its identifier in the page.
+    pub(super) name: String,
+    /// What is seen, in a few words.
+    pub(super) title: String,
+    /// Outer height.
+    height: f64,
+    description: String,
+    body: String,
+}
+
+impl Drawing {
+    pub(super) fn new(name: &str, title: &str, description: &str, height: f64, body: String) -> Drawing {
+        let (name, title, description) = (name.to_owned(), title.to_owned(), description.to_owned());
+        Drawing { name, title, height, description, body }
+    }
+
+    /// To stand in a page that has [`STYLE`].
+    pub(super) fn inline(&self) -> String {
+        self.element("", "")
+    }
+
+    /// As a file of its own.
+    pub(super) fn standalone(&self) -> String {
+        let ground = format!("<style>{STYLE}</style><rect class=\"ground\" width=\"100%\" height=\"100%\"/>");
+        let mut text = self.element(" xmlns=\"http://www.w3.org/2000/svg\" width=\"540\"", &ground);
+        text.push('\n');
+        text
+    }
+
+    fn element(&self, attributes: &str, first: &str) -> String {
+        let (name, height) = (xml(&self.name), at(self.height));
+        format!(
+            "<svg class=\"plot\" viewBox=\"0 0 {WIDTH} {height}\"{attributes} role=\"img\" \
+             aria-labelledby=\"{name}-t {name}-d\"><title id=\"{name}-t\">{}</title>\
+             <desc id=\"{name}-d\">{}</desc>{first}{}</svg>",
+            xml(&self.title),
+            xml(&self.description),
+            self.body
+        )
+    }
+}
+
+/// What a mark stands for; its name is its class in the style sheet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    Before,
+    After,
+    Noise,
+    Expected,
+    Suspect,
+    Still,
+}
+
+impl Look {
+    pub(super) const fn class(self) -> &'static str {
+        match self {
+            Look::Before => "before",
+            Look::After => "after",
+            Look::Noise => "noise",
+            Look::Expected => "expected",
+            Look::Suspect => "suspect",
+            Look::Still => "still",
+        }
+    }
+}
+
+/// Something drawn into the axes.
+#[derive(Debug, Clone)]
+pub(super) enum Mark {
+    /// From `−half` to `half`: x and half. Broken where there is nothing for longer than `gap`.
+    Band { look: Look, points: Vec<[f64; 2]>, gap: f64 },
+    /// A line through points by x, broken likewise.
+    Line { look: Look, points: Vec<[f64; 2]>, gap: f64 },
+    /// A cloud.
+    Dots { look: Look, points: Vec<[f64; 2]> },
+    /// Columns from zero: begin, end, value.
+    Columns { look: Look, columns: Vec<[f64; 3]> },
+    /// A stretch of x with a letter.
+    Stretch { look: Look, from: f64, to: f64, letter: String },
+    /// Stretches of x along the foot of the plot.
+    Strip { look: Look, stretches: Vec<[f64; 2]> },
+}
+
+/// How an entry of the legend looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Key {
+    Line,
+    Dot,
+    Area,
+}
+
+/// An axis.
+#[derive(Debug, Clone)]
+pub(super) struct Axis {
+    pub(super) label: String,
+    pub(super) scale: Scale,
+    /// Classes instead of a scale: where each stands, and its name.
+    pub(super) classes: Vec<(f64, String)>,
+}
+
+impl Axis {
+    pub(super) fn new(label: impl Into<String>, scale: Scale) -> Axis {
+        Axis { label: label.into(), scale, classes: Vec::new() }
+    }
+
+    /// Where ticks stand, and their names.
+    fn named_ticks(&self, most: usize) -> Vec<(f64, String)> {
+        if !self.classes.is_empty() {
+            return self.classes.clone();
+        }
+        let ticks = self.scale.ticks(most);
+        ticks.values.iter().map(|&value| (value, ticks.label(value))).collect()
+    }
+}
+
+/// A plot with two axes.
+#[derive(Debug, Clone)]
+pub(super) struct Plot {
+    pub(super) name: String,
+    pub(super) title: String,
+    pub(super) description: String,
+    pub(super) x: Axis,
+    pub(super) y: Axis,
+    pub(super) marks: Vec<Mark>,
+    pub(super) legend: Vec<(Key, Look, String)>,
+}
+
+impl Plot {
+    const HEIGHT: f64 = 250.0;
+
+    /// Draws it.
+    pub(super) fn draw(&self) -> Drawing {
+        let mut body = format!("<text class=\"title\" x=\"{LEFT}\" y=\"16\">{}</text>", xml(&self.title));
+        let (legend, rows) = legend(&self.legend, 33.0);
+        body.push_str(&legend);
+        let frame = Frame {
+            x: self.x.scale,
+            y: self.y.scale,
+            top: 26.0 + 17.0 * rows as f64,
+            bottom: Self::HEIGHT - BOTTOM,
+        };
+        for mark in self.marks.iter().filter(|mark| mark.is_behind()) {
+            frame.mark(mark, &mut body);
+        }
+        frame.axes(self, &mut body);
+        for mark in self.marks.iter().filter(|mark| !mark.is_behind()) {
+            frame.mark(mark, &mut body);
+        }
+        Drawing::new(&self.name, &self.title, &self.description, Self::HEIGHT, body)
+    }
+}
+
+impl Mark {
+    /// Whether the grid is drawn over it.
+    fn is_behind(&self) -> bool {
+        matches!(self, Mark::Band { .. } | Mark::Stretch { .. } | Mark::Strip { .. })
+    }
+}
+
+/// Lays entries side by side; returns how many rows they took.
+pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
+    /// Advance of an average letter of the legend's type.
+    const LETTER: f64 = 5.5;
+    let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
+    for (key, look, text) in entries {
+        let width = 34.0 + LETTER * text.chars().count() as f64;
+        if x > LEFT && x + width > WIDTH - RIGHT {
+            (x, row) = (LEFT, row + 1);
+        }
+        let (class, y) = (look.class(), first_y + 17.0 * row as f64);
+        let (left, middle) = (at(x), at(y - 4.0));
+        let _ = match key {
+            Key::Line => write!(out, "<path class=\"line {class}\" d=\"M{left} {middle}h18\"/>"),
+            Key::Dot => write!(out, "<path class=\"dots {class}\" d=\"M{} {middle}h0\"/>", at(x + 9.0)),
+            Key::Area => {
+                write!(out, "<path class=\"area {class}\" d=\"M{left} {}h18v10h-18z\"/>", at(y - 9.0))
+            }
+        };
+        let _ =
+            write!(out, "<text class=\"key\" x=\"{}\" y=\"{}\">{}</text>", at(x + 23.0), at(y), xml(text));
+        x += width;
+    }
+    (out, if entries.is_empty() { 0 } else { row + 1 })
+}
+
+/// A coordinate with a tenth of a unit, as short as it goes.
+pub(super) fn at(value: f64) -> String {
+    let text = format!("{value:.1}");
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}

@@ -1,0 +1,156 @@
+//! The inside of a plot: values become places, marks become paths.
+
+use std::fmt::Write;
+
+use super::scale::Scale;
+use super::{LEFT, Mark, Plot, RIGHT, WIDTH, at, thin};
+use crate::report::escape::xml;
+
+/// Where values come to lie.
+pub(super) struct Frame {
+    pub(super) x: Scale,
+    pub(super) y: Scale,
+    pub(super) top: f64,
+    pub(super) bottom: f64,
+}
+
+impl Frame {
+    /// Columns into which long lines are thinned.
+    const COLUMNS: usize = 330;
+    /// Most dots of a cloud.
+    const DOTS: usize = 500;
+
+    fn px(&self, x: f64) -> f64 {
+        LEFT + self.x.share(x) * (WIDTH - LEFT - RIGHT)
+    }
+
+    fn py(&self, y: f64) -> f64 {
+        self.bottom - self.y.share(y) * (self.bottom - self.top)
+    }
+
+    fn path(&self, points: &[[f64; 2]]) -> String {
+        let mut path = String::from("M");
+        for (n, point) in points.iter().enumerate() {
+            let space = if n == 0 { "" } else { " " };
+            let _ = write!(path, "{space}{} {}", at(self.px(point[0])), at(self.py(point[1])));
+        }
+        path
+    }
+
+    pub(super) fn axes(&self, plot: &Plot, out: &mut String) {
+        let (x, y) = (plot.x.named_ticks(8), plot.y.named_ticks(6));
+        let (right, width) = (at(WIDTH - RIGHT), WIDTH - LEFT - RIGHT);
+        let mut grid = String::new();
+        for &(value, _) in &y {
+            let _ = write!(grid, "M{LEFT} {}H{right}", at(self.py(value)));
+        }
+        let _ = write!(out, "<path class=\"grid\" d=\"{grid}\"/>");
+        if self.y.from < 0.0 && self.y.to > 0.0 {
+            let _ = write!(out, "<path class=\"zero\" d=\"M{LEFT} {}H{right}\"/>", at(self.py(0.0)));
+        }
+        let _ = write!(out, "<path class=\"axis\" d=\"M{LEFT} {}V{}h{width}", at(self.top), at(self.bottom));
+        for &(value, _) in &x {
+            let _ = write!(out, "M{} {}v4", at(self.px(value)), at(self.bottom));
+        }
+        out.push_str("\"/>");
+        self.labels(&x, &y, out);
+        let (middle_x, middle_y) = (at(LEFT + width / 2.0), at((self.top + self.bottom) / 2.0));
+        let _ = write!(
+            out,
+            "<text class=\"label\" x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
+             <text class=\"label\" transform=\"translate(14 {middle_y}) rotate(-90)\" \
+             text-anchor=\"middle\">{}</text>",
+            at(self.bottom + 33.0),
+            xml(&plot.x.label),
+            xml(&plot.y.label)
+        );
+    }
+
+    fn labels(&self, x: &[(f64, String)], y: &[(f64, String)], out: &mut String) {
+        out.push_str("<g class=\"tick\" text-anchor=\"middle\">");
+        for (value, name) in x {
+            let (place, line) = (at(self.px(*value)), at(self.bottom + 17.0));
+            let _ = write!(out, "<text x=\"{place}\" y=\"{line}\">{}</text>", xml(name));
+        }
+        out.push_str("</g><g class=\"tick\" text-anchor=\"end\">");
+        for (value, name) in y {
+            let line = at(self.py(*value) + 4.0);
+            let _ = write!(out, "<text x=\"{}\" y=\"{line}\">{}</text>", at(LEFT - 6.0), xml(name));
+        }
+        out.push_str("</g>");
+    }
+
+    pub(super) fn mark(&self, mark: &Mark, out: &mut String) {
+        let (kind, look, path) = match mark {
+            Mark::Band { look, points, gap } => ("area", look, self.band(points, *gap)),
+            Mark::Line { look, points, gap } => {
+                let runs = thin::line(points, self.x, Self::COLUMNS, *gap);
+                ("line", look, runs.iter().map(|run| self.path(run)).collect())
+            }
+            Mark::Dots { look, points } => ("dots", look, self.cloud(points)),
+            Mark::Columns { look, columns } => ("area", look, self.columns(columns)),
+            Mark::Stretch { look, from, to, letter } => {
+                let middle = (self.px(*from) + self.px(*to)) / 2.0;
+                let (x, y) = (at(middle), at(self.top + 13.0));
+                let _ = write!(
+                    out,
+                    "<text class=\"letter\" x=\"{x}\" y=\"{y}\" text-anchor=\"middle\">{}</text>",
+                    xml(letter)
+                );
+                ("area", look, self.stretch(*from, *to, self.top, 1.5))
+            }
+            Mark::Strip { look, stretches } => (
+                "area",
+                look,
+                stretches.iter().map(|s| self.stretch(s[0], s[1], self.bottom - 5.0, 0.5)).collect(),
+            ),
+        };
+        if !path.is_empty() {
+            let _ = write!(out, "<path class=\"{kind} {}\" d=\"{path}\"/>", look.class());
+        }
+    }
+
+    /// Fewer columns than a line has: noise changes slowly.
+    fn band(&self, points: &[[f64; 2]], gap: f64) -> String {
+        let mut path = String::new();
+        for run in thin::line(points, self.x, Self::COLUMNS / 4, gap) {
+            let back = run.iter().rev().map(|&[x, half]| [x, -half]);
+            let around: Vec<[f64; 2]> = run.iter().copied().chain(back).collect();
+            path.push_str(&self.path(&around));
+            path.push('z');
+        }
+        path
+    }
+
+    fn cloud(&self, points: &[[f64; 2]]) -> String {
+        let mut path = String::new();
+        for point in thin::dots(points, self.x, self.y, Self::DOTS) {
+            let _ = write!(path, "M{} {}h0", at(self.px(point[0])), at(self.py(point[1])));
+        }
+        path
+    }
+
+    fn columns(&self, columns: &[[f64; 3]]) -> String {
+        let mut path = String::new();
+        for &[from, to, value] in columns.iter().filter(|column| column.iter().all(|v| v.is_finite())) {
+            let (left, right) = (self.px(from), self.px(to));
+            let _ = write!(
+                path,
+                "M{} {}V{}H{}V{}z",
+                at(left),
+                at(self.py(0.0)),
+                at(self.py(value)),
+                at(right),
+                at(self.py(0.0))
+            );
+        }
+        path
+    }
+
+    /// From `top` down to the foot, at least so wide that it is seen.
+    fn stretch(&self, from: f64, to: f64, top: f64, least: f64) -> String {
+        let (left, right) = (self.px(from), self.px(to));
+        let right = right.max(left + least);
+        format!("M{} {}H{}V{}H{}z", at(left), at(top), at(right), at(self.bottom), at(left))
+    }
+}

@@ -1,0 +1,144 @@
+//! Plots with one row per name: bars of evidence, and pairs of dots.
+
+use std::fmt::Write;
+
+use super::scale::Scale;
+use super::{Drawing, Key, Look, RIGHT, WIDTH, at, legend};
+use crate::report::escape::xml;
+
+/// Where names end and values begin.
+const NAMES: f64 = 196.0;
+/// Room for a value behind its bar.
+const VALUES: f64 = 52.0;
+const ROW: f64 = 22.0;
+/// Longest name that fits, in letters.
+const LETTERS: usize = 27;
+
+/// A row of bars or dots.
+#[derive(Debug, Clone)]
+pub(in crate::report) struct Row {
+    pub(in crate::report) name: String,
+    pub(in crate::report) values: Vec<(Look, f64)>,
+    /// What stands at its end.
+    pub(in crate::report) told: String,
+}
+
+/// A plot of rows.
+#[derive(Debug, Clone)]
+pub(in crate::report) struct Rows {
+    pub(in crate::report) name: String,
+    pub(in crate::report) title: String,
+    pub(in crate::report) description: String,
+    pub(in crate::report) label: String,
+    pub(in crate::report) rows: Vec<Row>,
+    /// A value of note, with what it is.
+    pub(in crate::report) rule: Option<(f64, String)>,
+    /// Bars from zero; else dots.
+    pub(in crate::report) bars: bool,
+    pub(in crate::report) legend: Vec<(Key, Look, String)>,
+}
+
+impl Rows {
+    /// Draws it.
+    pub(in crate::report) fn draw(&self) -> Drawing {
+        let mut keys = self.legend.clone();
+        keys.extend(self.rule.iter().map(|(_, text)| (Key::Line, Look::Expected, text.clone())));
+        let (legend, lines) = legend(&keys, 33.0);
+        let top = 30.0 + 17.0 * lines as f64;
+        let bottom = top + ROW * self.rows.len() as f64;
+        let values = self.rows.iter().flat_map(|row| row.values.iter().map(|&(_, value)| value));
+        let scale = Scale::covering(values.chain([0.0]).chain(self.rule.iter().map(|&(value, _)| value)));
+        let scale = if scale.from > -0.05 * scale.to { Scale::exactly(0.0, scale.to) } else { scale };
+
+        let mut body = format!("<text class=\"title\" x=\"8\" y=\"16\">{}</text>{legend}", xml(&self.title));
+        self.axis(scale, top, bottom, &mut body);
+        for (n, row) in self.rows.iter().enumerate() {
+            self.row(row, scale, top + ROW * (n as f64 + 0.5), &mut body);
+        }
+        if let Some((value, _)) = self.rule {
+            let _ = write!(
+                body,
+                "<path class=\"line expected\" d=\"M{} {}V{}\"/>",
+                at(px(scale, value)),
+                at(top),
+                at(bottom)
+            );
+        }
+        Drawing::new(&self.name, &self.title, &self.description, bottom + 42.0, body)
+    }
+
+    fn axis(&self, scale: Scale, top: f64, bottom: f64, out: &mut String) {
+        let ticks = scale.ticks(6);
+        let mut grid = String::new();
+        let mut labels = String::new();
+        for &value in &ticks.values {
+            let x = at(px(scale, value));
+            let _ = write!(grid, "M{x} {}V{}", at(top), at(bottom));
+            let _ =
+                write!(labels, "<text x=\"{x}\" y=\"{}\">{}</text>", at(bottom + 16.0), ticks.label(value));
+        }
+        let zero = at(px(scale, 0.0));
+        let _ = write!(
+            out,
+            "<path class=\"grid\" d=\"{grid}\"/><path class=\"axis\" d=\"M{zero} {}V{}\"/>\
+             <g class=\"tick\" text-anchor=\"middle\">{labels}</g>\
+             <text class=\"label\" x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+            at(top),
+            at(bottom),
+            at((NAMES + WIDTH - RIGHT - VALUES) / 2.0),
+            at(bottom + 33.0),
+            xml(&self.label)
+        );
+    }
+
+    fn row(&self, row: &Row, scale: Scale, y: f64, out: &mut String) {
+        let line = at(y + 4.0);
+        let _ = write!(
+            out,
+            "<text x=\"{}\" y=\"{line}\" text-anchor=\"end\">{}</text>\
+             <text class=\"key\" x=\"{}\" y=\"{line}\" text-anchor=\"end\">{}</text>",
+            at(NAMES - 8.0),
+            xml(&shortened(&row.name)),
+            at(WIDTH - 6.0),
+            xml(&row.told)
+        );
+        let finite: Vec<(Look, f64)> = row.values.iter().copied().filter(|(_, v)| v.is_finite()).collect();
+        if self.bars {
+            for (look, value) in finite {
+                let (from, to) = (px(scale, 0.0), px(scale, value));
+                let (left, width) = (at(from.min(to)), at((from - to).abs().max(1.0)));
+                let _ = write!(
+                    out,
+                    "<path class=\"area {}\" d=\"M{left} {}h{width}v12h-{width}z\"/>",
+                    look.class(),
+                    at(y - 6.0)
+                );
+            }
+            return;
+        }
+        if let [(_, first), .., (_, last)] = finite[..] {
+            let (from, to) = (at(px(scale, first)), at(px(scale, last)));
+            let _ = write!(out, "<path class=\"axis\" d=\"M{from} {0}H{to}\"/>", at(y));
+        }
+        for (look, value) in finite {
+            let _ = write!(
+                out,
+                "<path class=\"dots solid {}\" d=\"M{} {}h0\"/>",
+                look.class(),
+                at(px(scale, value)),
+                at(y)
+            );
+        }
+    }
+}
+
+fn px(scale: Scale, value: f64) -> f64 {
+    NAMES + scale.share(value) * (WIDTH - RIGHT - VALUES - NAMES)
+}
+
+fn shortened(name: &str) -> String {
+    if name.chars().count() <= LETTERS {
+        return name.to_owned();
+    }
+    name.chars().take(LETTERS - 1).chain(['…']).collect()
+}

@@ -1,0 +1,262 @@
+//! Laws of the report: it tells one story in two forms, needs nothing from elsewhere, and survives any input.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+#[path = "report/sample.rs"]
+mod sample;
+#[path = "report/text.rs"]
+mod text;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::PathBuf;
+
+use equipoise_discrepancy::report::Pages;
+use sample::Sample;
+use text::{attributes, html_words, markdown_words, well_formed};
+
+const WORK_S: f64 = 90.0;
+
+fn samples() -> [(&'static str, Sample); 4] {
+    [
+        ("named", sample::named(WORK_S)),
+        ("none", sample::none(WORK_S)),
+        ("ambiguous", sample::ambiguous(WORK_S)),
+        ("unexplained", sample::unexplained(WORK_S)),
+    ]
+}
+
+fn file<'a>(pages: &'a Pages, name: &str) -> &'a str {
+    &pages.files.iter().find(|(file, _)| file == name).unwrap().1
+}
+
+fn scratch(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("equipoise-report-{name}-{}", std::process::id()));
+    drop(fs::remove_dir_all(&folder));
+    folder
+}
+
+#[test]
+fn page_and_text_tell_the_same_words_and_numbers() {
+    for (name, sample) in samples() {
+        let pages = sample.report().pages();
+        let html = html_words(file(&pages, "report.html"));
+        let markdown = markdown_words(file(&pages, "report.md"));
+        let numbers = html.iter().filter(|word| word.contains(|c: char| c.is_ascii_digit())).count();
+        assert!(numbers > 60, "{name}: {numbers}");
+        for (n, (one, other)) in html.iter().zip(&markdown).enumerate() {
+            let before = html[n.saturating_sub(8)..n].join(" ");
+            assert_eq!(one, other, "{name}: after {before}");
+        }
+        assert_eq!(html.len(), markdown.len(), "{name}");
+    }
+}
+
+#[test]
+fn the_gap_is_told_as_it_was_found() {
+    let sample = sample::named(WORK_S);
+    let words = html_words(file(&sample.report().pages(), "report.html")).join(" ");
+    let gap = &sample.finding.gap;
+    let [before, after, floor] = [(gap.before_mm, 1), (gap.after_mm, 2), (gap.noise_floor_mm, 2)]
+        .map(|(mm, digits)| format!("{mm:.digits$}"));
+    let told = format!("the gap goes from {before} mm to {after} mm ; noise alone leaves {floor} mm");
+    assert!(words.contains(&told), "{told} is not in {words}");
+}
+
+#[test]
+fn the_page_needs_nothing_from_elsewhere() {
+    for (name, sample) in samples() {
+        for (file, text) in &sample.report().pages().files {
+            let own = text.replace("xmlns=\"http://www.w3.org/2000/svg\"", "").to_lowercase();
+            let foreign = [
+                "http:", "https:", "//", "src=", "href", "url(", "@import", "<script", "<link", "<img",
+                "<iframe",
+            ];
+            for part in foreign {
+                assert!(!own.contains(part), "{name}/{file} contains {part}");
+            }
+        }
+    }
+}
+
+#[test]
+fn drawings_are_named_once_described_and_well_formed() {
+    for (name, sample) in samples() {
+        let pages = sample.report().pages();
+        let html = file(&pages, "report.html");
+        well_formed(html.strip_prefix("<!doctype html>\n").unwrap()).unwrap();
+        let identifiers = attributes(html, "id");
+        let distinct: BTreeSet<_> = identifiers.iter().collect();
+        assert_eq!(distinct.len(), identifiers.len(), "{name}");
+        for reference in attributes(html, "aria-labelledby") {
+            assert!(
+                reference.split(' ').all(|part| distinct.contains(&part.to_owned())),
+                "{name}: {reference}"
+            );
+        }
+        let drawings: Vec<_> = pages.files.iter().filter(|(file, _)| file.ends_with(".svg")).collect();
+        assert!(drawings.len() >= 10, "{name}: {}", drawings.len());
+        assert_eq!(html.matches("<svg").count(), drawings.len(), "{name}");
+        for (file, text) in drawings {
+            well_formed(text).unwrap_or_else(|error| panic!("{name}/{file}: {error}"));
+            assert!(text.contains("<title") && text.contains("<desc"), "{name}/{file}");
+            let shown = self::file(&pages, "report.md").matches(&format!("]({file})")).count();
+            assert_eq!(shown, 1, "{name}/{file}");
+        }
+    }
+}
+
+#[test]
+fn hostile_names_stay_text() {
+    const NAME: &str = "\"><script>alert('1')</script>|`*_[a](b)\n# c\u{1b}";
+    let mut sample = sample::unexplained(WORK_S);
+    let hostile = || NAME.to_owned();
+    sample.origin.recordings[0].name = hostile();
+    sample.origin.recordings[0].sha256 = hostile();
+    sample.origin.subject = hostile();
+    sample.origin.station = hostile();
+    sample.origin.command = hostile();
+    sample.finding.effects[0].family = vec![hostile()];
+    sample.finding.candidates[3].name = hostile();
+    sample.finding.set_aside[0].why = hostile();
+    sample.finding.unexplained[0].what = hostile();
+    sample.finding.ask_next = Some(hostile());
+    sample.finding.spans[0].segment = Some(hostile());
+    sample.finding.model = Some(hostile());
+    sample.picture.pose[0].feature = hostile();
+    let pages = sample.report().pages();
+    for (name, text) in &pages.files {
+        assert!(!text.contains('\u{1b}'), "{name}");
+        if name.ends_with(".md") {
+            let outside = text.lines().filter(|line| line.contains("<script") && !line.contains("\\<script"));
+            assert!(
+                outside.clone().all(|line| line.contains('`') || line.starts_with("equipoise")),
+                "{outside:?}"
+            );
+            assert!(!text.lines().any(|line| line.starts_with("# c")), "a line of its own is a heading");
+        } else {
+            assert!(!text.contains("<script"), "{name}");
+            well_formed(text.trim_start_matches("<!doctype html>\n"))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+    }
+}
+
+#[test]
+fn twenty_hours_make_no_larger_page() {
+    const MOST: usize = 300_000;
+    let mut sample = sample::named(20.0 * 3600.0);
+    for n in 1..8 {
+        let mut effect = sample.finding.effects[0].clone();
+        effect.place.insert("hand".to_owned(), format!("{n}").into());
+        sample.finding.effects.push(effect);
+        let mut plot = sample.picture.predictors[0].clone();
+        plot.effect = format!("hand_load {n}");
+        sample.picture.predictors.push(plot);
+    }
+    let pages = sample.report().pages();
+    assert_eq!(pages.files.iter().filter(|(name, _)| name.starts_with("predictor-")).count(), 8);
+    let size = file(&pages, "report.html").len();
+    assert!(size < MOST, "{size}");
+}
+
+#[test]
+fn what_is_not_a_number_is_never_shown() {
+    let mut sample = sample::named(WORK_S);
+    for (n, value) in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].into_iter().enumerate() {
+        for plot in &mut sample.picture.time {
+            plot.points[3 * n].before = value;
+            plot.points[3 * n + 1].after = value;
+            plot.points[3 * n + 2].noise_sigma = value;
+        }
+        sample.picture.pose[0].points[n].feature = value;
+        sample.picture.predictors[0].points[n].predicted = value;
+        sample.picture.whiteness[0].after[n] = value;
+        sample.finding.candidates[n + 4].log_odds = value;
+        sample.picture.windows[0].times_noise_after = value;
+    }
+    sample.finding.gap.after_mm = f64::NAN;
+    sample.finding.gap.noise_floor_mm = 0.0;
+    sample.finding.effects[0].parameters.get_mut("mass_kg").unwrap().sigma = f64::NAN;
+    for (name, text) in &sample.report().pages().files {
+        let words: Vec<&str> = text.split(|c: char| !c.is_ascii_alphabetic()).collect();
+        assert!(!words.contains(&"NaN") && !words.contains(&"inf"), "{name}");
+    }
+}
+
+#[test]
+fn an_empty_picture_is_still_a_report() {
+    for (name, mut sample) in samples() {
+        let picture = &mut sample.picture;
+        picture.time.clear();
+        picture.pose.clear();
+        picture.predictors.clear();
+        picture.whiteness.clear();
+        picture.surprise.clear();
+        picture.windows.clear();
+        picture.phases.clear();
+        sample.finding.candidates.clear();
+        sample.finding.gap.per_axis.clear();
+        let pages = sample.report().pages();
+        assert_eq!(
+            html_words(file(&pages, "report.html")),
+            markdown_words(file(&pages, "report.md")),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn each_answer_tells_its_own_story() {
+    let story = |sample: &Sample| html_words(file(&sample.report().pages(), "report.html")).join(" ");
+    let [named, none, ambiguous, unexplained] = samples().map(|(_, sample)| story(&sample));
+    assert!(named.contains("The model lacks a load in the right hand ( 1.513 ± 0.031 kg )"));
+    assert!(
+        named.contains("equipoise replay shift-morning.mcap --model findings / shift-morning / model.toml")
+    );
+    assert!(named.contains("about") || named.contains("more than a million times less likely"));
+    for other in [&none, &ambiguous] {
+        assert!(!other.contains("on data held out"), "nothing was changed, so nothing is after it");
+        assert!(!other.contains("--model"), "no model, no command for it");
+    }
+    assert!(none.contains("may be there unseen") && none.contains("0.688 °"));
+    assert!(
+        ambiguous
+            .contains("a plate that stands elsewhere than configured or a mass distribution of the pelvis")
+    );
+    assert!(ambiguous.contains("Do this next : Stand on the plate turned by 90°"));
+    assert!(unexplained.contains("something more that nothing in the catalogue explains"));
+    assert!(unexplained.contains("heading of the right forearm"));
+}
+
+#[test]
+fn files_are_written_whole_and_nothing_else() {
+    let folder = scratch("whole");
+    let pages = sample::named(WORK_S).report().pages();
+    for _ in 0..2 {
+        pages.write_to(&folder.join("below")).unwrap();
+        let there: BTreeSet<String> = fs::read_dir(folder.join("below"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        assert_eq!(there, pages.files.iter().map(|(name, _)| name.clone()).collect());
+    }
+    for (name, text) in &pages.files {
+        assert_eq!(&fs::read_to_string(folder.join("below").join(name)).unwrap(), text);
+    }
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn what_cannot_be_written_is_a_sentence_and_leaves_nothing() {
+    let folder = scratch("half");
+    fs::create_dir_all(folder.join("report.md")).unwrap();
+    let pages = sample::none(WORK_S).report().pages();
+    let error = pages.write_to(&folder).unwrap_err().to_string();
+    assert!(error.starts_with("cannot write ") && error.contains("report.md"), "{error}");
+    let parts = fs::read_dir(&folder)
+        .unwrap()
+        .filter(|entry| entry.as_ref().unwrap().file_name().into_string().unwrap().ends_with(".part"));
+    assert_eq!(parts.count(), 0);
+    assert!(!folder.join("report.html").exists(), "the page comes last");
+    fs::remove_dir_all(folder).unwrap();
+}

@@ -1,0 +1,418 @@
+//! A made-up finding with plausible figures, of any length, for looking at reports and for testing their laws.
+
+use std::collections::BTreeMap;
+
+use equipoise_discrepancy::block::Phase;
+use equipoise_discrepancy::finding::{
+    AxisGap, Candidate, Estimate, Finding, Gap, Generic, Named, SetAside, Suspicion, Verdict,
+};
+use equipoise_discrepancy::picture::{
+    PhaseGap, Picture, PosePlot, PosePoint, PredictorPlot, PredictorPoint, Signal, SurpriseBin, TimePlot,
+    TimePoint, Unseen, Whiteness, Window,
+};
+use equipoise_discrepancy::report::{Origin, Recording, Report};
+use equipoise_discrepancy::session::Spans;
+
+const BLOCK_S: f64 = 0.3;
+
+/// All that a report needs.
+pub(crate) struct Sample {
+    pub(crate) finding: Finding,
+    pub(crate) picture: Picture,
+    pub(crate) origin: Origin,
+    pub(crate) toml: Option<String>,
+}
+
+impl Sample {
+    pub(crate) fn report(&self) -> Report<'_> {
+        let (finding, picture, origin) = (&self.finding, &self.picture, &self.origin);
+        Report { finding, picture, origin, model_toml: self.toml.as_deref() }
+    }
+}
+
+/// Numbers that look random and are always the same.
+struct Chance(u64);
+
+impl Chance {
+    /// About normal, σ 1.
+    fn next(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// One block of made-up work.
+struct Moment {
+    time_s: f64,
+    still: bool,
+    elevation_deg: f64,
+    inclination_deg: f64,
+    effect: [f64; 3],
+    noise: [f64; 3],
+}
+
+const SIGMA: [f64; 3] = [2.6, 2.4, 3.1];
+
+fn moments(work_s: f64) -> Vec<Moment> {
+    let mut chance = Chance(7);
+    let mut sway = [0.0; 3];
+    let mut pose = [20.0, 5.0];
+    let mut goal = pose;
+    (0..(work_s / BLOCK_S) as usize)
+        .map(|n| {
+            let time_s = 262.0 + n as f64 * BLOCK_S;
+            if n % 23 == 0 {
+                goal = [130.0 * chance.uniform(), 55.0 * chance.uniform()];
+            }
+            let far = (goal[0] - pose[0]).abs() + (goal[1] - pose[1]).abs();
+            for (pose, goal) in pose.iter_mut().zip(goal) {
+                *pose += 0.35 * (goal - *pose);
+            }
+            let noise = std::array::from_fn(|axis| {
+                sway[axis] = 0.8 * sway[axis] + 0.6 * SIGMA[axis] * chance.next();
+                sway[axis]
+            });
+            let carried = n as f64 * BLOCK_S / work_s > 0.3;
+            let reach = (pose[0].to_radians().sin() * 0.62 + pose[1].to_radians().sin() * 0.45) * 1000.0;
+            let effect =
+                if carried { [reach * 1.5 / 75.0 + 2.0, -3.6 - 0.02 * pose[0], 14.8] } else { [0.0; 3] };
+            Moment {
+                time_s,
+                still: far < 4.0,
+                elevation_deg: pose[0],
+                inclination_deg: pose[1],
+                effect,
+                noise,
+            }
+        })
+        .collect()
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
+    f64::sqrt(sum / f64::max(count, 1.0))
+}
+
+fn autocorrelation(values: &[f64]) -> Vec<f64> {
+    let power: f64 = values.iter().map(|value| value * value).sum();
+    (1..=40)
+        .map(|lag| values.iter().zip(values.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>() / power)
+        .collect()
+}
+
+/// A load in the right hand from a third of the work on; `share` of it is taken off by the change.
+fn picture(work_s: f64, share: f64) -> Picture {
+    let moments = moments(work_s);
+    let before = |m: &Moment, axis: usize| m.effect[axis] + m.noise[axis];
+    let after = |m: &Moment, axis: usize| (1.0 - share) * m.effect[axis] + m.noise[axis];
+    let each = |axis: usize| Signal::ALL[axis];
+    let time = (0..3).map(|axis| {
+        let point = |m: &Moment| TimePoint {
+            time_s: m.time_s,
+            still: m.still,
+            before: before(m, axis),
+            after: after(m, axis),
+            noise_sigma: SIGMA[axis] * if m.still { 0.9 } else { 1.3 },
+        };
+        TimePlot { signal: each(axis), points: moments.iter().map(point).collect() }
+    });
+    let pose = [(0, "right arm elevation"), (0, "trunk inclination"), (1, "right arm elevation")];
+    let pose = pose.into_iter().map(|(axis, feature)| {
+        let value =
+            |m: &Moment| if feature.starts_with("trunk") { m.inclination_deg } else { m.elevation_deg };
+        let point =
+            |m: &Moment| PosePoint { feature: value(m), before: before(m, axis), after: after(m, axis) };
+        let points = moments.iter().map(point).collect();
+        PosePlot {
+            signal: each(axis),
+            feature: feature.to_owned(),
+            unit: "°",
+            points,
+            noise_sigma: SIGMA[axis],
+        }
+    });
+    let point = |m: &Moment| PredictorPoint { predicted: m.effect[0], residual: before(m, 0) };
+    let carried = moments.iter().filter(|m| m.effect[0] != 0.0);
+    let predictors = if share > 0.0 {
+        vec![PredictorPlot {
+            effect: "hand_load right".to_owned(),
+            signal: Signal::CopX,
+            points: carried.map(point).collect(),
+            noise_sigma: SIGMA[0],
+        }]
+    } else {
+        Vec::new()
+    };
+    let whiteness = (0..3).map(|axis| {
+        let white = |colour: f64| -> Vec<f64> {
+            let mut chance = Chance(axis as u64 + 3);
+            let value = |m: &Moment| chance.next() + colour * m.effect[axis] / SIGMA[axis];
+            moments.iter().map(value).collect()
+        };
+        Whiteness {
+            signal: each(axis),
+            before: autocorrelation(&white(1.0)),
+            after: autocorrelation(&white(1.0 - share)),
+            bound: 1.96 / (moments.len() as f64).sqrt(),
+        }
+    });
+    Picture {
+        spans_s: Spans {
+            identify: [12.0, 96.5],
+            reference: Some([104.0, 255.0]),
+            work: [262.0, 262.0 + work_s],
+            found: true,
+        },
+        length_s: 268.0 + work_s,
+        block_s: BLOCK_S,
+        threshold_log_odds: 7.0,
+        time: time.collect(),
+        pose: pose.collect(),
+        predictors,
+        whiteness: whiteness.collect(),
+        surprise: surprise(&moments, share),
+        windows: vec![
+            Window {
+                from_s: 301.0,
+                to_s: 309.5,
+                signal: Signal::CopX,
+                times_noise_before: 11.2,
+                times_noise_after: 1.31,
+            },
+            Window {
+                from_s: 331.5,
+                to_s: 337.0,
+                signal: Signal::Fz,
+                times_noise_before: 4.6,
+                times_noise_after: 1.22,
+            },
+        ],
+        phases: (0..3)
+            .flat_map(|axis| {
+                let floor = SIGMA[axis];
+                let phase = move |phase, before: f64, after: f64| PhaseGap {
+                    phase,
+                    signal: each(axis),
+                    before,
+                    after,
+                    noise_floor: floor,
+                };
+                [
+                    phase(Phase::Identify, floor * 0.93, floor * 0.93),
+                    phase(Phase::Reference, floor * 1.04, floor * 1.04),
+                    phase(
+                        Phase::Work,
+                        rms(moments.iter().map(|m| before(m, axis))),
+                        rms(moments.iter().map(|m| after(m, axis))),
+                    ),
+                ]
+            })
+            .collect(),
+        unseen: Vec::new(),
+    }
+}
+
+fn surprise(moments: &[Moment], share: f64) -> Vec<SurpriseBin> {
+    let squares = |share: f64| -> Vec<f64> {
+        let values = moments.iter().map(|m| ((1.0 - share) * m.effect[0] + m.noise[0]) / SIGMA[0]);
+        values.map(|value| value * value).collect()
+    };
+    let (before, after) = (squares(0.0), squares(share));
+    let part = |values: &[f64], from: f64, to: f64| {
+        values.iter().filter(|value| (from..to).contains(*value)).count() as f64 / values.len().max(1) as f64
+    };
+    let expected = [0.6827, 0.1600, 0.0740, 0.0378, 0.0201, 0.0254];
+    (0..6)
+        .map(|n| {
+            let (from, to) = (n as f64, if n == 5 { f64::INFINITY } else { n as f64 + 1.0 });
+            let [before, after] = [&before, &after].map(|values| part(values, from, to));
+            SurpriseBin { from, to, before, after, expected: expected[n] }
+        })
+        .collect()
+}
+
+type Wanted = fn(&&TimePoint) -> bool;
+
+fn gap(picture: &Picture) -> Gap {
+    let mut per_axis = BTreeMap::new();
+    for plot in &picture.time {
+        let sets: [(&str, Wanted); 3] = [("", |_| true), ("_still", |p| p.still), ("_moving", |p| !p.still)];
+        for (suffix, wanted) in sets {
+            let of = |value: fn(&TimePoint) -> f64| rms(plot.points.iter().filter(wanted).map(value));
+            let (before, after, noise_floor) = (of(|p| p.before), of(|p| p.after), of(|p| p.noise_sigma));
+            let gap = AxisGap { before, after, noise_floor, unit: plot.signal.unit() };
+            per_axis.insert(format!("{}{suffix}", plot.signal.axis()), gap);
+        }
+    }
+    let both = |value: fn(&AxisGap) -> f64| value(&per_axis["x"]).hypot(value(&per_axis["y"]));
+    let [before_mm, after_mm, noise_floor_mm] =
+        [both(|a| a.before), both(|a| a.after), both(|a| a.noise_floor)];
+    Gap { before_mm, after_mm, noise_floor_mm, held_out: true, per_axis }
+}
+
+fn origin() -> Origin {
+    Origin {
+        recordings: vec![Recording {
+            name: "shift-morning.mcap".to_owned(),
+            sha256: "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08".to_owned(),
+        }],
+        subject: "worker-07".to_owned(),
+        station: "press-3".to_owned(),
+        date: "2025-03-04T09:12:33Z".to_owned(),
+        software: "equipoise 0.1.0".to_owned(),
+        command: "equipoise reconcile shift-morning.mcap --out findings/shift-morning".to_owned(),
+    }
+}
+
+fn candidate(name: &str, log_odds: f64) -> Candidate {
+    Candidate { name: name.to_owned(), log_odds }
+}
+
+fn set_aside(name: &str, log_odds: f64, why: &str) -> SetAside {
+    SetAside { name: name.to_owned(), log_odds, why: why.to_owned() }
+}
+
+/// A load in the right hand is named.
+pub(crate) fn named(work_s: f64) -> Sample {
+    let picture = picture(work_s, 0.985);
+    let parameter = |value, sigma, unit| Estimate { value, sigma, unit };
+    let from_s = 262.0 + 0.3 * work_s;
+    let effect = Named {
+        name: "hand_load".to_owned(),
+        place: BTreeMap::from([
+            ("hand".to_owned(), "right".into()),
+            ("from_s".to_owned(), from_s.into()),
+            ("to_s".to_owned(), (262.0 + work_s).into()),
+        ]),
+        parameters: BTreeMap::from([
+            ("mass_kg".to_owned(), parameter(1.5134, 0.0312, "kg")),
+            ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
+        ]),
+        log_odds: 204.3,
+        runner_up: Some(candidate("worn_mass RightForearm", 181.9)),
+        family: Vec::new(),
+    };
+    let finding = Finding {
+        verdict: Verdict::Named,
+        effects: vec![effect],
+        candidates: vec![
+            candidate("hand_load right", 204.3),
+            candidate("worn_mass RightForearm", 181.9),
+            candidate("hand_load both", 96.4),
+            candidate("worn_mass RightUpperArm", 88.0),
+            candidate("hand_contact right", 61.7),
+            candidate("worn_mass T8", 40.2),
+            candidate("force_gain", 33.8),
+            candidate("plate_offset", 5.1),
+            candidate("segment_misalignment RightUpperArm", 2.2),
+            candidate("suit_lag", -2.9),
+        ],
+        set_aside: vec![
+            set_aside(
+                "worn_mass RightForearm",
+                181.9,
+                "the elbow was bent often enough: at the forearm the mass fits worse",
+            ),
+            set_aside("force_gain", 33.8, "explains the vertical force but not the centre of pressure"),
+            set_aside(
+                "hand_contact right",
+                61.7,
+                "moves with the hand, as a weight does and a bench does not",
+            ),
+            set_aside("plate_offset", 5.1, "below the threshold of 7"),
+        ],
+        unexplained: Vec::new(),
+        gap: gap(&picture),
+        spans: vec![Suspicion {
+            from_s,
+            to_s: 262.0 + work_s,
+            signal: "cop_x".to_owned(),
+            while_: "both".to_owned(),
+            segment: Some("RightForearm".to_owned()),
+            times_noise: 5.7,
+        }],
+        ask_next: None,
+        model: Some("findings/shift-morning/model.toml".to_owned()),
+    };
+    let toml = "version = 1\n\n[provenance]\nrecording_sha256 = \"9f86d081884c7d65…\"\ndate = \"2025-03-04T09:12:33Z\"\n\n\
+        [[effect]]\nname = \"hand_load\"\nwhere = { hand = \"right\" }\nspan_s = [289.0, 352.0]\nopen_ended = true\n\
+        log_odds = 204.3\n\n[effect.parameters.mass_kg]\nvalue = 1.5134\nsigma = 0.0312\nunit = \"kg\"\n";
+    Sample { finding, picture, origin: origin(), toml: Some(toml.to_owned()) }
+}
+
+/// Nothing is missing.
+pub(crate) fn none(work_s: f64) -> Sample {
+    let mut sample = named(work_s);
+    let picture = &mut sample.picture;
+    let still_there = |p: &mut TimePoint| p.before = p.after;
+    picture.time.iter_mut().flat_map(|plot| &mut plot.points).for_each(still_there);
+    picture.pose.iter_mut().flat_map(|plot| &mut plot.points).for_each(|p| p.before = p.after);
+    picture.phases.iter_mut().for_each(|gap| gap.before = gap.after);
+    picture.predictors.clear();
+    picture.whiteness.iter_mut().for_each(|each| each.before = each.after.clone());
+    picture.surprise.iter_mut().for_each(|bin| bin.before = bin.after);
+    picture.windows.clear();
+    let unseen = |effect: &str, parameter: &str, at_most, unit| Unseen {
+        effect: effect.to_owned(),
+        parameter: parameter.to_owned(),
+        at_most,
+        unit,
+    };
+    picture.unseen = vec![
+        unseen("hand_load right", "mass_kg", 0.14, "kg"),
+        unseen("plate_yaw", "psi_rad", 0.012, "rad"),
+        unseen("plate_gain", "kx", 0.009, ""),
+    ];
+    let finding = &mut sample.finding;
+    finding.verdict = Verdict::None;
+    finding.effects.clear();
+    finding.candidates = vec![candidate("plate_yaw", 2.4), candidate("worn_mass Pelvis", 0.7)];
+    finding.set_aside = vec![set_aside("plate_yaw", 2.4, "below the threshold of 7")];
+    finding.spans.clear();
+    finding.model = None;
+    finding.gap = gap(&sample.picture);
+    sample.toml = None;
+    sample
+}
+
+/// Several explanations fit alike.
+pub(crate) fn ambiguous(work_s: f64) -> Sample {
+    let mut sample = named(work_s);
+    sample.picture = picture(work_s, 0.0);
+    let finding = &mut sample.finding;
+    finding.verdict = Verdict::Ambiguous;
+    finding.effects.clear();
+    finding.candidates = vec![
+        candidate("plate_offset", 31.2),
+        candidate("unbalanced_parameters Pelvis", 30.8),
+        candidate("plate_yaw", 9.1),
+    ];
+    finding.set_aside = vec![set_aside("plate_yaw", 9.1, "earns nothing beside a plate offset")];
+    finding.ask_next = Some(
+        "Stand on the plate turned by 90° and hold for 5 s: the two then differ by 14 times noise."
+            .to_owned(),
+    );
+    finding.model = None;
+    finding.gap = gap(&sample.picture);
+    sample.toml = None;
+    sample
+}
+
+/// The catalogue explains a part, and something remains.
+pub(crate) fn unexplained(work_s: f64) -> Sample {
+    let mut sample = named(work_s);
+    sample.picture = picture(work_s, 0.6);
+    let finding = &mut sample.finding;
+    finding.verdict = Verdict::Unexplained;
+    finding.gap = gap(&sample.picture);
+    finding.unexplained = vec![Generic {
+        what: "heading of the right forearm, near (0.5, −0.4, 1.0) m".to_owned(),
+        log_odds: 26.0,
+    }];
+    finding.ask_next = Some("Hold the right hand near (0.5, −0.4, 1.0) m, then 30 cm higher.".to_owned());
+    sample
+}
