@@ -7,4 +7,5 @@
 
 pub mod block;
 pub mod finding;
+pub mod model_file;
 pub mod session;
