@@ -18,6 +18,7 @@ mod gram;
 mod holdout;
 mod linear;
 mod locate;
+pub mod model_file;
 mod noise;
 pub mod options;
 pub mod picture;
