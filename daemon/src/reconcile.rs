@@ -4,14 +4,21 @@
 //! the frozen model predicts is compared with what the plate measured (`equipoise_discrepancy::compare`). All questions
 //! about effects are the engine's; here are the files and the cycle.
 //!
-//! Floors, ground first: [`survey`] → [`learn`] → `session` → this file.
+//! Floors, ground first: [`provenance`], [`survey`] → [`learn`], `known` → `session` → this file → [`output`],
+//! [`summary`].
 
+mod known;
 pub mod learn;
+pub mod output;
+pub mod provenance;
 mod session;
+pub mod summary;
 pub mod survey;
 
 use anyhow::bail;
-use equipoise_core::cycle::Memory;
+use equipoise_core::cycle::{Memory, Settings};
+use equipoise_core::effect::Model;
+use equipoise_discrepancy::model_file::ModelFile;
 use equipoise_discrepancy::session::Session;
 use equipoise_discrepancy::spans::{Found, Given};
 
@@ -42,6 +49,10 @@ pub struct Reconcile<'a> {
     pub config: &'a Config,
     /// The spans that a person gave.
     pub given: Given,
+    /// Effects that are known already.
+    pub known: Option<&'a ModelFile>,
+    /// What of them holds in this recording.
+    pub known_model: Model,
 }
 
 /// A recording, compared with the model.
@@ -58,6 +69,11 @@ pub struct Compared {
 }
 
 impl Reconcile<'_> {
+    /// The cycle's settings, with the effects that are known.
+    fn settings(&self) -> Settings {
+        Settings { passive: false, model: self.known_model, ..self.config.settings() }
+    }
+
     /// Surveys, learns, compares.
     ///
     /// # Errors
@@ -84,7 +100,7 @@ impl Reconcile<'_> {
 
 /// A memory to begin with: that of the recording's first checkpoint keeps its tare.
 fn memory_at_first(reconcile: &Reconcile<'_>, survey: &Survey) -> Box<Memory> {
-    let settings = reconcile.config.settings();
+    let settings = reconcile.settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();
     match survey.first_memory() {
         Some(first) => {

@@ -3,13 +3,22 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
+use equipoise_core::effect::Model;
+use equipoise_discrepancy::Options;
+use equipoise_discrepancy::finding::Finding;
+use equipoise_discrepancy::model_file::{ModelFile, Spans};
 use equipoise_discrepancy::spans::{Given, Span};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Outcome;
+use crate::config::Config;
+use crate::reconcile::output::{Results, folders};
+use crate::reconcile::provenance::sha256;
+use crate::reconcile::summary::Summary;
 use crate::reconcile::{Progress, Reconcile};
-use crate::replay::input::Input;
+use crate::replay::input::{Chosen, Input};
+use crate::replay::left_out_lines;
 
 /// Find where model and measured data disagree, name the missing effect, add it to the model
 ///
@@ -58,9 +67,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         reference: span("--reference", arguments.reference.as_deref())?,
         work: span("--work", arguments.work.as_deref())?,
     };
+    let folders = arguments.out.as_deref().map(|out| folders(out, &arguments.files)).transpose()?;
     let mut outcome = Outcome::Done;
-    for file in &arguments.files {
-        if one(arguments, file, given)? == Outcome::PartRejected {
+    for (index, file) in arguments.files.iter().enumerate() {
+        let folder = folders.as_ref().map(|folders| folders[index].as_path());
+        let of_file = one(arguments, file, folder, given).with_context(|| file.display().to_string())?;
+        if of_file == Outcome::PartRejected {
             outcome = Outcome::PartRejected;
         }
     }
@@ -71,30 +83,77 @@ fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
     text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
 }
 
-fn one(arguments: &Arguments, file: &Path, given: Given) -> anyhow::Result<Outcome> {
+/// What comes of one file: whether all of it was used.
+fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) -> anyhow::Result<Outcome> {
     let input = Input::open(file)?;
     let chosen = input.configuration(arguments.config.as_deref())?;
+    same_subject(&input, &chosen)?;
+    let hash = sha256(file)?;
+    let known = arguments.model.as_deref().map(ModelFile::read).transpose()?;
+    let (known_model, told) = model_for(known.as_ref(), &hash);
+    let reconcile =
+        Reconcile { input: &input, config: &chosen.config, given, known: known.as_ref(), known_model };
     let bar = Bar::new(arguments.json);
-    let reconcile = Reconcile { input: &input, config: &chosen.config, given };
-    let compared = reconcile
-        .compare(&mut |progress| bar.show(progress))
-        .with_context(|| file.display().to_string())?;
+    let compared = reconcile.compare(&mut |progress| bar.show(progress))?;
+    let mut outcome = equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
+        bar.show(Progress { doing: "looking for what is missing", share });
+    })?;
     bar.clear();
-    println!("{}", compared.found.told);
-    let session = &compared.session;
-    for (name, still) in [("still", true), ("moving", false)] {
-        let (mut sum, mut count) = ([0.0; 2], 0.0);
-        for block in session.blocks.iter().filter(|block| block.still == still) {
-            count += 1.0;
-            for axis in 0..2 {
-                let seen = &block.observation;
-                let left = seen.cop_measured_m[axis] - seen.cop_predicted_m[axis];
-                sum[axis] += left * left;
-            }
+    let written = match folder {
+        Some(folder) => {
+            let command = std::env::args().collect::<Vec<String>>().join(" ");
+            let results = Results { folder, file, sha256: &hash, command };
+            results.write(&reconcile, &compared, &mut outcome)?
         }
-        println!("{name}: {count} blocks, {:?} mm", sum.map(|sum: f64| 1e3 * (sum / count).sqrt()));
+        None => Vec::new(),
+    };
+    let rejected = &compared.left_out.rejected;
+    let summary = Summary { compared: &compared, finding: &outcome.finding };
+    let head = format!("{}\nconfiguration: {}\n{told}", file.display(), chosen.origin);
+    let left_out = left_out_lines(&compared.left_out);
+    if arguments.json {
+        print_json(&outcome.finding, arguments.files.len() > 1)?;
+        eprint!("{left_out}");
+    } else {
+        let written = written.iter().rev().take(3).map(|path| format!("written: {}\n", path.display()));
+        print!("{head}{summary}{}{left_out}", written.collect::<String>());
     }
-    Ok(if compared.left_out.rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
+    Ok(if rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
+}
+
+/// One line where there are several, so that each is read as it comes.
+fn print_json(finding: &Finding, one_line: bool) -> anyhow::Result<()> {
+    let text = if one_line { serde_json::to_string(finding)? } else { serde_json::to_string_pretty(finding)? };
+    println!("{text}");
+    Ok(())
+}
+
+/// A configuration of another worker would put another body on the plate.
+fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
+    let Input::Recording(recording) = input else { return Ok(()) };
+    let Ok(own) = Config::parse(&recording.header().config_toml, "the recording's configuration") else {
+        return Ok(());
+    };
+    let [recorded, configured] = [&own.subject.id, &chosen.config.subject.id];
+    if recorded != configured {
+        bail!(
+            "the recording is of {recorded}, and the configuration is {configured}'s; name a configuration of {recorded} \
+             with --config, or none: the recording brings its own"
+        );
+    }
+    Ok(())
+}
+
+/// What of a model holds in this recording, and what to say of it.
+fn model_for(known: Option<&ModelFile>, sha256: &str) -> (Model, String) {
+    let Some(known) = known else { return (Model::default(), String::new()) };
+    let spans = if known.is_of(sha256) { Spans::Hold } else { Spans::OpenEndedForEver };
+    let (model, left_out) = known.model(spans);
+    let mut told = format!("known effects: {}\n", model.terms.iter().flatten().count());
+    for fitted in left_out {
+        told += &format!("  not in this recording: {}, which ended in the one it was found in\n", fitted.name());
+    }
+    (model, told)
 }
 
 /// Tells people at a terminal how far it is.

@@ -106,7 +106,7 @@ struct Seen {
 impl<'a> Pass<'a> {
     fn new(reconcile: &'a Reconcile<'a>, survey: &'a Survey) -> Pass<'a> {
         let samples_s = survey.samples_s();
-        let settings = Settings { start_identifying: true, passive: false, ..reconcile.config.settings() };
+        let settings = Settings { start_identifying: true, ..reconcile.settings() };
         let given = &reconcile.given;
         match given.identify {
             Some(span) => {

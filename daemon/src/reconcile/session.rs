@@ -1,6 +1,6 @@
 //! The frozen worker beside the plate, over all of the recording.
 
-use equipoise_core::cycle::{Inputs, Motion, Settings, Tick, step};
+use equipoise_core::cycle::{Inputs, Motion, Tick, step};
 use equipoise_core::message::CommandKind;
 use equipoise_discrepancy::compare::{Comparison, Options, Worker, prior_covariance_m2};
 use equipoise_discrepancy::session::Session;
@@ -10,7 +10,7 @@ use anyhow::bail;
 
 use super::learn::Learnt;
 use super::survey::Survey;
-use super::{Progress, Reconcile, TICK_NS, memory_at_first};
+use super::{Progress, Reconcile, TICK_NS, known, memory_at_first};
 use crate::replay::free;
 use crate::replay::samples::LeftOut;
 
@@ -22,7 +22,7 @@ pub(super) fn compare(
     found: &Found,
     progress: &mut dyn FnMut(Progress),
 ) -> anyhow::Result<(Session, LeftOut)> {
-    let settings = Settings { passive: false, ..reconcile.config.settings() };
+    let settings = reconcile.settings();
     let Some(worker) = Worker::of(&learnt.worker, &settings) else {
         bail!("the worker's mass is not known: nobody stood still on the plate; give subject.mass_kg");
     };
@@ -52,7 +52,7 @@ pub(super) fn compare(
         }
         Ok(())
     })?;
-    let session = Session {
+    let mut session = Session {
         mass_kg: worker.mass_kg,
         prior_covariance_m2: prior_covariance_m2(&learnt.worker, &settings),
         has_shear: comparison.has_shear(),
@@ -63,5 +63,6 @@ pub(super) fn compare(
         length_s,
         blocks: comparison.finish(),
     };
+    known::take_off(&mut session.blocks, &reconcile.known_model);
     Ok((session, samples.left_out()))
 }

@@ -2,6 +2,7 @@
 
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
+use equipoise_core::effect::Model;
 use equipoise_core::message::Validity;
 use equipoise_daemon::config::Config;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
@@ -18,7 +19,9 @@ fn compared(script: &Script, samples: &Samples) -> Compared {
     samples.write(&path, &script.config());
     let input = Input::open(&path).unwrap();
     let config = Config::parse(&script.config(), "test").unwrap();
-    Reconcile { input: &input, config: &config, given: Given::default() }.compare(&mut |_| {}).unwrap()
+    let (given, known_model) = (Given::default(), Model::default());
+    let reconcile = Reconcile { input: &input, config: &config, given, known: None, known_model };
+    reconcile.compare(&mut |_| {}).unwrap()
 }
 
 fn residual_m(block: &Block) -> [f64; 2] {

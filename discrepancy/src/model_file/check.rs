@@ -47,7 +47,11 @@ fn check_provenance(provenance: &Provenance) -> Result<(), Refusal> {
     if hash.len() != 64 || !hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
         return refuse("recording_sha256", "must be 64 hexadecimal digits");
     }
-    check_span("identify_s", provenance.identify_s)?;
+    // A worker who was identified before the recording began was identified in none of it.
+    let [from_s, to_s] = provenance.identify_s;
+    if from_s != to_s {
+        check_span("identify_s", provenance.identify_s)?;
+    }
     check_span("work_s", provenance.work_s)?;
     provenance.reference_s.map_or(Ok(()), |span_s| check_span("reference_s", span_s))
 }
