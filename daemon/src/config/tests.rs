@@ -101,9 +101,9 @@ fn a_model_lies_beside_the_configuration_and_reaches_the_cycle() {
     let effect = "[[effect]]\nname = \"plate_offset\"\nspan_s = [0, 1]\nopen_ended = true\nlog_odds = 9.0\n";
     let text =
         format!("version = 1\n{effect}parameters.dx_m = {{ value = 0.01, sigma = 0.001, unit = \"m\" }}\n");
-    std::fs::write(&model, text.replace("dx_m", "dz_m")).unwrap();
+    std::fs::write(&model, text.replace("dx_m", "dxm")).unwrap();
     let said = Config::read(&path).expect_err("no such parameter").to_string();
-    assert!(said.contains("m.toml, effect 1, parameters.dz_m") && said.contains("`dx_m`"), "{said}");
+    assert!(said.contains("m.toml, effect 1, parameters.dxm") && said.contains("`dx_m`"), "{said}");
 
     std::fs::write(&model, &text).unwrap();
     let config = Config::read(&path).unwrap();
