@@ -11,6 +11,8 @@ pub mod egress;
 pub mod housekeeping;
 pub mod import;
 pub mod ingress;
+pub mod model;
+pub mod model_watch;
 pub mod page_feed;
 pub mod pipeline;
 pub mod profile;

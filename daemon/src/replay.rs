@@ -116,6 +116,7 @@ impl Replay<'_> {
             software_version: env!("CARGO_PKG_VERSION").to_owned(),
             started_monotonic_ns: self.input.started_ns(),
             config_toml: self.config.to_toml(),
+            model_toml: self.config.model_toml(),
             ..base
         }
     }
