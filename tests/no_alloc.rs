@@ -1,8 +1,8 @@
 //! Warm, the loop neither allocates nor frees, whoever comes or goes.
 //!
 //! A counting allocator is armed on the loop's own thread, from inside the loop, after a warm-up; then sensors stream,
-//! held poses and motion are learnt, a box is lifted and adds up in the exposure, subscribers stay, join and leave, and
-//! checkpoints are asked for, over 100 000 cycles.
+//! held poses and motion are learnt, a box is lifted and adds up in the exposure, a model with terms of every sort is
+//! run, subscribers stay, join and leave, and checkpoints are asked for, over 100 000 cycles.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -17,6 +17,7 @@ use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{Command, State, Validity};
 use equipoise_daemon::config::Config;
+use equipoise_daemon::model::LoadedModel;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::tick::Observer;
 use equipoise_simulator::settings::SimulationSettings;
@@ -98,8 +99,59 @@ fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
          counts_per_newton_metre = 1e6\n[subject]\nid = \"t\"\nheight_m = 1.77\nremember = false\n\
          [identification]\nposes_min = 2\nstop_cop_sigma_mm = 20\n"
     );
-    Config::parse(&text, "the test's configuration").expect("a good configuration")
+    let mut config = Config::parse(&text, "the test's configuration").expect("a good configuration");
+    config.loaded_model = Some(LoadedModel::parse(MODEL.to_owned(), "the test's model".to_owned()).expect("a good model"));
+    config
 }
+
+/// A term of every sort: columns with and without motion, time, a filter, a lag; each too small to be in the way.
+const MODEL: &str = r#"version = 1
+[[effect]]
+name = "worn_mass"
+where = { segment = "T8" }
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { mass_kg = { value = 0.02, sigma = 0.01, unit = "kg" }, mx_kg_m = { value = 0.002, sigma = 0.01, unit = "kg m" } }
+[[effect]]
+name = "hand_load"
+where = { hand = "both" }
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { mass_kg = { value = 0.02, sigma = 0.01, unit = "kg" } }
+[[effect]]
+name = "plate_drift"
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { tau_s = { value = 20.0, sigma = 1.0, unit = "s" }, ax_m = { value = 0.0005, sigma = 0.001, unit = "m" } }
+[[effect]]
+name = "segment_heading"
+where = { segment = "RightForearm" }
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { psi_rad = { value = 0.005, sigma = 0.01, unit = "rad" } }
+[[effect]]
+name = "periodic_sway"
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { hz = { value = 0.3, sigma = 0.01, unit = "Hz" }, sine_x_m = { value = 0.0003, sigma = 0.001, unit = "m" } }
+[[effect]]
+name = "plate_lowpass"
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { cutoff_hz = { value = 80.0, sigma = 1.0, unit = "Hz" } }
+[[effect]]
+name = "suit_lag"
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { tau_s = { value = 0.001, sigma = 0.001, unit = "s" } }
+"#;
 
 /// What the living subscriber saw the loop do.
 #[derive(Debug, Default)]

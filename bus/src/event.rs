@@ -79,6 +79,8 @@ events! {
     NewHealth = 7,
     /// A notifier was killed and has been cleaned up; nobody sends this one.
     NotifierDied = 8,
+    /// What is measured is no longer what the model predicts of this worker; the status says where.
+    ModelNoLongerExplains = 9,
 }
 
 /// The events of one awakening, each however often it came.

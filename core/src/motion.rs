@@ -14,6 +14,6 @@ pub mod unloaded;
 pub mod weights;
 
 pub use confidence::{Confidence, Envelope};
-pub use history::{History, Moment};
+pub use history::{History, Moment, Motion};
 pub use inertia::{Build, Inertia};
 pub use unloaded::Unloaded;

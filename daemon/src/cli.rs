@@ -7,6 +7,7 @@ mod demo;
 mod identify;
 mod import;
 mod latency;
+mod reconcile;
 mod record;
 mod replay;
 mod run;
@@ -55,6 +56,7 @@ enum Command {
     Record(record::Arguments),
     Import(import::Arguments),
     Replay(replay::Arguments),
+    Reconcile(reconcile::Arguments),
     Latency(latency::Arguments),
     Simulate(simulate::Arguments),
 }
@@ -91,6 +93,7 @@ pub fn main() -> ExitCode {
         Command::Record(arguments) => record::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };

@@ -9,8 +9,10 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::cycle::{PriorKind, Settings};
+use equipoise_discrepancy::model_file::ModelFileError;
 use serde::{Deserialize, Serialize};
 
+use crate::model::LoadedModel;
 use crate::similar;
 
 pub use method::{IdentificationConfig, StaticPoseConfig, SubjectConfig};
@@ -41,12 +43,18 @@ pub struct Config {
     /// When overload is told.
     #[serde(default)]
     pub overload: OverloadConfig,
+    /// What the model has beside the body; nothing without this section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelConfig>,
     /// The page; not served without this section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub page: Option<PageConfig>,
     /// Latency figures.
     #[serde(default)]
     pub latency: LatencyConfig,
+    /// The model that is in use; no key, but what `[model]` names.
+    #[serde(skip)]
+    pub loaded_model: Option<LoadedModel>,
 }
 
 /// `[loop]`
@@ -70,6 +78,14 @@ impl Default for LoopConfig {
     fn default() -> Self {
         LoopConfig { rate_hz: 1000, priority: 80, cpu: None, lock_memory: true, strict: false }
     }
+}
+
+/// `[model]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelConfig {
+    /// A model file of `equipoise reconcile`; a relative path counts from the configuration's own folder.
+    pub file: PathBuf,
 }
 
 /// `[page]`
@@ -108,20 +124,28 @@ pub enum ConfigError {
         /// What is wrong, and what to do.
         what: String,
     },
+    /// The model that it names cannot be used.
+    #[error("[model] file: {0}")]
+    Model(#[from] ModelFileError),
 }
 
 impl Config {
-    /// Reads and checks a file.
+    /// Reads and checks a file, and the model that it names.
     ///
     /// # Errors
     /// [`ConfigError`], whose text is fit for the person who wrote the file.
     pub fn read(path: &Path) -> Result<Config, ConfigError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        Config::parse(&text, &path.display().to_string())
+        let mut config = Config::parse(&text, &path.display().to_string())?;
+        if let Some(model) = &config.model {
+            let beside = path.parent().unwrap_or(Path::new(""));
+            config.loaded_model = Some(LoadedModel::read(&beside.join(&model.file))?);
+        }
+        Ok(config)
     }
 
-    /// Checks a text; `name` is what errors call it.
+    /// Checks a text; `name` is what errors call it. The model that it names is not read.
     ///
     /// # Errors
     /// As [`Config::read`].
@@ -176,6 +200,9 @@ impl Config {
         self.identification.apply(&mut settings);
         self.static_pose.apply(&mut settings);
         self.overload.apply(&mut settings);
+        if let Some(loaded) = &self.loaded_model {
+            settings.model = loaded.model();
+        }
         settings
     }
 
@@ -194,6 +221,11 @@ impl Config {
     pub fn to_toml(&self) -> String {
         // Every value has a TOML form: numbers, strings, tables.
         toml::to_string_pretty(self).unwrap_or_default()
+    }
+
+    /// The text of the model in use: what a recording keeps; empty without one.
+    pub fn model_toml(&self) -> String {
+        self.loaded_model.as_ref().map(|model| model.text.clone()).unwrap_or_default()
     }
 
     /// Length of one cycle.

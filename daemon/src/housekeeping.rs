@@ -1,13 +1,16 @@
-//! What must be done now and then, and may take time: saving the worker, clearing away the dead, feeding the watchdog.
+//! What must be done now and then, and may take time: saving the worker, clearing away the dead, feeding the watchdog,
+//! looking whether the model still explains what is measured.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Subscriber};
 use equipoise_core::cycle::Identification;
+use equipoise_core::message::State;
 use tracing::{info, warn};
 
+use crate::model_watch::ModelWatch;
 use crate::profile::Profile;
 use crate::rings::Rings;
 use crate::status::StatusFile;
@@ -20,12 +23,16 @@ pub type ChangedWorker = (u64, Box<Identification>);
 
 /// Housekeeping, with its place on the bus.
 pub struct Housekeeping {
-    bus: Bus,
+    states: Subscriber<State>,
+    events: Notifier,
+    model: ModelWatch,
     rings: Arc<Rings>,
     worker_changed: Receiver<ChangedWorker>,
     workers: Arc<Workers>,
     status: StatusFile,
     last_cycle: u64,
+    // Ports die before the node they hang on.
+    bus: Bus,
 }
 
 impl Housekeeping {
@@ -41,7 +48,17 @@ impl Housekeeping {
         status: StatusFile,
     ) -> Result<Housekeeping, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "housekeeping"))?;
-        Ok(Housekeeping { bus, rings, worker_changed, workers, status, last_cycle: 0 })
+        Ok(Housekeeping {
+            states: bus.subscriber(1)?,
+            events: bus.notifier(Channel::Results)?,
+            model: ModelWatch::default(),
+            rings,
+            worker_changed,
+            workers,
+            status,
+            last_cycle: 0,
+            bus,
+        })
     }
 
     /// Runs until egress, which sends the workers to save, has ended.
@@ -81,6 +98,17 @@ impl Housekeeping {
         }
     }
 
+    /// The model is never changed by it: a person decides what to make of it.
+    fn watch_the_model(&mut self) {
+        let Ok(Some(state)) = self.states.latest() else { return };
+        if let Some(suspicion) = self.model.look(&state) {
+            warn!("{suspicion}");
+            // Nobody is woken on a broken bus, and its other users say so.
+            let _ = self.events.notify(Event::ModelNoLongerExplains);
+        }
+        self.status.suspect(self.model.suspected().map(|suspicion| suspicion.to_string()));
+    }
+
     fn tidy(&mut self) {
         let dead = self.bus.clean_up_dead_nodes();
         if dead > 0 {
@@ -92,6 +120,7 @@ impl Housekeeping {
             self.last_cycle = cycle;
             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
         }
+        self.watch_the_model();
         if let Err(error) = self.status.write() {
             warn!("cannot write {}: {error}", self.status.path.display());
         }

@@ -46,6 +46,7 @@ pub fn import(file: &Path, out: &Path, config: Option<&Path>) -> anyhow::Result<
         software_version: env!("CARGO_PKG_VERSION").to_owned(),
         started_monotonic_ns: input.started_ns(),
         config_toml: chosen.config.to_toml(),
+        model_toml: chosen.config.model_toml(),
         ..RecordingHeader::default()
     };
     let mut recorder = Recorder::create(out, &header)?;

@@ -256,13 +256,15 @@ impl Start<'_> {
             }
             warn!("{missing}");
         }
-        let status = StatusFile::new(&Status {
+        let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
             station: config.station.clone(),
             config_toml: config.to_toml(),
+            model_toml: config.model_toml(),
             page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock,
+            model_suspicion: None,
             threads: threads.iter().map(ThreadStatus::from).collect(),
         });
         status.write().with_context(|| format!("cannot write {}", status.path.display()))?;

@@ -64,7 +64,7 @@ pub fn record(
         started_monotonic_ns: now_ns(),
         subject_toml: subject_of(&facts.config_toml),
         config_toml: facts.config_toml,
-        model_toml: String::new(),
+        model_toml: facts.model_toml,
     };
     let mut sink = Sink { recorder: Recorder::create(out, &header)?, newest_ns: header.started_monotonic_ns };
     started();

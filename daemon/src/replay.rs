@@ -11,7 +11,7 @@
 pub mod cross_validation;
 mod feed;
 pub mod fidelity;
-mod free;
+pub(crate) mod free;
 pub mod input;
 mod machine;
 mod output;
@@ -116,6 +116,7 @@ impl Replay<'_> {
             software_version: env!("CARGO_PKG_VERSION").to_owned(),
             started_monotonic_ns: self.input.started_ns(),
             config_toml: self.config.to_toml(),
+            model_toml: self.config.model_toml(),
             ..base
         }
     }

@@ -18,10 +18,16 @@ pub struct Status {
     pub station: String,
     /// The whole configuration, defaults included.
     pub config_toml: String,
+    /// The model in use beside the body; empty without one.
+    #[serde(default)]
+    pub model_toml: String,
     /// Where the page is, if it is served.
     pub page: Option<String>,
     /// Whether memory is locked, or why not.
     pub memory_lock: String,
+    /// Where the model does not explain what is measured, now; nothing while it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_suspicion: Option<String>,
     /// What each thread asked for and has, in words.
     pub threads: Vec<ThreadStatus>,
 }
@@ -55,14 +61,23 @@ impl From<&ThreadReport> for ThreadStatus {
 pub struct StatusFile {
     /// Where.
     pub path: PathBuf,
+    status: Status,
     text: String,
 }
 
 impl StatusFile {
     /// A file for these facts.
-    pub fn new(status: &Status) -> StatusFile {
-        let text = serde_json::to_string_pretty(status).unwrap_or_default();
-        StatusFile { path: path_of(&status.station), text }
+    pub fn new(status: Status) -> StatusFile {
+        let text = serde_json::to_string_pretty(&status).unwrap_or_default();
+        StatusFile { path: path_of(&status.station), status, text }
+    }
+
+    /// Says where the model does not explain what is measured; written with the next [`StatusFile::write`].
+    pub fn suspect(&mut self, suspicion: Option<String>) {
+        if self.status.model_suspicion != suspicion {
+            self.status.model_suspicion = suspicion;
+            self.text = serde_json::to_string_pretty(&self.status).unwrap_or_default();
+        }
     }
 
     /// Writes it, if it is not there as it should be.

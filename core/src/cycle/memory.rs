@@ -76,6 +76,13 @@ impl Memory {
         self.found = Validity::MOVING.and(Validity::FEET_OFF_PLATE).0;
     }
 
+    /// Starts over with the streams, keeping only what an empty plate shows: a tare lasts until the next.
+    pub fn start_over(&mut self, settings: &Settings) {
+        let tare = self.tare;
+        self.start(settings);
+        self.tare = tare;
+    }
+
     /// Whether every index and number is in range. A memory that was stored is checked before it is used: no file
     /// may make the loop panic.
     pub fn is_sound(&self) -> bool {

@@ -136,6 +136,16 @@ impl History {
         Some(self.at(self.count_in.checked_sub(1)?))
     }
 
+    /// The moments that came in after a time and are still kept, oldest first, whether or not they have come out.
+    pub fn since(&self, time_ns: u64) -> impl Iterator<Item = &Moment> {
+        let oldest = self.count_in.saturating_sub(CAPACITY as u64);
+        let mut first = self.count_in;
+        while first > oldest && self.at(first - 1).time_ns > time_ns {
+            first -= 1;
+        }
+        (first..self.count_in).map(|index| self.at(index))
+    }
+
     /// The next moment that has `half_window_ns` of motion after it, with its inertia if the window carries it.
     pub fn next(&mut self, half_window_ns: u64, worker: &Build<'_>) -> Option<(Moment, Option<Inertia>)> {
         let newest_ns = self.newest()?.time_ns;
@@ -213,9 +223,9 @@ impl History {
     }
 }
 
-/// Derivatives at a moment.
+/// Derivatives at a moment: sums over the moments of the window around it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Motion {
+pub struct Motion {
     /// Second derivative of each segment's centre, m/s².
     pub(super) acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
     /// First and second derivative of each orientation's quaternion, 1/s and 1/s².
@@ -223,11 +233,13 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    fn zeroed() -> Motion {
+    /// No moment was added yet.
+    pub fn zeroed() -> Motion {
         Motion { acceleration_m_per_s2: [[0.0; 3]; SEGMENTS], turning: [[[0.0; 4]; 2]; SEGMENTS] }
     }
 
-    fn add(&mut self, moment: &Moment, first: f64, second: f64) {
+    /// Adds one moment of the window with its weights in the first and the second derivative, 1/s and 1/s².
+    pub fn add(&mut self, moment: &Moment, first: f64, second: f64) {
         for (sum, value) in
             self.acceleration_m_per_s2.iter_mut().flatten().zip(moment.centre_m.iter().flatten())
         {

@@ -45,26 +45,14 @@ impl Inertia {
     };
 
     /// Sums over the segments: masses and centres by the table laid on this worker's bones.
-    ///
-    /// `L̇ = Σ μ_i (c_i − C) × c̈_i + Σ μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion,
-    /// `ω = 2 q̇ q̄`, `α = 2 q̈ q̄` (vector parts).
     pub(super) fn of(moment: &Moment, motion: &Motion, worker: &Build) -> Inertia {
-        let mass = &worker.body.mass_fraction;
-        let acceleration = |segment: usize| Vector3::from(motion.acceleration_m_per_s2[segment]);
-        let (mut centre, mut whole) = (Vector3::zeros(), Vector3::zeros());
-        for (segment, &mass) in mass.iter().enumerate() {
-            centre += mass * moment.centre(segment);
-            whole += mass * acceleration(segment);
-        }
         let mut momentum_rate = Vector3::zeros();
-        for (segment, &mass) in mass.iter().enumerate() {
-            let arm = moment.centre(segment) - centre;
-            let spin = spin_rate(
-                &moment.orientation_wxyz[segment],
-                &motion.turning[segment],
-                &worker.gyration_m2[segment],
-            );
-            momentum_rate += mass * (arm.cross(&acceleration(segment)) + spin);
+        for rate in momentum_rate_by_segment(moment, motion, worker) {
+            momentum_rate += Vector3::from(rate);
+        }
+        let mut whole = Vector3::zeros();
+        for (mass, acceleration) in worker.body.mass_fraction.iter().zip(&motion.acceleration_m_per_s2) {
+            whole += *mass * Vector3::from(*acceleration);
         }
         Inertia {
             acceleration_m_per_s2: whole.into(),
@@ -94,6 +82,27 @@ impl Inertia {
         let [x, y, _] = self.momentum_rate_m2_per_s2;
         [-y / specific_force_m_per_s2, x / specific_force_m_per_s2]
     }
+}
+
+/// What each segment adds to the rate of the angular momentum about the centre of mass over the body's mass, m²/s²:
+/// `μ_i (c_i − C) × c̈_i + μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion, `ω = 2 q̇ q̄`,
+/// `α = 2 q̈ q̄` (vector parts).
+pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build) -> [[f64; 3]; SEGMENTS] {
+    let mass = &worker.body.mass_fraction;
+    let mut centre = Vector3::zeros();
+    for (segment, &mass) in mass.iter().enumerate() {
+        centre += mass * moment.centre(segment);
+    }
+    core::array::from_fn(|segment| {
+        let arm = moment.centre(segment) - centre;
+        let acceleration = Vector3::from(motion.acceleration_m_per_s2[segment]);
+        let spin = spin_rate(
+            &moment.orientation_wxyz[segment],
+            &motion.turning[segment],
+            &worker.gyration_m2[segment],
+        );
+        (mass[segment] * (arm.cross(&acceleration) + spin)).into()
+    })
 }
 
 /// Rate of a segment's own angular momentum over its mass, world, m²/s²: `I α + ω × I ω`.

@@ -5,6 +5,8 @@ use super::history::CAPACITY;
 /// Weights of a window's samples: `derivative = Σ weight · value`.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights {
+    /// Of the value itself, smoothed.
+    pub value: [f64; CAPACITY],
     /// Of the first derivative, 1/s.
     pub first: [f64; CAPACITY],
     /// Of the second derivative, 1/s².
@@ -31,17 +33,20 @@ pub fn weights(times_s: &[f64]) -> Option<Weights> {
         }
     }
     let [s0, s1, s2, s3, s4] = sums;
-    // The rows of the inverse of the normal matrix that give slope and curvature.
+    // The rows of the inverse of the normal matrix that give height, slope and curvature.
     let determinant = s0 * (s2 * s4 - s3 * s3) - s1 * (s1 * s4 - s2 * s3) + s2 * (s1 * s3 - s2 * s2);
     if determinant < 1e-9 * s0 * s0 * s0 {
         return None;
     }
+    let height = [s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2].map(|minor| minor / determinant);
     let slope = [s2 * s3 - s1 * s4, s0 * s4 - s2 * s2, s1 * s2 - s0 * s3].map(|minor| minor / determinant);
     let curvature =
         [s1 * s3 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1].map(|minor| minor / determinant);
-    let mut weights = Weights { first: [0.0; CAPACITY], second: [0.0; CAPACITY] };
+    let mut weights =
+        Weights { value: [0.0; CAPACITY], first: [0.0; CAPACITY], second: [0.0; CAPACITY] };
     for (index, time) in times_s.iter().enumerate() {
         let x = time / scale_s;
+        weights.value[index] = height[0] + x * (height[1] + x * height[2]);
         weights.first[index] = (slope[0] + x * (slope[1] + x * slope[2])) / scale_s;
         weights.second[index] =
             2.0 * (curvature[0] + x * (curvature[1] + x * curvature[2])) / (scale_s * scale_s);
@@ -57,12 +62,14 @@ mod tests {
     fn a_parabola_is_differentiated_exactly_at_uneven_times() {
         let times = [-0.11, -0.07, -0.05, 0.0, 0.02, 0.06, 0.09];
         let weights = weights(&times).unwrap();
-        let [mut first, mut second] = [0.0; 2];
+        let [mut smooth, mut first, mut second] = [0.0; 3];
         for (index, time) in times.iter().enumerate() {
             let value = 3.0 - 2.0 * time + 7.0 * time * time;
+            smooth += weights.value[index] * value;
             first += weights.first[index] * value;
             second += weights.second[index] * value;
         }
+        assert!((smooth - 3.0).abs() < 1e-12, "{smooth}");
         assert!((first + 2.0).abs() < 1e-11 && (second - 14.0).abs() < 1e-9, "{first} {second}");
     }
 

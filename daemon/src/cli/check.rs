@@ -8,7 +8,7 @@ use super::Outcome;
 use crate::config::Config;
 use crate::{profile, similar};
 
-/// Check a configuration file
+/// Check a configuration file, and the model that it names
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise check /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
@@ -25,6 +25,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         config.tick.rate_hz,
         config.subject.id
     );
+    if let Some(model) = &config.loaded_model {
+        println!("{}", model.tell());
+    }
     let settings = config.settings();
     if settings.prior == PriorKind::SimilarSubject {
         let chosen = similar::choose(&config.subject.id, &settings, &profile::folder());

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 
 use super::Outcome;
+use crate::model::LoadedModel;
 use crate::replay::Replay;
 use crate::replay::cross_validation::cross_validate;
 use crate::replay::input::Input;
@@ -13,8 +14,9 @@ use crate::replay::score::Judge;
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///
 /// A recording of `equipoise record` gives the live loop's states again, byte for byte, and says so. Imports and
-/// captures (.csv, .pcap, .pcapng) are replayed at the configured loop rate. With --config a recording's cycles are
-/// computed afresh with other settings, and not compared.
+/// captures (.csv, .pcap, .pcapng) are replayed at the configured loop rate. With --config or --model a recording's
+/// cycles are computed afresh with other settings, and not compared. Of a model that was found in this very recording
+/// every effect holds in its own span; elsewhere those that lasted to the end hold all the time.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise replay shift.mcap --out shift.jsonl\n\nExit code 3: part of the data was \
@@ -26,6 +28,9 @@ pub(super) struct Arguments {
     /// Configuration to use in place of the recording's own
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Model file to use in place of the recording's or configuration's own; cycles are then computed afresh
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
     /// Write every state: .jsonl, .csv, .mcap; - for JSON lines on standard output
     #[arg(long, value_name = "RESULT")]
     out: Option<PathBuf>,
@@ -46,10 +51,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if arguments.out.as_deref().is_some_and(|out| is_same_file(file, out)) {
         bail!("--out {} is the input itself; choose another name", file.display());
     }
-    let chosen = input.configuration(arguments.config.as_deref())?;
-    let replay = Replay { input: &input, config: &chosen.config, as_recorded: arguments.config.is_none() };
+    let mut chosen = input.configuration(arguments.config.as_deref())?;
+    if let Some(path) = &arguments.model {
+        chosen.config.loaded_model = Some(LoadedModel::read(path)?);
+    }
+    let as_recorded = arguments.config.is_none() && arguments.model.is_none();
+    let mut text = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
+    if let Some(model) = &mut chosen.config.loaded_model {
+        if !as_recorded {
+            model.fit_to(file)?;
+        }
+        text += &format!("{}\n", model.tell());
+    }
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded };
     let summary = replay.run(arguments.out.as_deref())?;
-    let mut text = format!("{}\nconfiguration: {}\n{summary}", file.display(), chosen.origin);
+    text += &summary.to_string();
     if let Some(blocks) = arguments.cross_validate {
         text +=
             &cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic, arguments.poses)?.to_string();

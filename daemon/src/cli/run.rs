@@ -1,5 +1,6 @@
 //! `equipoise run`: the service.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -9,6 +10,7 @@ use tracing::info;
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
 use crate::config::Config;
+use crate::model::LoadedModel;
 use crate::pipeline::Pipeline;
 
 /// Run the pipeline as a service
@@ -17,11 +19,20 @@ use crate::pipeline::Pipeline;
 pub(super) struct Arguments {
     #[command(flatten)]
     config: ConfigArgument,
+    /// Model file to run, in place of the configuration's own
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
-    let config = Config::read(&arguments.config.config)?;
+    let mut config = Config::read(&arguments.config.config)?;
+    if let Some(path) = &arguments.model {
+        config.loaded_model = Some(LoadedModel::read(path)?);
+    }
+    if let Some(model) = &config.loaded_model {
+        info!("{}", model.tell());
+    }
     let stop = stop_on_signals()?;
     let pipeline = Pipeline::start(&config)?;
     if let Some(url) = pipeline.page_url() {

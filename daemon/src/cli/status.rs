@@ -153,6 +153,9 @@ fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
             thread.thread, thread.asked_fifo, thread.granted_fifo, thread.cpus
         )?;
     }
+    if let Some(suspicion) = &facts.model_suspicion {
+        writeln!(out, "  model   {suspicion}")?;
+    }
     if let Some(page) = &facts.page {
         writeln!(out, "  page {page}")?;
     }

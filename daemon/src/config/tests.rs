@@ -85,3 +85,32 @@ fn what_a_file_does_not_say_is_what_core_has_for_defaults() {
     let core = Settings { library: told.library, ..Settings::for_height(1.77) };
     assert_eq!(format!("{told:?}"), format!("{core:?}"));
 }
+
+#[test]
+fn a_model_lies_beside_the_configuration_and_reaches_the_cycle() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, model) = (folder.path().join("c.toml"), folder.path().join("models/m.toml"));
+    std::fs::write(&path, format!("{SMALLEST}[model]\nfile = \"models/m.toml\"")).unwrap();
+    let said = Config::read(&path).expect_err("there is no model").to_string();
+    assert!(
+        said.starts_with("[model] file: cannot read the model") && said.contains("models/m.toml"),
+        "{said}"
+    );
+
+    std::fs::create_dir(folder.path().join("models")).unwrap();
+    let effect = "[[effect]]\nname = \"plate_offset\"\nspan_s = [0, 1]\nopen_ended = true\nlog_odds = 9.0\n";
+    let text =
+        format!("version = 1\n{effect}parameters.dx_m = {{ value = 0.01, sigma = 0.001, unit = \"m\" }}\n");
+    std::fs::write(&model, text.replace("dx_m", "dxm")).unwrap();
+    let said = Config::read(&path).expect_err("no such parameter").to_string();
+    assert!(said.contains("m.toml, effect 1, parameters.dxm") && said.contains("`dx_m`"), "{said}");
+
+    std::fs::write(&model, &text).unwrap();
+    let config = Config::read(&path).unwrap();
+    assert_eq!(config.settings().model.terms[0].map(|term| term.value[0]), Some(0.01));
+    assert_eq!(config.model_toml(), text, "recordings keep it");
+    // What a recording keeps of the configuration names the model; its text stands beside it.
+    let kept = Config::parse(&config.to_toml(), "kept").unwrap();
+    assert_eq!((&kept.model, kept.loaded_model), (&config.model, None));
+    assert!(refusal(&format!("{SMALLEST}[model]\nfiel = \"m.toml\"")).contains("did you mean `file`?"));
+}

@@ -11,6 +11,7 @@ use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::samples::{LeftOut, Sample, Samples};
 use crate::config::{Config, SuitPosition};
+use crate::model::LoadedModel;
 
 /// Stature where nobody says one, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;
@@ -134,8 +135,14 @@ impl Input {
             if text.is_empty() {
                 bail!("the recording holds no configuration; name one with --config");
             }
-            let config = Config::parse(text, "the recording's configuration")
+            let mut config = Config::parse(text, "the recording's configuration")
                 .context("this release cannot use it; name another with --config")?;
+            let model = &recording.header().model_toml;
+            if !model.is_empty() {
+                let loaded = LoadedModel::parse(model.clone(), "of the recording".to_owned());
+                config.loaded_model =
+                    Some(loaded.context("this release cannot use it; name another with --model")?);
+            }
             return Ok(Chosen { config, origin: "the recording's own".to_owned() });
         }
         let mut config = Config::parse(DEFAULT_CONFIG, "the default configuration")?;

@@ -1,0 +1,189 @@
+//! `equipoise reconcile`: where model and measurement disagree, what is missing, and the gap with it and without.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use equipoise_core::effect::Model;
+use equipoise_discrepancy::Options;
+use equipoise_discrepancy::finding::Finding;
+use equipoise_discrepancy::model_file::{ModelFile, Spans};
+use equipoise_discrepancy::spans::{Given, Span};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::Outcome;
+use crate::config::Config;
+use crate::reconcile::output::{Results, folders};
+use crate::reconcile::provenance::sha256;
+use crate::reconcile::summary::Summary;
+use crate::reconcile::{Progress, Reconcile};
+use crate::replay::input::{Chosen, Input};
+use crate::replay::left_out_lines;
+
+/// Find where model and measured data disagree, name the missing effect, add it to the model
+///
+/// Goes through a recording (.mcap) or a capture (.csv, .pcap, .pcapng, with --config): learns the worker from the
+/// identification poses, compares what the model predicts with what the plate measured, and asks which effect of the
+/// catalogue is missing: a load in a hand, a plate that was moved, a suit that is late, and so on. Spans are found if
+/// they are not given, and it says which were taken.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  equipoise reconcile shift.mcap --out shift-reconciled\n  equipoise reconcile shift.mcap \
+                  --identify 0:95 --reference 95:240 --work 240:900 --json\n  equipoise reconcile capture.csv --config \
+                  examples/human-motion.toml --identify 0:30\n  equipoise replay shift.mcap --model \
+                  shift-reconciled/model.toml\n\nExit code 3: part of the data was rejected or is missing; the rest was \
+                  used, and the summary says what."
+)]
+pub(super) struct Arguments {
+    /// Recordings or captures; several are handled one after the other
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Configuration to use in place of the recording's own
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Model file whose effects are known already
+    #[arg(long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Identification poses: begin and end, seconds since the recording's begin
+    #[arg(long, value_name = "A:B")]
+    identify: Option<String>,
+    /// Work known to be clean
+    #[arg(long, value_name = "A:B")]
+    reference: Option<String>,
+    /// Work in question
+    #[arg(long, value_name = "A:B")]
+    work: Option<String>,
+    /// Write model.toml, report.html and report.md here; of several files, each into a folder of its name
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print the finding as JSON; of several files, one line each
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let given = Given {
+        identify: span("--identify", arguments.identify.as_deref())?,
+        reference: span("--reference", arguments.reference.as_deref())?,
+        work: span("--work", arguments.work.as_deref())?,
+    };
+    let folders = arguments.out.as_deref().map(|out| folders(out, &arguments.files)).transpose()?;
+    let mut outcome = Outcome::Done;
+    for (index, file) in arguments.files.iter().enumerate() {
+        let folder = folders.as_ref().map(|folders| folders[index].as_path());
+        let of_file = one(arguments, file, folder, given).with_context(|| file.display().to_string())?;
+        if of_file == Outcome::PartRejected {
+            outcome = Outcome::PartRejected;
+        }
+    }
+    Ok(outcome)
+}
+
+fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
+    text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
+}
+
+/// What comes of one file: whether all of it was used.
+fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) -> anyhow::Result<Outcome> {
+    let input = Input::open(file)?;
+    let chosen = input.configuration(arguments.config.as_deref())?;
+    same_subject(&input, &chosen)?;
+    let hash = sha256(file)?;
+    let known = arguments.model.as_deref().map(ModelFile::read).transpose()?;
+    let (known_model, told) = model_for(known.as_ref(), &hash);
+    let reconcile =
+        Reconcile { input: &input, config: &chosen.config, given, known: known.as_ref(), known_model };
+    let bar = Bar::new(arguments.json);
+    let compared = reconcile.compare(&mut |progress| bar.show(progress))?;
+    let mut outcome = equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
+        bar.show(Progress { doing: "looking for what is missing", share });
+    })?;
+    bar.clear();
+    let written = match folder {
+        Some(folder) => {
+            let command = std::env::args().collect::<Vec<String>>().join(" ");
+            let results = Results { folder, file, sha256: &hash, command };
+            results.write(&reconcile, &compared, &mut outcome)?
+        }
+        None => Vec::new(),
+    };
+    let rejected = &compared.left_out.rejected;
+    let summary = Summary { compared: &compared, finding: &outcome.finding };
+    let head = format!("{}\nconfiguration: {}\n{told}", file.display(), chosen.origin);
+    let left_out = left_out_lines(&compared.left_out);
+    if arguments.json {
+        print_json(&outcome.finding, arguments.files.len() > 1)?;
+        eprint!("{left_out}");
+    } else {
+        let written = written.iter().rev().take(3).map(|path| format!("written: {}\n", path.display()));
+        print!("{head}{summary}{}{left_out}", written.collect::<String>());
+    }
+    Ok(if rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
+}
+
+/// One line where there are several, so that each is read as it comes.
+fn print_json(finding: &Finding, one_line: bool) -> anyhow::Result<()> {
+    let text = if one_line { serde_json::to_string(finding)? } else { serde_json::to_string_pretty(finding)? };
+    println!("{text}");
+    Ok(())
+}
+
+/// A configuration of another worker would put another body on the plate.
+fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
+    let Input::Recording(recording) = input else { return Ok(()) };
+    let Ok(own) = Config::parse(&recording.header().config_toml, "the recording's configuration") else {
+        return Ok(());
+    };
+    let [recorded, configured] = [&own.subject.id, &chosen.config.subject.id];
+    if recorded != configured {
+        bail!(
+            "the recording is of {recorded}, and the configuration is {configured}'s; name a configuration of {recorded} \
+             with --config, or none: the recording brings its own"
+        );
+    }
+    Ok(())
+}
+
+/// What of a model holds in this recording, and what to say of it.
+fn model_for(known: Option<&ModelFile>, sha256: &str) -> (Model, String) {
+    let Some(known) = known else { return (Model::default(), String::new()) };
+    let spans = if known.is_of(sha256) { Spans::Hold } else { Spans::OpenEndedForEver };
+    let (model, left_out) = known.model(spans);
+    let mut told = format!("known effects: {}\n", model.terms.iter().flatten().count());
+    for fitted in left_out {
+        told += &format!("  not in this recording: {}, which ended in the one it was found in\n", fitted.name());
+    }
+    (model, told)
+}
+
+/// Tells people at a terminal how far it is.
+struct Bar(Option<ProgressBar>);
+
+impl Bar {
+    fn new(json: bool) -> Bar {
+        let wanted = !json && std::io::IsTerminal::is_terminal(&std::io::stderr());
+        Bar(wanted.then(|| {
+            let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {percent:>3} % {eta}");
+            let bar = ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        }))
+    }
+
+    fn show(&self, progress: Progress) {
+        if let Some(bar) = &self.0 {
+            let at = (1000.0 * progress.share.clamp(0.0, 1.0)) as u64;
+            if bar.message() != progress.doing {
+                bar.set_message(progress.doing);
+                bar.reset_eta();
+            }
+            bar.set_position(at);
+        }
+    }
+
+    fn clear(&self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The model file in use: what the loop runs beside the body, and what to say of it.
+
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::Context;
+use equipoise_core::effect::Model;
+use equipoise_discrepancy::model_file::{ModelFile, ModelFileError, Spans};
+use sha2::{Digest, Sha256};
+
+/// A model file that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadedModel {
+    /// What people call it: its path, or that a recording holds it.
+    pub name: String,
+    /// The file's text, which recordings keep.
+    pub text: String,
+    file: ModelFile,
+    spans_hold: bool,
+}
+
+impl LoadedModel {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`ModelFileError`], whose text is fit for the person who wrote the file.
+    pub fn read(path: &Path) -> Result<LoadedModel, ModelFileError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ModelFileError::Read { path: path.to_owned(), source })?;
+        LoadedModel::parse(text, path.display().to_string())
+    }
+
+    /// Takes a text that `name` holds.
+    ///
+    /// # Errors
+    /// As [`LoadedModel::read`].
+    pub fn parse(text: String, name: String) -> Result<LoadedModel, ModelFileError> {
+        let file = ModelFile::parse(&text, &name)?;
+        Ok(LoadedModel { name, text, file, spans_hold: false })
+    }
+
+    /// Lets every effect hold in its span if the file was made from this recording.
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn fit_to(&mut self, recording: &Path) -> anyhow::Result<()> {
+        self.spans_hold = self.file.provenance.is_some() && self.file.is_of(&sha256_of(recording)?);
+        Ok(())
+    }
+
+    /// What the loop runs.
+    pub fn model(&self) -> Model {
+        self.file.model(self.spans()).0
+    }
+
+    /// What runs and what is left out, in one sentence for people.
+    pub fn tell(&self) -> String {
+        let (_, left_out) = self.file.model(self.spans());
+        let running = self.file.effects.iter().filter(|fitted| !left_out.contains(fitted));
+        let names = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join(", ") };
+        let mut told =
+            format!("model {}: {}", self.name, names(running.map(|fitted| fitted.name()).collect()));
+        if self.spans_hold {
+            told += ", each in the span of this recording in which it was found";
+        }
+        if !left_out.is_empty() {
+            let left_out = names(left_out.into_iter().map(|fitted| fitted.name()).collect());
+            told +=
+                &format!("; left out, since it ended before the recording it was found in did: {left_out}");
+        }
+        told
+    }
+
+    fn spans(&self) -> Spans {
+        if self.spans_hold { Spans::Hold } else { Spans::OpenEndedForEver }
+    }
+}
+
+/// SHA-256 of a file's bytes, 64 hexadecimal digits.
+///
+/// # Errors
+/// It cannot be read.
+pub fn sha256_of(path: &Path) -> anyhow::Result<String> {
+    let mut hash = Sha256::new();
+    let mut file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).with_context(|| format!("cannot read {}", path.display()))? {
+            0 => break,
+            count => hash.update(&buffer[..count]),
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "version = 1\n[provenance]\nrecording_sha256 = \"HASH\"\ndate = \"\"\nsubject = \"\"\nstation = \
+                        \"\"\nsoftware = \"\"\nidentify_s = [0, 1]\nwork_s = [1, 2]\n[[effect]]\nname = \"plate_offset\"\n\
+                        span_s = [1, 2]\nopen_ended = true\nlog_odds = 9.0\n[effect.parameters.dx_m]\nvalue = 0.01\nsigma = \
+                        0.001\nunit = \"m\"\n[[effect]]\nname = \"plate_yaw\"\nspan_s = [1, 1.5]\nopen_ended = \
+                        false\nlog_odds = 9.0\n[effect.parameters.psi_rad]\nvalue = 0.1\nsigma = 0.001\nunit = \"rad\"\n";
+
+    #[test]
+    fn spans_hold_in_the_recording_they_were_found_in_and_nowhere_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let (here, elsewhere) = (folder.path().join("here"), folder.path().join("elsewhere"));
+        std::fs::write(&here, "abc").unwrap();
+        std::fs::write(&elsewhere, "abd").unwrap();
+        // FIPS 180-2, appendix B.1.
+        let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256_of(&here).unwrap(), known);
+        let mut loaded = LoadedModel::parse(TEXT.replace("HASH", known), "m.toml".to_owned()).unwrap();
+        let spans = |loaded: &LoadedModel| {
+            loaded.model().terms.iter().flatten().map(|term| term.span_s).collect::<Vec<_>>()
+        };
+        assert_eq!(spans(&loaded), [[0.0, f64::INFINITY]]);
+        let told = "model m.toml: plate_offset; left out, since it ended before the recording it was found in did: plate_yaw";
+        assert_eq!(loaded.tell(), told);
+        loaded.fit_to(&here).unwrap();
+        assert_eq!(spans(&loaded), [[1.0, f64::INFINITY], [1.0, 1.5]]);
+        assert!(loaded.tell().contains("plate_offset, plate_yaw, each in the span"), "{}", loaded.tell());
+        loaded.fit_to(&elsewhere).unwrap();
+        assert_eq!(spans(&loaded).len(), 1);
+        assert!(loaded.fit_to(&folder.path().join("none")).is_err());
+    }
+}

@@ -1,0 +1,88 @@
+//! Which limb's pose goes with what is left over.
+
+use std::fmt;
+
+use equipoise_core::body::Segment;
+use nalgebra::{Matrix3, Vector3};
+
+/// So large a share of the variance must go with a limb's pose before it is named.
+const SHARE_MIN: f64 = 0.5;
+/// A limb that moves less than this says nothing, m.
+const MOVED_MIN_M: f64 = 0.03;
+
+/// A part of the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limb {
+    /// From the pelvis to T8.
+    Trunk,
+    /// From the right shoulder to the hand.
+    RightArm,
+    /// From the left shoulder to the hand.
+    LeftArm,
+    /// From the feet to the pelvis.
+    Legs,
+}
+
+impl Limb {
+    const ALL: [Limb; 4] = [Limb::Trunk, Limb::RightArm, Limb::LeftArm, Limb::Legs];
+}
+
+impl fmt::Display for Limb {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Limb::Trunk => "trunk",
+            Limb::RightArm => "right arm",
+            Limb::LeftArm => "left arm",
+            Limb::Legs => "legs",
+        })
+    }
+}
+
+/// From one end of each limb to the other, in the order of the limbs, m.
+pub(super) type Features = [[f64; 3]; 4];
+
+/// The limbs of a pose.
+pub(super) fn features(origin_m: impl Fn(Segment) -> [f64; 3]) -> Features {
+    let between = |from: [f64; 3], to: [f64; 3]| std::array::from_fn(|axis| to[axis] - from[axis]);
+    let feet = [Segment::LeftFoot, Segment::RightFoot].map(&origin_m);
+    let middle = std::array::from_fn(|axis| 0.5 * (feet[0][axis] + feet[1][axis]));
+    [
+        between(origin_m(Segment::Pelvis), origin_m(Segment::T8)),
+        between(origin_m(Segment::RightUpperArm), origin_m(Segment::RightHand)),
+        between(origin_m(Segment::LeftUpperArm), origin_m(Segment::LeftHand)),
+        between(middle, origin_m(Segment::Pelvis)),
+    ]
+}
+
+/// The limb whose pose explains most of the variance of `off`, linearly; `None` if none explains half of it.
+pub(super) fn limb_that_goes_with(off: &[f64], poses: &[Features]) -> Option<Limb> {
+    let shares = Limb::ALL.into_iter().enumerate().filter_map(|(index, limb)| {
+        let pose: Vec<[f64; 3]> = poses.iter().map(|pose| pose[index]).collect();
+        Some((limb, share(off, &pose)?))
+    });
+    let (limb, share) = shares.max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    (share >= SHARE_MIN).then_some(limb)
+}
+
+/// Share of the variance of `off` that goes with three coordinates, less what three of noise would explain.
+fn share(off: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
+    let count = off.len() as f64;
+    if off.len() < 8 {
+        return None;
+    }
+    let off_mean = off.iter().sum::<f64>() / count;
+    let pose_mean = pose.iter().map(|at| Vector3::from(*at)).sum::<Vector3<f64>>() / count;
+    let rows = || off.iter().zip(pose).map(|(y, at)| (y - off_mean, Vector3::from(*at) - pose_mean));
+    let moved_m2 = rows().map(|(_, x)| x.norm_squared()).sum::<f64>() / count;
+    if moved_m2 < MOVED_MIN_M * MOVED_MIN_M {
+        return None;
+    }
+    // A millimetre of ridge: coordinates that hardly vary explain nothing.
+    let ridge = Matrix3::identity() * (1e-6 * count);
+    let normal = rows().map(|(_, x)| x * x.transpose()).sum::<Matrix3<f64>>() + ridge;
+    let slope = normal.cholesky()?.solve(&rows().map(|(y, x)| x * y).sum::<Vector3<f64>>());
+    let whole: f64 = rows().map(|(y, _)| y * y).sum();
+    let left: f64 = rows().map(|(y, x)| (y - x.dot(&slope)).powi(2)).sum();
+    let adjusted = (count - 1.0) / (count - 4.0);
+    (whole > 0.0).then(|| 1.0 - adjusted * left / whole)
+}

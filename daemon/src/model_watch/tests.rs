@@ -1,0 +1,198 @@
+use bytemuck::Zeroable;
+use equipoise_core::body::SEGMENTS;
+use equipoise_core::cycle::{Inputs, Memory, Settings, StopRule, Tick, step};
+use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::motion::{Habits, Worker};
+use equipoise_simulator::noise::{Suit, SuitNoise};
+use equipoise_simulator::person::Person;
+use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
+
+use super::*;
+
+const SUIT_HZ: u64 = 60;
+const TICK_NS: u64 = 1_000_000_000 / (2 * SUIT_HZ);
+
+/// A worker who is learnt in held poses and then goes through them at work, on simulated time.
+struct Session {
+    worker: Worker,
+    suit: Suit,
+    settings: Settings,
+    memory: Box<Memory>,
+    cycle: u64,
+    watch: ModelWatch,
+    told: Vec<(u64, Suspicion)>,
+}
+
+impl Session {
+    fn new() -> Session {
+        let settings = Settings {
+            mass_kg: Some(72.0),
+            library: LIBRARY,
+            stop: StopRule::PredictedCop { sigma_m: 0.004 },
+            ..Settings::for_height(1.77)
+        };
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&settings);
+        Session {
+            worker: Worker::with_habits(Person::nominal(1.77, 72.0), 5, Habits::NONE),
+            suit: Suit::new(SuitNoise::NONE, 5),
+            settings,
+            memory,
+            cycle: 0,
+            watch: ModelWatch::default(),
+            told: Vec::new(),
+        }
+    }
+
+    fn now_s(&self) -> f64 {
+        (self.cycle * TICK_NS) as f64 * 1e-9
+    }
+
+    fn run(&mut self, seconds: f64) {
+        let streams = Streams { joint_angles: false, linear_kinematics: false, centre_of_mass: false };
+        let end_s = self.now_s() + seconds;
+        while self.now_s() < end_s {
+            self.cycle += 1;
+            let due_ns = 1_000_000_000 + self.cycle * TICK_NS;
+            let wrench = self.worker.ground_reaction(self.now_s());
+            let ground = GroundSample {
+                sample_time_ns: due_ns,
+                force_n: wrench.force_n.into(),
+                moment_nm: wrench.moment_nm.into(),
+                ..GroundSample::zeroed()
+            };
+            let number = (self.cycle / 2) as u32;
+            let seen =
+                frame(&self.worker, &self.suit, SuitWorld::default(), streams, 0, (number, SUIT_HZ as f64));
+            let suit = SuitSample {
+                sample_time_ns: due_ns,
+                position_m: seen.position_m,
+                orientation_wxyz: seen.orientation_wxyz,
+                ..SuitSample::zeroed()
+            };
+            let suit = if self.cycle.is_multiple_of(2) { std::slice::from_ref(&suit) } else { &[] };
+            let inputs = Inputs { suit, ground: std::slice::from_ref(&ground), command: None };
+            let state = step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns }, inputs);
+            // About once a second, as housekeeping does.
+            if self.cycle.is_multiple_of(2 * SUIT_HZ)
+                && let Some(suspicion) = self.watch.look(state)
+            {
+                self.told.push((state.suit_sample_time_ns, suspicion));
+            }
+        }
+    }
+
+    fn poses(&mut self, first: usize, count: usize) {
+        for posture in LIBRARY.iter().cycle().skip(first).take(count) {
+            let at_s = self.now_s() + 0.05;
+            self.worker.take_pose(posture, at_s, 1.0);
+            self.run(2.5);
+        }
+    }
+
+    fn identified() -> Session {
+        let mut session = Session::new();
+        session.run(1.0);
+        session.poses(0, 24);
+        assert_eq!(session.memory.state.converged, 1, "σ {}", session.memory.state.predicted_cop_sigma_m);
+        session
+    }
+}
+
+#[test]
+fn a_worker_whom_the_model_fits_is_not_suspected() {
+    let mut session = Session::identified();
+    session.poses(3, 40);
+    assert_eq!(session.told, []);
+    assert!(session.watch.seen.len() > 2 * MOMENTS_MIN, "it has looked: {}", session.watch.seen.len());
+}
+
+/// A kilogram is below the threshold of a load: nobody is told of an overload, and the model is wrong.
+#[test]
+fn a_hidden_mass_is_told_once_in_five_minutes_and_where_it_shows() {
+    let mut session = Session::identified();
+    let at_s = session.now_s() + 0.1;
+    session.worker.lift(1.2, at_s);
+    session.poses(3, 40);
+    let [(first_ns, told)] = session.told[..] else { panic!("told once: {:?}", session.told) };
+    assert_eq!(told.signal, Signal::Force);
+    // The first minute that shows it still has moments from before.
+    assert!((0.6..1.1).contains(&(told.size / (1.2 * 9.81))), "{told:?}");
+    assert!(session.watch.suspected().is_some(), "and the status goes on saying so");
+    session.poses(3, 110);
+    assert!(session.told.len() >= 2, "and again later");
+    assert!(session.told[1].0 - first_ns >= SILENCE_NS);
+}
+
+#[test]
+fn a_load_is_no_discrepancy() {
+    let mut session = Session::identified();
+    let at_s = session.now_s() + 0.1;
+    session.worker.lift(6.0, at_s);
+    session.poses(3, 40);
+    assert_eq!(session.told, []);
+}
+
+/// A state of somebody known and unloaded, a second after the one before; what is left over is given.
+fn state(second: u64, off_m: [f64; 2], still: bool, hand_m: f64) -> State {
+    let mut state = State::zeroed();
+    state.phase = Phase::Monitoring as u32;
+    state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
+    state.suit_sample_time_ns = second * NS_PER_S;
+    state.static_pose = u32::from(still);
+    state.cop_measured_m = off_m;
+    state.cop_sigma_m = [0.003; 2];
+    state.delta_f_sigma_n = 2.0;
+    let mut origin_m = [[0.0; 3]; SEGMENTS];
+    origin_m[Segment::RightHand.index()] = [hand_m, 0.1, 0.0];
+    state.segment_origin_m = origin_m;
+    state
+}
+
+#[test]
+fn the_limb_axis_and_phase_are_named() {
+    let mut watch = ModelWatch::default();
+    let told: Vec<Suspicion> = (1..=60)
+        .filter_map(|second| {
+            // Forward and back; the hand goes there every seventh second.
+            let hand_m = 0.1 * (second % 7) as f64;
+            watch.look(&state(second, [0.001, -0.02 - 0.03 * hand_m], second % 2 == 0, hand_m))
+        })
+        .collect();
+    let [told] = told[..] else { panic!("{told:?}") };
+    assert_eq!((told.signal, told.limb), (Signal::CopLeft, Some(Limb::RightArm)));
+    assert!(told.size < -0.02 && told.times_sigma > 6.0, "{told:?}");
+    let said = told.to_string();
+    assert!(said.contains("the centre of pressure lies in the median 29 mm right of"), "{said}");
+    assert!(said.contains("it goes with the pose of the right arm"), "{said}");
+}
+
+#[test]
+fn who_is_learnt_anew_is_looked_at_anew() {
+    let mut watch = ModelWatch::default();
+    for second in 1..=39 {
+        assert_eq!(watch.look(&state(second, [0.05, 0.0], true, 0.0)), None, "too short");
+    }
+    let mut learning = state(40, [0.05, 0.0], true, 0.0);
+    learning.phase = Phase::Identifying as u32;
+    assert_eq!(watch.look(&learning), None);
+    for second in 41..=70 {
+        assert_eq!(watch.look(&state(second, [0.05, 0.0], true, 0.0)), None);
+    }
+    let mut spoilt = state(90, [0.05, 0.0], true, 0.0);
+    spoilt.valid |= Validity::MOVING.0;
+    assert_eq!(watch.look(&spoilt), None, "what is not known is not compared");
+    let told = watch.look(&state(91, [0.05, 0.0], true, 0.0));
+    assert!(told.is_some_and(|told| told.still && told.limb.is_none()), "{told:?}");
+    assert!(watch.look(&state(91, [0.05, 0.0], true, 0.0)).is_none(), "one state is seen once");
+}
+
+#[test]
+fn few_wild_moments_are_no_suspicion() {
+    let mut watch = ModelWatch::default();
+    for second in 1..=120 {
+        let off_m = if second % 5 == 0 { 0.2 } else { 0.002 };
+        assert_eq!(watch.look(&state(second, [off_m, -off_m], second % 3 == 0, 0.0)), None);
+    }
+}

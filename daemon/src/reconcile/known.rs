@@ -1,0 +1,72 @@
+//! Effects that are known already: what they explain is no news.
+
+use equipoise_core::effect::{Effect, Model};
+use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change};
+
+/// Takes what the model's terms explain off what the plate measured, block by block. A lag of the suit is not among it:
+/// the cycle has dated the samples back.
+pub(super) fn take_off(blocks: &mut [Block], model: &Model) {
+    for block in blocks.iter_mut() {
+        let (mut cop_m, mut force_n) = model.change(&block.observation);
+        let filters = model.at(block.observation.time_s).filter(|term| term.effect == Effect::PlateLowpass);
+        for filter in filters {
+            let change = at_cutoff(&block.by_cutoff, filter.shape);
+            for (sum, part) in cop_m.iter_mut().zip(change.cop_m) {
+                *sum += part;
+            }
+            for (sum, part) in force_n.iter_mut().zip(change.force_n) {
+                *sum += part;
+            }
+        }
+        let seen = &mut block.observation;
+        for (measured, known) in seen.cop_measured_m.iter_mut().zip(cop_m) {
+            *measured -= known;
+        }
+        for (measured, known) in seen.force_measured_n.iter_mut().zip(force_n) {
+            *measured -= known;
+        }
+    }
+}
+
+/// What a filter of any cutoff changes, between those that blocks keep: a change goes with the filter's delay, which is
+/// one over its cutoff.
+fn at_cutoff(by_cutoff: &[Change; CUTOFFS_HZ.len()], cutoff_hz: f64) -> Change {
+    let last = CUTOFFS_HZ.len() - 1;
+    let above = CUTOFFS_HZ.partition_point(|known_hz| *known_hz < cutoff_hz);
+    let delay_s = 1.0 / cutoff_hz;
+    // Beyond the highest cutoff the change shrinks towards none; below the lowest it is taken for that of the lowest.
+    let (near, share, far) = match above {
+        0 => (&by_cutoff[0], 0.0, &by_cutoff[0]),
+        above if above > last => {
+            let nothing = delay_s * CUTOFFS_HZ[last];
+            return scaled(&by_cutoff[last], nothing);
+        }
+        above => {
+            let [slow_s, fast_s] = [1.0 / CUTOFFS_HZ[above - 1], 1.0 / CUTOFFS_HZ[above]];
+            (&by_cutoff[above - 1], (slow_s - delay_s) / (slow_s - fast_s), &by_cutoff[above])
+        }
+    };
+    let [one, other] = [scaled(near, 1.0 - share), scaled(far, share)];
+    Change {
+        cop_m: std::array::from_fn(|axis| one.cop_m[axis] + other.cop_m[axis]),
+        force_n: std::array::from_fn(|axis| one.force_n[axis] + other.force_n[axis]),
+    }
+}
+
+fn scaled(change: &Change, by: f64) -> Change {
+    Change { cop_m: change.cop_m.map(|part| by * part), force_n: change.force_n.map(|part| by * part) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filter_between_two_that_are_kept_changes_what_its_delay_says() {
+        let by_cutoff = CUTOFFS_HZ.map(|cutoff_hz| Change { cop_m: [1.0 / cutoff_hz, 0.0], force_n: [0.0; 3] });
+        for cutoff_hz in [0.5, 0.6, 1.0, 2.5, 6.9, 7.0, 20.0] {
+            let change = at_cutoff(&by_cutoff, cutoff_hz);
+            assert!((change.cop_m[0] - 1.0 / cutoff_hz).abs() < 1e-12, "{cutoff_hz}");
+        }
+    }
+}

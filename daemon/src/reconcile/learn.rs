@@ -1,0 +1,203 @@
+//! The worker, learnt from the identification span alone.
+
+use std::cell::Cell;
+
+use anyhow::bail;
+use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
+use equipoise_core::message::CommandKind;
+use equipoise_discrepancy::spans::Shown;
+
+use super::survey::Survey;
+use super::{Progress, Reconcile, TICK_NS, memory_at_first};
+use crate::replay::free;
+use crate::replay::samples::Sample;
+
+/// Before learning ends at a time, moments before it must have come out of the loop's window, s.
+const WINDOW_S: f64 = 0.15;
+
+/// A worker, frozen.
+#[derive(Debug)]
+pub struct Learnt {
+    /// Does not learn any more.
+    pub worker: Box<Identification>,
+    /// Held poses that were learnt, and moments in motion.
+    pub poses: u64,
+    /// Likewise.
+    pub moments: u64,
+    identified_s: Option<f64>,
+    last_learnt_s: Option<f64>,
+    brought: bool,
+}
+
+impl Learnt {
+    /// What the recording shows of its phases.
+    pub fn shown(&self, samples_s: [f64; 2]) -> Shown {
+        Shown {
+            samples_s,
+            identified_s: self.identified_s,
+            last_learnt_s: self.last_learnt_s,
+            brings_worker: self.brought,
+        }
+    }
+}
+
+/// Learns the worker.
+///
+/// # Errors
+/// A sentence if there is nothing to learn from.
+pub fn learn(
+    reconcile: &Reconcile<'_>,
+    survey: &Survey,
+    progress: &mut dyn FnMut(Progress),
+) -> anyhow::Result<Learnt> {
+    let brought = survey.first_memory().filter(|memory| memory.identification.identified == 1);
+    if let (Some(memory), None) = (brought, reconcile.given.identify) {
+        return Ok(Learnt {
+            worker: frozen(&memory.identification),
+            poses: memory.identification.poses_used,
+            moments: u64::from(memory.state.motion_samples_used),
+            identified_s: None,
+            last_learnt_s: None,
+            brought: true,
+        });
+    }
+    let learnt = Pass::new(reconcile, survey).run(progress)?;
+    if learnt.poses + learnt.moments == 0 {
+        let place = match reconcile.given.identify {
+            Some(span) => format!("in the identification span {span}"),
+            None => "in the recording".to_owned(),
+        };
+        bail!(
+            "nobody holds a pose still {place}, so the worker cannot be identified: record some held poses first \
+             (equipoise identify), or say where they are with --identify; [static_pose] of the configuration says what \
+             counts as still"
+        );
+    }
+    Ok(learnt)
+}
+
+fn frozen(worker: &Identification) -> Box<Identification> {
+    let mut worker = Box::new(*worker);
+    (worker.learning, worker.identified) = (0, 1);
+    worker
+}
+
+struct Pass<'a> {
+    reconcile: &'a Reconcile<'a>,
+    survey: &'a Survey,
+    settings: Settings,
+    /// Learning may begin and has to end, s.
+    span_s: [f64; 2],
+    /// When a worker stands who is taken if identification does not end by itself, s.
+    until_s: f64,
+}
+
+/// What has been seen so far.
+#[derive(Default)]
+struct Seen {
+    count: u64,
+    last_learnt_s: Option<f64>,
+    identified_s: Option<f64>,
+    worker: Option<Box<Identification>>,
+    poses: u64,
+    moments: u64,
+}
+
+impl<'a> Pass<'a> {
+    fn new(reconcile: &'a Reconcile<'a>, survey: &'a Survey) -> Pass<'a> {
+        let samples_s = survey.samples_s();
+        let settings = Settings { start_identifying: true, ..reconcile.settings() };
+        let given = &reconcile.given;
+        match given.identify {
+            Some(span) => {
+                // All of the span is learnt, however sure the worker is before its end.
+                let stop = StopRule::PredictedCop { sigma_m: 0.0 };
+                let settings = Settings { stop, poses_min: u64::MAX, ..settings };
+                let span_s = [span.from_s, span.to_s];
+                Pass { reconcile, survey, settings, span_s, until_s: span.to_s }
+            }
+            None => {
+                let others = [given.reference, given.work].into_iter().flatten();
+                let end_s = others.map(|span| span.from_s).fold(samples_s[1], f64::min);
+                let until_s = given.learn_until_s(samples_s);
+                Pass { reconcile, survey, settings, span_s: [samples_s[0], end_s], until_s }
+            }
+        }
+    }
+
+    fn run(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Learnt> {
+        let mut memory = memory_at_first(self.reconcile, self.survey);
+        let mut seen = Seen::default();
+        let done = Cell::new(false);
+        let end_s = self.span_s[1];
+        let samples = self.reconcile.input.samples(self.reconcile.config)?;
+        let samples = samples
+            .take_while(|_| !done.get())
+            .filter(|sample| self.survey.seconds(sample_time_ns(sample)) <= end_s);
+        let mut tares = self.survey.tares_ns.iter().copied().peekable();
+        free::run(samples, TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
+            let now_s = self.survey.seconds(tick.due_ns);
+            progress(Progress { doing: "learning the worker", share: now_s / end_s.max(1e-9) });
+            let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
+            if memory.identification.identified == 0 {
+                memory.identification.learning = u64::from(now_s >= self.span_s[0] + WINDOW_S);
+            }
+            step(&self.settings, &mut memory, tick, Inputs { command, ..inputs });
+            self.see(&memory, &mut seen);
+            done.set(seen.identified_s.is_some());
+            Ok(())
+        })?;
+        self.end(&memory, &mut seen);
+        let Some(worker) = seen.worker.filter(|worker| worker.has_body()) else {
+            bail!("the suit is heard for too short a time to know the worker's bones");
+        };
+        Ok(Learnt {
+            worker,
+            poses: seen.poses,
+            moments: seen.moments,
+            identified_s: seen.identified_s,
+            last_learnt_s: seen.last_learnt_s,
+            brought: false,
+        })
+    }
+
+    fn see(&self, memory: &Memory, seen: &mut Seen) {
+        let worker = &memory.identification;
+        let told_s = self.survey.seconds(memory.state.suit_sample_time_ns);
+        let is_first_choice = told_s <= self.until_s || seen.worker.is_none();
+        let [poses, moments] = [worker.poses_used, u64::from(memory.state.motion_samples_used)];
+        if poses + moments != seen.count {
+            seen.count = poses + moments;
+            if is_first_choice {
+                seen.last_learnt_s = Some(told_s);
+            }
+        }
+        if worker.identified == 1 {
+            seen.identified_s = Some(told_s);
+        }
+        let over = told_s >= self.until_s && seen.worker.is_none();
+        if over || worker.identified == 1 {
+            self.keep(memory, seen);
+        }
+    }
+
+    /// The samples have ended.
+    fn end(&self, memory: &Memory, seen: &mut Seen) {
+        if seen.worker.is_none() {
+            self.keep(memory, seen);
+        }
+    }
+
+    fn keep(&self, memory: &Memory, seen: &mut Seen) {
+        seen.worker = Some(frozen(&memory.identification));
+        seen.poses = memory.identification.poses_used;
+        seen.moments = u64::from(memory.state.motion_samples_used);
+    }
+}
+
+fn sample_time_ns(sample: &Sample) -> u64 {
+    match sample {
+        Sample::Suit(sample) => sample.sample_time_ns,
+        Sample::Ground(sample) => sample.sample_time_ns,
+    }
+}

@@ -1,0 +1,150 @@
+//! What is written of a finding: the model and the report, whole or not at all.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use anyhow::{Context, bail};
+use equipoise_discrepancy::Outcome;
+use equipoise_discrepancy::model_file::{Fitted, ModelFile, Provenance};
+use equipoise_discrepancy::report::{Origin, Recording, Report};
+
+use super::{Compared, Reconcile, provenance};
+
+/// Name of the model file in the folder of results.
+const MODEL: &str = "model.toml";
+
+/// Where results go, and what they say of where they come from.
+#[derive(Debug)]
+pub struct Results<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// The recording as it was given.
+    pub file: &'a Path,
+    /// SHA-256 of the recording.
+    pub sha256: &'a str,
+    /// The command as it was given.
+    pub command: String,
+}
+
+impl Results<'_> {
+    /// Writes `model.toml` if there is anything to add, and the report; gives the outcome's finding the model's path.
+    ///
+    /// # Errors
+    /// The folder cannot be written; nothing in it has changed then, or an older report still stands.
+    pub fn write(
+        &self,
+        reconcile: &Reconcile<'_>,
+        compared: &Compared,
+        outcome: &mut Outcome,
+    ) -> anyhow::Result<Vec<PathBuf>> {
+        let date = provenance::now();
+        let model = self.model(reconcile, compared, outcome, &date);
+        let path = self.folder.join(MODEL);
+        let adds = !model.effects.is_empty();
+        outcome.finding.model = adds.then(|| path.display().to_string());
+        let text = model.to_toml();
+        let origin = Origin {
+            recordings: vec![Recording {
+                name: self.file.display().to_string(),
+                sha256: self.sha256.to_owned(),
+            }],
+            subject: reconcile.config.subject.id.clone(),
+            station: reconcile.config.station.clone(),
+            date,
+            software: format!("equipoise {}", env!("CARGO_PKG_VERSION")),
+            command: self.command.clone(),
+        };
+        let report = Report {
+            finding: &outcome.finding,
+            picture: &outcome.picture,
+            origin: &origin,
+            model_toml: adds.then_some(text.as_str()),
+        };
+        let mut files: Vec<(String, String)> = Vec::new();
+        // An older model would be taken for this finding's: then one without effects takes its place.
+        if adds || path.exists() {
+            ModelFile::parse(&text, MODEL)?;
+            files.push((MODEL.to_owned(), text.clone()));
+        }
+        let mut pages = report.pages().files;
+        // The page is what people open: it comes last, when all else is there.
+        pages.reverse();
+        files.extend(pages);
+        self.place(&files).with_context(|| format!("cannot write the results to {}", self.folder.display()))?;
+        Ok(files.into_iter().map(|(name, _)| self.folder.join(name)).collect())
+    }
+
+    fn model(
+        &self,
+        reconcile: &Reconcile<'_>,
+        compared: &Compared,
+        outcome: &Outcome,
+        date: &str,
+    ) -> ModelFile {
+        let spans_s = &compared.session.spans_s;
+        let mut effects = reconcile.known.map(|known| known.effects.clone()).unwrap_or_default();
+        effects.extend(outcome.terms.iter().map(|fitted| {
+            let term = &fitted.term;
+            let open_ended = term.span_s[1].is_infinite();
+            let to_s = if open_ended { compared.session.length_s } else { term.span_s[1] };
+            Fitted {
+                effect: term.effect,
+                place: term.place,
+                shape: term.shape,
+                shape_sigma: fitted.shape_sigma,
+                value: term.value,
+                sigma: fitted.sigma,
+                span_s: [term.span_s[0], to_s],
+                open_ended,
+                log_odds: fitted.log_odds,
+            }
+        }));
+        let provenance = Provenance {
+            recording_sha256: self.sha256.to_owned(),
+            date: date.to_owned(),
+            subject: reconcile.config.subject.id.clone(),
+            station: reconcile.config.station.clone(),
+            software: env!("CARGO_PKG_VERSION").to_owned(),
+            identify_s: spans_s.identify,
+            reference_s: spans_s.reference,
+            work_s: spans_s.work,
+        };
+        ModelFile { provenance: Some(provenance), effects }
+    }
+
+    /// Writes all files into a folder beside, and moves them when all are whole.
+    fn place(&self, files: &[(String, String)]) -> io::Result<()> {
+        fs::create_dir_all(self.folder)?;
+        let beside = self.folder.join(format!(".reconcile-{}", std::process::id()));
+        fs::create_dir(&beside)?;
+        let written = files.iter().try_for_each(|(name, text)| fs::write(beside.join(name), text));
+        let moved = written.and_then(|()| {
+            files.iter().try_for_each(|(name, _)| fs::rename(beside.join(name), self.folder.join(name)))
+        });
+        // What could not be moved is only litter; the first failure is the one to tell.
+        let _ = fs::remove_dir_all(&beside);
+        moved
+    }
+}
+
+/// A folder of its own for each of several recordings.
+///
+/// # Errors
+/// Two recordings have one name.
+pub fn folders(out: &Path, files: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    if let [_] = files {
+        return Ok(vec![out.to_owned()]);
+    }
+    let mut folders: Vec<PathBuf> = Vec::new();
+    for file in files {
+        let folder = out.join(file.file_stem().unwrap_or(file.as_os_str()));
+        if folders.contains(&folder) {
+            bail!(
+                "two recordings would be written to {}; give them one after the other with another --out",
+                folder.display()
+            );
+        }
+        folders.push(folder);
+    }
+    Ok(folders)
+}

@@ -1,0 +1,68 @@
+//! The frozen worker beside the plate, over all of the recording.
+
+use equipoise_core::cycle::{Inputs, Motion, Tick, step};
+use equipoise_core::message::CommandKind;
+use equipoise_discrepancy::compare::{Comparison, Options, Worker, prior_covariance_m2};
+use equipoise_discrepancy::session::Session;
+use equipoise_discrepancy::spans::Found;
+
+use anyhow::bail;
+
+use super::learn::Learnt;
+use super::survey::Survey;
+use super::{Progress, Reconcile, TICK_NS, known, memory_at_first};
+use crate::replay::free;
+use crate::replay::samples::LeftOut;
+
+/// Runs the frozen worker over the recording.
+pub(super) fn compare(
+    reconcile: &Reconcile<'_>,
+    survey: &Survey,
+    learnt: &Learnt,
+    found: &Found,
+    progress: &mut dyn FnMut(Progress),
+) -> anyhow::Result<(Session, LeftOut)> {
+    let settings = reconcile.settings();
+    let Some(worker) = Worker::of(&learnt.worker, &settings) else {
+        bail!("the worker's mass is not known: nobody stood still on the plate; give subject.mass_kg");
+    };
+    let has_inertia = settings.motion != Motion::Paper;
+    let mut options = Options::new(survey.begin_ns(), found.spans_s, has_inertia);
+    // A configuration for slow samples asks for a longer window.
+    options.half_window_s = options.half_window_s.max(settings.half_window_ns() as f64 * 1e-9);
+    let mut comparison = Comparison::new(worker, options);
+    let mut memory = memory_at_first(reconcile, survey);
+    memory.identification = *learnt.worker;
+    let mut samples = reconcile.input.samples(reconcile.config)?;
+    let mut tares = survey.tares_ns.iter().copied().peekable();
+    let length_s = survey.samples_s()[1];
+    let (mut pushed_ns, mut told_ns) = (0, 0);
+    free::run(samples.by_ref(), TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
+        let share = survey.seconds(tick.due_ns) / length_s.max(1e-9);
+        progress(Progress { doing: "comparing model and plate", share });
+        let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
+        let state = *step(&settings, &mut memory, tick, Inputs { command, ..inputs });
+        if state.suit_sample_time_ns != told_ns {
+            told_ns = state.suit_sample_time_ns;
+            comparison.hold(told_ns, state.static_pose == 1);
+        }
+        for moment in memory.history.since(pushed_ns) {
+            pushed_ns = moment.time_ns;
+            comparison.push(moment);
+        }
+        Ok(())
+    })?;
+    let mut session = Session {
+        mass_kg: worker.mass_kg,
+        prior_covariance_m2: prior_covariance_m2(&learnt.worker, &settings),
+        has_shear: comparison.has_shear(),
+        has_inertia,
+        suit_drifts: settings.suit_drifts,
+        block_s: options.block_s,
+        spans_s: found.spans_s,
+        length_s,
+        blocks: comparison.finish(),
+    };
+    known::take_off(&mut session.blocks, &reconcile.known_model);
+    Ok((session, samples.left_out()))
+}

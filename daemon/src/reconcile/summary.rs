@@ -1,0 +1,100 @@
+//! What was found, in plain words, for a terminal.
+
+use std::fmt;
+
+use equipoise_core::effect::Effect;
+use equipoise_discrepancy::finding::{Finding, Generic, Named, Verdict};
+
+use super::Compared;
+
+/// A finding for people.
+#[derive(Debug, Clone, Copy)]
+pub struct Summary<'a> {
+    /// What was compared.
+    pub compared: &'a Compared,
+    /// What was found.
+    pub finding: &'a Finding,
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (session, learnt) = (&self.compared.session, &self.compared.learnt);
+        writeln!(f, "{}", self.compared.found.told)?;
+        let still = session.blocks.iter().filter(|block| block.still).count();
+        writeln!(
+            f,
+            "worker: {:.1} kg, learnt from {} poses and {} moments in motion; compared: {} blocks of {} s, {still} of \
+             them still",
+            session.mass_kg,
+            learnt.poses,
+            learnt.moments,
+            session.blocks.len(),
+            session.block_s
+        )?;
+        let finding = self.finding;
+        writeln!(f, "{}", verdict(finding))?;
+        for named in &finding.effects {
+            write!(f, "{}", Told(named))?;
+        }
+        for Generic { what, log_odds } in &finding.unexplained {
+            writeln!(f, "  not explained: {what} (log odds {log_odds:.1})")?;
+        }
+        let gap = &finding.gap;
+        writeln!(
+            f,
+            "gap: {:.1} mm before, {:.1} mm after on data held out; noise alone leaves {:.1} mm",
+            gap.before_mm, gap.after_mm, gap.noise_floor_mm
+        )?;
+        if let Some(ask) = &finding.ask_next {
+            writeln!(f, "next: {ask}")?;
+        }
+        Ok(())
+    }
+}
+
+fn verdict(finding: &Finding) -> String {
+    match (finding.verdict, finding.effects.len()) {
+        (Verdict::Named, 1) => "named: one effect is missing in the model".to_owned(),
+        (Verdict::Named, count) => format!("named: {count} effects are missing in the model"),
+        (Verdict::None, _) => "none: nothing is missing in the model that these data could show".to_owned(),
+        (Verdict::Ambiguous, _) => "ambiguous: several effects explain the gap alike".to_owned(),
+        (Verdict::Unexplained, 0) => {
+            "unexplained: something is missing in the model that no effect of the catalogue explains".to_owned()
+        }
+        (Verdict::Unexplained, _) => {
+            "unexplained: beside what is named, something is missing that no effect of the catalogue explains".to_owned()
+        }
+    }
+}
+
+/// One effect that was named.
+struct Told<'a>(&'a Named);
+
+impl fmt::Display for Told<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let named = self.0;
+        write!(f, "  {}", named.name)?;
+        for key in ["hand", "segment"] {
+            if let Some(place) = named.place.get(key).and_then(serde_json::Value::as_str) {
+                write!(f, " {place}")?;
+            }
+        }
+        // In the catalogue's order, which begins with what people ask for.
+        let order = Effect::from_name(&named.name).map(Effect::parameters).unwrap_or_default();
+        let place_of = |name: &str| order.iter().position(|known| known.name == name).unwrap_or(order.len());
+        let mut parameters: Vec<_> = named.parameters.iter().collect();
+        parameters.sort_by_key(|(name, _)| place_of(name));
+        for (name, estimate) in parameters {
+            write!(f, ", {name} {:.4} ± {:.4}", estimate.value, estimate.sigma)?;
+        }
+        write!(f, " (log odds {:.1}", named.log_odds)?;
+        if let Some(next) = &named.runner_up {
+            write!(f, "; next best {} {:.1}", next.name, next.log_odds)?;
+        }
+        f.write_str(")\n")?;
+        if !named.family.is_empty() {
+            writeln!(f, "    these data cannot tell it from: {}", named.family.join(", "))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,164 @@
+//! What blocks say, held against the loop's own numbers and against the simulator's truth.
+
+use equipoise_core::body::SEGMENTS;
+use equipoise_core::cycle::{Inputs, Memory, Tick, step};
+use equipoise_core::effect::Model;
+use equipoise_core::message::Validity;
+use equipoise_daemon::config::Config;
+use equipoise_daemon::reconcile::{Compared, Reconcile};
+use equipoise_daemon::replay::input::Input;
+use equipoise_discrepancy::block::{Block, LAGS_S, Phase};
+use equipoise_discrepancy::spans::Given;
+use equipoise_studies::sensors::{EPOCH_NS, Rig};
+
+use crate::make::{Samples, Script};
+
+fn compared(script: &Script, samples: &Samples) -> Compared {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("session.mcap");
+    samples.write(&path, &script.config());
+    let input = Input::open(&path).unwrap();
+    let config = Config::parse(&script.config(), "test").unwrap();
+    let (given, known_model) = (Given::default(), Model::default());
+    let reconcile = Reconcile { input: &input, config: &config, given, known: None, known_model };
+    reconcile.compare(&mut |_| {}).unwrap()
+}
+
+fn residual_m(block: &Block) -> [f64; 2] {
+    let seen = &block.observation;
+    [0, 1].map(|axis| seen.cop_measured_m[axis] - seen.cop_predicted_m[axis])
+}
+
+fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for value in values {
+        sum += value * value;
+        count += 1.0;
+    }
+    assert!(count > 0.0, "nothing was looked at");
+    f64::sqrt(sum / count)
+}
+
+/// What the loop tells with a frozen worker, over each block: measured less estimated, without what the stance's offset
+/// has changed since, m.
+fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(f64, [f64; 2])> {
+    let settings = config.settings();
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&settings);
+    memory.identification = *compared.learnt.worker;
+    let offset = |memory: &Memory| {
+        let filter = &memory.identification.filter;
+        [0, 1].map(|axis| filter.theta_m()[filter.count() + axis])
+    };
+    let first_m = offset(&memory);
+    let (mut suit, mut ground) = (samples.suit.iter().peekable(), samples.ground.iter().peekable());
+    let (mut told, mut due_ns, mut seen_ns) = (Vec::new(), EPOCH_NS, 0);
+    for cycle in 1.. {
+        due_ns += 4_000_000;
+        let mut inputs = (Vec::new(), Vec::new());
+        while let Some(sample) = suit.next_if(|sample| sample.published_ns <= due_ns) {
+            inputs.0.push(*sample);
+        }
+        while let Some(sample) = ground.next_if(|sample| sample.published_ns <= due_ns) {
+            inputs.1.push(*sample);
+        }
+        let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, command: None };
+        let state = *step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
+        let spoilt = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt) {
+            let now_m = offset(&memory);
+            let residual_m = [0, 1].map(|axis| {
+                state.cop_measured_m[axis] - state.cop_estimated_m[axis] + now_m[axis] - first_m[axis]
+            });
+            told.push(((state.suit_sample_time_ns - EPOCH_NS) as f64 * 1e-9, residual_m));
+        }
+        seen_ns = state.suit_sample_time_ns;
+        if suit.peek().is_none() && ground.peek().is_none() {
+            return told;
+        }
+    }
+    told
+}
+
+#[test]
+fn still_blocks_miss_by_what_the_loop_misses() {
+    let script = Script::ordinary();
+    let samples = script.samples();
+    let compared = compared(&script, &samples);
+    let config = Config::parse(&script.config(), "test").unwrap();
+    let told = by_the_loop(&compared, &samples, &config);
+    let session = &compared.session;
+    let mut apart = Vec::new();
+    for block in session.blocks.iter().filter(|block| block.still) {
+        let middle_s = block.observation.time_s;
+        let within = told.iter().filter(|(time_s, _)| (time_s - middle_s).abs() <= 0.5 * session.block_s);
+        let within: Vec<[f64; 2]> = within.map(|(_, residual_m)| *residual_m).collect();
+        if within.len() < 6 {
+            continue;
+        }
+        for axis in 0..2 {
+            let mean_m = within.iter().map(|residual_m| residual_m[axis]).sum::<f64>() / within.len() as f64;
+            apart.push(residual_m(block)[axis] - mean_m);
+        }
+    }
+    let (blocks, apart_m) = (apart.len() / 2, rms(apart));
+    println!("{blocks} still blocks: {:.3} mm RMS apart", 1e3 * apart_m);
+    assert!(blocks > 40 && apart_m < 1e-3, "{blocks} {apart_m}");
+}
+
+#[test]
+fn accelerations_are_those_of_the_simulated_body() {
+    let script = Script::perfect();
+    let compared = compared(&script, &script.samples());
+    let mut ordered = script.worker();
+    let (mut origin, mut centre, mut size) = (Vec::new(), Vec::new(), Vec::new());
+    for block in compared.session.blocks.iter().filter(|block| block.phase == Phase::Work) {
+        let seen = &block.observation;
+        // The same mean and the same parabola as the block's: the truth itself is smoothed by them.
+        let step_s = 1.0 / 60.0;
+        let times: Vec<f64> = (-6..=6).map(|sample| f64::from(sample) * step_s).collect();
+        let mut truth = [[0.0; 3]; SEGMENTS];
+        for time_s in &times {
+            let at_s = seen.time_s + time_s;
+            ordered.upto(at_s);
+            let motion = ordered.worker.origin_motion(at_s);
+            for segment in 0..SEGMENTS {
+                for axis in 0..3 {
+                    truth[segment][axis] += motion[segment][1][axis] / times.len() as f64;
+                }
+            }
+        }
+        for segment in 0..SEGMENTS {
+            for axis in 0..3 {
+                origin.push(seen.origin_acceleration_m_per_s2[segment][axis] - truth[segment][axis]);
+                size.push(truth[segment][axis]);
+            }
+        }
+        let force = |axis: usize| seen.force_measured_n[axis] / seen.mass_kg;
+        centre.push(seen.com_acceleration_m_per_s2[2] - (force(2) - 9.81));
+        centre.push(seen.com_acceleration_m_per_s2[0] - force(0));
+    }
+    let (origin, centre, size) = (rms(origin), rms(centre), rms(size));
+    println!("origins {origin:.3} m/s² of {size:.3}, centre {centre:.3} m/s²");
+    assert!(size > 0.3 && origin < 0.1 * size && centre < 0.1 * size, "{origin} {centre} {size}");
+}
+
+#[test]
+fn a_suit_that_is_late_is_best_explained_by_its_lag() {
+    let script = Script { rig: Rig { suit_late_ns: 30_000_000, ..Rig::PERFECT }, ..Script::perfect() };
+    let compared = compared(&script, &script.samples());
+    let left = |lag: Option<usize>| {
+        rms(compared.session.blocks.iter().filter(|block| !block.still).flat_map(|block| {
+            let change = lag.map_or([0.0; 2], |lag| block.by_lag[lag].cop_m);
+            let vertical_n = block.observation.force_measured_n[2] - block.observation.force_predicted_n[2];
+            let vertical_n = vertical_n - lag.map_or(0.0, |lag| block.by_lag[lag].force_n[2]);
+            let [x, y] = residual_m(block);
+            [x - change[0], y - change[1], 1e-3 * vertical_n]
+        }))
+    };
+    let by_lag: Vec<f64> = (0..LAGS_S.len()).map(|lag| left(Some(lag))).collect();
+    let best = (0..LAGS_S.len()).min_by(|a, b| by_lag[*a].total_cmp(&by_lag[*b])).unwrap();
+    println!("without {:.4}; {:?}", left(None), LAGS_S.iter().zip(&by_lag).collect::<Vec<_>>());
+    assert_eq!(LAGS_S[best], 0.03);
+    assert!(by_lag[best] < 0.5 * left(None), "{by_lag:?}");
+}

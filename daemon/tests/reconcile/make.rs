@@ -1,0 +1,183 @@
+//! Small recordings of a simulated worker: poses, then work, without wires.
+
+use std::path::{Path, PathBuf};
+
+use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_simulator::motion::{Habits, Worker};
+use equipoise_simulator::noise::Suit;
+use equipoise_simulator::repertoire::{LIFTING, REPERTOIRE};
+use equipoise_studies::sensors::{
+    EPOCH_NS, Rig, ground_sample, sample_time_ns, suit_sample,
+};
+use equipoise_studies::subject::Subject;
+
+/// How long a pose takes and is held, s.
+const POSE_EVERY_S: f64 = 4.0;
+const POSE_WITHIN_S: f64 = 1.6;
+/// Work goes from one posture to the next in this time, s.
+const WORK_EVERY_S: f64 = 1.3;
+
+/// What is to be recorded.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Script {
+    pub(crate) subject: Subject,
+    pub(crate) rig: Rig,
+    pub(crate) habits: Habits,
+    pub(crate) poses: usize,
+    pub(crate) work_s: f64,
+}
+
+impl Script {
+    /// Statures and masses of the paper's subject; ten poses and 30 s of work without any error of the sensors.
+    pub(crate) fn perfect() -> Script {
+        Script {
+            subject: Subject::of_the_paper(5),
+            rig: Rig::PERFECT,
+            habits: Habits::NONE,
+            poses: 10,
+            work_s: 30.0,
+        }
+    }
+
+    /// The same with an ordinary suit and plate, and a body that sways and breathes.
+    pub(crate) fn ordinary() -> Script {
+        let subject = Subject::of_the_paper(5);
+        Script { rig: Rig::ORDINARY, habits: subject.habits(), ..Script::perfect() }
+    }
+
+    /// When the poses end and the work begins, s.
+    pub(crate) fn poses_end_s(&self) -> f64 {
+        2.0 + self.poses as f64 * POSE_EVERY_S
+    }
+
+    pub(crate) fn length_s(&self) -> f64 {
+        self.poses_end_s() + self.work_s
+    }
+
+    /// The configuration that the recording carries.
+    pub(crate) fn config(&self) -> String {
+        format!(
+            r#"
+station = "test"
+[suit]
+source = "mvn-udp"
+[ground]
+source = "ati-rdt"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = {}
+mass_kg = {}
+sex = "male"
+[identification]
+poses_min = {}
+"#,
+            self.subject.height_m,
+            self.subject.mass_kg,
+            self.poses.max(6) - 1,
+        )
+    }
+
+    /// The worker, who has been given all orders up to `time_s`.
+    pub(crate) fn worker(&self) -> Ordered {
+        let worker = Worker::with_habits(self.subject.person(), self.subject.seed, self.habits);
+        Ordered { script: *self, worker, next: 0 }
+    }
+
+    /// All samples by time of arrival.
+    pub(crate) fn samples(&self) -> Samples {
+        let mut ordered = self.worker();
+        let suit_model = Suit::new(self.rig.suit_noise, self.subject.seed);
+        let mut samples = Samples::default();
+        let end_ns = EPOCH_NS + (self.length_s() * 1e9) as u64;
+        let (mut suit, mut ground) = (0, 0);
+        loop {
+            let suit_ns = sample_time_ns(suit, self.rig.suit_hz);
+            let ground_ns = sample_time_ns(ground, self.rig.plate_hz);
+            if suit_ns.min(ground_ns) >= end_ns {
+                return samples;
+            }
+            ordered.upto((suit_ns.min(ground_ns) - EPOCH_NS) as f64 * 1e-9);
+            if suit_ns <= ground_ns {
+                samples.suit.push(suit_sample(&ordered.worker, &suit_model, &self.rig, suit));
+                suit += 1;
+            } else {
+                samples.ground.push(ground_sample(&ordered.worker, &self.rig, self.subject.seed, ground));
+                ground += 1;
+            }
+        }
+    }
+
+    /// The recording, whole.
+    pub(crate) fn record(&self, into: &Path, name: &str) -> PathBuf {
+        let path = into.join(name);
+        self.samples().write(&path, &self.config());
+        path
+    }
+}
+
+/// A worker and the orders that are still to be given.
+pub(crate) struct Ordered {
+    script: Script,
+    pub(crate) worker: Worker,
+    next: usize,
+}
+
+impl Ordered {
+    /// Gives every order that is due before a time, s.
+    pub(crate) fn upto(&mut self, time_s: f64) {
+        let script = &self.script;
+        loop {
+            let pose = self.next < script.poses;
+            let at_s = if pose {
+                2.0 + self.next as f64 * POSE_EVERY_S
+            } else {
+                script.poses_end_s() + (self.next - script.poses) as f64 * WORK_EVERY_S
+            };
+            if at_s > time_s + 0.05 {
+                return;
+            }
+            if pose {
+                let (_, intention) = &REPERTOIRE[(1 + 7 * self.next) % REPERTOIRE.len()];
+                self.worker.intend(intention, at_s, POSE_WITHIN_S);
+            } else {
+                self.worker.intend(&LIFTING[self.next % LIFTING.len()], at_s, 0.9 * WORK_EVERY_S);
+            }
+            self.next += 1;
+        }
+    }
+}
+
+/// What suit and plate sent.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Samples {
+    pub(crate) suit: Vec<SuitSample>,
+    pub(crate) ground: Vec<GroundSample>,
+}
+
+impl Samples {
+    /// Writes a recording.
+    pub(crate) fn write(&self, path: &Path, config: &str) {
+        let header = RecordingHeader {
+            software_version: "test".to_owned(),
+            started_monotonic_ns: EPOCH_NS,
+            config_toml: config.to_owned(),
+            ..RecordingHeader::default()
+        };
+        let mut recorder = Recorder::create(path, &header).unwrap();
+        let (mut suit, mut ground) = (self.suit.iter().peekable(), self.ground.iter().peekable());
+        loop {
+            let next_ground_ns = ground.peek().map_or(u64::MAX, |sample| sample.published_ns);
+            if let Some(sample) = suit.next_if(|sample| sample.published_ns <= next_ground_ns) {
+                recorder.write(sample.published_ns, sample).unwrap();
+            } else if let Some(sample) = ground.next() {
+                recorder.write(sample.published_ns, sample).unwrap();
+            } else {
+                break;
+            }
+        }
+        recorder.finish().unwrap();
+    }
+}

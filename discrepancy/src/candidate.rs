@@ -1,0 +1,225 @@
+//! What is tried: every effect of the catalogue, everywhere it can act, with every shape of a coarse grid.
+
+use equipoise_core::body::Side;
+use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
+
+use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S};
+use crate::rows::Rows;
+
+/// When a candidate acts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Scope {
+    /// All the time, identification included.
+    All,
+    /// In the work in question.
+    Work,
+    /// In a part of it: begin and end, s.
+    Span([f64; 2]),
+}
+
+/// An effect at a place, with a shape, at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Candidate {
+    /// Which effect.
+    pub(crate) effect: Effect,
+    /// Where.
+    pub(crate) place: Place,
+    /// What is not linear ([`effect::Term::shape`]).
+    pub(crate) shape: f64,
+    /// When.
+    pub(crate) scope: Scope,
+    /// Believed parameters.
+    pub(crate) mean: Vec<f64>,
+    /// How sure, 1-σ.
+    pub(crate) sigma: Vec<f64>,
+    /// Logarithm of its share among the variants of its name.
+    pub(crate) log_prior: f64,
+}
+
+/// Time constants of a drift, s; 0 is linear.
+const DRIFTS_S: [f64; 4] = [0.0, 20.0, 40.0, 90.0];
+/// Frequencies of breath and sway, Hz.
+const SWAYS_HZ: [f64; 7] = [0.17, 0.2, 0.23, 0.26, 0.29, 0.32, 0.36];
+impl Candidate {
+    /// One with the effect's own beliefs.
+    pub(crate) fn new(effect: Effect, place: Place, shape: f64, scope: Scope) -> Candidate {
+        let sigma = effect.prior_sigma(place, shape)[..effect.parameters().len()].to_vec();
+        let mean = vec![0.0; sigma.len()];
+        let mut candidate = Candidate { effect, place, shape, scope, mean, sigma, log_prior: 0.0 };
+        if candidate.is_a_share() {
+            candidate.mean = vec![1.0];
+            candidate.sigma = vec![0.3];
+        }
+        candidate
+    }
+
+    /// Whether its only parameter is a share of what its shape says, near one.
+    pub(crate) fn is_a_share(&self) -> bool {
+        matches!(self.effect, Effect::SuitLag | Effect::PlateLowpass)
+    }
+
+    /// Number of columns.
+    pub(crate) fn count(&self) -> usize {
+        self.sigma.len()
+    }
+
+    /// Name with place: `worn_mass T8`.
+    pub(crate) fn name(&self) -> String {
+        match self.place {
+            Place::Whole => self.effect.name().to_owned(),
+            place => format!("{} {}", self.effect.name(), place_name(place)),
+        }
+    }
+
+    /// Whether it acts at a time of the work or before it.
+    pub(crate) fn acts(&self, rows: &Rows<'_>, block: usize) -> bool {
+        match self.scope {
+            Scope::All => true,
+            Scope::Work => block >= rows.work_from,
+            Scope::Span([from_s, to_s]) => {
+                block >= rows.work_from && (from_s..to_s).contains(&rows.time_s(block))
+            }
+        }
+    }
+
+    /// From when to when it holds, s.
+    pub(crate) fn span_s(&self, rows: &Rows<'_>) -> [f64; 2] {
+        match self.scope {
+            Scope::All => [0.0, f64::INFINITY],
+            Scope::Work => [rows.session.spans_s.work[0], f64::INFINITY],
+            Scope::Span(span_s) => span_s,
+        }
+    }
+
+    /// The loop's own term with these parameters.
+    pub(crate) fn term(&self, rows: &Rows<'_>, value: [f64; PARAMETERS_MAX]) -> effect::Term {
+        let span_s = self.span_s(rows);
+        effect::Term { effect: self.effect, place: self.place, shape: self.shape, value, span_s }
+    }
+
+    /// Its columns at a block.
+    pub(crate) fn columns(&self, rows: &Rows<'_>, block: usize) -> Columns {
+        if !self.acts(rows, block) {
+            return Columns::zero(self.count());
+        }
+        let at = rows.blocks[block];
+        match self.effect {
+            Effect::SuitLag => of_change(lag_change(at, self.shape)),
+            Effect::PlateLowpass => of_change(cutoff_change(at, self.shape)),
+            _ => self.term(rows, [0.0; PARAMETERS_MAX]).columns(&at.observation),
+        }
+    }
+}
+
+/// `right`, `both`, `T8`; empty for the whole.
+pub(crate) fn place_name(place: Place) -> &'static str {
+    match place {
+        Place::Whole => "",
+        Place::Hand(Side::Left) => "left",
+        Place::Hand(Side::Right) => "right",
+        Place::BothHands => "both",
+        Place::Segment(segment) => segment.name(),
+    }
+}
+
+/// All that is tried in the work as a whole, or all the time.
+pub(crate) fn all(rows: &Rows<'_>) -> Vec<Candidate> {
+    let mut list = Vec::new();
+    for effect in Effect::ALL {
+        let of_effect = of_effect(effect, rows);
+        list.extend(of_effect);
+    }
+    list
+}
+
+fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
+    let shapes = shapes(effect);
+    let scopes = scopes(effect, rows);
+    let mut list = Vec::new();
+    for &place in effect.places() {
+        for &shape in &shapes {
+            for &scope in &scopes {
+                let mut candidate = Candidate::new(effect, place, shape, scope);
+                candidate.log_prior = -((shapes.len() * scopes.len()) as f64).ln();
+                list.push(candidate);
+            }
+        }
+    }
+    list
+}
+
+fn shapes(effect: Effect) -> Vec<f64> {
+    match effect {
+        Effect::PlateDrift => DRIFTS_S.to_vec(),
+        Effect::PlateLowpass => CUTOFFS_HZ.to_vec(),
+        Effect::SuitLag => LAGS_S.to_vec(),
+        Effect::PeriodicSway => SWAYS_HZ.to_vec(),
+        _ => vec![0.0],
+    }
+}
+
+fn scopes(effect: Effect, rows: &Rows<'_>) -> Vec<Scope> {
+    match effect {
+        Effect::Inertia => vec![Scope::All],
+        Effect::PlateOffset
+        | Effect::PlateYaw
+        | Effect::PlateGain
+        | Effect::PlateCrosstalk
+        | Effect::PlateHeight
+        | Effect::ForceGain
+        | Effect::SuitLag
+        | Effect::PlateLowpass
+            if rows.work_from > 0 =>
+        {
+            vec![Scope::Work, Scope::All]
+        }
+        _ => vec![Scope::Work],
+    }
+}
+
+fn of_change(change: Change) -> Columns {
+    let mut columns = Columns::zero(1);
+    columns.cop_m[0] = change.cop_m;
+    columns.force_n[0] = change.force_n;
+    columns
+}
+
+/// What a lag would change: between the kept lags by a cubic through the nearest four, of which none is one too.
+fn lag_change(block: &Block, lag_s: f64) -> Change {
+    let zero = LAGS_S.iter().take_while(|&&kept_s| kept_s < 0.0).count();
+    let at = |i: usize| match i.cmp(&zero) {
+        std::cmp::Ordering::Less => (LAGS_S[i], block.by_lag[i]),
+        std::cmp::Ordering::Equal => (0.0, Change { cop_m: [0.0; 2], force_n: [0.0; 3] }),
+        std::cmp::Ordering::Greater => (LAGS_S[i - 1], block.by_lag[i - 1]),
+    };
+    between(lag_s, LAGS_S.len() + 1, at)
+}
+
+/// What a cutoff would change: between the kept ones, over the time constant.
+fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
+    let last = CUTOFFS_HZ.len();
+    let at = |i: usize| match i {
+        0 => (0.0, Change { cop_m: [0.0; 2], force_n: [0.0; 3] }),
+        _ => (1.0 / CUTOFFS_HZ[last - i], block.by_cutoff[last - i]),
+    };
+    between(1.0 / cutoff_hz, last + 1, at)
+}
+
+/// Lagrange's cubic through the four knots nearest to a value; knots rise.
+fn between(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -> Change {
+    let above = (0..knots).position(|i| at(i).0 >= value).unwrap_or(knots - 1);
+    let first = above.saturating_sub(2).min(knots - PARAMETERS_MAX);
+    let mut sum = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
+    for i in first..first + 4 {
+        let (knot, change) = at(i);
+        let weight: f64 =
+            (first..first + 4).filter(|&j| j != i).map(|j| (value - at(j).0) / (knot - at(j).0)).product();
+        for (sum, change) in sum.cop_m.iter_mut().zip(change.cop_m) {
+            *sum += weight * change;
+        }
+        for (sum, change) in sum.force_n.iter_mut().zip(change.force_n) {
+            *sum += weight * change;
+        }
+    }
+    sum
+}

@@ -1,0 +1,195 @@
+//! From moments to blocks: what the model predicts and the plate measured, over a fraction of a second each.
+//!
+//! Suit and ground go through one and the same local parabola (Savitzky and Golay), over samples at the same times, so
+//! that no filter looks like an effect. Nothing is known here of files: moments are pushed one by one, in any number,
+//! and the memory stays bounded (a second of moments, and at most [`Options::blocks_max`] blocks).
+//!
+//! Floors, ground first: [`worker`], [`options`] → `window` → `point` → `changes`, `mean` → `kept` → this file.
+
+mod changes;
+mod kept;
+mod mean;
+mod options;
+mod point;
+mod window;
+mod worker;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use equipoise_core::motion::Moment;
+
+use crate::block::Block;
+use changes::Filters;
+use kept::Kept;
+use mean::Mean;
+pub use options::Options;
+use point::Point;
+use window::Window;
+pub use worker::{Worker, prior_covariance_m2};
+
+/// Times that spoil what lies around them are remembered for this long, s.
+const SPOILT_FOR_S: f64 = 3.0;
+/// Predictions are kept for this long, s: a block waits for the latest of the lags, and for its own clean future.
+const POINTS_FOR_S: f64 = 1.5;
+
+/// Compares a worker's moments with what the plate measured.
+#[derive(Debug)]
+pub struct Comparison {
+    worker: Worker,
+    options: Options,
+    window: Window,
+    filters: Filters,
+    points: VecDeque<Point>,
+    /// Whether the loop saw a held pose, by time.
+    still: VecDeque<(f64, bool)>,
+    /// Stretches of time in which nothing is compared.
+    spoilt_s: VecDeque<[f64; 2]>,
+    filling: Option<Mean>,
+    waiting: VecDeque<Mean>,
+    kept: Kept,
+    last: Option<Last>,
+    shear: bool,
+}
+
+/// What the moment before was like.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    time_s: f64,
+    stance: u64,
+}
+
+impl Comparison {
+    /// Before the first moment.
+    pub fn new(worker: Worker, options: Options) -> Comparison {
+        Comparison {
+            window: Window::new(options.half_window_s, options.block_s),
+            filters: Filters::default(),
+            points: VecDeque::new(),
+            still: VecDeque::new(),
+            spoilt_s: VecDeque::new(),
+            filling: None,
+            waiting: VecDeque::new(),
+            kept: Kept::new(&options),
+            last: None,
+            shear: false,
+            worker,
+            options,
+        }
+    }
+
+    /// Takes in the next moment. One whose time does not advance is passed over.
+    pub fn push(&mut self, moment: &Moment) {
+        let time_s = self.options.seconds(moment.time_ns);
+        if let Some(last) = self.last {
+            if time_s <= last.time_s {
+                return;
+            }
+            if time_s - last.time_s > self.options.gap_max_s {
+                self.interrupt();
+            } else if moment.stance != last.stance {
+                self.spoil(time_s, self.options.stance_margin_s);
+                self.filters = Filters::default();
+            }
+        }
+        self.last = Some(Last { time_s, stance: moment.stance });
+        if moment.both_feet_stand != 1 {
+            self.spoil(time_s, self.options.stance_margin_s);
+        }
+        if !self.window.push(time_s, moment, &self.worker) {
+            self.spoil(time_s, self.options.half_window_s);
+        }
+        while let Some(point) = self.window.next(&self.worker, &self.options) {
+            self.take(point);
+        }
+        self.release(time_s);
+    }
+
+    /// Whether the worker held a pose at a moment.
+    pub fn hold(&mut self, time_ns: u64, still: bool) {
+        self.still.push_back((self.options.seconds(time_ns), still));
+    }
+
+    /// Whether any horizontal force was measured.
+    pub fn has_shear(&self) -> bool {
+        self.shear
+    }
+
+    /// All blocks by time, once the last moment has been pushed.
+    pub fn finish(mut self) -> Vec<Block> {
+        self.interrupt();
+        self.kept.into_blocks()
+    }
+
+    fn take(&mut self, point: Point) {
+        self.shear |= point.slope_is_measured;
+        if !point.is_moderate() {
+            self.spoil(point.time_s, self.options.half_window_s);
+        }
+        let by_cutoff = self.filters.follow(&point);
+        let number = (point.time_s / self.options.block_s).floor();
+        if let Some(full) = self.filling.take_if(|mean| mean.number != number) {
+            self.close(full);
+        }
+        let filling = self.filling.get_or_insert_with(|| Mean::new(number, &self.options));
+        filling.add(&point, &by_cutoff);
+        self.points.push_back(point);
+    }
+
+    /// A block's time is over: what needs the moments themselves is made of them now.
+    fn close(&mut self, mut full: Mean) {
+        if full.is_whole(&self.options) {
+            full.add_moments(&self.window);
+            self.waiting.push_back(full);
+        }
+    }
+
+    /// Nothing within `margin_s` of a time is compared.
+    fn spoil(&mut self, time_s: f64, margin_s: f64) {
+        let [from_s, to_s] = [time_s - margin_s, time_s + margin_s];
+        match self.spoilt_s.back_mut() {
+            Some(last) if from_s <= last[1] => *last = [last[0].min(from_s), last[1].max(to_s)],
+            _ => self.spoilt_s.push_back([from_s, to_s]),
+        }
+    }
+
+    /// Time leaps: what waited for its future will not have one.
+    fn interrupt(&mut self) {
+        if let Some(full) = self.filling.take() {
+            self.close(full);
+        }
+        while let Some(mean) = self.waiting.pop_front() {
+            self.decide(mean);
+        }
+        self.window.clear();
+        self.points.clear();
+        self.filters = Filters::default();
+    }
+
+    /// Lets go of the blocks whose surroundings are known at `now_s`, and forgets what nobody needs any more.
+    fn release(&mut self, now_s: f64) {
+        let patience_s = self.options.patience_s();
+        while let Some(mean) = self.waiting.pop_front_if(|mean| mean.span_s[1] + patience_s <= now_s) {
+            self.decide(mean);
+        }
+        while self.points.pop_front_if(|point| point.time_s < now_s - POINTS_FOR_S).is_some() {}
+        while self.still.pop_front_if(|(time_s, _)| *time_s < now_s - POINTS_FOR_S).is_some() {}
+        while self.spoilt_s.pop_front_if(|span_s| span_s[1] < now_s - SPOILT_FOR_S).is_some() {}
+    }
+
+    /// Keeps a block if nothing around it spoils it and the prediction is known as far as the lags reach.
+    fn decide(&mut self, mean: Mean) {
+        let [from_s, to_s] = mean.span_s;
+        let overlaps = |span_s: &[f64; 2]| span_s[0] < to_s && span_s[1] > from_s;
+        let Some(phase) = self.options.phase_of(mean.span_s) else { return };
+        if self.spoilt_s.iter().any(overlaps) || !self.kept.wants(phase) {
+            return;
+        }
+        let Some(by_lag) = changes::by_lag(&self.points, mean.span_s) else { return };
+        let mut held = self.still.iter().filter(|(time_s, _)| (from_s..to_s).contains(time_s)).peekable();
+        let still = held.peek().is_some() && held.all(|(_, still)| *still);
+        self.kept.push(mean.block(phase, still, by_lag, &self.worker));
+    }
+}

@@ -1,0 +1,118 @@
+//! What a change in time would change of the prediction: a lag of the suit, a filter in the plate.
+//!
+//! Measured shear carries the plate's own time and filter already, so where it enters the prediction it is held, and
+//! only what comes from the suit is moved.
+
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+
+use super::point::Point;
+use crate::block::{CUTOFFS_HZ, Change, LAGS_S};
+
+/// No change.
+pub(super) const NONE: Change = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
+/// Points farther apart than this are not interpolated between, s.
+const APART_MAX_S: f64 = 0.25;
+
+/// Mean over a block of what each lag would change: the prediction `tau` later minus the prediction now. A suit whose
+/// stamps are `tau` late shows at a time what was `tau` before, so its prediction `tau` later is the right one.
+///
+/// `None` if the points do not reach over all lags.
+pub(super) fn by_lag(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Option<[Change; LAGS_S.len()]> {
+    let mut sums = [NONE; LAGS_S.len()];
+    let first = points.partition_point(|point| point.time_s < from_s);
+    let last = points.partition_point(|point| point.time_s < to_s);
+    if first == last {
+        return None;
+    }
+    let share = 1.0 / (last - first) as f64;
+    for now in points.range(first..last) {
+        for (sum, lag_s) in sums.iter_mut().zip(LAGS_S) {
+            let (before, after, part) = between(points, now.time_s + lag_s)?;
+            let then = [before, after].map(|point| Sight::of(point, now));
+            let today = Sight::of(now, now);
+            let moved = |earlier: f64, later: f64, now: f64| share * (earlier + part * (later - earlier) - now);
+            for axis in 0..2 {
+                sum.cop_m[axis] += moved(then[0].cop_m[axis], then[1].cop_m[axis], today.cop_m[axis]);
+            }
+            for axis in 0..3 {
+                sum.force_n[axis] += moved(then[0].force_n[axis], then[1].force_n[axis], today.force_n[axis]);
+            }
+        }
+    }
+    Some(sums)
+}
+
+/// The points on both sides of a time, and how far it lies from the first to the second.
+fn between(points: &VecDeque<Point>, time_s: f64) -> Option<(&Point, &Point, f64)> {
+    let after = points.partition_point(|point| point.time_s < time_s);
+    let (earlier, later) = (points.get(after.checked_sub(1)?)?, points.get(after)?);
+    let apart_s = later.time_s - earlier.time_s;
+    (apart_s < APART_MAX_S).then(|| (earlier, later, (time_s - earlier.time_s) / apart_s))
+}
+
+/// What the suit predicts at a point, with the slope that `now` holds if it is measured.
+#[derive(Debug, Clone, Copy)]
+struct Sight {
+    cop_m: [f64; 2],
+    force_n: [f64; 3],
+}
+
+impl Sight {
+    fn of(point: &Point, now: &Point) -> Sight {
+        let held = now.slope_is_measured.then_some(now.slope);
+        Sight { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n }
+    }
+}
+
+/// The prediction through a first-order filter of each cutoff.
+#[derive(Debug, Default)]
+pub(super) struct Filters {
+    last: Option<(f64, Sight)>,
+    filtered: [Option<Sight>; CUTOFFS_HZ.len()],
+}
+
+impl Filters {
+    /// Takes in the next point; what each filter changes there. A filter begins settled.
+    pub(super) fn follow(&mut self, point: &Point) -> [Change; CUTOFFS_HZ.len()] {
+        // The slope at which the filter stands still does not matter: measured shear went through the plate's filter.
+        let held = point.slope_is_measured.then_some([0.0; 2]);
+        let now = Sight { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n };
+        let mut changes = [NONE; CUTOFFS_HZ.len()];
+        for ((filtered, change), cutoff_hz) in self.filtered.iter_mut().zip(&mut changes).zip(CUTOFFS_HZ) {
+            let next = match (*filtered, self.last) {
+                (Some(filtered), Some((before_s, before))) => {
+                    let turn = TAU * cutoff_hz * (point.time_s - before_s);
+                    filtered.followed(&before, &now, turn)
+                }
+                _ => now,
+            };
+            for axis in 0..2 {
+                change.cop_m[axis] = next.cop_m[axis] - now.cop_m[axis];
+            }
+            for axis in 0..3 {
+                change.force_n[axis] = next.force_n[axis] - now.force_n[axis];
+            }
+            *filtered = Some(next);
+        }
+        self.last = Some((point.time_s, now));
+        changes
+    }
+}
+
+impl Sight {
+    /// One step of `τ ẏ = x − y` over `turn` = Δt/τ, exactly for an input that goes straight from one value to the next.
+    fn followed(&self, before: &Sight, now: &Sight, turn: f64) -> Sight {
+        let decay = (-turn).exp();
+        let mean = if turn > 1e-9 { (1.0 - decay) / turn } else { 1.0 };
+        let step = |state: f64, before: f64, now: f64| {
+            decay * state + (mean - decay) * before + (1.0 - mean) * now
+        };
+        Sight {
+            cop_m: std::array::from_fn(|axis| step(self.cop_m[axis], before.cop_m[axis], now.cop_m[axis])),
+            force_n: std::array::from_fn(|axis| {
+                step(self.force_n[axis], before.force_n[axis], now.force_n[axis])
+            }),
+        }
+    }
+}

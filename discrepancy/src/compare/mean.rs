@@ -1,0 +1,236 @@
+//! Means over a block.
+
+use equipoise_core::body::{SEGMENTS, Segment, Side};
+use equipoise_core::effect::Observation;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::changes::NONE;
+use super::options::Options;
+use super::point::Point;
+use super::window::{Window, matrix};
+use super::worker::Worker;
+use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
+
+/// A block is whole if its points reach over this share of it.
+const REACH_SHARE: f64 = 0.5;
+
+/// A block in the making.
+#[derive(Debug)]
+pub(super) struct Mean {
+    /// Which block since the recording's begin.
+    pub(super) number: f64,
+    /// Begin and end, s.
+    pub(super) span_s: [f64; 2],
+    stance: u64,
+    count: f64,
+    /// Times of the first and the last point, s.
+    reach_s: [f64; 2],
+    sum: Sum,
+    by_cutoff: [Change; CUTOFFS_HZ.len()],
+    /// Number of the first moment that enters, and each one's summed weight in values and second derivatives.
+    first_moment: usize,
+    weights: Vec<[f64; 2]>,
+    bodies: Box<Bodies>,
+}
+
+/// What points sum up to.
+#[derive(Debug, Default)]
+struct Sum {
+    floor_m: f64,
+    feet_m: [f64; 2],
+    com_m: [f64; 3],
+    com_velocity_m_per_s: [f64; 3],
+    com_acceleration_m_per_s2: [f64; 3],
+    turning_by_group_m: [[f64; 2]; 4],
+    slope: [f64; 2],
+    measured_slopes: f64,
+    cop_predicted_m: [f64; 2],
+    force_predicted_n: [f64; 3],
+    cop_measured_m: [f64; 2],
+    force_measured_n: [f64; 3],
+}
+
+/// What moments sum up to: where every segment is and how it is turned.
+#[derive(Debug)]
+struct Bodies {
+    origin_m: [[f64; 3]; SEGMENTS],
+    origin_acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
+    rotation: [[[f64; 3]; 3]; SEGMENTS],
+    rotation_acceleration_per_s2: [[[f64; 3]; 3]; SEGMENTS],
+    quaternion: [[f64; 4]; SEGMENTS],
+}
+
+impl Mean {
+    pub(super) fn new(number: f64, options: &Options) -> Mean {
+        let from_s = number * options.block_s;
+        Mean {
+            number,
+            span_s: [from_s, from_s + options.block_s],
+            stance: 0,
+            count: 0.0,
+            reach_s: [f64::INFINITY, f64::NEG_INFINITY],
+            sum: Sum::default(),
+            by_cutoff: [NONE; CUTOFFS_HZ.len()],
+            first_moment: 0,
+            weights: Vec::new(),
+            bodies: Box::new(Bodies {
+                origin_m: [[0.0; 3]; SEGMENTS],
+                origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
+                rotation: [[[0.0; 3]; 3]; SEGMENTS],
+                rotation_acceleration_per_s2: [[[0.0; 3]; 3]; SEGMENTS],
+                quaternion: [[0.0; 4]; SEGMENTS],
+            }),
+        }
+    }
+
+    /// Adds a point and what each filter would change there.
+    pub(super) fn add(&mut self, point: &Point, by_cutoff: &[Change; CUTOFFS_HZ.len()]) {
+        self.count += 1.0;
+        self.stance = point.stance;
+        self.reach_s = [self.reach_s[0].min(point.time_s), self.reach_s[1].max(point.time_s)];
+        let sum = &mut self.sum;
+        sum.floor_m += point.floor_m;
+        add(&mut sum.feet_m, &point.feet_m);
+        add(&mut sum.com_m, point.com_m.as_ref());
+        add(&mut sum.com_velocity_m_per_s, point.com_velocity_m_per_s.as_ref());
+        add(&mut sum.com_acceleration_m_per_s2, point.com_acceleration_m_per_s2.as_ref());
+        for (sum, group) in sum.turning_by_group_m.iter_mut().zip(&point.turning_by_group_m) {
+            add(sum, group);
+        }
+        add(&mut sum.slope, &point.slope);
+        sum.measured_slopes += f64::from(u8::from(point.slope_is_measured));
+        add(&mut sum.cop_predicted_m, &point.cop_predicted_m);
+        add(&mut sum.force_predicted_n, &point.force_predicted_n);
+        add(&mut sum.cop_measured_m, &point.cop_measured_m);
+        add(&mut sum.force_measured_n, &point.force_measured_n);
+        for (sum, change) in self.by_cutoff.iter_mut().zip(by_cutoff) {
+            add(&mut sum.cop_m, &change.cop_m);
+            add(&mut sum.force_n, &change.force_n);
+        }
+        self.weigh_moments(point);
+    }
+
+    fn weigh_moments(&mut self, point: &Point) {
+        let around = &point.around;
+        if self.weights.is_empty() {
+            self.first_moment = around.first;
+        }
+        let offset = around.first.saturating_sub(self.first_moment);
+        self.weights.resize(self.weights.len().max(offset + around.count), [0.0; 2]);
+        for (place, sums) in self.weights[offset..offset + around.count].iter_mut().enumerate() {
+            sums[0] += around.weights.value[place];
+            sums[1] += around.weights.second[place];
+        }
+    }
+
+    /// Whether the points reach over most of the block.
+    pub(super) fn is_whole(&self, options: &Options) -> bool {
+        self.reach_s[1] - self.reach_s[0] >= REACH_SHARE * options.block_s
+    }
+
+    /// Sums the moments up with their weights, once all points are in: the mean over points of what is smoothed or
+    /// differentiated linearly is one weighted sum of moments.
+    pub(super) fn add_moments(&mut self, window: &Window) {
+        let bodies = &mut *self.bodies;
+        for (place, weights) in self.weights.iter().enumerate() {
+            let Some(seen) = window.get(self.first_moment + place) else { continue };
+            let [value, second] = weights.map(|weight| weight / self.count);
+            let [shift_x, shift_y] = seen.moment.station_from_suit_m;
+            for segment in 0..SEGMENTS {
+                let [x, y, z] = seen.moment.origin_m[segment];
+                add_scaled(&mut bodies.origin_m[segment], value, &[x, y, z]);
+                // In the suit's own world: the anchor's shift is no motion.
+                let in_suit_world = [x - shift_x, y - shift_y, z];
+                add_scaled(&mut bodies.origin_acceleration_m_per_s2[segment], second, &in_suit_world);
+                add_scaled(&mut bodies.quaternion[segment], value, &seen.moment.orientation_wxyz[segment]);
+                for (row, entries) in matrix(&seen.moment, segment).iter().enumerate() {
+                    add_scaled(&mut bodies.rotation[segment][row], value, entries);
+                    add_scaled(&mut bodies.rotation_acceleration_per_s2[segment][row], second, entries);
+                }
+            }
+        }
+    }
+
+    /// The block.
+    pub(super) fn block(
+        self,
+        phase: Phase,
+        still: bool,
+        by_lag: [Change; LAGS_S.len()],
+        worker: &Worker,
+    ) -> Block {
+        let (sum, bodies, count) = (&self.sum, &*self.bodies, self.count);
+        let heading_rad = heading_rad(&bodies.rotation);
+        let turning_by_group_m = sum.turning_by_group_m.map(|group| mean(group, count));
+        let observation = Observation {
+            time_s: 0.5 * (self.span_s[0] + self.span_s[1]),
+            mass_kg: worker.mass_kg,
+            floor_m: sum.floor_m / count,
+            feet_m: mean(sum.feet_m, count),
+            feet_hold: worker.feet_hold,
+            origin_m: bodies.origin_m,
+            origin_acceleration_m_per_s2: bodies.origin_acceleration_m_per_s2,
+            rotation: bodies.rotation,
+            rotation_acceleration_per_s2: bodies.rotation_acceleration_per_s2,
+            phi_m: worker.phi.0,
+            grip_m: worker.grip_m(),
+            centre_m: worker.body.com_m,
+            com_m: mean(sum.com_m, count),
+            com_acceleration_m_per_s2: mean(sum.com_acceleration_m_per_s2, count),
+            turning_m: [0, 1].map(|axis| turning_by_group_m.iter().map(|group| group[axis]).sum()),
+            slope: mean(sum.slope, count),
+            slope_is_measured: sum.measured_slopes > 0.5 * count,
+            cop_predicted_m: mean(sum.cop_predicted_m, count),
+            force_predicted_n: mean(sum.force_predicted_n, count),
+            cop_measured_m: mean(sum.cop_measured_m, count),
+            force_measured_n: mean(sum.force_measured_n, count),
+        };
+        Block {
+            phase,
+            stance: self.stance,
+            still,
+            observation,
+            com_velocity_m_per_s: mean(sum.com_velocity_m_per_s, count),
+            turning_by_group_m,
+            joint_rad: joint_rad(&bodies.quaternion, heading_rad),
+            heading_rad,
+            by_lag,
+            by_cutoff: self
+                .by_cutoff
+                .map(|sum| Change { cop_m: mean(sum.cop_m, count), force_n: mean(sum.force_n, count) }),
+        }
+    }
+}
+
+fn add<const N: usize>(sum: &mut [f64; N], value: &[f64; N]) {
+    add_scaled(sum, 1.0, value);
+}
+
+fn add_scaled<const N: usize>(sum: &mut [f64; N], scale: f64, value: &[f64; N]) {
+    for (sum, value) in sum.iter_mut().zip(value) {
+        *sum += scale * value;
+    }
+}
+
+fn mean<const N: usize>(sum: [f64; N], count: f64) -> [f64; N] {
+    sum.map(|sum| sum / count)
+}
+
+/// Where the feet point to together, rad from forward, left positive.
+fn heading_rad(rotation: &[[[f64; 3]; 3]; SEGMENTS]) -> f64 {
+    let forward = |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
+    forward(1).atan2(forward(0))
+}
+
+/// Rotation vector of each segment against its parent; of the pelvis against the feet's heading.
+fn joint_rad(quaternion: &[[f64; 4]; SEGMENTS], heading_rad: f64) -> [[f64; 3]; SEGMENTS] {
+    let turned = |segment: Segment| {
+        let [w, x, y, z] = quaternion[segment.index()];
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+    };
+    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
+    Segment::ALL.map(|segment| {
+        let parent = segment.parent().map_or(heading, turned);
+        (parent.inverse() * turned(segment)).scaled_axis().into()
+    })
+}

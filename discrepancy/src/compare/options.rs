@@ -1,0 +1,67 @@
+//! How moments become blocks.
+
+use crate::block::{LAGS_S, Phase};
+use crate::session::Spans;
+
+/// How moments become blocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Where the recording begins, CLOCK_MONOTONIC ns.
+    pub begin_ns: u64,
+    /// Which part is what.
+    pub spans_s: Spans,
+    /// Length of a block, s.
+    pub block_s: f64,
+    /// Half the window of the local parabola, s.
+    pub half_window_s: f64,
+    /// Nothing is compared so near to a foot that leaves the ground or comes down, s.
+    pub stance_margin_s: f64,
+    /// Moments farther apart than this are a gap, s.
+    pub gap_max_s: f64,
+    /// Whether the model takes the body's inertia into account.
+    pub has_inertia: bool,
+    /// Most blocks that are kept; of a longer recording every second, fourth, … block of a phase.
+    pub blocks_max: usize,
+}
+
+impl Options {
+    /// The usual ones: 0.2 s, ± 0.1 s, ± 0.4 s, 6000 blocks.
+    pub fn new(begin_ns: u64, spans_s: Spans, has_inertia: bool) -> Options {
+        Options {
+            begin_ns,
+            spans_s,
+            block_s: 0.2,
+            half_window_s: 0.1,
+            stance_margin_s: 0.4,
+            gap_max_s: 0.12,
+            has_inertia,
+            blocks_max: 6000,
+        }
+    }
+
+    /// Time of a stamp since the recording's begin, s; negative before it.
+    pub(super) fn seconds(&self, time_ns: u64) -> f64 {
+        (i128::from(time_ns) - i128::from(self.begin_ns)) as f64 * 1e-9
+    }
+
+    /// How long a block waits until all around it is known, s.
+    pub(super) fn patience_s(&self) -> f64 {
+        let latest_lag_s = LAGS_S[LAGS_S.len() - 1];
+        // A point is known half a window and at most a gap after its time.
+        let predicted_s = latest_lag_s + self.half_window_s + self.gap_max_s;
+        self.stance_margin_s.max(predicted_s)
+    }
+
+    /// The phase in which all of a stretch of time lies.
+    pub(super) fn phase_of(&self, [from_s, to_s]: [f64; 2]) -> Option<Phase> {
+        let lies_in = |span_s: [f64; 2]| span_s[0] <= from_s && to_s <= span_s[1];
+        let spans = &self.spans_s;
+        if lies_in(spans.identify) {
+            Some(Phase::Identify)
+        } else if spans.reference.is_some_and(lies_in) {
+            Some(Phase::Reference)
+        } else {
+            lies_in(spans.work).then_some(Phase::Work)
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! One moment, smoothed and differentiated: what the model predicts, and what the plate measured.
+
+use equipoise_core::body::{SEGMENTS, Segment, Side};
+use equipoise_core::motion::inertia::momentum_rate_by_segment;
+use equipoise_core::motion::{Build, Motion};
+use equipoise_core::overload::GRAVITY_M_PER_S2;
+use nalgebra::Vector3;
+
+use super::options::Options;
+use super::window::{Around, Window};
+use super::worker::Worker;
+
+/// Below this share of its weight a body leaps, and its centre of pressure means nothing.
+const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
+/// A body that is accelerated more than this is struck or leaps: a parabola does not do, m/s².
+const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
+/// A body that turns so fast that its centre of pressure were this far off would fall, m: a leap of sample times.
+const TURNING_MAX_M: f64 = 0.3;
+
+/// What is predicted and measured at one moment.
+#[derive(Debug)]
+pub(super) struct Point {
+    /// Since the recording's begin, s.
+    pub(super) time_s: f64,
+    /// Number of the stance.
+    pub(super) stance: u64,
+    /// Whether the model takes the body's inertia into account.
+    pub(super) has_inertia: bool,
+    /// Window and weights, for what is averaged over moments themselves.
+    pub(super) around: Box<Around>,
+    /// Height of the walking surface, m.
+    pub(super) floor_m: f64,
+    /// Middle between the standing feet, m.
+    pub(super) feet_m: [f64; 2],
+    /// Centre of mass by the chain, its velocity and acceleration.
+    pub(super) com_m: Vector3<f64>,
+    pub(super) com_velocity_m_per_s: Vector3<f64>,
+    pub(super) com_acceleration_m_per_s2: Vector3<f64>,
+    /// Shift of the centre of pressure by the turning of trunk, right arm, left arm, legs, m.
+    pub(super) turning_by_group_m: [[f64; 2]; 4],
+    /// Horizontal over vertical force by the suit, and as it enters the prediction.
+    pub(super) slope_by_suit: [f64; 2],
+    pub(super) slope: [f64; 2],
+    pub(super) slope_is_measured: bool,
+    /// Prediction of the loop's kind.
+    pub(super) cop_predicted_m: [f64; 2],
+    pub(super) force_predicted_n: [f64; 3],
+    /// What the plate measured, through the same parabola.
+    pub(super) cop_measured_m: [f64; 2],
+    pub(super) force_measured_n: [f64; 3],
+}
+
+/// Sums over a window.
+struct Sums {
+    com_m: Vector3<f64>,
+    velocity: Vector3<f64>,
+    acceleration: Vector3<f64>,
+    motion: Motion,
+    force_n: [f64; 3],
+    cop_nm: [f64; 2],
+}
+
+impl Point {
+    /// The moment of a number, seen through the window around it; `None` if the plate was silent in it, or nobody stood.
+    pub(super) fn of(
+        window: &Window,
+        number: usize,
+        around: Around,
+        worker: &Worker,
+        options: &Options,
+    ) -> Option<Point> {
+        let sums = Sums::over(window, &around)?;
+        let seen = window.at(number);
+        let [_, _, vertical_n] = sums.force_n;
+        let specific_force = GRAVITY_M_PER_S2 + sums.acceleration.z;
+        if vertical_n <= 0.0 || specific_force < SPECIFIC_FORCE_MIN_M_PER_S2 {
+            return None;
+        }
+        let [shear_x_n, shear_y_n, _] = seen.ground?.force_n;
+        // Shear that is exactly zero was not measured.
+        let has_shear = shear_x_n != 0.0 || shear_y_n != 0.0;
+        let slope_by_suit = [sums.acceleration.x / specific_force, sums.acceleration.y / specific_force];
+        // As the loop does: over the force that the body needs, so that a load's weight does not lessen the slope.
+        let by_shear = [0, 1].map(|axis| sums.force_n[axis] / (worker.mass_kg * specific_force));
+        let slope_is_measured = has_shear && options.has_inertia;
+        let slope = match (options.has_inertia, has_shear) {
+            (false, _) => [0.0; 2],
+            (true, true) => by_shear,
+            (true, false) => slope_by_suit,
+        };
+        let build = Build { body: &worker.body, gyration_m2: &worker.gyration_m2 };
+        let rates = momentum_rate_by_segment(&seen.moment, &sums.motion, &build);
+        let turning_by_group_m = turning_by_group_m(&rates, specific_force);
+        let mut point = Point {
+            time_s: seen.time_s,
+            stance: seen.moment.stance,
+            has_inertia: options.has_inertia,
+            floor_m: seen.moment.ground.surface_z_m,
+            feet_m: feet_m(&seen.moment.origin_m),
+            com_m: sums.com_m,
+            com_velocity_m_per_s: sums.velocity,
+            com_acceleration_m_per_s2: sums.acceleration,
+            turning_by_group_m,
+            slope_by_suit,
+            slope,
+            slope_is_measured,
+            cop_predicted_m: [0.0; 2],
+            force_predicted_n: [0.0, 0.0, worker.mass_kg * GRAVITY_M_PER_S2],
+            cop_measured_m: sums.cop_nm.map(|moment_nm| moment_nm / vertical_n),
+            force_measured_n: sums.force_n,
+            around: Box::new(around),
+        };
+        if options.has_inertia {
+            let [x, y, _] = sums.acceleration.into();
+            point.force_predicted_n = [x, y, specific_force].map(|force| worker.mass_kg * force);
+        }
+        let turning_m = if options.has_inertia { point.turning_m() } else { [0.0; 2] };
+        point.cop_predicted_m = [0, 1].map(|axis| {
+            worker.offset_m[axis] + point.com_m[axis] - (point.com_m.z - point.floor_m) * slope[axis]
+                + turning_m[axis]
+        });
+        Some(point)
+    }
+
+    /// Shift of the centre of pressure by the turning of the whole body, m.
+    pub(super) fn turning_m(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.turning_by_group_m.iter().map(|group| group[axis]).sum())
+    }
+
+    /// What of the prediction of the centre of pressure a change in time would change, m: all that the suit shows,
+    /// with measured shear held.
+    pub(super) fn by_suit_m(&self, slope_held: Option<[f64; 2]>) -> [f64; 2] {
+        if !self.has_inertia {
+            return [self.com_m.x, self.com_m.y];
+        }
+        let (slope, turning_m) = (slope_held.unwrap_or(self.slope_by_suit), self.turning_m());
+        [0, 1].map(|axis| self.com_m[axis] - (self.com_m.z - self.floor_m) * slope[axis] + turning_m[axis])
+    }
+
+    /// Whether the motion is one of work: no leap, no impact.
+    pub(super) fn is_moderate(&self) -> bool {
+        self.com_acceleration_m_per_s2.norm() < ACCELERATION_MAX_M_PER_S2
+            && self.turning_m().iter().all(|shift_m| shift_m.abs() < TURNING_MAX_M)
+    }
+}
+
+impl Sums {
+    fn over(window: &Window, around: &Around) -> Option<Sums> {
+        let mut sums = Sums {
+            com_m: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+            motion: Motion::zeroed(),
+            force_n: [0.0; 3],
+            cop_nm: [0.0; 2],
+        };
+        let weights = &around.weights;
+        for place in 0..around.count {
+            let seen = window.at(around.first + place);
+            let ground = seen.ground?;
+            let (value, first, second) = (weights.value[place], weights.first[place], weights.second[place]);
+            let [x, y] = seen.moment.station_from_suit_m;
+            sums.com_m += value * (seen.centre_m + Vector3::new(x, y, 0.0));
+            sums.velocity += first * seen.centre_m;
+            sums.acceleration += second * seen.centre_m;
+            sums.motion.add(&seen.moment, first, second);
+            for (sum, force_n) in sums.force_n.iter_mut().zip(ground.force_n) {
+                *sum += value * force_n;
+            }
+            for (sum, moment_nm) in sums.cop_nm.iter_mut().zip(ground.cop_nm) {
+                *sum += value * moment_nm;
+            }
+        }
+        Some(sums)
+    }
+}
+
+/// Trunk, right arm, left arm, legs.
+fn group_of(segment: Segment) -> usize {
+    match segment {
+        Segment::RightShoulder | Segment::RightUpperArm | Segment::RightForearm | Segment::RightHand => 1,
+        Segment::LeftShoulder | Segment::LeftUpperArm | Segment::LeftForearm | Segment::LeftHand => 2,
+        _ if segment <= Segment::Head => 0,
+        _ => 3,
+    }
+}
+
+/// `(−L̇_y, L̇_x)/(M (g + C̈_z))` of each group, m.
+fn turning_by_group_m(rates: &[[f64; 3]; SEGMENTS], specific_force_m_per_s2: f64) -> [[f64; 2]; 4] {
+    let mut groups = [[0.0; 2]; 4];
+    for segment in Segment::ALL {
+        let [x, y, _] = rates[segment.index()];
+        let group = &mut groups[group_of(segment)];
+        group[0] -= y / specific_force_m_per_s2;
+        group[1] += x / specific_force_m_per_s2;
+    }
+    groups
+}
+
+/// The middle between the feet, each taken between ankle and ball, as the anchor holds them, m.
+fn feet_m(origin_m: &[[f64; 3]; SEGMENTS]) -> [f64; 2] {
+    let ends = Side::BOTH.map(|side| [side.foot(), side.toe()]);
+    [0, 1].map(|axis| ends.iter().flatten().map(|end| 0.25 * origin_m[end.index()][axis]).sum())
+}

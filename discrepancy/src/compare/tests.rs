@@ -1,0 +1,241 @@
+use bytemuck::Zeroable;
+use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton, gyration_m2};
+use equipoise_core::frame::{Pose, SuitWorld};
+use equipoise_core::message::GroundSample;
+use equipoise_core::sesc::Phi;
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::*;
+use crate::block::{CUTOFFS_HZ, LAGS_S, Phase};
+use crate::session::Spans;
+
+const BEGIN_NS: u64 = 5_000_000_000;
+const MASS_KG: f64 = 70.0;
+const GRAVITY_M_PER_S2: f64 = 9.81;
+
+fn skeleton() -> Skeleton {
+    Skeleton::nominal(1.77)
+}
+
+fn worker() -> Worker {
+    let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
+    Worker {
+        mass_kg: MASS_KG,
+        phi: Phi::of(&skeleton(), &body),
+        feet_hold: true,
+        offset_m: [0.0; 2],
+        gyration_m2: gyration_m2(&skeleton(), 1.77),
+        body,
+    }
+}
+
+fn spans(identify_s: f64, end_s: f64) -> Spans {
+    Spans { identify: [0.0, identify_s], reference: None, work: [identify_s, end_s], found: false }
+}
+
+fn options(identify_s: f64, end_s: f64) -> Options {
+    Options::new(BEGIN_NS, spans(identify_s, end_s), true)
+}
+
+/// A stiff body whose pelvis is somewhere in the suit's world, on a plate that measures what it asks for.
+fn moment(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
+    let pelvis = Vector3::from(pelvis_m);
+    let origin = skeleton().t_pose_m().map(|origin| pelvis + Vector3::from(origin));
+    let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
+    let mut moment =
+        Moment::new(BEGIN_NS + (time_s * 1e9) as u64, &pose, &pose.shifted(Vector3::zeros()), &worker().body);
+    moment.both_feet_stand = 1;
+    moment.has_ground = 1;
+    moment.ground = GroundSample {
+        force_n,
+        moment_nm: [0.02 * force_n[2], -0.1 * force_n[2], 0.0],
+        ..GroundSample::zeroed()
+    };
+    moment
+}
+
+fn standing(time_s: f64) -> Moment {
+    moment(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
+}
+
+/// Blocks of so many seconds at a rate, each moment changed by `change`.
+fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut Moment)) -> Vec<Block> {
+    let mut comparison = Comparison::new(worker(), options);
+    for number in 0..(for_s * rate_hz) as u64 {
+        let time_s = number as f64 / rate_hz;
+        let mut moment = standing(time_s);
+        change(time_s, &mut moment);
+        comparison.push(&moment);
+    }
+    comparison.finish()
+}
+
+/// Moves the body, and the chain's centre with it.
+fn shift(moment: &mut Moment, by_m: [f64; 3]) {
+    let ground = moment.ground;
+    let pelvis = moment.origin_m[Segment::Pelvis.index()];
+    let time_s = (moment.time_ns - BEGIN_NS) as f64 * 1e-9;
+    let moved = [0, 1, 2].map(|axis| pelvis[axis] + by_m[axis]);
+    *moment = Moment { ground, ..super::tests::moment(time_s, moved, ground.force_n) };
+}
+
+#[test]
+fn a_still_body_is_predicted_where_its_chain_ends_and_measured_where_the_plate_says() {
+    let blocks = blocks(options(2.0, 10.0), 60.0, 10.0, |_, _| {});
+    assert!(blocks.len() > 40, "{}", blocks.len());
+    let mut centre = Vector3::new(0.0, 0.0, 0.95);
+    for phi in worker().phi.0 {
+        centre += Vector3::from(phi);
+    }
+    for block in &blocks {
+        let seen = &block.observation;
+        for axis in 0..2 {
+            assert!((seen.cop_predicted_m[axis] - centre[axis]).abs() < 1e-9);
+            assert!((seen.cop_measured_m[axis] - [0.1, 0.02][axis]).abs() < 1e-9);
+        }
+        assert!((seen.force_predicted_n[2] - MASS_KG * GRAVITY_M_PER_S2).abs() < 1e-6);
+        assert!(seen.rotation[3][0][0] > 1.0 - 1e-9 && !seen.slope_is_measured && !block.still);
+        let expected = if seen.time_s < 2.0 { Phase::Identify } else { Phase::Work };
+        assert_eq!(block.phase, expected);
+    }
+}
+
+#[test]
+fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
+    let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
+        shift(moment, [0.1 * time_s * time_s, 0.0, 0.0]);
+        // The feet are held although the suit drifts.
+        for origin in &mut moment.origin_m {
+            origin[1] += 0.02 * time_s * time_s;
+        }
+        moment.station_from_suit_m = [0.0, 0.02 * time_s * time_s];
+    });
+    assert!(!blocks.is_empty());
+    for block in &blocks {
+        let seen = &block.observation;
+        let expected = [0.2, 0.0, 0.0];
+        for axis in 0..3 {
+            assert!((seen.com_acceleration_m_per_s2[axis] - expected[axis]).abs() < 1e-6);
+            assert!((seen.origin_acceleration_m_per_s2[5][axis] - expected[axis]).abs() < 1e-6);
+        }
+        // Without measured shear the slope is the suit's.
+        assert!((seen.slope[0] - 0.2 / GRAVITY_M_PER_S2).abs() < 1e-6);
+        assert!((block.com_velocity_m_per_s[0] - 0.2 * seen.time_s).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
+    let speed_m_per_s = 0.3;
+    let blocks = blocks(options(0.0, 12.0), 60.0, 12.0, |time_s, moment| {
+        shift(moment, [speed_m_per_s * time_s, 0.0, 0.0]);
+    });
+    let last = blocks.last().unwrap();
+    for (change, lag_s) in last.by_lag.iter().zip(LAGS_S) {
+        assert!((change.cop_m[0] - speed_m_per_s * lag_s).abs() < 1e-9, "{change:?}");
+        assert!(change.cop_m[1].abs() < 1e-9 && change.force_n[2].abs() < 1e-6);
+    }
+    for (change, cutoff_hz) in last.by_cutoff.iter().zip(CUTOFFS_HZ) {
+        let delay_s = 1.0 / (std::f64::consts::TAU * cutoff_hz);
+        assert!((change.cop_m[0] + speed_m_per_s * delay_s).abs() < 1e-6, "{cutoff_hz} {change:?}");
+    }
+}
+
+#[test]
+fn measured_shear_is_believed_and_held_by_lags() {
+    let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
+        let shear_n = 20.0 * time_s;
+        *moment = super::tests::moment(
+            time_s,
+            [0.0, 0.0, 0.95],
+            [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2],
+        );
+    });
+    for block in &blocks {
+        let seen = &block.observation;
+        let slope = 20.0 * seen.time_s / (MASS_KG * GRAVITY_M_PER_S2);
+        assert!(seen.slope_is_measured);
+        assert!((seen.slope[0] - slope).abs() < 1e-6 && (seen.slope[1] + slope).abs() < 1e-6);
+        let moved = seen.com_m[0] - (seen.com_m[2] - seen.floor_m) * slope;
+        assert!((seen.cop_predicted_m[0] - moved).abs() < 1e-6);
+        assert!(block.by_lag.iter().all(|change| change.cop_m[0].abs() < 1e-9));
+    }
+}
+
+#[test]
+fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
+    let blocks = blocks(options(0.0, 30.0), 60.0, 30.0, |time_s, moment| {
+        moment.stance = u64::from(time_s >= 5.0);
+        if (10.0..10.5).contains(&time_s) {
+            moment.both_feet_stand = 0;
+        }
+        if (15.0..15.1).contains(&time_s) {
+            moment.ground.force_n = [0.0; 3];
+        }
+        if time_s >= 20.0 {
+            moment.time_ns += 1_000_000_000;
+        }
+    });
+    let spoilt = |block: &Block, from_s: f64, to_s: f64| {
+        let [begin_s, end_s] = [block.observation.time_s - 0.1, block.observation.time_s + 0.1];
+        begin_s < to_s - 1e-9 && end_s > from_s + 1e-9
+    };
+    for (from_s, to_s) in [(4.6, 5.4), (9.6, 10.85), (14.92, 15.15), (19.95, 21.05)] {
+        assert!(blocks.iter().all(|block| !spoilt(block, from_s, to_s)), "{from_s}");
+        // And no more is lost than that needs.
+        let near = |block: &&Block| spoilt(block, from_s - 0.9, to_s + 0.9);
+        assert!(blocks.iter().filter(near).count() >= 4, "{from_s}");
+    }
+    assert!(blocks.len() > 125, "{}", blocks.len());
+}
+
+#[test]
+fn a_long_stream_is_thinned_evenly_and_the_poses_are_kept() {
+    let (end_s, most) = (1200.0, 200);
+    let options = Options { blocks_max: most, ..options(8.0, end_s) };
+    let mut comparison = Comparison::new(worker(), options);
+    for number in 0..(end_s * 25.0) as u64 {
+        let time_s = number as f64 / 25.0;
+        comparison.push(&standing(time_s));
+        comparison.hold(standing(time_s).time_ns, true);
+        let held = comparison.points.len() + comparison.still.len() + comparison.waiting.len();
+        assert!(held < 120 && comparison.spoilt_s.len() < 10, "{held}");
+    }
+    let blocks = comparison.finish();
+    assert!(blocks.len() <= most, "{}", blocks.len());
+    let poses = blocks.iter().filter(|block| block.phase == Phase::Identify).count();
+    assert!(poses >= 36, "{poses}");
+    let work: Vec<f64> = blocks
+        .iter()
+        .filter(|block| block.phase == Phase::Work)
+        .map(|block| block.observation.time_s)
+        .collect();
+    let [widest, narrowest] = work.windows(2).fold([0.0, f64::INFINITY], |[widest, narrowest], pair| {
+        let step_s: f64 = pair[1] - pair[0];
+        [step_s.max(widest), step_s.min(narrowest)]
+    });
+    assert!(work.len() > most / 3 && widest < narrowest + 1e-6, "{} {widest} {narrowest}", work.len());
+    assert!(work[work.len() - 1] > 0.97 * end_s && blocks.iter().all(|block| block.still));
+}
+
+#[test]
+fn the_prior_is_a_covariance_of_all_parameters() {
+    use crate::session::PARAMETERS;
+    use equipoise_core::cycle::{Identification, Settings};
+    let settings = Settings { mass_kg: Some(MASS_KG), ..Settings::for_height(1.77) };
+    let mut learnt: Box<Identification> = bytemuck::zeroed_box();
+    learnt.start(&settings);
+    assert!(Worker::of(&learnt, &settings).is_none(), "the bones are not known");
+    let origin = skeleton().t_pose_m().map(|origin| Vector3::from(origin) + Vector3::new(0.0, 0.0, 0.95));
+    let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
+    for _ in 0..20 {
+        learnt.learn_skeleton(&pose, &settings);
+    }
+    assert!(Worker::of(&learnt, &settings).is_some());
+    let covariance_m2 = prior_covariance_m2(&learnt, &settings);
+    let matrix = nalgebra::DMatrix::from_row_slice(PARAMETERS, PARAMETERS, &covariance_m2);
+    assert!((&matrix - matrix.transpose()).amax() < 1e-12);
+    assert!(nalgebra::Cholesky::new(matrix.clone()).is_some());
+    let sigma_m = |raw: usize| matrix[(raw, raw)].sqrt();
+    assert!((0..PARAMETERS).all(|raw| (0.002..0.06).contains(&sigma_m(raw))));
+}

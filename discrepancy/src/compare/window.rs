@@ -1,0 +1,160 @@
+//! The moments around the one in hand, and the parabola through them.
+
+use std::collections::VecDeque;
+
+use equipoise_core::frame::StationWorld;
+use equipoise_core::frame::{Pose, rotation};
+use equipoise_core::motion::Moment;
+use equipoise_core::motion::history::CAPACITY;
+use equipoise_core::motion::weights::{Weights, weights};
+use nalgebra::Vector3;
+
+use super::options::Options;
+use super::point::Point;
+use super::worker::Worker;
+
+/// A parabola needs so many moments on each side.
+const SIDE_MIN: usize = 2;
+/// Most moments on each side.
+const SIDE_MAX: usize = CAPACITY / 2 - 1;
+/// Each side must reach over this share of half the window, else value and derivatives are those of another time.
+const REACH_SHARE: f64 = 0.6;
+/// Times are as good as this, s: a sample on the edge of the window belongs to it.
+const TIME_EPSILON_S: f64 = 1e-6;
+
+/// A moment, and what is smoothed of it.
+#[derive(Debug, Clone)]
+pub(super) struct Seen {
+    /// Since the recording's begin, s.
+    pub(super) time_s: f64,
+    pub(super) moment: Moment,
+    /// Centre of mass by the chain in the suit's own world: the anchor's shifts are no motion, m.
+    pub(super) centre_m: Vector3<f64>,
+    /// What the plate shows; `None` without a centre of pressure.
+    pub(super) ground: Option<Shown>,
+}
+
+/// What the plate shows at a moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shown {
+    pub(super) force_n: [f64; 3],
+    /// Centre of pressure times vertical force: what may be averaged, N m.
+    pub(super) cop_nm: [f64; 2],
+}
+
+/// The moments of the last second.
+#[derive(Debug)]
+pub(super) struct Window {
+    half_s: f64,
+    /// Moments older than this are forgotten, s.
+    kept_s: f64,
+    seen: VecDeque<Seen>,
+    /// How many moments were forgotten, and the number of the next to be looked at.
+    forgotten: usize,
+    next: usize,
+}
+
+/// The window around a moment: its first moment's number, and the weights of all in it.
+#[derive(Debug)]
+pub(super) struct Around {
+    pub(super) first: usize,
+    pub(super) count: usize,
+    pub(super) weights: Weights,
+}
+
+impl Window {
+    pub(super) fn new(half_s: f64, block_s: f64) -> Window {
+        // A block, half a window on both sides of it, and a gap.
+        let kept_s = block_s + 2.0 * half_s + 0.3;
+        Window { half_s, kept_s, seen: VecDeque::new(), forgotten: 0, next: 0 }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.forgotten += self.seen.len();
+        self.next = self.forgotten;
+        self.seen.clear();
+    }
+
+    /// Takes in a moment. Whether the plate shows a centre of pressure.
+    pub(super) fn push(&mut self, time_s: f64, moment: &Moment, worker: &Worker) -> bool {
+        let oldest_s = time_s - self.kept_s;
+        let old = |seen: &mut Seen| seen.time_s < oldest_s;
+        while self.next > self.forgotten && self.seen.pop_front_if(old).is_some() {
+            self.forgotten += 1;
+        }
+        let [x, y] = moment.station_from_suit_m;
+        let centre_m = chain(&moment.pose(), worker) - Vector3::new(x, y, 0.0);
+        let ground = moment.ground().and_then(|ground| {
+            let [x, y] = ground.cop_m().ok()?;
+            let vertical_n = ground.force_n[2];
+            Some(Shown { force_n: ground.force_n, cop_nm: [x * vertical_n, y * vertical_n] })
+        });
+        let has_cop = ground.is_some();
+        self.seen.push_back(Seen { time_s, moment: *moment, centre_m, ground });
+        has_cop
+    }
+
+    /// The next moment whose future is known, compared; moments without enough around them are passed over.
+    pub(super) fn next(&mut self, worker: &Worker, options: &Options) -> Option<Point> {
+        let newest_s = self.seen.back()?.time_s;
+        while self.next < self.forgotten + self.seen.len() {
+            let number = self.next;
+            if self.at(number).time_s + self.half_s > newest_s + TIME_EPSILON_S {
+                return None;
+            }
+            self.next += 1;
+            let point = self.around(number).and_then(|around| Point::of(self, number, around, worker, options));
+            if point.is_some() {
+                return point;
+            }
+        }
+        None
+    }
+
+    /// A moment by its number.
+    pub(super) fn at(&self, number: usize) -> &Seen {
+        &self.seen[number - self.forgotten]
+    }
+
+    /// A moment by its number, if it is still there.
+    pub(super) fn get(&self, number: usize) -> Option<&Seen> {
+        self.seen.get(number.checked_sub(self.forgotten)?)
+    }
+
+    fn around(&self, number: usize) -> Option<Around> {
+        let centre_s = self.at(number).time_s;
+        let near = |other: usize| {
+            self.get(other).is_some_and(|seen| (seen.time_s - centre_s).abs() <= self.half_s + TIME_EPSILON_S)
+        };
+        let (mut first, mut last) = (number, number);
+        while first > self.forgotten && number - first < SIDE_MAX && near(first - 1) {
+            first -= 1;
+        }
+        while last - number < SIDE_MAX && near(last + 1) {
+            last += 1;
+        }
+        let reach_s = [centre_s - self.at(first).time_s, self.at(last).time_s - centre_s];
+        let counts = [number - first, last - number];
+        let cut_short = |side: usize| counts[side] < SIDE_MAX && reach_s[side] < REACH_SHARE * self.half_s;
+        if counts.iter().any(|count| *count < SIDE_MIN) || cut_short(0) || cut_short(1) {
+            return None;
+        }
+        let mut times_s = [0.0; CAPACITY];
+        let count = last - first + 1;
+        for (time_s, other) in times_s.iter_mut().zip(first..=last) {
+            *time_s = self.at(other).time_s - centre_s;
+        }
+        Some(Around { first, count, weights: weights(&times_s[..count])? })
+    }
+}
+
+/// Centre of mass by the chain (Fortini et al., Eq. 3), m.
+fn chain(pose: &Pose<StationWorld>, worker: &Worker) -> Vector3<f64> {
+    equipoise_core::sesc::centre_of_mass(pose, &worker.phi)
+}
+
+/// `world_from_segment` of a moment as a matrix, row by row.
+pub(super) fn matrix(moment: &Moment, segment: usize) -> [[f64; 3]; 3] {
+    let matrix = rotation(moment.orientation_wxyz[segment]).to_rotation_matrix();
+    [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
+}

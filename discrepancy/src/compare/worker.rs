@@ -1,0 +1,66 @@
+//! The identified worker, as the comparison needs to know them.
+
+use equipoise_core::body::{Anthropometry, SEGMENTS, Side, gyration_m2};
+use equipoise_core::cycle::{Identification, Settings};
+use equipoise_core::sesc::{Phi, ReductionKind};
+
+use crate::session::PARAMETERS;
+
+/// What the chain leaves out on every parameter (joints that glide, a spine that bends between its sensors), beside
+/// the spread of the table: 1-σ, m.
+const LEFT_OUT_SIGMA_M: f64 = 0.002;
+
+/// An identified worker.
+#[derive(Debug, Clone, Copy)]
+pub struct Worker {
+    /// Body mass, kg.
+    pub mass_kg: f64,
+    /// The chain's parameters.
+    pub phi: Phi,
+    /// Whether the standing feet hold the body in its place, because the suit's position drifts.
+    pub feet_hold: bool,
+    /// Where the centre of pressure lies from the chain's, by the plate's place in the suit's world, m: constant.
+    pub offset_m: [f64; 2],
+    /// The table laid on this worker's bones.
+    pub body: Anthropometry,
+    /// Squares of the radii of gyration about each segment's axes, m².
+    pub gyration_m2: [[f64; 3]; SEGMENTS],
+}
+
+impl Worker {
+    /// As learnt; `None` while bones or mass are not known.
+    pub fn of(learnt: &Identification, settings: &Settings) -> Option<Worker> {
+        let count = learnt.filter.count();
+        let offset_m = [0, 1].map(|axis| learnt.filter.theta_m()[count + axis]);
+        (learnt.has_body() && learnt.mass_kg > 0.0).then(|| Worker {
+            mass_kg: learnt.mass_kg,
+            phi: learnt.phi(),
+            feet_hold: settings.suit_drifts,
+            offset_m,
+            body: *learnt.anthropometry(),
+            gyration_m2: gyration_m2(&learnt.skeleton(), settings.height_m),
+        })
+    }
+
+    /// Where the hands grip, hand's axes, m: left, right.
+    pub(super) fn grip_m(&self) -> [[f64; 3]; 2] {
+        Side::BOTH.map(|side| self.body.grip_m(side.hand()))
+    }
+}
+
+/// What was believed of all 69 parameters before any pose, m², row by row: the table's spread, the soft constraints,
+/// the suit's misalignment, inflated as the first poses asked for, and what a chain leaves out.
+pub fn prior_covariance_m2(learnt: &Identification, settings: &Settings) -> Vec<f64> {
+    let mut believed = Box::new(*learnt);
+    let inflation = learnt.prior_inflation();
+    believed.return_to_prior(&Settings { reduction: ReductionKind::Full, ..*settings });
+    let mut covariance_m2 = vec![0.0; PARAMETERS * PARAMETERS];
+    for (row, values) in covariance_m2.chunks_exact_mut(PARAMETERS).enumerate() {
+        let prior_m2 = believed.filter.covariance_row_m2(row);
+        for (value, prior_m2) in values.iter_mut().zip(prior_m2) {
+            *value = inflation * prior_m2;
+        }
+        values[row] += LEFT_OUT_SIGMA_M * LEFT_OUT_SIGMA_M;
+    }
+    covariance_m2
+}

@@ -1,0 +1,286 @@
+//! Fills the plots of the report.
+
+use crate::block::Phase;
+use crate::candidate::Candidate;
+use crate::floor::{Floor, root_mean};
+use crate::gram::Gram;
+use crate::holdout::HeldOut;
+use crate::linear::dot;
+use crate::picture::{
+    PhaseGap, Picture, PosePlot, PosePoint, PredictorPlot, PredictorPoint, Signal, SurpriseBin, TimePlot,
+    TimePoint, Unseen, Whiteness, Window,
+};
+use crate::select::Selection;
+use crate::telling::{Told, scale};
+
+/// Lags of the autocorrelation.
+const LAGS: usize = 20;
+/// Edges of the bins of squared innovations.
+const SURPRISES: [f64; 7] = [0.0, 0.5, 1.0, 2.0, 4.0, 9.0, f64::INFINITY];
+/// Pieces of the work that are compared.
+const PIECES: usize = 18;
+/// Windows that are told.
+const WINDOWS_MAX: usize = 6;
+/// Features of the pose per signal.
+const FEATURES_MAX: usize = 2;
+
+/// All plots.
+pub(crate) fn draw(
+    gram: &Gram<'_>,
+    selection: &Selection,
+    held: &HeldOut,
+    told: &Told,
+    threshold: f64,
+) -> Picture {
+    let session = gram.rows.session;
+    Picture {
+        spans_s: session.spans_s,
+        length_s: session.length_s,
+        block_s: session.block_s,
+        threshold_log_odds: threshold,
+        time: (0..3).map(|axis| time(gram, held, &told.floor, axis)).collect(),
+        pose: (0..3).flat_map(|axis| pose(gram, held, &told.floor, axis)).collect(),
+        predictors: (0..selection.accepted.len())
+            .filter_map(|index| predictor(gram, selection, held, &told.floor, index))
+            .collect(),
+        whiteness: (0..3).map(|axis| whiteness(gram, told, axis)).collect(),
+        surprise: surprise(gram, told),
+        windows: windows(gram, told),
+        phases: phases(gram, held, &told.floor),
+        unseen: if selection.accepted.is_empty() { unseen(gram) } else { Vec::new() },
+    }
+}
+
+fn time(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> TimePlot {
+    let points = (0..held.before.len())
+        .map(|block| TimePoint {
+            time_s: gram.rows.time_s(gram.rows.work_from + block),
+            still: gram.rows.blocks[gram.rows.work_from + block].still,
+            before: scale(axis) * held.before[block][axis],
+            after: scale(axis) * held.after[block][axis],
+            noise_sigma: scale(axis) * floor.sigma[block][axis].hypot(floor.mean[block][axis]),
+        })
+        .collect();
+    TimePlot { signal: Signal::ALL[axis], points }
+}
+
+/// Features of the pose in words, and how to read them off a block: of each arm its elevation, of the trunk its lean, of
+/// each its direction, of the whole its height.
+fn features() -> Vec<(String, &'static str, Box<dyn Fn(&crate::block::Block) -> f64>)> {
+    use equipoise_core::body::Segment;
+    let mut list: Vec<(String, &'static str, Box<dyn Fn(&crate::block::Block) -> f64>)> = Vec::new();
+    let parts = [
+        ("trunk", Segment::Pelvis, Segment::Neck),
+        ("right arm", Segment::RightUpperArm, Segment::RightHand),
+        ("left arm", Segment::LeftUpperArm, Segment::LeftHand),
+        ("right thigh", Segment::RightUpperLeg, Segment::RightLowerLeg),
+        ("left thigh", Segment::LeftUpperLeg, Segment::LeftLowerLeg),
+    ];
+    for (name, from, to) in parts {
+        for (axis, way) in ["forward", "to the left", "up"].into_iter().enumerate() {
+            let of = move |block: &crate::block::Block| {
+                let origin_m = &block.observation.origin_m;
+                origin_m[to.index()][axis] - origin_m[from.index()][axis]
+            };
+            list.push((format!("{name} {way}"), "m", Box::new(of)));
+        }
+    }
+    list.push(("heading of the feet".to_owned(), "°", Box::new(|block| block.heading_rad.to_degrees())));
+    list
+}
+
+fn pose(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> Vec<PosePlot> {
+    let rows = gram.rows;
+    let residual: Vec<f64> = held.before.iter().map(|before| before[axis]).collect();
+    let mut plots: Vec<(f64, PosePlot)> = Vec::new();
+    for (feature, unit, of) in features() {
+        let value: Vec<f64> = rows.blocks[rows.work_from..].iter().map(|block| of(block)).collect();
+        let points = (0..value.len())
+            .map(|i| PosePoint {
+                feature: value[i],
+                before: scale(axis) * held.before[i][axis],
+                after: scale(axis) * held.after[i][axis],
+            })
+            .collect();
+        let noise_sigma = scale(axis) * floor.root_mean_square(axis, |_| true);
+        plots.push((
+            alike(&value, &residual),
+            PosePlot { signal: Signal::ALL[axis], feature, unit, points, noise_sigma },
+        ));
+    }
+    plots.sort_by(|a, b| b.0.total_cmp(&a.0));
+    plots.into_iter().take(FEATURES_MAX).map(|(_, plot)| plot).collect()
+}
+
+/// Squared correlation.
+fn alike(a: &[f64], b: &[f64]) -> f64 {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let (middle_a, middle_b) = (mean(a), mean(b));
+    let sum = |f: &dyn Fn(f64, f64) -> f64| {
+        a.iter().zip(b).map(|(a, b)| f(a - middle_a, b - middle_b)).sum::<f64>()
+    };
+    let (aa, bb, ab) = (sum(&|a, _| a * a), sum(&|_, b| b * b), sum(&|a, b| a * b));
+    if aa > 1e-12 && bb > 1e-18 { ab * ab / (aa * bb) } else { 0.0 }
+}
+
+fn predictor(
+    gram: &Gram<'_>,
+    selection: &Selection,
+    held: &HeldOut,
+    floor: &Floor,
+    index: usize,
+) -> Option<PredictorPlot> {
+    let predicted = &held.of_term[index];
+    let strength = |axis: usize| {
+        let noise = floor.root_mean_square(axis, |_| true);
+        if noise > 0.0 { root_mean(predicted.iter().map(|value| value[axis].powi(2))) / noise } else { 0.0 }
+    };
+    let axis = (0..3).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))?;
+    let candidate = gram.terms[selection.accepted[index].term].candidate.as_ref()?;
+    let points = (0..predicted.len())
+        .filter(|&block| candidate.acts(gram.rows, gram.rows.work_from + block))
+        .map(|block| PredictorPoint {
+            predicted: scale(axis) * predicted[block][axis],
+            residual: scale(axis) * (held.after[block][axis] + predicted[block][axis]),
+        })
+        .collect();
+    Some(PredictorPlot {
+        effect: Candidate::name(candidate),
+        signal: Signal::ALL[axis],
+        points,
+        noise_sigma: scale(axis) * floor.root_mean_square(axis, |_| true),
+    })
+}
+
+/// The work's whitened rows of one signal.
+fn whitened(gram: &Gram<'_>, rows: &[f64], axis: usize) -> Vec<f64> {
+    let blocks = gram.rows.work_from..gram.rows.len();
+    match axis {
+        0 | 1 => blocks.map(|block| rows[2 * block + axis]).collect(),
+        _ => blocks.map(|block| rows[gram.cop_rows() + block]).collect(),
+    }
+}
+
+fn whiteness(gram: &Gram<'_>, told: &Told, axis: usize) -> Whiteness {
+    let of = |rows: &[f64]| {
+        let values = whitened(gram, rows, axis);
+        let square = dot(&values, &values);
+        (1..=LAGS.min(values.len().saturating_sub(2)))
+            .map(|lag| if square > 0.0 { dot(&values[lag..], &values) / square } else { 0.0 })
+            .collect()
+    };
+    let count = (gram.rows.len() - gram.rows.work_from).max(1);
+    Whiteness {
+        signal: Signal::ALL[axis],
+        before: of(&told.rest.before),
+        after: of(&told.rest.after),
+        bound: 1.96 / (count as f64).sqrt(),
+    }
+}
+
+fn surprise(gram: &Gram<'_>, told: &Told) -> Vec<SurpriseBin> {
+    let squares = |rows: &[f64]| -> Vec<f64> {
+        (0..3).flat_map(|axis| whitened(gram, rows, axis)).map(|value| value * value).collect()
+    };
+    let (before, after) = (squares(&told.rest.before), squares(&told.rest.after));
+    let share = |list: &[f64], from: f64, to: f64| {
+        list.iter().filter(|&&value| value >= from && value < to).count() as f64 / list.len().max(1) as f64
+    };
+    SURPRISES
+        .windows(2)
+        .map(|edge| {
+            let [from, to] = [edge[0], edge[1]];
+            let expected = below(to) - below(from);
+            SurpriseBin {
+                from,
+                to,
+                before: share(&before, from, to),
+                after: share(&after, from, to),
+                expected,
+            }
+        })
+        .collect()
+}
+
+/// How often the square of a standard normal is below a value: `erf(√(x/2))` by Abramowitz and Stegun 7.1.26.
+fn below(value: f64) -> f64 {
+    if value.is_infinite() {
+        return 1.0;
+    }
+    let x = (0.5 * value).sqrt();
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let series = t
+        * (0.254_829_592
+            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    1.0 - series * (-x * x).exp()
+}
+
+fn windows(gram: &Gram<'_>, told: &Told) -> Vec<Window> {
+    let rows = gram.rows;
+    let work = rows.len() - rows.work_from;
+    let length = work.div_ceil(PIECES).max(1);
+    let mut list = Vec::new();
+    for axis in 0..3 {
+        let (before, after) =
+            (whitened(gram, &told.rest.before, axis), whitened(gram, &told.rest.after, axis));
+        for from in (0..work).step_by(length) {
+            let to = (from + length).min(work);
+            let root = |values: &[f64]| root_mean(values[from..to].iter().map(|value| value * value));
+            list.push(Window {
+                from_s: rows.time_s(rows.work_from + from) - 0.5 * rows.session.block_s,
+                to_s: rows.time_s(rows.work_from + to - 1) + 0.5 * rows.session.block_s,
+                signal: Signal::ALL[axis],
+                times_noise_before: root(&before),
+                times_noise_after: root(&after),
+            });
+        }
+    }
+    list.sort_by(|a, b| b.times_noise_after.total_cmp(&a.times_noise_after));
+    list.truncate(WINDOWS_MAX);
+    list
+}
+
+fn phases(gram: &Gram<'_>, held: &HeldOut, floor: &Floor) -> Vec<PhaseGap> {
+    let rows = gram.rows;
+    let mut list = Vec::new();
+    for phase in [Phase::Identify, Phase::Reference, Phase::Work] {
+        for (axis, signal) in Signal::ALL.into_iter().enumerate() {
+            let gap = if phase == Phase::Work {
+                let root =
+                    |list: &[[f64; 3]]| scale(axis) * root_mean(list.iter().map(|value| value[axis].powi(2)));
+                let noise_floor = scale(axis) * floor.root_mean_square(axis, |_| true);
+                PhaseGap { phase, signal, before: root(&held.before), after: root(&held.after), noise_floor }
+            } else {
+                let blocks = (0..rows.work_from).filter(|&block| rows.blocks[block].phase == phase);
+                let residual = |block: usize| match axis {
+                    0 | 1 => rows.cop_residual_m(block)[axis],
+                    _ => rows.force_residual_n(block, 2),
+                };
+                let root = scale(axis) * root_mean(blocks.clone().map(|block| residual(block).powi(2)));
+                if blocks.count() == 0 {
+                    continue;
+                }
+                PhaseGap { phase, signal, before: root, after: root, noise_floor: root }
+            };
+            list.push(gap);
+        }
+    }
+    list
+}
+
+/// Upper bounds of what was not found: 95 % of the largest of each effect's parameters, alone.
+fn unseen(gram: &Gram<'_>) -> Vec<Unseen> {
+    let mut list: Vec<Unseen> = Vec::new();
+    for (index, term) in gram.terms.iter().enumerate() {
+        let Some(candidate) = term.candidate.as_ref().filter(|_| !term.is_derived) else { continue };
+        let effect = candidate.name();
+        if candidate.is_a_share() || list.iter().any(|other| other.effect == effect) {
+            continue;
+        }
+        let Some(estimate) = gram.estimate(&[index]) else { continue };
+        let parameter = &candidate.effect.parameters_of(candidate.shape)[0];
+        let at_most = estimate.value[0].abs() + 1.645 * estimate.sigma[0];
+        list.push(Unseen { effect, parameter: parameter.name.to_owned(), at_most, unit: parameter.unit });
+    }
+    list
+}

@@ -1,0 +1,63 @@
+//! What noise alone would show in the work, given all that the clean rows already tell of it.
+
+use crate::block::Phase;
+use crate::gram::Gram;
+use crate::linear::Factor;
+
+/// Expected residual of every block of the work and its 1-σ: centre of pressure x, y (m), vertical force (N).
+#[derive(Debug, Clone)]
+pub(crate) struct Floor {
+    /// What the clean rows make one expect.
+    pub(crate) mean: Vec<[f64; 3]>,
+    /// How far from that noise strays.
+    pub(crate) sigma: Vec<[f64; 3]>,
+}
+
+impl Floor {
+    /// Of all work rows. The clean rows stand first, so the factor already holds both answers: with
+    /// `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
+    pub(crate) fn of(gram: &Gram<'_>) -> Floor {
+        let rows = gram.rows;
+        let (work, from) = (rows.len() - rows.work_from, rows.work_from);
+        let mut floor = Floor { mean: vec![[0.0; 3]; work], sigma: vec![[0.0; 3]; work] };
+        for block in 0..work {
+            for axis in 0..2 {
+                let row = 2 * (from + block) + axis;
+                (floor.mean[block][axis], floor.sigma[block][axis]) =
+                    predicted(&gram.noise.cop, row, 2 * from, &gram.residual);
+            }
+            if let Some(vertical) = gram.noise.force.first() {
+                let residual = &gram.residual[gram.cop_rows()..];
+                (floor.mean[block][2], floor.sigma[block][2]) =
+                    predicted(vertical, from + block, from, residual);
+            }
+        }
+        floor
+    }
+
+    /// Root mean square of what noise alone would show on one axis, over some blocks of the work.
+    pub(crate) fn root_mean_square(&self, axis: usize, of: impl Fn(usize) -> bool) -> f64 {
+        let squares = (0..self.mean.len())
+            .filter(|&block| of(block))
+            .map(|block| self.mean[block][axis].powi(2) + self.sigma[block][axis].powi(2));
+        root_mean(squares)
+    }
+}
+
+fn predicted(factor: &Factor, row: usize, clean: usize, whitened: &[f64]) -> (f64, f64) {
+    let lower = factor.lower();
+    let mean = (0..clean).map(|column| lower[(row, column)] * whitened[column]).sum();
+    let square: f64 = (clean..=row).map(|column| lower[(row, column)].powi(2)).sum();
+    (mean, square.sqrt())
+}
+
+/// Square root of the mean; 0 of nothing.
+pub(crate) fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
+    if count == 0 { 0.0 } else { (sum / f64::from(count)).sqrt() }
+}
+
+/// The blocks of one phase, by row.
+pub(crate) fn of_phase(gram: &Gram<'_>, phase: Phase) -> Vec<usize> {
+    (0..gram.rows.len()).filter(|&block| gram.rows.blocks[block].phase == phase).collect()
+}

@@ -1,0 +1,302 @@
+//! Whitened columns and their inner products: after this, every question is small algebra.
+//!
+//! Rows are the centre of pressure, then the force channels, each whitened by its own factor. What is counted as model
+//! error (see [`Gram::forgive`]) is projected out of all inner products.
+
+use equipoise_core::effect::Columns;
+use faer::Mat;
+
+use crate::candidate::Candidate;
+use crate::linear::{dot, inner};
+use crate::noise::Noise;
+use crate::rows::Rows;
+
+/// A term whose columns are whitened: a candidate of the catalogue, or a generic one that has only words.
+#[derive(Debug, Clone)]
+pub(crate) struct Term {
+    /// What it is.
+    pub(crate) candidate: Option<Candidate>,
+    /// Its first column and their number.
+    pub(crate) first: usize,
+    /// Number of columns.
+    pub(crate) count: usize,
+    /// Believed parameters.
+    pub(crate) mean: Vec<f64>,
+    /// How sure, 1-σ.
+    pub(crate) sigma: Vec<f64>,
+    /// Logarithm of its share among the variants of its name.
+    pub(crate) log_prior: f64,
+    /// Whether it was made on the way (refined, in a part of the work): not one of those that are tried each time.
+    pub(crate) is_derived: bool,
+}
+
+impl Term {
+    /// The range of its columns.
+    pub(crate) fn columns(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.count
+    }
+}
+
+/// The whitened problem.
+#[derive(Debug, Clone)]
+pub(crate) struct Gram<'a> {
+    /// Where it comes from.
+    pub(crate) rows: &'a Rows<'a>,
+    /// What it is whitened with.
+    pub(crate) noise: &'a Noise,
+    /// Whitened residual.
+    pub(crate) residual: Vec<f64>,
+    /// Whitened columns of all terms.
+    pub(crate) columns: Vec<Vec<f64>>,
+    /// The terms.
+    pub(crate) terms: Vec<Term>,
+    /// Directions that count as model error.
+    pub(crate) forgiven: Vec<Vec<f64>>,
+    /// Inner products of columns, lower and upper.
+    pub(crate) products: Vec<Vec<f64>>,
+    /// Inner products of columns with the residual.
+    pub(crate) with_residual: Vec<f64>,
+}
+
+impl<'a> Gram<'a> {
+    /// Of all candidates.
+    pub(crate) fn of(rows: &'a Rows<'a>, noise: &'a Noise, candidates: Vec<Candidate>) -> Gram<'a> {
+        let residual = whitened_residual(rows, noise);
+        let mut gram = Gram {
+            rows,
+            noise,
+            residual,
+            columns: Vec::new(),
+            terms: Vec::new(),
+            forgiven: Vec::new(),
+            products: Vec::new(),
+            with_residual: Vec::new(),
+        };
+        for candidate in candidates {
+            let columns = gram.whitened(candidate.count(), |block| candidate.columns(rows, block));
+            let term = Term {
+                first: gram.columns.len(),
+                count: candidate.count(),
+                mean: candidate.mean.clone(),
+                sigma: candidate.sigma.clone(),
+                log_prior: candidate.log_prior,
+                candidate: Some(candidate),
+                is_derived: false,
+            };
+            gram.terms.push(term);
+            gram.columns.extend(columns);
+        }
+        gram.multiply_all();
+        gram
+    }
+
+    /// Whitened columns of something given block by block.
+    pub(crate) fn whitened(&self, count: usize, of: impl Fn(usize) -> Columns) -> Vec<Vec<f64>> {
+        whiten(self.rows, self.noise, count, of)
+    }
+
+    /// Adds a term that was made on the way; gives its index.
+    pub(crate) fn add(&mut self, mut term: Term, columns: Vec<Vec<f64>>) -> usize {
+        term.first = self.columns.len();
+        term.is_derived = true;
+        for column in columns {
+            let mut products: Vec<f64> =
+                self.columns.iter().map(|other| self.metric(other, &column)).collect();
+            products.push(self.metric(&column, &column));
+            self.with_residual.push(self.metric(&column, &self.residual));
+            for (row, &product) in self.products.iter_mut().zip(&products) {
+                row.push(product);
+            }
+            self.products.push(products);
+            self.columns.push(column);
+        }
+        self.terms.push(term);
+        self.terms.len() - 1
+    }
+
+    /// Adds a candidate.
+    pub(crate) fn add_candidate(&mut self, candidate: Candidate) -> usize {
+        let columns = self.whitened(candidate.count(), |block| candidate.columns(self.rows, block));
+        let term = Term {
+            first: 0,
+            count: candidate.count(),
+            mean: candidate.mean.clone(),
+            sigma: candidate.sigma.clone(),
+            log_prior: candidate.log_prior,
+            candidate: Some(candidate),
+            is_derived: true,
+        };
+        self.add(term, columns)
+    }
+
+    /// Takes back what was added after there were so many terms.
+    pub(crate) fn truncate(&mut self, terms: usize) {
+        self.terms.truncate(terms);
+        let columns = self.terms.last().map_or(0, |term| term.first + term.count);
+        self.columns.truncate(columns);
+        self.with_residual.truncate(columns);
+        self.products.truncate(columns);
+        for row in &mut self.products {
+            row.truncate(columns);
+        }
+    }
+
+    /// Counts a direction as model error of this 1-σ (per unit of the column): nothing is concluded from it any more.
+    pub(crate) fn forgive(&mut self, column: &[f64], sigma: f64) {
+        let direction = direction(column, sigma, &self.forgiven);
+        self.project_out(direction);
+    }
+
+    fn project_out(&mut self, direction: Vec<f64>) {
+        let along: Vec<f64> = self.columns.iter().map(|column| dot(column, &direction)).collect();
+        let with_residual = dot(&self.residual, &direction);
+        for (i, row) in self.products.iter_mut().enumerate() {
+            for (value, other) in row.iter_mut().zip(&along) {
+                *value -= along[i] * other;
+            }
+            self.with_residual[i] -= along[i] * with_residual;
+        }
+        self.forgiven.push(direction);
+    }
+
+    /// Inner product without what is forgiven.
+    pub(crate) fn metric(&self, a: &[f64], b: &[f64]) -> f64 {
+        self.forgiven.iter().fold(dot(a, b), |sum, known| sum - dot(a, known) * dot(b, known))
+    }
+
+    /// Number of rows of the centre of pressure; those of the forces follow.
+    pub(crate) fn cop_rows(&self) -> usize {
+        2 * self.rows.len()
+    }
+
+    fn multiply_all(&mut self) {
+        let matrix = Mat::from_fn(self.residual.len(), self.columns.len(), |i, j| self.columns[j][i]);
+        let products = inner(matrix.as_ref(), matrix.as_ref());
+        let count = self.columns.len();
+        self.products = (0..count).map(|i| (0..count).map(|j| products[(i, j)]).collect()).collect();
+        self.with_residual = self.columns.iter().map(|column| dot(column, &self.residual)).collect();
+    }
+}
+
+/// The residual of all channels, whitened.
+fn whitened_residual(rows: &Rows<'_>, noise: &Noise) -> Vec<f64> {
+    let columns = whiten(rows, noise, 1, |block| {
+        let mut columns = Columns::zero(1);
+        columns.cop_m[0] = rows.cop_residual_m(block);
+        columns.force_n[0] = [0, 1, 2].map(|axis| rows.force_residual_n(block, axis));
+        columns
+    });
+    columns.into_iter().next().unwrap_or_default()
+}
+
+/// Whitens columns given block by block; blocks before the first that is not zero cost nothing.
+pub(crate) fn whiten(
+    rows: &Rows<'_>,
+    noise: &Noise,
+    count: usize,
+    of: impl Fn(usize) -> Columns,
+) -> Vec<Vec<f64>> {
+    let blocks: Vec<Columns> = (0..rows.len()).map(of).collect();
+    let is_something = |columns: &Columns| {
+        columns.cop_m.iter().flatten().chain(columns.force_n.iter().flatten()).any(|&v| v != 0.0)
+    };
+    let from = blocks.iter().position(is_something).unwrap_or(blocks.len());
+    let length = rows.len() * (2 + rows.force_axes().len());
+    let mut whitened = vec![vec![0.0; length]; count];
+    if from == blocks.len() {
+        return whitened;
+    }
+    let some = &blocks[from..];
+    let mut cop = Mat::from_fn(2 * some.len(), count, |row, column| some[row / 2].cop_m[column][row % 2]);
+    noise.cop.whiten_from(2 * from, &mut cop);
+    place(&mut whitened, 2 * from, &cop);
+    for (channel, &axis) in rows.force_axes().iter().enumerate() {
+        let mut force = Mat::from_fn(some.len(), count, |row, column| some[row].force_n[column][axis]);
+        noise.force[channel].whiten_from(from, &mut force);
+        place(&mut whitened, (2 + channel) * rows.len() + from, &force);
+    }
+    whitened
+}
+
+fn place(whitened: &mut [Vec<f64>], from: usize, columns: &Mat<f64>) {
+    for (column, into) in whitened.iter_mut().enumerate() {
+        into[from..from + columns.nrows()].copy_from_slice(columns.col_as_slice(column));
+    }
+}
+
+impl Gram<'_> {
+    /// Everything that is projected out if some terms are accepted too, and the residual less their believed means.
+    pub(crate) fn directions_given(&self, accepted: &[usize]) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let mut directions = self.forgiven.clone();
+        let mut residual = self.residual.clone();
+        for &index in accepted {
+            let term = &self.terms[index];
+            for (k, column) in term.columns().enumerate() {
+                let column = &self.columns[column];
+                residual.iter_mut().zip(column).for_each(|(value, column)| *value -= term.mean[k] * column);
+                directions.push(direction(column, term.sigma[k], &directions));
+            }
+        }
+        (directions, residual)
+    }
+
+    /// Log Bayes factor of a candidate that is not among the terms, with some directions projected out.
+    pub(crate) fn score_alone(
+        &self,
+        candidate: &Candidate,
+        directions: &[Vec<f64>],
+        residual: &[f64],
+    ) -> f64 {
+        let columns = self.whitened(candidate.count(), |block| candidate.columns(self.rows, block));
+        score(&columns, directions, residual, &candidate.mean, &candidate.sigma)
+    }
+}
+
+/// Log Bayes factor of whitened columns, with some directions projected out.
+pub(crate) fn score(
+    columns: &[Vec<f64>],
+    directions: &[Vec<f64>],
+    residual: &[f64],
+    mean: &[f64],
+    sigma: &[f64],
+) -> f64 {
+    let along: Vec<Vec<f64>> =
+        columns.iter().map(|column| directions.iter().map(|known| dot(column, known)).collect()).collect();
+    let on_residual: Vec<f64> = directions.iter().map(|known| dot(known, residual)).collect();
+    let pull: Vec<f64> = columns
+        .iter()
+        .zip(&along)
+        .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
+        .collect();
+    let of = |i: usize, j: usize| dot(&columns[i], &columns[j]) - dot(&along[i], &along[j]);
+    crate::evidence::log_odds(&of, &|i| pull[i], mean, sigma)
+}
+
+/// The direction that has to be projected out for a column whose amount is only known to a 1-σ, besides others.
+pub(crate) fn direction(column: &[f64], sigma: f64, others: &[Vec<f64>]) -> Vec<f64> {
+    let mut direction = column.to_vec();
+    let mut own = dot(column, column);
+    for known in others {
+        let along = dot(column, known);
+        own -= along * along;
+        direction.iter_mut().zip(known).for_each(|(value, known)| *value -= along * known);
+    }
+    let scale = 1.0 / (1.0 / (sigma * sigma) + own.max(0.0)).sqrt();
+    direction.iter_mut().for_each(|value| *value *= scale);
+    direction
+}
+
+impl Term {
+    /// What it changes at a block with these parameters: centre of pressure x, y (m), vertical force (N).
+    pub(crate) fn predicted(&self, rows: &Rows<'_>, block: usize, value: &[f64]) -> [f64; 3] {
+        let Some(candidate) = &self.candidate else { return [0.0; 3] };
+        let columns = candidate.columns(rows, block);
+        let mut sum = [0.0; 3];
+        for (k, value) in value.iter().enumerate() {
+            sum[0] += value * columns.cop_m[k][0];
+            sum[1] += value * columns.cop_m[k][1];
+            sum[2] += value * columns.force_n[k][2];
+        }
+        sum
+    }
+}

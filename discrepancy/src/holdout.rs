@@ -1,0 +1,131 @@
+//! How far model and measurement are apart, before and after: parameters from four fifths of the work's stretches of time,
+//! the gap on the fifth that they have not seen.
+
+use faer::Mat;
+
+use crate::evidence::estimate;
+use crate::gram::Gram;
+use crate::linear::{Factor, dot, inner};
+use crate::rows::Rows;
+
+/// Shares of the work that are held out in turn.
+const FOLDS: usize = 5;
+/// Stretches of time per share: blocks of time, never samples, since neighbours know each other's noise.
+const STRETCHES: usize = 6;
+
+/// Residuals of the work, by block: x, y (m), vertical (N).
+#[derive(Debug, Clone)]
+pub(crate) struct HeldOut {
+    /// As the model was.
+    pub(crate) before: Vec<[f64; 3]>,
+    /// With what was named, by parameters from other stretches.
+    pub(crate) after: Vec<[f64; 3]>,
+    /// What each accepted term predicts, by parameters from other stretches.
+    pub(crate) of_term: Vec<Vec<[f64; 3]>>,
+}
+
+/// Which share each block of the work belongs to.
+fn folds(rows: &Rows<'_>) -> Vec<usize> {
+    let work = rows.work_from..rows.len();
+    let Some(first_s) = work.clone().next().map(|block| rows.time_s(block)) else { return Vec::new() };
+    let length_s = rows.time_s(rows.len() - 1) - first_s + 1e-6;
+    work.map(|block| {
+        let stretch = (rows.time_s(block) - first_s) / length_s * (FOLDS * STRETCHES) as f64;
+        stretch as usize % FOLDS
+    })
+    .collect()
+}
+
+/// Takes off what was named. `None` where the algebra fails.
+pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize]) -> Option<HeldOut> {
+    let rows = gram.rows;
+    let before: Vec<[f64; 3]> = (rows.work_from..rows.len())
+        .map(|block| {
+            let [x, y] = rows.cop_residual_m(block);
+            [x, y, rows.force_residual_n(block, 2)]
+        })
+        .collect();
+    let mut held = HeldOut {
+        after: before.clone(),
+        of_term: vec![vec![[0.0; 3]; before.len()]; accepted.len()],
+        before,
+    };
+    if accepted.is_empty() {
+        return Some(held);
+    }
+    let folds = folds(rows);
+    for fold in 0..FOLDS {
+        let blocks: Vec<usize> =
+            (0..folds.len()).filter(|&i| folds[i] == fold).map(|i| i + rows.work_from).collect();
+        if blocks.is_empty() {
+            continue;
+        }
+        let value = without(gram, accepted, &blocks)?;
+        for &block in &blocks {
+            take_off(gram, accepted, &value, block, &mut held);
+        }
+    }
+    Some(held)
+}
+
+/// Parameters as if these blocks had never been measured: their rows are given any amount of noise.
+fn without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<f64>> {
+    let columns = gram.columns_of(accepted);
+    let (mean, sigma) = gram.beliefs(accepted);
+    let unseen = unseen_directions(gram, blocks)?;
+    let along = |column: &[f64]| -> Vec<f64> {
+        unseen
+            .iter()
+            .flat_map(|(from, part)| {
+                let rows = part.nrows();
+                let column = &column[*from..from + rows];
+                (0..part.ncols()).map(|j| dot(part.col_as_slice(j), column)).collect::<Vec<_>>()
+            })
+            .collect()
+    };
+    let off: Vec<Vec<f64>> = columns.iter().map(|&column| along(&gram.columns[column])).collect();
+    let residual = along(&gram.residual);
+    // Without what is forgiven: those directions do not stand at right angles to the unseen ones.
+    let own = |column: usize, with: &[f64]| dot(&gram.columns[columns[column]], with);
+    let products = |i: usize, j: usize| own(i, &gram.columns[columns[j]]) - dot(&off[i], &off[j]);
+    let pull = |i: usize| own(i, &gram.residual) - dot(&off[i], &residual);
+    Some(estimate(&products, &pull, &mean, &sigma)?.value)
+}
+
+/// Orthonormal directions of the whitened rows that these blocks span, per channel: where it begins, and the directions.
+fn unseen_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Mat<f64>)>> {
+    let count = gram.rows.len();
+    let first = blocks[0];
+    let mut parts = Vec::new();
+    let mut channel = |factor: &Factor, rows: Vec<usize>, from_row: usize, offset: usize| {
+        let mut units = Mat::zeros(factor.len() - from_row, rows.len());
+        for (column, row) in rows.iter().enumerate() {
+            units[(row - from_row, column)] = 1.0;
+        }
+        factor.whiten_from(from_row, &mut units);
+        let square = inner(units.as_ref(), units.as_ref());
+        let root = Factor::of(&square)?;
+        let mut transposed = units.transpose().to_owned();
+        root.whiten_from(0, &mut transposed);
+        parts.push((offset + from_row, transposed.transpose().to_owned()));
+        Some(())
+    };
+    let cop_rows = blocks.iter().flat_map(|&block| [2 * block, 2 * block + 1]).collect();
+    channel(&gram.noise.cop, cop_rows, 2 * first, 0)?;
+    for (index, factor) in gram.noise.force.iter().enumerate() {
+        channel(factor, blocks.to_vec(), first, (2 + index) * count)?;
+    }
+    Some(parts)
+}
+
+fn take_off(gram: &Gram<'_>, accepted: &[usize], value: &[f64], block: usize, held: &mut HeldOut) {
+    let mut first = 0;
+    for (index, &term) in accepted.iter().enumerate() {
+        let term = &gram.terms[term];
+        let predicted = term.predicted(gram.rows, block, &value[first..first + term.count]);
+        first += term.count;
+        let row = block - gram.rows.work_from;
+        held.of_term[index][row] = predicted;
+        held.after[row].iter_mut().zip(predicted).for_each(|(after, part)| *after -= part);
+    }
+}

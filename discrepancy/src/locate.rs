@@ -1,0 +1,90 @@
+//! Where model and measurement are apart beyond noise: spans of time, signal, still or moving, and the segment whose pose
+//! goes with it.
+
+use equipoise_core::body::{SEGMENTS, Segment};
+
+use crate::finding::Suspicion;
+use crate::floor::{Floor, root_mean};
+use crate::gram::Gram;
+use crate::picture::Signal;
+
+/// Pieces of the work that are looked at.
+const PIECES: usize = 30;
+/// From here on a piece is suspicious: root mean square of the residual over its noise. Noise is coloured, so that a piece
+/// holds few independent values.
+const BEYOND: f64 = 2.0;
+/// Most spans that are told.
+const TOLD_MAX: usize = 8;
+/// A segment goes with a residual if it explains at least this share of its square.
+const GOES_WITH: f64 = 0.25;
+
+/// All suspicious spans, worst first.
+pub(crate) fn locate(gram: &Gram<'_>, floor: &Floor, residual: &[[f64; 3]]) -> Vec<Suspicion> {
+    let rows = gram.rows;
+    let length = residual.len().div_ceil(PIECES).max(3);
+    let mut spans: Vec<Suspicion> = Vec::new();
+    for axis in 0..3 {
+        let over = |block: usize| {
+            (residual[block][axis] - floor.mean[block][axis]) / floor.sigma[block][axis].max(1e-9)
+        };
+        let pieces: Vec<Vec<usize>> =
+            (0..residual.len()).collect::<Vec<_>>().chunks(length).map(<[usize]>::to_vec).collect();
+        let times = |blocks: &[usize]| root_mean(blocks.iter().map(|&block| over(block).powi(2)));
+        for run in pieces.chunk_by(|a, b| (times(a) > BEYOND) == (times(b) > BEYOND)) {
+            let blocks: Vec<usize> = run.concat();
+            if times(&blocks) <= BEYOND {
+                continue;
+            }
+            let half_s = 0.5 * rows.session.block_s;
+            let time_s = |block: usize| rows.time_s(rows.work_from + block);
+            spans.push(Suspicion {
+                from_s: time_s(blocks[0]) - half_s,
+                to_s: time_s(blocks[blocks.len() - 1]) + half_s,
+                signal: Signal::ALL[axis].name().to_owned(),
+                while_: when(gram, &blocks, &over).to_owned(),
+                segment: segment(gram, &blocks, &over),
+                times_noise: times(&blocks),
+            });
+        }
+    }
+    spans.sort_by(|a, b| b.times_noise.total_cmp(&a.times_noise));
+    spans.truncate(TOLD_MAX);
+    spans
+}
+
+/// `still`, `moving`, or `both` where neither is much worse.
+fn when(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> &'static str {
+    let of = |still: bool| {
+        let some =
+            blocks.iter().filter(move |&&block| gram.rows.blocks[gram.rows.work_from + block].still == still);
+        root_mean(some.map(|&block| over(block).powi(2)))
+    };
+    match (of(true), of(false)) {
+        (still, moving) if still > 1.7 * moving => "still",
+        (still, moving) if moving > 1.7 * still => "moving",
+        _ => "both",
+    }
+}
+
+/// The segment whose direction in space explains most of the residual's change, if it explains much of it.
+fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Option<String> {
+    let rows = gram.rows;
+    let mean =
+        |of: &dyn Fn(usize) -> f64| blocks.iter().map(|&block| of(block)).sum::<f64>() / blocks.len() as f64;
+    let middle = mean(over);
+    let variance = mean(&|block| (over(block) - middle).powi(2));
+    let explained = |segment: usize| {
+        (0..3)
+            .map(|axis| {
+                let feature = |block: usize| rows.lever_m[rows.work_from + block][segment][axis];
+                let centre = mean(&feature);
+                let spread = mean(&|block| (feature(block) - centre).powi(2));
+                let shared = mean(&|block| (feature(block) - centre) * (over(block) - middle));
+                if spread > 1e-8 && variance > 1e-9 { shared * shared / (spread * variance) } else { 0.0 }
+            })
+            .fold(0.0, f64::max)
+    };
+    let best =
+        (0..SEGMENTS).map(|segment| (explained(segment), segment)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (best.0 > GOES_WITH && blocks.len() > 8).then(|| Segment::ALL[best.1].name().to_owned())
+}

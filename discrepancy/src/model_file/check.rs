@@ -1,0 +1,199 @@
+//! From what stands in a file to what may run.
+
+use equipoise_core::body::Segment;
+use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
+
+use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
+use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
+
+/// Longest recording, s: a year.
+const TIME_MAX_S: f64 = 366.0 * 86_400.0;
+
+/// The file, if all of it may be used.
+pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError> {
+    let wrong = |place: String, what: String| Err(ModelFileError::Wrong { place, what });
+    if raw.version != VERSION {
+        let what = format!("version {} is not one that this release reads; it reads {VERSION}", raw.version);
+        return wrong(format!("{name}, version"), what);
+    }
+    if raw.effect.len() > TERMS_MAX {
+        let what = format!("{} effects; the loop runs at most {TERMS_MAX}", raw.effect.len());
+        return wrong(name.to_owned(), what);
+    }
+    if let Some(provenance) = &raw.provenance
+        && let Err((key, what)) = check_provenance(provenance)
+    {
+        return wrong(format!("{name}, provenance, {key}"), what);
+    }
+    let mut effects = Vec::new();
+    for (index, effect) in raw.effect.into_iter().enumerate() {
+        match fitted(effect) {
+            Ok(fitted) => effects.push(fitted),
+            Err((key, what)) => return wrong(format!("{name}, effect {}, {key}", index + 1), what),
+        }
+    }
+    Ok(ModelFile { provenance: raw.provenance, effects })
+}
+
+/// The key that is wrong, and what to say of it.
+type Refusal = (String, String);
+
+fn refuse<T>(key: &str, what: impl Into<String>) -> Result<T, Refusal> {
+    Err((key.to_owned(), what.into()))
+}
+
+fn check_provenance(provenance: &Provenance) -> Result<(), Refusal> {
+    let hash = &provenance.recording_sha256;
+    if hash.len() != 64 || !hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        return refuse("recording_sha256", "must be 64 hexadecimal digits");
+    }
+    // A worker who was identified before the recording began was identified in none of it.
+    let [from_s, to_s] = provenance.identify_s;
+    if from_s != to_s {
+        check_span("identify_s", provenance.identify_s)?;
+    }
+    check_span("work_s", provenance.work_s)?;
+    provenance.reference_s.map_or(Ok(()), |span_s| check_span("reference_s", span_s))
+}
+
+/// A span of the recording's seconds; as every comparison with what is not a number is false, that is refused, too.
+fn check_span(key: &str, [from_s, to_s]: [f64; 2]) -> Result<(), Refusal> {
+    if from_s >= 0.0 && from_s < to_s && to_s <= TIME_MAX_S {
+        return Ok(());
+    }
+    refuse(key, format!("[{from_s}, {to_s}] is not a span: give seconds of the recording, the earlier first"))
+}
+
+fn fitted(raw: RawEffect) -> Result<Fitted, Refusal> {
+    let Some(effect) = Effect::from_name(&raw.name) else {
+        let known = Effect::ALL.map(Effect::name);
+        return refuse("name", format!("`{}` is not an effect{}", raw.name, text::hint(&raw.name, &known)));
+    };
+    let place = place(&raw, effect)?;
+    check_span("span_s", raw.span_s)?;
+    if !raw.log_odds.is_finite() {
+        return refuse("log_odds", "must be a finite number");
+    }
+    let (shape, shape_sigma) = shape(&raw, effect)?;
+    let (value, sigma) = values(&raw, effect, shape)?;
+    let span_s = raw.span_s;
+    let (open_ended, log_odds) = (raw.open_ended, raw.log_odds);
+    Ok(Fitted { effect, place, shape, shape_sigma, value, sigma, span_s, open_ended, log_odds })
+}
+
+fn place(raw: &RawEffect, effect: Effect) -> Result<Place, Refusal> {
+    let named = match (&raw.place.hand, &raw.place.segment) {
+        (None, None) => Place::Whole,
+        (Some(hand), None) => match HANDS.iter().find(|(name, _)| name == hand) {
+            Some((_, place)) => *place,
+            None => {
+                let known = HANDS.map(|(name, _)| name);
+                let what = format!("`{hand}` is not a hand{}", text::hint(hand, &known));
+                return refuse("where.hand", what);
+            }
+        },
+        (None, Some(segment)) => match text::segment_named(segment) {
+            Some(segment) => Place::Segment(segment),
+            None => {
+                let known = Segment::ALL.map(Segment::name);
+                let what = format!("`{segment}` is not a segment{}", text::hint(segment, &known));
+                return refuse("where.segment", what);
+            }
+        },
+        (Some(_), Some(_)) => return refuse("where", "give a hand or a segment, not both"),
+    };
+    if effect.accepts(named) {
+        return Ok(named);
+    }
+    let wanted = match effect.places().first().copied().and_then(text::place_name) {
+        Some(("hand", _)) if effect.accepts(Place::BothHands) => {
+            "where = { hand = … } with left, right or both"
+        }
+        Some(("hand", _)) => "where = { hand = … } with left or right",
+        Some(_) => "where = { segment = … } with a segment's name",
+        None => "no `where`: it concerns the whole plate or suit",
+    };
+    refuse("where", format!("{} does not act there; it takes {wanted}", effect.name()))
+}
+
+fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
+    let Some(name) = effect.shape_name() else { return Ok((0.0, 0.0)) };
+    let Some(told) = raw.parameters.get(name) else {
+        // A drift without a time constant is an even one.
+        return if effect == Effect::PlateDrift {
+            Ok((0.0, 0.0))
+        } else {
+            refuse(&format!("parameters.{name}"), "must be given")
+        };
+    };
+    check_parameter(name, told, text::shape_unit(effect))?;
+    let [least, most] = match effect {
+        Effect::SuitLag => [-0.5, 0.5],
+        Effect::PlateLowpass => [0.05, 500.0],
+        Effect::PeriodicSway => [0.01, 10.0],
+        _ => [0.1, 100_000.0],
+    };
+    within(name, told.value, least, most)?;
+    Ok((told.value, told.sigma))
+}
+
+fn values(
+    raw: &RawEffect,
+    effect: Effect,
+    shape: f64,
+) -> Result<([f64; PARAMETERS_MAX], [f64; PARAMETERS_MAX]), Refusal> {
+    let parameters = effect.parameters_of(shape);
+    let mut known: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
+    known.extend(effect.shape_name().filter(|name| !known.contains(name)));
+    if let Some(unknown) = raw.parameters.keys().find(|name| !known.contains(&name.as_str())) {
+        let what = format!("{} has no parameter `{unknown}`{}", effect.name(), text::hint(unknown, &known));
+        return refuse(&format!("parameters.{unknown}"), what);
+    }
+    if raw.parameters.is_empty() {
+        return refuse("parameters", format!("give at least one of {}", known.join(", ")));
+    }
+    let (mut value, mut sigma) = ([0.0; PARAMETERS_MAX], [0.0; PARAMETERS_MAX]);
+    for (index, parameter) in parameters.iter().enumerate() {
+        let Some(told) = raw.parameters.get(parameter.name) else { continue };
+        check_parameter(parameter.name, told, parameter.unit)?;
+        let most = largest(parameter.unit);
+        within(parameter.name, told.value, -most, most)?;
+        (value[index], sigma[index]) = (told.value, told.sigma);
+    }
+    Ok((value, sigma))
+}
+
+fn check_parameter(name: &str, told: &RawParameter, unit: &str) -> Result<(), Refusal> {
+    if told.unit != unit {
+        return refuse(&format!("parameters.{name}.unit"), format!("`{}` must be `{unit}`", told.unit));
+    }
+    if !(told.sigma >= 0.0 && told.sigma.is_finite()) {
+        return refuse(
+            &format!("parameters.{name}.sigma"),
+            format!("{} must be a finite number, at least 0", told.sigma),
+        );
+    }
+    Ok(())
+}
+
+fn within(name: &str, value: f64, least: f64, most: f64) -> Result<(), Refusal> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    refuse(&format!("parameters.{name}.value"), format!("{value} is not between {least} and {most}"))
+}
+
+/// Beyond this a parameter is a slip of the pen, in its unit.
+fn largest(unit: &str) -> f64 {
+    match unit {
+        "kg" => 150.0,
+        "kg m" => 75.0,
+        "N" => 2000.0,
+        "m/s" => 0.01,
+        "rad" => std::f64::consts::PI,
+        "rad/s" => 0.1,
+        "Hz" => 500.0,
+        // Metres, gains and shares, seconds.
+        _ => 1.5,
+    }
+}

@@ -1,0 +1,186 @@
+//! Noise of the force channels: the suit's accelerations are wrong by a share, its orientations turn them, the plate adds
+//! its own. All sizes have lower bounds, else a newton looks certain.
+
+use equipoise_core::body::SEGMENTS;
+use faer::Mat;
+
+use super::fit::all_products;
+use super::kernels::{looseness, norm};
+use super::minimise::minimise;
+use crate::block::Phase;
+use crate::linear::{Factor, outer, product, root};
+use crate::rows::{Rows, cross};
+
+/// Sizes: slow noise of the plate (N), white (N), share of the acceleration, fast share of it, wander (unit).
+const COUNT: usize = 5;
+/// Index of the white part.
+const WHITE: usize = 1;
+/// What is believed of shear and of the vertical.
+const BELIEVED: [[f64; COUNT]; 2] = [[1.0, 0.5, 0.08, 0.05, 1.0], [1.0, 0.5, 0.05, 0.05, 1.0]];
+/// How sure that is, 1-σ of the logarithms.
+const BELIEF_SIGMA: [f64; COUNT] = [0.8, 0.8, 0.7, 0.7, 0.25];
+/// Nothing is better than this, shear and vertical.
+const LEAST: [[f64; COUNT]; 2] = [[0.3, 0.2, 0.06, 0.05, 0.7], [0.3, 0.2, 0.03, 0.03, 0.7]];
+/// Zero of the channel and of the weight, 1-σ, N.
+const ZERO_N: f64 = 1.5;
+/// Slow noise of the plate forgets within this time, s.
+const SLOW_S: f64 = 20.0;
+/// Wander of orientations, rad, and soft tissue, rad per rad.
+const ORIENTATION: (f64, f64) = (0.0122, 0.035);
+/// Blocks that the fit looks at: of poses and of clean work.
+const FIT_MAX: [usize; 2] = [70, 150];
+
+/// Covariance of one force channel over all rows, N².
+pub(crate) fn covariance_n2(rows: &Rows<'_>, axis: usize) -> Option<Mat<f64>> {
+    let sizes = fit(rows, axis)?;
+    let mut sum = fixed_n2(rows, axis);
+    for part in (0..COUNT).filter(|&part| part != WHITE) {
+        sum += faer::Scale((2.0 * sizes[part]).exp()) * unit_part(rows, axis, part);
+    }
+    add_white(&mut sum, &sizes);
+    Some(sum)
+}
+
+fn add_white(sum: &mut Mat<f64>, sizes: &[f64; COUNT]) {
+    for row in 0..sum.nrows() {
+        sum[(row, row)] += (2.0 * sizes[WHITE]).exp();
+    }
+}
+
+fn fit(rows: &Rows<'_>, axis: usize) -> Option<[f64; COUNT]> {
+    let vertical = usize::from(axis == 2);
+    let believed = BELIEVED[vertical].map(f64::ln);
+    let some = rows.subset(&chosen(rows));
+    if some.len() == 0 {
+        return Some(believed);
+    }
+    let fixed = fixed_n2(&some, axis);
+    let parts: Vec<Option<Mat<f64>>> =
+        (0..COUNT).map(|part| (part != WHITE).then(|| unit_part(&some, axis, part))).collect();
+    let residual = Mat::from_fn(some.len(), 1, |block, _| some.force_residual_n(block, axis));
+    let most = std::array::from_fn(|i| if i == 4 { 2.5_f64.ln() } else { believed[i] + 3.0 });
+    let curvature = BELIEF_SIGMA.map(|sigma| 1.0 / (sigma * sigma) + 10.0);
+    minimise(believed, LEAST[vertical].map(f64::ln), most, curvature, |sizes| {
+        let (mut value, mut slope) = minus_log_likelihood(&fixed, &parts, &residual, sizes)?;
+        for i in 0..COUNT {
+            let off = (sizes[i] - believed[i]) / BELIEF_SIGMA[i];
+            value += 0.5 * off * off;
+            slope[i] += off / BELIEF_SIGMA[i];
+        }
+        Some((value, slope))
+    })
+}
+
+fn chosen(rows: &Rows<'_>) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    for (phase, most) in [Phase::Identify, Phase::Reference].into_iter().zip(FIT_MAX) {
+        let all: Vec<usize> = (0..rows.len()).filter(|&i| rows.blocks[i].phase == phase).collect();
+        let count = all.len().min(most);
+        chosen.extend((0..count).map(|i| all[i * all.len() / count]));
+    }
+    chosen
+}
+
+fn minus_log_likelihood(
+    fixed: &Mat<f64>,
+    parts: &[Option<Mat<f64>>],
+    residual: &Mat<f64>,
+    sizes: &[f64; COUNT],
+) -> Option<(f64, [f64; COUNT])> {
+    let mut covariance = fixed.clone();
+    for (part, &size) in parts.iter().zip(sizes) {
+        if let Some(part) = part {
+            covariance += faer::Scale((2.0 * size).exp()) * part;
+        }
+    }
+    add_white(&mut covariance, sizes);
+    let factor = Factor::of(&covariance)?;
+    let mut weighted = residual.clone();
+    factor.whiten_from(0, &mut weighted);
+    let value = 0.5 * weighted.squared_norm_l2() + factor.half_log_det();
+    factor.back(&mut weighted);
+    let mut inverse = Factor::inverse(&covariance)?;
+    inverse -= outer(weighted.as_ref(), weighted.as_ref());
+    let slope = std::array::from_fn(|part| {
+        let trace = match &parts[part] {
+            Some(shape) => all_products(&inverse, shape),
+            None => (0..inverse.nrows()).map(|i| inverse[(i, i)]).sum(),
+        };
+        (2.0 * sizes[part]).exp() * trace
+    });
+    value.is_finite().then_some((value, slope))
+}
+
+/// A zero that all rows share, and parameters that were identified by poses: each channel has its own copy of their error,
+/// so that errors of differentiated motion do not speak about the parameters.
+fn fixed_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
+    let size = 3 * SEGMENTS;
+    let root = root(&rows.session.prior_covariance_m2, size);
+    let on_force = Mat::from_fn(rows.len(), size, |block, column| {
+        let turned = &rows.blocks[block].observation.rotation_acceleration_per_s2[column / 3];
+        rows.session.mass_kg * turned[axis][column % 3]
+    });
+    let columns = product(on_force.as_ref(), root.as_ref());
+    let mut sum = outer(columns.as_ref(), columns.as_ref());
+    for j in 0..rows.len() {
+        for i in 0..rows.len() {
+            sum[(i, j)] += ZERO_N * ZERO_N;
+        }
+    }
+    sum
+}
+
+fn unit_part(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
+    let mass_kg = rows.session.mass_kg;
+    let force_n = |i: usize| rows.blocks[i].observation.com_acceleration_m_per_s2.map(|a| mass_kg * a);
+    match part {
+        0 => by_pairs(rows, |_, _, apart_s| (-apart_s / SLOW_S).exp()),
+        2 => by_pairs(rows, |i, j, apart_s| {
+            let (a, b) = (force_n(i), force_n(j));
+            (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * (0.5 + 0.5 * (-apart_s / 10.0).exp())
+        }),
+        3 => by_pairs(rows, |i, j, apart_s| norm(force_n(i)) * norm(force_n(j)) * (-apart_s / 0.35).exp()),
+        _ => orientation(rows, axis),
+    }
+}
+
+/// What wrong orientations do to the accelerations of the segments' shares.
+fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
+    let (wander_rad, soft) = ORIENTATION;
+    let pulled = |block: usize, segment: usize, turn: [f64; 3]| {
+        let seen = &rows.blocks[block].observation;
+        let turned = &seen.rotation_acceleration_per_s2[segment];
+        let share = [0, 1, 2].map(|k| (0..3).map(|m| turned[k][m] * seen.phi_m[segment][m]).sum());
+        rows.session.mass_kg * cross(turn, share)[axis]
+    };
+    let columns = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
+        let mut turn = [0.0; 3];
+        turn[column % 3] = if column % 3 == 2 { 1.5 * wander_rad } else { wander_rad };
+        pulled(block, column / 3, turn)
+    });
+    let slow = outer(columns.as_ref(), columns.as_ref());
+    let mut sum = by_pairs(rows, |i, j, apart_s| {
+        let apart = 3.0_f64.sqrt() * apart_s / 40.0;
+        slow[(i, j)] * (0.8 * (1.0 + apart) * (-apart).exp() + 0.2 * (-apart_s / 3.0).exp())
+    });
+    let skin = Mat::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
+        let (segment, along, joint) = (column / 9, column / 3 % 3, column % 3);
+        let rotation = &rows.blocks[block].observation.rotation[segment];
+        let size = soft * looseness(segment) * rows.blocks[block].joint_rad[segment][joint];
+        pulled(block, segment, [0, 1, 2].map(|k| rotation[k][along] * size))
+    });
+    sum += outer(skin.as_ref(), skin.as_ref());
+    sum
+}
+
+fn by_pairs(rows: &Rows<'_>, of: impl Fn(usize, usize, f64) -> f64) -> Mat<f64> {
+    let mut matrix = Mat::zeros(rows.len(), rows.len());
+    for j in 0..rows.len() {
+        for i in j..rows.len() {
+            let value = of(i, j, (rows.time_s(i) - rows.time_s(j)).abs());
+            matrix[(i, j)] = value;
+            matrix[(j, i)] = value;
+        }
+    }
+    matrix
+}

@@ -1,0 +1,113 @@
+//! The way from a session to an answer.
+
+use equipoise_core::effect;
+
+use crate::block::Phase;
+use crate::candidate;
+use crate::finding::Finding;
+use crate::generic::{self, Generics};
+use crate::gram::Gram;
+use crate::holdout::held_out;
+use crate::noise::Noise;
+use crate::options::{Options, ReconcileError};
+use crate::picture::Picture;
+use crate::refine::tie_moments;
+use crate::rows::Rows;
+use crate::select::select;
+use crate::session::Session;
+use crate::trials::by_chance;
+use crate::windows::Windows;
+use crate::{drawing, telling};
+
+/// Fewest blocks of work that are judged.
+const WORK_MIN: usize = 30;
+/// Fewest blocks outside the work from which noise is known.
+const CLEAN_MIN: usize = 12;
+/// What chance reaches in all but one of so many clean sessions, in a hundred, is the threshold.
+const CHANCE_OF_100: f64 = 99.0;
+
+/// What a reconciliation comes to.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The answer; its `model` is filled by who writes the file.
+    pub finding: Finding,
+    /// What is to be added to the model, in the order of the finding's effects.
+    pub terms: Vec<Fitted>,
+    /// What the report draws.
+    pub picture: Picture,
+}
+
+/// A term that was fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fitted {
+    /// The term, as the loop runs it; an effect that lasted to the end of the recording has no end.
+    pub term: effect::Term,
+    /// 1-σ of its values.
+    pub sigma: [f64; effect::PARAMETERS_MAX],
+    /// 1-σ of its shape, where that was fitted; else 0.
+    pub shape_sigma: f64,
+    /// Log Bayes factor when it was accepted.
+    pub log_odds: f64,
+}
+
+/// Where model and measurement disagree, what the model lacks, and how the gap shrinks with it.
+///
+/// `progress` is told the share that is done, in \[0, 1\].
+pub fn reconcile(
+    session: &Session,
+    options: &Options,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Outcome, ReconcileError> {
+    check(session)?;
+    let rows = Rows::of(session);
+    let noise = Noise::fit(&rows)?;
+    progress(0.4);
+    let mut gram = Gram::of(&rows, &noise, candidate::all(&rows));
+    tie_moments(&mut gram);
+    let threshold = options.least_log_odds.max(by_chance(&gram, options.draws, CHANCE_OF_100));
+    progress(0.6);
+    let windows = Windows::of(&gram);
+    progress(0.7);
+    let selection = select(&mut gram, &windows, threshold);
+    progress(0.8);
+    let generics: Generics = generic::look(&gram, &selection, threshold);
+    let held = held_out(&gram, &selection.terms()).ok_or(ReconcileError::NoNoise { channel: "plate" })?;
+    progress(0.9);
+    let told = telling::tell(&gram, &selection, &generics, &held, threshold);
+    let picture = drawing::draw(&gram, &selection, &held, &told, threshold);
+    progress(1.0);
+    Ok(Outcome { finding: told.finding, terms: told.terms, picture })
+}
+
+/// Refuses what no statistics can make good.
+fn check(session: &Session) -> Result<(), ReconcileError> {
+    let in_work = session.blocks.iter().filter(|block| block.phase == Phase::Work).count();
+    let clean = session.blocks.len() - in_work;
+    if in_work < WORK_MIN {
+        let [from_s, to_s] = session.spans_s.work;
+        let block_s = session.block_s;
+        return Err(ReconcileError::TooLittleWork {
+            found: in_work,
+            needed: WORK_MIN,
+            block_s,
+            from_s,
+            to_s,
+        });
+    }
+    if clean < CLEAN_MIN {
+        return Err(ReconcileError::NothingToCompareWith { found: clean, needed: CLEAN_MIN });
+    }
+    let spoilt = session.blocks.iter().find(|block| !block.is_finite());
+    spoilt.map_or(Ok(()), |block| Err(ReconcileError::NotANumber { time_s: block.observation.time_s }))
+}
+
+impl crate::block::Block {
+    /// Whether everything that is judged is a number.
+    fn is_finite(&self) -> bool {
+        let seen = &self.observation;
+        let vectors =
+            [seen.com_m, seen.com_acceleration_m_per_s2, seen.force_predicted_n, seen.force_measured_n];
+        let pairs = [seen.cop_predicted_m, seen.cop_measured_m, seen.turning_m, seen.slope];
+        vectors.iter().flatten().chain(pairs.iter().flatten()).all(|value| value.is_finite())
+    }
+}

@@ -1,0 +1,102 @@
+//! What is not linear in an effect, to more digits than its grid: one-dimensional search of the evidence.
+
+use equipoise_core::effect::Effect;
+
+use crate::candidate::Candidate;
+use crate::evidence::estimate;
+use crate::gram::Gram;
+
+/// A share that belongs to the shape is fixed once the shape is fitted: 1-σ.
+const SHARE_SIGMA: f64 = 0.02;
+/// Steps of the golden section.
+const STEPS: usize = 14;
+
+/// The refined term, added; or the term itself where everything is linear.
+pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> usize {
+    let Some(candidate) = gram.terms[term].candidate.clone() else { return term };
+    let Some([from, to]) = range(gram, &candidate, term, accepted) else { return term };
+    let (directions, residual) = gram.directions_given(accepted);
+    let score = |shape: f64| gram.score_alone(&with_shape(&candidate, shape), &directions, &residual);
+    let best = golden(from, to, score);
+    gram.add_candidate(with_shape(&candidate, best))
+}
+
+/// The same with another shape; a share is then fixed.
+pub(crate) fn with_shape(candidate: &Candidate, shape: f64) -> Candidate {
+    let mut other = Candidate { shape, ..candidate.clone() };
+    if other.is_a_share() {
+        other.sigma = vec![SHARE_SIGMA];
+    }
+    other
+}
+
+/// Where the shape may lie; `None` where there is none.
+fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]) -> Option<[f64; 2]> {
+    let shape = candidate.shape;
+    match candidate.effect {
+        Effect::SuitLag => {
+            let all: Vec<usize> = accepted.iter().copied().chain([term]).collect();
+            let share = *gram.estimate(&all)?.value.last()?;
+            let told_s = (shape * share).clamp(-0.12, 0.18);
+            let [from, to] = [told_s - 0.03, told_s + 0.03];
+            // A lag of the other sign is another story.
+            Some(if told_s > 0.0 { [from.max(5e-4), to.min(0.18)] } else { [from.max(-0.12), to.min(-5e-4)] })
+        }
+        Effect::PlateLowpass => Some([shape / 1.6, shape * 1.6]),
+        Effect::PlateDrift if shape > 0.0 => Some([8.0, 150.0]),
+        Effect::PeriodicSway => Some([shape - 0.025, shape + 0.025]),
+        _ => None,
+    }
+}
+
+/// The argument of the largest value between two bounds, if there is one hill.
+fn golden(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
+    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut from, mut to) = (from, to);
+    let mut inner = [to - ratio * (to - from), from + ratio * (to - from)];
+    let mut value = inner.map(&of);
+    for _ in 0..STEPS {
+        if value[0] > value[1] {
+            to = inner[1];
+            inner = [to - ratio * (to - from), inner[0]];
+            value = [of(inner[0]), value[0]];
+        } else {
+            from = inner[0];
+            inner = [inner[1], from + ratio * (to - from)];
+            value = [value[1], of(inner[1])];
+        }
+    }
+    0.5 * (from + to)
+}
+
+/// 1-σ of a refined shape, from how fast the evidence falls on both sides.
+pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usize]) -> f64 {
+    let (directions, residual) = gram.directions_given(others);
+    let score = |shape: f64| gram.score_alone(&with_shape(candidate, shape), &directions, &residual);
+    let step = match candidate.effect {
+        Effect::SuitLag => 0.002,
+        Effect::PeriodicSway => 0.002,
+        _ => 0.05 * candidate.shape.abs(),
+    };
+    let [below, here, above] = [-step, 0.0, step].map(|off| score(candidate.shape + off));
+    let curvature = (2.0 * here - below - above) / (step * step);
+    if curvature > 0.0 { 1.0 / curvature.sqrt() } else { candidate.shape.abs() }
+}
+
+/// Fits a mass's first moment again with a belief that fits the mass: an arm's length, not a metre.
+pub(crate) fn tie_moments(gram: &mut Gram<'_>) {
+    for index in 0..gram.terms.len() {
+        let term = &gram.terms[index];
+        let Some(candidate) = &term.candidate else { continue };
+        let Some(arm_m) = candidate.effect.arm_sigma_m(candidate.place) else { continue };
+        let first = term.first;
+        let products = |_: usize, _: usize| gram.products[first][first];
+        let pull = |_: usize| gram.with_residual[first];
+        let Some(mass) = estimate(&products, &pull, &term.mean[..1], &term.sigma[..1]) else { continue };
+        let moment = arm_m * mass.value[0].abs().max(0.02);
+        gram.terms[index].sigma[1..].fill(moment);
+        if let Some(candidate) = &mut gram.terms[index].candidate {
+            candidate.sigma[1..].fill(moment);
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Forward selection: the best explanation that stands every check, then the next, given that one; and backwards.
+
+use equipoise_core::effect::Effect;
+
+use crate::candidate::Candidate;
+use crate::evidence::Estimate;
+use crate::finding::{Candidate as Considered, SetAside};
+use crate::gram::Gram;
+use crate::refine;
+use crate::sanity::{objection, only_by_forces};
+use crate::trials::{Trial, trials};
+use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
+
+/// Most effects that are named at once.
+const EFFECTS_MAX: usize = 4;
+/// How many of the best are checked each time before giving up.
+const CHECKED: usize = 8;
+/// Rivals within this many log odds, or within this share of the winner's, explain the data as well.
+pub(crate) const RIVAL: (f64, f64) = (5.0, 0.05);
+
+/// An effect that was accepted.
+#[derive(Debug, Clone)]
+pub(crate) struct Accepted {
+    /// The term in the Gram matrix.
+    pub(crate) term: usize,
+    /// Name with place.
+    pub(crate) name: String,
+    /// Log Bayes factor when it was accepted.
+    pub(crate) log_odds: f64,
+    /// All that was considered instead, best first.
+    pub(crate) considered: Vec<Considered>,
+}
+
+/// What the selection came to.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Selection {
+    /// Accepted effects, in the order in which they were found.
+    pub(crate) accepted: Vec<Accepted>,
+    /// What was set aside.
+    pub(crate) set_aside: Vec<SetAside>,
+    /// What was considered last, when nothing more was accepted.
+    pub(crate) considered: Vec<Considered>,
+}
+
+impl Selection {
+    /// The accepted terms.
+    pub(crate) fn terms(&self) -> Vec<usize> {
+        self.accepted.iter().map(|accepted| accepted.term).collect()
+    }
+}
+
+/// One way to explain what is left.
+struct Way {
+    name: String,
+    log_odds: f64,
+    what: What,
+}
+
+enum What {
+    Term(usize),
+    Part(Candidate),
+}
+
+/// Names what the data need, one after the other.
+pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> Selection {
+    let mut selection = Selection::default();
+    let mut leak = 0.0_f64;
+    while selection.accepted.len() < EFFECTS_MAX {
+        let ways = ways(gram, windows, &selection);
+        let considered = considered(&ways);
+        let Some((term, log_odds)) = first_that_stands(gram, &ways, threshold.max(leak), &mut selection)
+        else {
+            selection.considered = considered;
+            break;
+        };
+        let name = gram.terms[term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
+        leak = leak.max(share_of_model_error(gram, term) * log_odds);
+        selection.accepted.push(Accepted { term, name, log_odds, considered });
+        forgive(gram, &selection.terms());
+    }
+    go_back(gram, &mut selection, threshold);
+    selection
+}
+
+/// All ways, best first: the whole work, or a part of it where that gains enough.
+fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
+    let terms = selection.terms();
+    let given = gram.given(&terms);
+    let names: Vec<String> =
+        terms.iter().filter_map(|&term| gram.terms[term].candidate.as_ref()).map(Candidate::name).collect();
+    let of_trial =
+        |trial: Trial| Way { name: trial.name, log_odds: trial.log_odds, what: What::Term(trial.term) };
+    let mut ways: Vec<Way> =
+        trials(gram, &given).into_iter().filter(|trial| !names.contains(&trial.name)).map(of_trial).collect();
+    for part in windows.best(gram, &terms) {
+        let name = part.candidate.name();
+        let whole = ways.iter_mut().find(|way| way.name == name);
+        match whole {
+            Some(whole) if part.log_odds > whole.log_odds + GAIN_OVER_WHOLE => {
+                *whole = Way { name, log_odds: part.log_odds, what: What::Part(part.candidate) };
+            }
+            None if part.log_odds > part.of_whole + GAIN_OVER_WHOLE => {
+                ways.push(Way { name, log_odds: part.log_odds, what: What::Part(part.candidate) });
+            }
+            _ => {}
+        }
+    }
+    ways.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+    ways
+}
+
+fn considered(ways: &[Way]) -> Vec<Considered> {
+    ways.iter()
+        .take(CHECKED)
+        .map(|way| Considered { name: way.name.clone(), log_odds: way.log_odds })
+        .collect()
+}
+
+/// The first of the best ways that nothing speaks against; what stood before it is set aside.
+fn first_that_stands(
+    gram: &mut Gram<'_>,
+    ways: &[Way],
+    least: f64,
+    selection: &mut Selection,
+) -> Option<(usize, f64)> {
+    let terms = selection.terms();
+    for way in ways.iter().take(CHECKED).take_while(|way| way.log_odds > least) {
+        let before = gram.terms.len();
+        let term = match &way.what {
+            What::Term(term) => refine::refine(gram, *term, &terms),
+            What::Part(candidate) => {
+                let exact = windows::refine(gram, candidate, &terms);
+                gram.add_candidate(exact)
+            }
+        };
+        match why_not(gram, &terms, term) {
+            None => return Some((term, way.log_odds)),
+            Some(why) => {
+                gram.truncate(before);
+                let known = selection.set_aside.iter().any(|other| other.name == way.name);
+                if !known {
+                    selection.set_aside.push(SetAside {
+                        name: way.name.clone(),
+                        log_odds: way.log_odds,
+                        why,
+                    });
+                }
+            }
+        }
+    }
+    None
+}
+
+fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<String> {
+    let Some(estimate) = last_of(gram, accepted, term) else { return Some("cannot be fitted".to_owned()) };
+    let candidate = gram.terms[term].candidate.as_ref()?;
+    if let Some(why) = objection(candidate, &estimate.value) {
+        return Some(why);
+    }
+    only_by_forces(gram, accepted, term)
+        .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
+}
+
+/// Parameters of one term, fitted together with those that are accepted.
+pub(crate) fn last_of(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Estimate> {
+    let all: Vec<usize> = accepted.iter().copied().filter(|&other| other != term).chain([term]).collect();
+    let estimate = gram.estimate(&all)?;
+    let from = estimate.value.len() - gram.terms[term].count;
+    Some(Estimate { value: estimate.value[from..].to_vec(), sigma: estimate.sigma[from..].to_vec() })
+}
+
+/// How much of an effect's evidence its own model error may bring about elsewhere.
+fn share_of_model_error(gram: &Gram<'_>, term: usize) -> f64 {
+    match gram.terms[term].candidate.as_ref().map(|candidate| candidate.effect) {
+        Some(Effect::HandContact) => 0.06,
+        Some(Effect::SegmentHeading | Effect::SegmentMisalignment) => 0.08,
+        _ => 0.01,
+    }
+}
+
+/// The newest effect is not exactly as its equation says: its strength may wander by some per cent, and that is no effect.
+fn forgive(gram: &mut Gram<'_>, accepted: &[usize]) {
+    let Some(&term) = accepted.last() else { return };
+    let Some(candidate) = gram.terms[term].candidate.clone() else { return };
+    let Some(estimate) = last_of(gram, accepted, term) else { return };
+    let (share, pieces) = if candidate.effect == Effect::HandContact { (0.25, 40) } else { (0.03, 12) };
+    let rows = gram.rows;
+    let (Some(first_s), last_s) =
+        ((rows.work_from < rows.len()).then(|| rows.time_s(rows.work_from)), rows.time_s(rows.len() - 1))
+    else {
+        return;
+    };
+    let piece_s = (last_s - first_s + 1e-6) / f64::from(pieces);
+    for piece in 0..pieces {
+        let middle_s = first_s + (f64::from(piece) + 0.5) * piece_s;
+        let columns = gram.whitened(1, |block| {
+            let near = (1.0 - (rows.time_s(block) - middle_s).abs() / piece_s).max(0.0);
+            let (cop_m, force_n) = if near > 0.0 && block >= rows.work_from {
+                candidate.columns(rows, block).times(&padded(&estimate.value))
+            } else {
+                ([0.0; 2], [0.0; 3])
+            };
+            let mut columns = equipoise_core::effect::Columns::zero(1);
+            columns.cop_m[0] = cop_m.map(|value| near * value);
+            columns.force_n[0] = force_n.map(|value| near * value);
+            columns
+        });
+        gram.forgive(&columns[0], share);
+    }
+}
+
+/// As many values as an effect has parameters at most.
+pub(crate) fn padded(value: &[f64]) -> [f64; equipoise_core::effect::PARAMETERS_MAX] {
+    let mut all = [0.0; equipoise_core::effect::PARAMETERS_MAX];
+    all.iter_mut().zip(value).for_each(|(all, value)| *all = *value);
+    all
+}
+
+/// What the others explain as well by now goes again.
+fn go_back(gram: &Gram<'_>, selection: &mut Selection, threshold: f64) {
+    let mut index = 0;
+    while selection.accepted.len() > 1 && index < selection.accepted.len() {
+        let all = selection.terms();
+        let rest: Vec<usize> = all.iter().copied().filter(|&term| term != all[index]).collect();
+        let gain = gram.log_odds(&all) - gram.log_odds(&rest);
+        if gain < 0.5 * threshold {
+            let gone = selection.accepted.remove(index);
+            let name = gram.terms[gone.term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
+            let why = "what was found after it explains the same".to_owned();
+            selection.set_aside.push(SetAside { name, log_odds: gain, why });
+        } else {
+            index += 1;
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! Which part of a recording is what: as a person says, else as the recording shows.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::session::Spans;
+
+/// A phase shorter than this says nothing, s.
+const SHORTEST_S: f64 = 2.0;
+/// Work shorter than this is not worth looking for, s.
+const WORK_MIN_S: f64 = 10.0;
+/// Where identification did not end, this share of the recording stands for it.
+const IDENTIFY_SHARE: f64 = 0.4;
+/// Of a recording that goes on for so long after identification, s …
+const LONG_S: f64 = 900.0;
+/// … the first part is taken for clean work, s.
+const REFERENCE_S: f64 = 180.0;
+
+/// A span as people write it: `12:90.5`, seconds since the recording's begin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// Begin, s.
+    pub from_s: f64,
+    /// End, s.
+    pub to_s: f64,
+}
+
+impl Span {
+    fn pair(self) -> [f64; 2] {
+        [self.from_s, self.to_s]
+    }
+}
+
+impl FromStr for Span {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Span, String> {
+        let wrong = || format!("\"{text}\" is no span; give two times in seconds, as in 12:90.5");
+        let (from, to) = text.split_once(':').ok_or_else(wrong)?;
+        let time_s = |text: &str| text.trim().parse::<f64>().ok().filter(|time_s| time_s.is_finite());
+        let (Some(from_s), Some(to_s)) = (time_s(from), time_s(to)) else { return Err(wrong()) };
+        if from_s < 0.0 {
+            return Err(format!("\"{text}\" begins before the recording; its time 0 is the recording's begin"));
+        }
+        if to_s <= from_s {
+            return Err(format!("\"{text}\" ends before it begins; write the earlier time first"));
+        }
+        Ok(Span { from_s, to_s })
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.from_s, self.to_s)
+    }
+}
+
+/// What a person said.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Given {
+    /// Identification poses.
+    pub identify: Option<Span>,
+    /// Work known to be clean.
+    pub reference: Option<Span>,
+    /// Work in question.
+    pub work: Option<Span>,
+}
+
+/// What the recording shows, s since its begin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shown {
+    /// Where samples begin and end.
+    pub samples_s: [f64; 2],
+    /// When the worker was reported as identified.
+    pub identified_s: Option<f64>,
+    /// When the last pose or moment was learnt.
+    pub last_learnt_s: Option<f64>,
+    /// Whether the recording brings a worker who had been identified before it began.
+    pub brings_worker: bool,
+}
+
+/// Why spans cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SpanError {
+    /// A span lies outside the recording.
+    #[error("{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it")]
+    Outside {
+        /// Which option.
+        option: &'static str,
+        /// What it was.
+        span: Span,
+        /// Where samples begin, s.
+        from_s: f64,
+        /// Where they end, s.
+        to_s: f64,
+    },
+    /// Two spans share time.
+    #[error("{first} and {second} overlap; a moment can only be one of them")]
+    Overlap {
+        /// One of them, with its times.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// A phase is too short.
+    #[error("{what} lasts {length_s:.1} s; at least {least_s} s are needed")]
+    Short {
+        /// Which phase.
+        what: &'static str,
+        /// How long it is, s.
+        length_s: f64,
+        /// How long it should be, s.
+        least_s: f64,
+    },
+}
+
+/// The phases, and what to say of how they came about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The phases.
+    pub spans_s: Spans,
+    /// One sentence for people.
+    pub told: String,
+}
+
+impl Given {
+    /// Whether the person's spans lie in the recording and apart from each other.
+    ///
+    /// # Errors
+    /// [`SpanError`], which names the option.
+    pub fn check(&self, [from_s, to_s]: [f64; 2]) -> Result<(), SpanError> {
+        let given = [("--identify", self.identify), ("--reference", self.reference), ("--work", self.work)];
+        let given: Vec<(&str, Span)> =
+            given.into_iter().filter_map(|(option, span)| Some((option, span?))).collect();
+        for &(option, span) in &given {
+            if span.from_s >= to_s || span.to_s <= from_s || span.to_s > to_s + 1.0 {
+                return Err(SpanError::Outside { option, span, from_s, to_s });
+            }
+            let length_s = span.to_s - span.from_s;
+            if length_s < SHORTEST_S {
+                return Err(SpanError::Short { what: option, length_s, least_s: SHORTEST_S });
+            }
+        }
+        for (index, (option, span)) in given.iter().enumerate() {
+            for (other_option, other) in &given[..index] {
+                if span.from_s < other.to_s && other.from_s < span.to_s {
+                    return Err(SpanError::Overlap {
+                        first: format!("{other_option} {other}"),
+                        second: format!("{option} {span}"),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The last time from which may be learnt where nobody said it and identification does not end by itself, s.
+    pub fn learn_until_s(&self, [from_s, to_s]: [f64; 2]) -> f64 {
+        let next = [self.reference, self.work].into_iter().flatten().map(|span| span.from_s).fold(to_s, f64::min);
+        next.min(from_s + IDENTIFY_SHARE * (to_s - from_s)).max(from_s)
+    }
+
+    /// Fills in what was not given.
+    ///
+    /// # Errors
+    /// [`SpanError`]: as [`Given::check`], and if too little time is left for the work.
+    pub fn find(&self, shown: &Shown) -> Result<Found, SpanError> {
+        let [from_s, to_s] = shown.samples_s;
+        self.check(shown.samples_s)?;
+        let others = [self.reference, self.work].into_iter().flatten();
+        let first_other_s = others.map(|span| span.from_s).fold(to_s, f64::min);
+        let (identify, how) = match (self.identify, shown.identified_s) {
+            (Some(span), _) => (span.pair(), "as given"),
+            (None, _) if shown.brings_worker => {
+                ([from_s; 2], "none: the worker was identified before the recording began")
+            }
+            (None, Some(end_s)) => ([from_s, end_s.min(first_other_s)], "until the worker was identified"),
+            (None, None) => {
+                let end_s = shown.last_learnt_s.unwrap_or(from_s).min(self.learn_until_s(shown.samples_s));
+                ([from_s, end_s], "until the last pose that was learnt; identification did not come to its end")
+            }
+        };
+        let rest_s = identify[1].max(from_s);
+        let long = self.work.is_none() && to_s - rest_s >= LONG_S;
+        let (reference, reference_how) = match self.reference {
+            Some(span) => (Some(span.pair()), "as given"),
+            None if long => (Some([rest_s, rest_s + REFERENCE_S]), "the first minutes of a long recording"),
+            None => (None, "none"),
+        };
+        let work = match self.work {
+            Some(span) => span.pair(),
+            None => self.longest_rest(identify, reference, shown.samples_s),
+        };
+        let [length_s, least_s] = [work[1] - work[0], if self.work.is_some() { SHORTEST_S } else { WORK_MIN_S }];
+        if length_s < least_s {
+            return Err(SpanError::Short { what: "the work", length_s, least_s });
+        }
+        let found = self.identify.is_none() || self.work.is_none();
+        let spans_s = Spans { identify, reference, work, found };
+        let told = format!(
+            "identification {} ({how}); clean work {} ({reference_how}); work in question {} ({})",
+            seconds(identify),
+            reference.map_or_else(|| "–".to_owned(), seconds),
+            seconds(work),
+            if self.work.is_some() { "as given" } else { "the rest" },
+        );
+        Ok(Found { spans_s, told })
+    }
+
+    /// The longest stretch of the recording that is neither identification nor reference.
+    fn longest_rest(&self, identify: [f64; 2], reference: Option<[f64; 2]>, [from_s, to_s]: [f64; 2]) -> [f64; 2] {
+        let mut taken: Vec<[f64; 2]> = [Some(identify), reference].into_iter().flatten().collect();
+        taken.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let (mut longest, mut free_from_s) = ([from_s; 2], from_s);
+        for [begin_s, end_s] in taken.into_iter().chain([[to_s; 2]]) {
+            if begin_s - free_from_s > longest[1] - longest[0] {
+                longest = [free_from_s, begin_s];
+            }
+            free_from_s = free_from_s.max(end_s);
+        }
+        longest
+    }
+}
+
+fn seconds([from_s, to_s]: [f64; 2]) -> String {
+    format!("{from_s:.1} s – {to_s:.1} s")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAMPLES_S: [f64; 2] = [0.5, 300.0];
+
+    fn span(text: &str) -> Option<Span> {
+        Some(text.parse().unwrap())
+    }
+
+    fn shown(identified_s: Option<f64>, last_learnt_s: Option<f64>) -> Shown {
+        Shown { samples_s: SAMPLES_S, identified_s, last_learnt_s, brings_worker: false }
+    }
+
+    #[test]
+    fn a_span_is_two_times_in_order() {
+        assert_eq!("12:90.5".parse(), Ok(Span { from_s: 12.0, to_s: 90.5 }));
+        for wrong in ["12", "12:", "a:b", "20:10", "5:5", "-3:4", "1:inf", "1:2:3"] {
+            assert!(wrong.parse::<Span>().unwrap_err().contains(wrong), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_given_is_found_and_told() {
+        let found = Given::default().find(&shown(Some(80.0), Some(79.0))).unwrap();
+        let spans_s = Spans { identify: [0.5, 80.0], reference: None, work: [80.0, 300.0], found: true };
+        assert_eq!(found.spans_s, spans_s);
+        assert!(found.told.contains("0.5 s – 80.0 s (until the worker was identified)"), "{}", found.told);
+        // Identification never came to its end: what was learnt in the first part stands for it.
+        let found = Given::default().find(&shown(None, Some(250.0))).unwrap();
+        assert!((found.spans_s.identify[1] - 120.3).abs() < 1e-9, "{:?}", found.spans_s);
+    }
+
+    #[test]
+    fn what_is_given_is_taken_and_the_rest_is_work() {
+        let given = Given { identify: span("200:280"), reference: span("150:200"), work: None };
+        let found = given.find(&shown(None, None)).unwrap();
+        assert_eq!(found.spans_s.work, [0.5, 150.0]);
+        let given = Given { work: span("100:130"), ..Given::default() };
+        let found = given.find(&shown(Some(140.0), None)).unwrap();
+        assert_eq!((found.spans_s.identify, found.spans_s.work), ([0.5, 100.0], [100.0, 130.0]));
+    }
+
+    #[test]
+    fn a_long_recording_has_a_reference_and_a_worker_who_was_known_no_poses() {
+        let long = Shown { samples_s: [0.0, 7200.0], ..shown(Some(90.0), None) };
+        let spans_s = Given::default().find(&long).unwrap().spans_s;
+        assert_eq!((spans_s.reference, spans_s.work), (Some([90.0, 270.0]), [270.0, 7200.0]));
+        let known = Shown { brings_worker: true, ..shown(None, None) };
+        let spans_s = Given::default().find(&known).unwrap().spans_s;
+        assert_eq!((spans_s.identify, spans_s.work), ([0.5; 2], SAMPLES_S));
+    }
+
+    #[test]
+    fn spans_that_cannot_be_are_refused_by_name() {
+        let refused = |given: Given| given.find(&shown(Some(80.0), None)).unwrap_err().to_string();
+        let text = refused(Given { work: span("290:400"), ..Given::default() });
+        assert!(text.contains("--work 290:400 lies outside") && text.contains("300.0 s"), "{text}");
+        let text = refused(Given { identify: span("0:60"), work: span("50:200"), ..Given::default() });
+        assert!(text.contains("--identify 0:60 and --work 50:200 overlap"), "{text}");
+        let text = refused(Given { reference: span("100:101"), ..Given::default() });
+        assert!(text.contains("--reference lasts 1.0 s"), "{text}");
+        let text = refused(Given { identify: span("0:295"), ..Given::default() });
+        assert!(text.contains("the work lasts 5.0 s; at least 10 s"), "{text}");
+    }
+}

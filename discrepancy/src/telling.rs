@@ -1,0 +1,181 @@
+//! The answer, put together.
+
+use std::collections::BTreeMap;
+
+use equipoise_core::effect::{Effect, Place};
+use serde_json::Value;
+
+use crate::ask::ask;
+use crate::candidate::{Candidate, Scope, place_name};
+use crate::finding::{AxisGap, Estimate, Finding, Gap, Named, Verdict};
+use crate::floor::{Floor, root_mean};
+use crate::generic::Generics;
+use crate::gram::Gram;
+use crate::holdout::HeldOut;
+use crate::locate::locate;
+use crate::picture::Signal;
+use crate::reconcile::Fitted;
+use crate::refine::shape_sigma;
+use crate::select::{Accepted, Selection, last_of, padded};
+use crate::verdict::{Rest, verdict};
+
+/// The answer, and what it was made of.
+pub(crate) struct Told {
+    /// The answer.
+    pub(crate) finding: Finding,
+    /// The terms of the model.
+    pub(crate) terms: Vec<Fitted>,
+    /// What is left.
+    pub(crate) rest: Rest,
+    /// What noise alone would show.
+    pub(crate) floor: Floor,
+}
+
+/// Puts it together.
+pub(crate) fn tell(
+    gram: &Gram<'_>,
+    selection: &Selection,
+    generics: &Generics,
+    held: &HeldOut,
+    threshold: f64,
+) -> Told {
+    let accepted = selection.terms();
+    let rest = Rest::of(gram, &accepted);
+    let floor = Floor::of(gram);
+    let verdict = verdict(selection, generics, &rest, threshold);
+    let terms: Vec<Fitted> =
+        selection.accepted.iter().filter_map(|one| fitted(gram, &accepted, one)).collect();
+    let effects =
+        selection.accepted.iter().zip(&terms).filter_map(|(one, fitted)| named(gram, one, fitted)).collect();
+    let first = selection.accepted.first().map_or(&selection.considered, |first| &first.considered);
+    let finding = Finding {
+        verdict,
+        effects,
+        candidates: first.clone(),
+        set_aside: selection.set_aside.clone(),
+        unexplained: if verdict == Verdict::Unexplained { generics.after.clone() } else { Vec::new() },
+        gap: gap(gram, &floor, held),
+        spans: locate(gram, &floor, &held.before),
+        ask_next: ask(gram, selection),
+        model: None,
+    };
+    Told { finding, terms, rest, floor }
+}
+
+fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted> {
+    let candidate = gram.terms[one.term].candidate.as_ref()?;
+    let estimate = last_of(gram, accepted, one.term)?;
+    let others: Vec<usize> = accepted.iter().copied().filter(|&other| other != one.term).collect();
+    let is_shaped = matches!(candidate.effect, Effect::PeriodicSway | Effect::SuitLag | Effect::PlateLowpass)
+        || (candidate.effect == Effect::PlateDrift && candidate.shape > 0.0);
+    let mut term = candidate.term(gram.rows, candidate.parameters(&estimate.value));
+    term.shape = candidate.told_shape(&estimate.value);
+    if let Scope::Span([_, to_s]) = candidate.scope {
+        let rows = gram.rows;
+        let last_s = rows.time_s(rows.len() - 1);
+        let near_s = 2.0 * rows.session.block_s;
+        term.span_s[1] = if to_s >= last_s - near_s { f64::INFINITY } else { to_s };
+    }
+    let shape_sigma = if is_shaped { shape_sigma(gram, candidate, &others) } else { 0.0 };
+    let mut sigma = padded(&estimate.sigma);
+    if candidate.is_a_share() {
+        sigma[0] = shape_sigma;
+    }
+    Some(Fitted { term, sigma, shape_sigma, log_odds: one.log_odds })
+}
+
+fn named(gram: &Gram<'_>, one: &Accepted, fitted: &Fitted) -> Option<Named> {
+    let candidate = gram.terms[one.term].candidate.as_ref()?;
+    let rest = one.considered.iter().find(|other| other.name != one.name);
+    Some(Named {
+        name: candidate.effect.name().to_owned(),
+        place: place(gram, candidate, fitted),
+        parameters: parameters(candidate, fitted, gram.terms[one.term].count),
+        log_odds: one.log_odds,
+        runner_up: rest.cloned(),
+        family: family(candidate, one),
+    })
+}
+
+fn place(gram: &Gram<'_>, candidate: &Candidate, fitted: &Fitted) -> BTreeMap<String, Value> {
+    let mut place = BTreeMap::new();
+    match candidate.place {
+        Place::Whole => {}
+        Place::Segment(_) => {
+            drop(place.insert("segment".to_owned(), Value::from(place_name(candidate.place))))
+        }
+        _ => drop(place.insert("hand".to_owned(), Value::from(place_name(candidate.place)))),
+    }
+    let end_s = gram.rows.session.spans_s.work[1];
+    let [from_s, to_s] = fitted.term.span_s;
+    place.insert("from_s".to_owned(), Value::from(from_s));
+    place.insert("to_s".to_owned(), Value::from(to_s.min(end_s)));
+    place
+}
+
+fn parameters(candidate: &Candidate, fitted: &Fitted, count: usize) -> BTreeMap<String, Estimate> {
+    let declared = candidate.effect.parameters_of(candidate.shape);
+    let mut parameters: BTreeMap<String, Estimate> = declared
+        .iter()
+        .zip(fitted.term.value.iter().zip(fitted.sigma))
+        .take(count)
+        .map(|(parameter, (&value, sigma))| {
+            (parameter.name.to_owned(), Estimate { value, sigma, unit: parameter.unit })
+        })
+        .collect();
+    if let Some(name) = candidate.effect.shape_name().filter(|_| fitted.shape_sigma > 0.0) {
+        let unit = if name.ends_with("hz") { "Hz" } else { "s" };
+        let shape = Estimate { value: fitted.term.shape, sigma: fitted.shape_sigma, unit };
+        parameters.entry(name.to_owned()).or_insert(shape);
+    }
+    parameters
+}
+
+/// Names that these data cannot tell from it: rivals, and its declared family.
+fn family(candidate: &Candidate, one: &Accepted) -> Vec<String> {
+    let mut family: Vec<String> = one.rivals().iter().map(|rival| rival.name.clone()).collect();
+    for (effect, place) in candidate.effect.family(candidate.place) {
+        let name = Candidate::new(effect, place, 0.0, Scope::Work).name();
+        if !family.contains(&name) {
+            family.push(name);
+        }
+    }
+    family
+}
+
+fn gap(gram: &Gram<'_>, floor: &Floor, held: &HeldOut) -> Gap {
+    let still = |block: usize| gram.rows.blocks[gram.rows.work_from + block].still;
+    let mut per_axis = BTreeMap::new();
+    let parts: [(&str, &dyn Fn(usize) -> bool); 3] =
+        [("", &|_| true), ("_still", &still), ("_moving", &|block| !still(block))];
+    for (axis, signal) in Signal::ALL.into_iter().enumerate() {
+        for (part, of) in &parts {
+            let root = |list: &[[f64; 3]]| {
+                let some = (0..list.len()).filter(|&block| of(block));
+                scale(axis) * root_mean(some.map(|block| list[block][axis].powi(2)))
+            };
+            let noise_floor = scale(axis) * floor.root_mean_square(axis, of);
+            let one = AxisGap {
+                before: root(&held.before),
+                after: root(&held.after),
+                noise_floor,
+                unit: signal.unit(),
+            };
+            if noise_floor > 0.0 {
+                per_axis.insert(format!("{}{part}", signal.axis()), one);
+            }
+        }
+    }
+    let both = |of: &dyn Fn(&AxisGap) -> f64| {
+        let axes = ["x", "y"].into_iter().filter_map(|axis| per_axis.get(axis));
+        axes.map(|gap| of(gap).powi(2)).sum::<f64>().sqrt()
+    };
+    let (before_mm, after_mm, noise_floor_mm) =
+        (both(&|gap| gap.before), both(&|gap| gap.after), both(&|gap| gap.noise_floor));
+    Gap { before_mm, after_mm, noise_floor_mm, held_out: true, per_axis }
+}
+
+/// From metres and newtons to the unit of a signal.
+pub(crate) fn scale(axis: usize) -> f64 {
+    if axis < 2 { 1e3 } else { 1.0 }
+}

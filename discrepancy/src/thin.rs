@@ -1,0 +1,48 @@
+//! Which blocks of a session are worked on: as many as a minute of computing bears, however long the recording.
+
+use crate::block::{Block, Phase};
+use crate::session::Session;
+
+/// Most blocks of the identification that are kept.
+pub const IDENTIFY_MAX: usize = 140;
+/// Most blocks of clean work that are kept.
+pub const REFERENCE_MAX: usize = 300;
+/// Most blocks of the work in question that are kept.
+pub const WORK_MAX: usize = 450;
+/// Blocks that a held pose keeps: what is held teaches nothing new but noise.
+const PER_POSE: usize = 2;
+
+/// The blocks to work on: identification, clean work, work in question, each by time.
+pub(crate) fn thin(session: &Session) -> Vec<&Block> {
+    let of =
+        |phase: Phase| session.blocks.iter().filter(move |block| block.phase == phase).collect::<Vec<_>>();
+    let mut kept = evenly(few_per_pose(&of(Phase::Identify)), IDENTIFY_MAX);
+    kept.extend(evenly(of(Phase::Reference), REFERENCE_MAX));
+    kept.extend(evenly(of(Phase::Work), WORK_MAX));
+    kept
+}
+
+/// At most so many, evenly over the whole.
+fn evenly(blocks: Vec<&Block>, most: usize) -> Vec<&Block> {
+    if blocks.len() <= most {
+        return blocks;
+    }
+    (0..most).map(|i| blocks[i * blocks.len() / most]).collect()
+}
+
+/// Of every run of still blocks a few; what moves is not a pose and is left as it is.
+fn few_per_pose<'a>(blocks: &[&'a Block]) -> Vec<&'a Block> {
+    let mut kept = Vec::new();
+    for run in blocks.chunk_by(|a, b| a.still && b.still && a.stance == b.stance && near(a, b)) {
+        kept.extend(evenly(run.to_vec(), if run[0].still { PER_POSE } else { run.len() }));
+    }
+    kept
+}
+
+/// Whether two blocks show the same pose: no joint turned by more than a tremor would.
+fn near(a: &Block, b: &Block) -> bool {
+    let turned =
+        |(a, b): (&[f64; 3], &[f64; 3])| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+    let squared: f64 = a.joint_rad.iter().zip(&b.joint_rad).map(turned).sum();
+    squared < 0.06 * 0.06 * 4.0
+}

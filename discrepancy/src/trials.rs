@@ -1,0 +1,111 @@
+//! What the whole catalogue scores at once, given what is already accepted; and what it would score by chance.
+
+use crate::evidence::{Conditioned, log_odds, log_sum};
+use crate::gram::Gram;
+use crate::linear::Factor;
+use faer::Mat;
+
+/// An explanation, over all its shapes and times.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    /// Name with place.
+    pub(crate) name: String,
+    /// Log Bayes factor of adding it, averaged over its variants.
+    pub(crate) log_odds: f64,
+    /// The best of its variants.
+    pub(crate) term: usize,
+}
+
+/// All explanations, best first.
+pub(crate) fn trials(gram: &Gram<'_>, given: &Conditioned) -> Vec<Trial> {
+    let mut list: Vec<(Trial, Vec<f64>)> = Vec::new();
+    for (index, term) in gram.terms.iter().enumerate() {
+        let Some(candidate) = term.candidate.as_ref().filter(|_| !term.is_derived) else { continue };
+        let score = given.log_odds(term) + term.log_prior;
+        let name = candidate.name();
+        match list.last_mut().filter(|(trial, _)| trial.name == name) {
+            Some((trial, scores)) => {
+                if scores.iter().all(|&other| other < score) {
+                    trial.term = index;
+                }
+                scores.push(score);
+            }
+            None => list.push((Trial { name, log_odds: 0.0, term: index }, vec![score])),
+        }
+    }
+    let mut trials: Vec<Trial> =
+        list.into_iter().map(|(trial, scores)| Trial { log_odds: log_sum(&scores), ..trial }).collect();
+    trials.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+    trials
+}
+
+/// The log odds that the best of the catalogue reaches by chance in so many of a hundred clean sessions: the residual is
+/// drawn from the noise model itself, in whitened space, where it is white.
+pub(crate) fn by_chance(gram: &Gram<'_>, draws: usize, of_100: f64) -> f64 {
+    let count = gram.with_residual.len();
+    let trace: f64 = (0..count).map(|i| gram.products[i][i]).sum();
+    if count == 0 || trace <= 0.0 {
+        return 0.0;
+    }
+    // Columns differ by orders of magnitude: the factor is of the correlation.
+    let scale: Vec<f64> = (0..count).map(|i| gram.products[i][i].max(1e-12 * trace).sqrt()).collect();
+    let alike = Mat::from_fn(count, count, |i, j| {
+        gram.products[i][j] / (scale[i] * scale[j]) + if i == j { 1e-8 } else { 0.0 }
+    });
+    let Some(factor) = Factor::of(&alike) else { return 0.0 };
+    let mut random = Random::new(0x5eed);
+    let mut best: Vec<f64> = (0..draws).map(|_| best_of_a_draw(gram, &factor, &scale, &mut random)).collect();
+    best.sort_by(f64::total_cmp);
+    let index = (draws as f64 * of_100 / 100.0) as usize;
+    best.get(index.min(draws.saturating_sub(1))).copied().unwrap_or(0.0)
+}
+
+fn best_of_a_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut Random) -> f64 {
+    let white: Vec<f64> = scale.iter().map(|_| random.normal()).collect();
+    let lower = factor.lower();
+    let mut pull = vec![0.0; scale.len()];
+    for (j, &value) in white.iter().enumerate() {
+        for i in j..scale.len() {
+            pull[i] += lower[(i, j)] * value * scale[i];
+        }
+    }
+    let mut by_name: Vec<(Option<String>, Vec<f64>)> = Vec::new();
+    for term in gram.terms.iter().filter(|term| !term.is_derived) {
+        let first = term.first;
+        let of = |i: usize, j: usize| gram.products[first + i][first + j];
+        let score = log_odds(&of, &|i| pull[first + i], &term.mean, &term.sigma) + term.log_prior;
+        let key =
+            term.candidate.as_ref().filter(|_| term.log_prior < 0.0).map(crate::candidate::Candidate::name);
+        match by_name.last_mut().filter(|(last, _)| key.is_some() && *last == key) {
+            Some((_, scores)) => scores.push(score),
+            None => by_name.push((key, vec![score])),
+        }
+    }
+    by_name.iter().map(|(_, scores)| log_sum(scores)).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Numbers that look random and are the same each time (Steele's SplitMix; Box and Muller's normal).
+#[derive(Debug, Clone)]
+pub(crate) struct Random(u64);
+
+impl Random {
+    /// From a seed.
+    pub(crate) fn new(seed: u64) -> Random {
+        Random(seed)
+    }
+
+    /// In \[0, 1).
+    pub(crate) fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Standard normal.
+    pub(crate) fn normal(&mut self) -> f64 {
+        let (radius, angle) = (1.0 - self.uniform(), self.uniform());
+        (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
+    }
+}

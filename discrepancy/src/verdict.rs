@@ -1,0 +1,129 @@
+//! What is left after the accepted effects, against what clean sessions leave; and the verdict.
+
+use crate::block::Phase;
+use crate::finding::Verdict;
+use crate::floor::of_phase;
+use crate::generic::Generics;
+use crate::gram::Gram;
+use crate::linear::dot;
+use crate::select::{RIVAL, Selection};
+
+/// Pieces of the work that are judged by themselves.
+const PIECES: usize = 18;
+
+/// The whitened residual after all that was accepted, and how far it is from white.
+#[derive(Debug, Clone)]
+pub(crate) struct Rest {
+    /// Whitened residual before anything was accepted.
+    pub(crate) before: Vec<f64>,
+    /// And after.
+    pub(crate) after: Vec<f64>,
+    /// Mean square of the work's rows over that of the clean work's (at least 1): centre of pressure, vertical force.
+    pub(crate) times_clean: [f64; 2],
+    /// Correlation of one row of the centre of pressure with the next of its axis.
+    pub(crate) correlation: f64,
+    /// Worst piece of the work: how many σ its sum of squares lies above its number of rows.
+    pub(crate) worst_piece_sigma: f64,
+}
+
+/// Clean sessions stay below these: mean squares, correlation, worst piece.
+const BOUNDS: ([f64; 2], f64, f64) = ([2.0, 3.0], 0.35, 14.0);
+/// A generic term must gain this much beyond the threshold, and this share of what is explained already.
+const GENERIC_GAIN: (f64, f64) = (17.0, 0.12);
+/// Generic terms alone must beat the catalogue by this much, or this share.
+const GENERIC_LEAD: (f64, f64) = (15.0, 0.15);
+
+impl Rest {
+    /// After some accepted terms.
+    pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize]) -> Rest {
+        let (directions, mut after) = gram.directions_given(accepted);
+        // All inner products with the residual before any is taken off: the directions are not orthogonal.
+        let along: Vec<f64> = directions.iter().map(|direction| dot(direction, &after)).collect();
+        for (direction, along) in directions.iter().zip(along) {
+            after.iter_mut().zip(direction).for_each(|(value, direction)| *value -= along * direction);
+        }
+        let times_clean = [0, 1].map(|channel| times_clean(gram, &after, channel));
+        let correlation = correlation(gram, &after);
+        let worst_piece_sigma = worst_piece_sigma(gram, &after);
+        Rest { before: gram.residual.clone(), after, times_clean, correlation, worst_piece_sigma }
+    }
+
+    /// Whether it is beyond what clean sessions leave.
+    pub(crate) fn is_beyond_noise(&self) -> bool {
+        let (squares, correlation, worst) = BOUNDS;
+        self.times_clean.iter().zip(squares).any(|(times, bound)| *times > bound)
+            || self.correlation > correlation
+            || self.worst_piece_sigma > worst
+    }
+}
+
+fn times_clean(gram: &Gram<'_>, after: &[f64], channel: usize) -> f64 {
+    let mean = |blocks: &[usize]| {
+        let squares: Vec<f64> = blocks
+            .iter()
+            .flat_map(|&block| rows_of(gram, block, channel))
+            .map(|row| after[row] * after[row])
+            .collect();
+        (!squares.is_empty()).then(|| squares.iter().sum::<f64>() / squares.len() as f64)
+    };
+    let clean = mean(&of_phase(gram, Phase::Reference)).unwrap_or(1.0).max(1.0);
+    mean(&of_phase(gram, Phase::Work)).unwrap_or(1.0) / clean
+}
+
+/// Rows of a block: of the centre of pressure (0), or of the vertical force (1).
+pub(crate) fn rows_of(gram: &Gram<'_>, block: usize, channel: usize) -> Vec<usize> {
+    match channel {
+        0 => vec![2 * block, 2 * block + 1],
+        _ => vec![gram.cop_rows() + block],
+    }
+}
+
+fn correlation(gram: &Gram<'_>, after: &[f64]) -> f64 {
+    let from = 2 * gram.rows.work_from;
+    let rows = &after[from..gram.cop_rows()];
+    let square = dot(rows, rows);
+    if rows.len() < 4 || square <= 0.0 { 0.0 } else { dot(&rows[2..], rows) / square }
+}
+
+fn worst_piece_sigma(gram: &Gram<'_>, after: &[f64]) -> f64 {
+    let work = of_phase(gram, Phase::Work);
+    let length = work.len().div_ceil(PIECES).max(1);
+    let of_piece = |piece: &[usize]| {
+        let squares: Vec<f64> =
+            piece.iter().flat_map(|&block| rows_of(gram, block, 0)).map(|row| after[row].powi(2)).collect();
+        let count = squares.len() as f64;
+        (squares.iter().sum::<f64>() - count) / (2.0 * count).sqrt()
+    };
+    work.chunks(length).filter(|piece| piece.len() >= 5).map(of_piece).fold(0.0, f64::max)
+}
+
+/// What it comes down to.
+pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, threshold: f64) -> Verdict {
+    let explained: f64 = selection.accepted.iter().map(|accepted| accepted.log_odds).sum();
+    let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
+    let alone = generics.alone;
+    let outdone = alone > threshold + explained + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * explained);
+    let more = left > (threshold + GENERIC_GAIN.0).max(GENERIC_GAIN.1 * explained);
+    if more || outdone || (rest.is_beyond_noise() && left > threshold) {
+        return Verdict::Unexplained;
+    }
+    match selection.accepted.first() {
+        None if rest.is_beyond_noise() => Verdict::Unexplained,
+        None => Verdict::None,
+        Some(_) if selection.accepted.iter().any(|accepted| !accepted.rivals().is_empty()) => {
+            Verdict::Ambiguous
+        }
+        Some(_) => Verdict::Named,
+    }
+}
+
+impl crate::select::Accepted {
+    /// What explains the data as well, by name.
+    pub(crate) fn rivals(&self) -> Vec<&crate::finding::Candidate> {
+        let margin = RIVAL.0.max(RIVAL.1 * self.log_odds);
+        self.considered
+            .iter()
+            .filter(|other| other.name != self.name && other.log_odds > self.log_odds - margin)
+            .collect()
+    }
+}

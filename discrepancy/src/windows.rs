@@ -1,0 +1,224 @@
+//! Effects that come and go: all pairs of onset and end over some two dozen pieces of the work, by cumulative sums of the
+//! inner products of the pieces; then the edges to a second.
+
+use equipoise_core::effect::{Columns, Effect, Place};
+
+use crate::candidate::{Candidate, Scope};
+use crate::evidence::log_odds;
+use crate::gram::Gram;
+use crate::linear::dot;
+use crate::rows::Rows;
+
+/// Pieces that the work is cut into.
+const PIECES: usize = 24;
+/// What a part must gain over the whole to be believed, in log odds, beside the number of parts that were tried.
+pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
+/// Shortest part, s.
+const SHORTEST_S: f64 = 2.0;
+
+/// An effect in the part of the work where it fits best.
+#[derive(Debug, Clone)]
+pub(crate) struct Part {
+    /// The effect there.
+    pub(crate) candidate: Candidate,
+    /// Log Bayes factor, having paid for the number of parts.
+    pub(crate) log_odds: f64,
+    /// That of the whole work.
+    pub(crate) of_whole: f64,
+}
+
+/// One candidate, cut into pieces and whitened.
+struct Pieces {
+    candidate: Candidate,
+    columns: Vec<Vec<f64>>,
+    products: Vec<Vec<f64>>,
+}
+
+/// All that can come and go, ready to be asked again and again.
+pub(crate) struct Windows {
+    edges_s: Vec<f64>,
+    pieces: Vec<Pieces>,
+}
+
+/// What is looked for in parts: what is put on, leant on, taken up, knocked or disturbed.
+fn can_come_and_go(candidate: &Candidate) -> bool {
+    use equipoise_core::body::Segment;
+    match (candidate.effect, candidate.place) {
+        (
+            Effect::HandLoad
+            | Effect::HandContact
+            | Effect::PlateOffset
+            | Effect::PlateYaw
+            | Effect::PlateGain,
+            _,
+        ) => true,
+        (Effect::WornMass, Place::Segment(segment)) => matches!(segment, Segment::T8 | Segment::Pelvis),
+        (Effect::SegmentHeading, Place::Segment(segment)) => {
+            !matches!(segment, Segment::Head | Segment::RightLowerLeg | Segment::LeftLowerLeg)
+        }
+        _ => false,
+    }
+}
+
+impl Windows {
+    /// Of the candidates that can come and go.
+    pub(crate) fn of(gram: &Gram<'_>) -> Windows {
+        let edges_s = edges_s(gram.rows);
+        let pieces = gram
+            .terms
+            .iter()
+            .filter_map(|term| term.candidate.as_ref())
+            .filter(|candidate| candidate.scope == Scope::Work && can_come_and_go(candidate))
+            .map(|candidate| cut(gram, candidate, &edges_s))
+            .collect();
+        Windows { edges_s, pieces }
+    }
+
+    /// The best part of each, given what is accepted; best first.
+    pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize]) -> Vec<Part> {
+        let (directions, residual) = gram.directions_given(accepted);
+        let mut parts: Vec<Part> =
+            self.pieces.iter().filter_map(|pieces| self.best_part(pieces, &directions, &residual)).collect();
+        parts.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+        parts
+    }
+
+    fn best_part(&self, pieces: &Pieces, directions: &[Vec<f64>], residual: &[f64]) -> Option<Part> {
+        let count = pieces.candidate.count();
+        let along: Vec<Vec<f64>> = pieces
+            .columns
+            .iter()
+            .map(|column| directions.iter().map(|direction| dot(column, direction)).collect())
+            .collect();
+        let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, residual)).collect();
+        let pull: Vec<f64> = pieces
+            .columns
+            .iter()
+            .zip(&along)
+            .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
+            .collect();
+        let sums = Sums::of(pieces, &along, &pull, count);
+        let (mean, sigma) = (&pieces.candidate.mean, &pieces.candidate.sigma);
+        let last = self.edges_s.len() - 1;
+        let score = |from: usize, to: usize| {
+            log_odds(&|i, j| sums.product(from, to, i, j), &|i| sums.pull(from, to, i), mean, sigma)
+        };
+        let of_whole = score(0, last);
+        let pairs = (0..last).flat_map(|from| (from + 1..=last).map(move |to| (from, to)));
+        let (from, to, best) =
+            pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
+        let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln();
+        let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);
+        let candidate = Candidate { scope, ..pieces.candidate.clone() };
+        Some(Part { candidate, log_odds: best - paid, of_whole })
+    }
+}
+
+/// Moves both edges of a part as long as that gains; blocks decide how finely.
+pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize]) -> Candidate {
+    let Scope::Span(mut span_s) = candidate.scope else { return candidate.clone() };
+    let (directions, residual) = gram.directions_given(accepted);
+    let edges_s = edges_s(gram.rows);
+    let (least_s, most_s) = (edges_s[0], edges_s[edges_s.len() - 1]);
+    let score = |span_s: [f64; 2]| {
+        let candidate = Candidate { scope: Scope::Span(span_s), ..candidate.clone() };
+        gram.score_alone(&candidate, &directions, &residual)
+    };
+    let mut best = score(span_s);
+    let mut step_s = (edges_s[1] - edges_s[0]) * 0.5;
+    while step_s > 0.3 {
+        let moves = [[step_s, 0.0], [-step_s, 0.0], [0.0, step_s], [0.0, -step_s]];
+        let better = moves.into_iter().find_map(|[from, to]| {
+            let moved = [(span_s[0] + from).max(least_s), (span_s[1] + to).min(most_s)];
+            let value = if moved[1] - moved[0] < SHORTEST_S { f64::NEG_INFINITY } else { score(moved) };
+            (value > best + 1e-6).then_some((moved, value))
+        });
+        match better {
+            Some((moved, value)) => (span_s, best) = (moved, value),
+            None => step_s *= 0.5,
+        }
+    }
+    Candidate { scope: Scope::Span(span_s), ..candidate.clone() }
+}
+
+/// Edges of the pieces, s: of equal length over the work that there is.
+fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
+    let half_s = 0.5 * rows.session.block_s;
+    let from_s = if rows.work_from < rows.len() { rows.time_s(rows.work_from) - half_s } else { 0.0 };
+    let to_s = if rows.len() > 0 { rows.time_s(rows.len() - 1) + half_s } else { 1.0 };
+    (0..=PIECES).map(|piece| from_s + (to_s - from_s) * piece as f64 / PIECES as f64).collect()
+}
+
+/// Only the mass, not where exactly it hangs: a part is short.
+fn simplified(candidate: &Candidate) -> Candidate {
+    let mut simple = candidate.clone();
+    if candidate.effect == Effect::HandLoad {
+        simple.mean.truncate(1);
+        simple.sigma.truncate(1);
+    }
+    simple
+}
+
+fn cut(gram: &Gram<'_>, candidate: &Candidate, edges_s: &[f64]) -> Pieces {
+    let candidate = simplified(candidate);
+    let count = candidate.count();
+    let mut columns = Vec::new();
+    for edge in edges_s.windows(2) {
+        let piece = Candidate { scope: Scope::Work, ..candidate.clone() };
+        columns.extend(gram.whitened(count, |block| {
+            if (edge[0]..edge[1]).contains(&gram.rows.time_s(block)) {
+                piece.columns(gram.rows, block)
+            } else {
+                Columns::zero(count)
+            }
+        }));
+    }
+    let products = columns
+        .iter()
+        .enumerate()
+        .map(|(i, column)| columns[..=i].iter().map(|other| dot(column, other)).collect())
+        .collect();
+    Pieces { candidate, columns, products }
+}
+
+/// Cumulative sums over pieces, of products and of pulls.
+struct Sums {
+    count: usize,
+    products: Vec<Vec<f64>>,
+    pulls: Vec<Vec<f64>>,
+}
+
+impl Sums {
+    fn of(pieces: &Pieces, along: &[Vec<f64>], pull: &[f64], count: usize) -> Sums {
+        let length = pieces.columns.len() / count;
+        let reduced = |i: usize, j: usize| {
+            let (i, j) = (i.max(j), i.min(j));
+            pieces.products[i][j] - dot(&along[i], &along[j])
+        };
+        let mut products = vec![vec![0.0; (length + 1) * count * count]; length + 1];
+        let mut pulls = vec![vec![0.0; count]; length + 1];
+        for a in 0..length {
+            for k in 0..count {
+                pulls[a + 1][k] = pulls[a][k] + pull[a * count + k];
+            }
+            for b in 0..length {
+                for k in 0..count * count {
+                    let own = reduced(a * count + k / count, b * count + k % count);
+                    let at = |i: usize, j: usize| products[i][j * count * count + k];
+                    let sum = at(a, b + 1) + at(a + 1, b) - at(a, b) + own;
+                    products[a + 1][(b + 1) * count * count + k] = sum;
+                }
+            }
+        }
+        Sums { count, products, pulls }
+    }
+
+    fn product(&self, from: usize, to: usize, i: usize, j: usize) -> f64 {
+        let at = |a: usize, b: usize| self.products[a][(b * self.count + i) * self.count + j];
+        at(to, to) - at(from, to) - at(to, from) + at(from, from)
+    }
+
+    fn pull(&self, from: usize, to: usize, i: usize) -> f64 {
+        self.pulls[to][i] - self.pulls[from][i]
+    }
+}

@@ -1,0 +1,55 @@
+//! The whole way from a session to an answer, on sessions whose truth is known.
+
+mod support;
+
+use equipoise_core::body::{Segment, Side};
+use equipoise_core::effect::{Effect, Place};
+use equipoise_discrepancy::finding::Verdict;
+use equipoise_discrepancy::session::Session;
+use equipoise_discrepancy::{Options, Outcome, reconcile};
+use support::{END_S, REFERENCE_S, clean, hide};
+
+fn answer(session: &Session) -> Outcome {
+    reconcile(session, &Options::default(), &mut |_| {}).unwrap()
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_missing() {
+    for seed in 1..4 {
+        let outcome = answer(&clean(seed));
+        assert_eq!(outcome.finding.verdict, Verdict::None, "{:#?}", outcome.finding);
+        assert!(outcome.terms.is_empty());
+    }
+}
+
+#[test]
+fn a_load_in_the_right_hand_is_named_and_the_gap_shrinks() {
+    let mut session = clean(7);
+    hide(&mut session, Effect::HandLoad, Place::Hand(Side::Right), &[1.0], [REFERENCE_S, END_S]);
+    let outcome = answer(&session);
+    let finding = &outcome.finding;
+    assert_eq!(finding.effects[0].name, "hand_load", "{finding:#?}");
+    assert_eq!(finding.effects[0].place["hand"], "right");
+    let mass = finding.effects[0].parameters["mass_kg"];
+    assert!((mass.value - 1.0).abs() < 3.0 * mass.sigma.max(0.02), "{mass:?}");
+    assert!(finding.gap.after_mm < 0.7 * finding.gap.before_mm, "{:?}", finding.gap);
+}
+
+#[test]
+fn a_backpack_that_is_put_on_halfway_is_named_with_its_time() {
+    let mut session = clean(9);
+    hide(&mut session, Effect::WornMass, Place::Segment(Segment::T8), &[3.0, -0.4, 0.0, 0.0], [250.0, END_S]);
+    let outcome = answer(&session);
+    let effect = &outcome.finding.effects[0];
+    assert_eq!(effect.name, "worn_mass", "{:#?}", outcome.finding);
+    assert!((effect.place["from_s"].as_f64().unwrap() - 250.0).abs() < 3.0, "{:?}", effect.place);
+    assert!(outcome.terms[0].term.span_s[1].is_infinite());
+}
+
+#[test]
+fn a_plate_that_lies_askew_is_named() {
+    let mut session = clean(11);
+    hide(&mut session, Effect::PlateGain, Place::Whole, &[0.06, 0.06], [REFERENCE_S, END_S]);
+    let outcome = answer(&session);
+    assert_eq!(outcome.finding.effects[0].name, "plate_gain", "{:#?}", outcome.finding);
+}

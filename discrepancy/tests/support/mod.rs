@@ -1,0 +1,229 @@
+//! Sessions from simple means: a body of the table that goes through the poses of the library, a plate with coloured noise.
+
+use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton};
+use equipoise_core::effect::{Effect, Observation, PARAMETERS_MAX, Place, Term};
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_core::sesc::Phi;
+use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
+use equipoise_discrepancy::session::{PARAMETERS, Session, Spans};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// How long a block is, s.
+const BLOCK_S: f64 = 0.4;
+/// A pose is held, then left, s.
+const HELD_S: f64 = 2.4;
+const MOVED_S: f64 = 1.6;
+const MASS_KG: f64 = 75.0;
+const GRAVITY: f64 = 9.81;
+/// Step of the numerical derivatives, s.
+const STEP_S: f64 = 0.04;
+
+/// Identification until here, clean work until there, work in question until the end, s.
+pub(crate) const IDENTIFY_S: f64 = 120.0;
+pub(crate) const REFERENCE_S: f64 = 200.0;
+pub(crate) const END_S: f64 = 300.0;
+
+/// A person who has done everything right, and a plate with its noise.
+pub(crate) fn clean(seed: u64) -> Session {
+    let mut blocks = Vec::new();
+    let mut noise = Noise::new(seed);
+    let count = (END_S / BLOCK_S) as usize;
+    for index in 0..count {
+        let time_s = (index as f64 + 0.5) * BLOCK_S;
+        let (phase, order) = match time_s {
+            t if t < IDENTIFY_S => (Phase::Identify, 0),
+            t if t < REFERENCE_S => (Phase::Reference, 1),
+            _ => (Phase::Work, 2),
+        };
+        let walk = Walk { seed: seed.wrapping_mul(31).wrapping_add(order) };
+        let mut block = walk.block(time_s, phase);
+        if phase == Phase::Identify && !block.still {
+            continue;
+        }
+        noise.add(&mut block);
+        blocks.push(block);
+    }
+    let mut prior_covariance_m2 = vec![0.0; PARAMETERS * PARAMETERS];
+    for i in 0..PARAMETERS {
+        prior_covariance_m2[i * PARAMETERS + i] = 0.01 * 0.01;
+    }
+    Session {
+        blocks,
+        mass_kg: MASS_KG,
+        prior_covariance_m2,
+        has_shear: true,
+        has_inertia: true,
+        suit_drifts: true,
+        block_s: BLOCK_S,
+        spans_s: Spans {
+            identify: [0.0, IDENTIFY_S],
+            reference: Some([IDENTIFY_S, REFERENCE_S]),
+            work: [REFERENCE_S, END_S],
+            found: false,
+        },
+        length_s: END_S,
+    }
+}
+
+/// Adds an effect to what was measured, from a time to another.
+pub(crate) fn hide(session: &mut Session, effect: Effect, place: Place, value: &[f64], span_s: [f64; 2]) {
+    let mut all = [0.0; PARAMETERS_MAX];
+    all[..value.len()].copy_from_slice(value);
+    let term = Term { effect, place, shape: 0.0, value: all, span_s };
+    for block in &mut session.blocks {
+        let (cop_m, force_n) = term.columns(&block.observation).times(&term.value);
+        let seen = &mut block.observation;
+        seen.cop_measured_m.iter_mut().zip(cop_m).for_each(|(measured, part)| *measured += part);
+        seen.force_measured_n.iter_mut().zip(force_n).for_each(|(measured, part)| *measured += part);
+    }
+}
+
+/// Numbers that look random and are the same each time.
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub(crate) fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mixed = (self.0 ^ (self.0 >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        ((mixed ^ (mixed >> 32)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub(crate) fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+/// Slow and white noise of the plate.
+struct Noise {
+    random: Random,
+    slow: [f64; 5],
+}
+
+impl Noise {
+    fn new(seed: u64) -> Noise {
+        Noise { random: Random(seed ^ 0xabcd_ef01), slow: [0.0; 5] }
+    }
+
+    fn add(&mut self, block: &mut Block) {
+        let sizes = [0.0012, 0.0012, 0.8, 0.8, 0.8];
+        let keep = (-BLOCK_S / 6.0_f64).exp();
+        let seen = &mut block.observation;
+        let mut values: Vec<&mut f64> =
+            seen.cop_measured_m.iter_mut().chain(seen.force_measured_n.iter_mut()).collect();
+        for ((value, slow), size) in values.iter_mut().zip(&mut self.slow).zip(sizes) {
+            *slow = keep * *slow + (1.0 - keep * keep).sqrt() * size * self.random.normal();
+            **value += *slow + 0.4 * size * self.random.normal();
+        }
+    }
+}
+
+/// From pose to pose of the library.
+struct Walk {
+    seed: u64,
+}
+
+type Rotations = [UnitQuaternion<f64>; SEGMENTS];
+
+impl Walk {
+    fn rotations(&self, time_s: f64) -> Rotations {
+        let period_s = HELD_S + MOVED_S;
+        let number = (time_s / period_s).floor();
+        let moved = ((time_s - number * period_s - HELD_S) / MOVED_S).clamp(0.0, 1.0);
+        let share = moved * moved * moved * (10.0 - 15.0 * moved + 6.0 * moved * moved);
+        let (from, to) = (self.pose(number as u64), self.pose(number as u64 + 1));
+        let mut world = [UnitQuaternion::identity(); SEGMENTS];
+        for segment in Segment::ALL {
+            let index = segment.index();
+            let own = from[index].slerp(&to[index], share);
+            world[index] = segment.parent().map_or(own, |parent| world[parent.index()] * own);
+        }
+        world
+    }
+
+    fn pose(&self, number: u64) -> Rotations {
+        let mut random = Random(self.seed.wrapping_add(number.wrapping_mul(7919)));
+        random.uniform();
+        let posture = &LIBRARY[(random.uniform() * LIBRARY.len() as f64) as usize % LIBRARY.len()];
+        posture.rotation_deg.map(|degrees| {
+            let vector = degrees.map(|degree| (f64::from(degree) + 4.0 * random.normal()).to_radians());
+            UnitQuaternion::from_scaled_axis(Vector3::from(vector))
+        })
+    }
+
+    fn origins(rotations: &Rotations, skeleton: &Skeleton) -> [Vector3<f64>; SEGMENTS] {
+        let mut origin = [Vector3::zeros(); SEGMENTS];
+        for segment in Segment::ALL {
+            if let Some(parent) = segment.parent() {
+                let along = Vector3::from(skeleton.offset_m[segment.index()]);
+                origin[segment.index()] = origin[parent.index()] + rotations[parent.index()] * along;
+            }
+        }
+        let feet = (origin[Segment::RightFoot.index()] + origin[Segment::LeftFoot.index()]) * 0.5;
+        origin.map(|origin| origin - feet + Vector3::z() * 0.08)
+    }
+
+    fn block(&self, time_s: f64, phase: Phase) -> Block {
+        let skeleton = Skeleton::nominal(1.75);
+        let body = Anthropometry::de_leva(&skeleton, 1.75, Sex::Male);
+        let phi = Phi::of(&skeleton, &body);
+        let at = [-1.0, 0.0, 1.0].map(|step| self.rotations(time_s + step * STEP_S));
+        let origins = [0, 1, 2].map(|i| Walk::origins(&at[i], &skeleton));
+        let second =
+            |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>| (a - b * 2.0 + c) / (STEP_S * STEP_S);
+        let matrix = |i: usize, s: usize| at[i][s].to_rotation_matrix().into_inner();
+        let rows = |m: Matrix3<f64>| [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]));
+        let com =
+            |i: usize| (0..SEGMENTS).fold(origins[i][0], |sum, s| sum + at[i][s] * Vector3::from(phi.0[s]));
+        let acceleration = second(com(0), com(1), com(2));
+        let vertical = GRAVITY + acceleration.z;
+        let slope = [acceleration.x / vertical, acceleration.y / vertical];
+        let centre = com(1);
+        let cop = [centre.x - slope[0] * centre.z, centre.y - slope[1] * centre.z];
+        let force = [MASS_KG * acceleration.x, MASS_KG * acceleration.y, MASS_KG * vertical];
+        let observation = Observation {
+            time_s,
+            mass_kg: MASS_KG,
+            floor_m: 0.0,
+            feet_m: [0.0; 2],
+            feet_hold: true,
+            origin_m: origins[1].map(Into::into),
+            origin_acceleration_m_per_s2: std::array::from_fn(|s| {
+                second(origins[0][s], origins[1][s], origins[2][s]).into()
+            }),
+            rotation: std::array::from_fn(|s| rows(matrix(1, s))),
+            rotation_acceleration_per_s2: std::array::from_fn(|s| {
+                rows((matrix(0, s) - matrix(1, s) * 2.0 + matrix(2, s)) / (STEP_S * STEP_S))
+            }),
+            phi_m: phi.0,
+            grip_m: Side::BOTH.map(|side| [0.0, if side == Side::Left { 0.08 } else { -0.08 }, 0.0]),
+            centre_m: body.com_m,
+            com_m: centre.into(),
+            com_acceleration_m_per_s2: acceleration.into(),
+            turning_m: [0.0; 2],
+            slope,
+            slope_is_measured: true,
+            cop_predicted_m: cop,
+            force_predicted_n: force,
+            cop_measured_m: cop,
+            force_measured_n: force,
+        };
+        let joint_rad = std::array::from_fn(|s| match Segment::ALL[s].parent() {
+            Some(parent) => (at[1][parent.index()].inverse() * at[1][s]).scaled_axis().into(),
+            None => at[1][s].scaled_axis().into(),
+        });
+        let none = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
+        let pause_s = time_s % (HELD_S + MOVED_S);
+        Block {
+            phase,
+            stance: 1,
+            still: pause_s > 0.2 && pause_s < HELD_S - 0.2,
+            observation,
+            com_velocity_m_per_s: ((com(2) - com(0)) / (2.0 * STEP_S)).into(),
+            turning_by_group_m: [[0.0; 2]; 4],
+            joint_rad,
+            heading_rad: 0.0,
+            by_lag: [none; LAGS_S.len()],
+            by_cutoff: [none; CUTOFFS_HZ.len()],
+        }
+    }
+}
