@@ -8,6 +8,7 @@ use bytemuck::Zeroable;
 use equipoise_adapters::recording::{
     Entry, ReadError, Recorded, Recorder, Recording, RecordingHeader, TimedEntry,
 };
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::layout::Primitive;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample};
 use proptest::prelude::*;
@@ -186,6 +187,15 @@ fn foreign_and_newer_files_are_named() {
     let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);
     assert!(pcap.contains(".pcap"), "{pcap}");
     assert!(refusal(b"").contains("empty"));
+}
+
+#[test]
+fn another_releases_memory_does_not_keep_the_samples_from_being_read() {
+    let mut metadata = BTreeMap::new();
+    metadata.insert("equipoise.type_name".to_owned(), Checkpoint::TYPE_NAME.to_owned());
+    metadata.insert("equipoise.schema_hash".to_owned(), "00000000deadbeef".to_owned());
+    let entries = read(&foreign(Checkpoint::TOPIC, "equipoise/Checkpoint_1", &metadata));
+    assert!(matches!(&entries[0].entry, Entry::Other { topic, .. } if topic == Checkpoint::TOPIC));
 }
 
 #[test]

@@ -70,7 +70,8 @@ impl Results<'_> {
         // The page is what people open: it comes last, when all else is there.
         pages.reverse();
         files.extend(pages);
-        self.place(&files).with_context(|| format!("cannot write the results to {}", self.folder.display()))?;
+        self.place(&files)
+            .with_context(|| format!("cannot write the results to {}", self.folder.display()))?;
         Ok(files.into_iter().map(|(name, _)| self.folder.join(name)).collect())
     }
 

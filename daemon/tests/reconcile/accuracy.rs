@@ -65,7 +65,8 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
         let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, command: None };
         let state = *step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
         let spoilt = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt) {
+        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt)
+        {
             let now_m = offset(&memory);
             let residual_m = [0, 1].map(|axis| {
                 state.cop_measured_m[axis] - state.cop_estimated_m[axis] + now_m[axis] - first_m[axis]

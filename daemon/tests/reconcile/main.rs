@@ -6,5 +6,6 @@ mod accuracy;
 mod make;
 #[test]
 fn tmp_make() {
-    make::Script { poses: 14, work_s: 560.0, ..make::Script::ordinary() }.record(std::path::Path::new("/tmp"), "tm.mcap");
+    make::Script { poses: 14, work_s: 560.0, ..make::Script::ordinary() }
+        .record(std::path::Path::new("/tmp"), "tm.mcap");
 }

@@ -145,11 +145,8 @@ fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
 fn measured_shear_is_believed_and_held_by_lags() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
         let shear_n = 20.0 * time_s;
-        *moment = super::tests::moment(
-            time_s,
-            [0.0, 0.0, 0.95],
-            [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2],
-        );
+        *moment =
+            super::tests::moment(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);
     });
     for block in &blocks {
         let seen = &block.observation;
