@@ -84,7 +84,7 @@ fn figaroh_replayed_with_a_model_tells_prediction_and_terms() {
 
     // A recording of results keeps the model, and is replayed with it.
     replay(Some(&elsewhere), "kept.mcap");
-    let kept = Recording::open(&file("kept.mcap")).unwrap();
+    let kept = Recording::open(file("kept.mcap")).unwrap();
     assert_eq!(kept.header().model_toml, std::fs::read_to_string(&elsewhere).unwrap());
     let imported = file("imported.mcap");
     let with_model = file("with_model.toml");
