@@ -24,7 +24,7 @@ const HEADING_S: f64 = 40.0;
 const WHOLE_HEADING: (f64, f64) = (0.006, 60.0);
 /// Where the first stance is put down, and what each change of stance adds, 1-σ, m: of a suit that drifts and of one that
 /// does not. Recordings of the simulated suit show a centimetre for each foot that is put down elsewhere.
-const STANCE_M: [[f64; 2]; 2] = [[0.005, 0.012], [0.002, 0.0]];
+const STANCE_M: [[f64; 2]; 2] = [[0.005, 0.015], [0.002, 0.0]];
 /// Height at which the reaction's slope acts: 1-σ of its error, m. Smoothing and tables of inertia make it centimetres.
 const LEVER_M: f64 = 0.08;
 /// What the model cannot know about this work that it did about the clean one: function of the pose, offset with the
