@@ -44,7 +44,11 @@ pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Ge
     if std::env::var("EQ_DEBUG").is_ok() {
         let low = greedy(gram, &library, &terms, -1e9, 1);
         let lowa = greedy(gram, &library, &[], -1e9, terms.len().max(1));
-        eprintln!("DEBUG left {:?} alone {:?}", low.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>(), lowa.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>());
+        eprintln!(
+            "DEBUG left {:?} alone {:?}",
+            low.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>(),
+            lowa.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>()
+        );
     }
     let unlike: Vec<&Entry> = library.iter().copied().filter(|entry| entry.is_unlike).collect();
     let unlike = greedy(gram, &unlike, &[], least, 1).first().map_or(0.0, |generic| generic.log_odds);
@@ -108,13 +112,18 @@ fn of_joints(gram: &Gram<'_>) -> Vec<Entry> {
             shifted(rows, block, trunk, 1.0 + up)
         }));
     }
-    list.push(entry(gram, "the spine bends elsewhere than the suit thinks".to_owned(), &[0.01; 3], |block| {
-        let bend: f64 = [Segment::L5, Segment::L3, Segment::T12, Segment::T8]
-            .iter()
-            .map(|segment| rows.blocks[block].joint_rad[segment.index()][1])
-            .sum();
-        shifted(rows, block, &seen(block).rotation[Segment::Pelvis.index()], bend)
-    }));
+    list.push(entry(
+        gram,
+        "the spine bends elsewhere than the suit thinks".to_owned(),
+        &[0.01; 3],
+        |block| {
+            let bend: f64 = [Segment::L5, Segment::L3, Segment::T12, Segment::T8]
+                .iter()
+                .map(|segment| rows.blocks[block].joint_rad[segment.index()][1])
+                .sum();
+            shifted(rows, block, &seen(block).rotation[Segment::Pelvis.index()], bend)
+        },
+    ));
     list
 }
 
