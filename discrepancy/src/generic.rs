@@ -44,11 +44,6 @@ pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Ge
     let terms = selection.terms();
     let alone = greedy(gram, &library, &[], least, terms.len().max(1));
     let after = greedy(gram, &library, &terms, least, TOLD_MAX);
-    if std::env::var("EQ_DEBUG").is_ok() {
-        let low = greedy(gram, &library, &terms, -1e9, 1);
-        let lowa = greedy(gram, &library, &[], -1e9, terms.len().max(1));
-        eprintln!("DEBUG left {:?} alone {:?}", low.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>(), lowa.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>());
-    }
     let unlike: Vec<&Entry> = library.iter().copied().filter(|entry| entry.is_unlike).collect();
     let unlike = greedy(gram, &unlike, &[], least, 1).first().map_or(0.0, |generic| generic.log_odds);
     Generics { after, unlike, alone: alone.iter().map(|generic| generic.log_odds).sum() }
@@ -111,21 +106,26 @@ fn of_joints(gram: &Gram<'_>) -> Vec<Entry> {
             shifted(rows, block, trunk, 1.0 + up)
         }));
     }
-    list.push(entry(gram, "the spine bends elsewhere than the suit thinks".to_owned(), &[0.01; 3], |block| {
-        let bend: f64 = [Segment::L5, Segment::L3, Segment::T12, Segment::T8]
-            .iter()
-            .map(|segment| rows.blocks[block].joint_rad[segment.index()][1])
-            .sum();
-        shifted(rows, block, &seen(block).rotation[Segment::Pelvis.index()], bend)
-    }));
+    list.push(entry(
+        gram,
+        "the spine bends elsewhere than the suit thinks".to_owned(),
+        &[0.01; 3],
+        |block| {
+            let bend: f64 = [Segment::L5, Segment::L3, Segment::T12, Segment::T8]
+                .iter()
+                .map(|segment| rows.blocks[block].joint_rad[segment.index()][1])
+                .sum();
+            shifted(rows, block, &seen(block).rotation[Segment::Pelvis.index()], bend)
+        },
+    ));
     list
 }
 
 /// The centre of mass is moved along the axes of a segment by so much per metre.
 fn shifted(rows: &Rows<'_>, block: usize, rotation: &[[f64; 3]; 3], size: f64) -> Columns {
     let mut columns = Columns::zero(3);
-    for axis in 0..3 {
-        columns.cop_m[axis] = rows.on_cop(block, [0, 1, 2].map(|k| size * rotation[k][axis]));
+    for (axis, cop_m) in columns.cop_m.iter_mut().enumerate().take(3) {
+        *cop_m = rows.on_cop(block, rotation.map(|row| size * row[axis]));
     }
     columns
 }

@@ -76,7 +76,8 @@ pub fn reconcile(
     let generics: Generics = generic::look(&gram, &selection, threshold);
     let rest = Rest::of(&gram, &selection.terms());
     let stances_m = stances_m(&gram, &rest.after);
-    let held = held_out(&gram, &selection.terms(), &stances_m).ok_or(ReconcileError::NoNoise { channel: "plate" })?;
+    let held = held_out(&gram, &selection.terms(), &stances_m)
+        .ok_or(ReconcileError::NoNoise { channel: "plate" })?;
     progress(0.9);
     let floor = Floor::of(&gram, &stances_m);
     let told = telling::tell(&gram, &selection, &generics, Left { held: &held, rest, floor }, threshold);

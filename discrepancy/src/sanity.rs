@@ -29,7 +29,9 @@ pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> 
         return Some("smaller than what matters".to_owned());
     }
     let believed = candidate.effect.prior_sigma(candidate.place, candidate.shape);
-    if !candidate.is_a_share() && value.iter().zip(believed).any(|(value, sigma)| value.abs() > ABSURD * sigma) {
+    if !candidate.is_a_share()
+        && value.iter().zip(believed).any(|(value, sigma)| value.abs() > ABSURD * sigma)
+    {
         return Some("would have to be absurdly large".to_owned());
     }
     match candidate.effect {

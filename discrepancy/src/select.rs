@@ -159,6 +159,9 @@ fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<String> {
     if let Some(why) = objection(candidate, &estimate.value) {
         return Some(why);
     }
+    if no_better_than_a_gain(gram, accepted, term) {
+        return Some("only its weight speaks for it: a gain of the force explains the same".to_owned());
+    }
     only_by_forces(gram, accepted, term)
         .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
 }

@@ -103,11 +103,9 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
     let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
     let alone = generics.alone;
     let first = selection.accepted.iter().map(|accepted| accepted.log_odds).fold(0.0, f64::max);
-    let leads = |generic: f64, named: f64| generic > threshold + named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
+    let leads =
+        |generic: f64, named: f64| generic > threshold + named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
     let outdone = leads(alone, explained) || leads(generics.unlike, first);
-    if std::env::var("EQ_DEBUG").is_ok() {
-        eprintln!("DEBUG explained {explained:.1} left {left:.1} alone {alone:.1} unlike {:.1} times {:.2?} corr {:.2} worst {:.1}", generics.unlike, rest.times_clean, rest.correlation, rest.worst_piece_sigma);
-    }
     let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
     let more = left > (threshold + gain).max(GENERIC_GAIN.1 * explained);
     if more || outdone || (rest.is_beyond_noise() && left > threshold) {

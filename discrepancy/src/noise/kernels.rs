@@ -162,12 +162,12 @@ fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
 /// How much skin there is between sensor and bone, over that of an arm: less on pelvis, legs and feet.
 pub(super) fn looseness(segment: usize) -> f64 {
     match Segment::ALL[segment] {
-        Segment::Pelvis
-        | Segment::RightFoot
-        | Segment::LeftFoot
-        | Segment::RightToe
-        | Segment::LeftToe => 0.4,
-        Segment::RightUpperLeg | Segment::LeftUpperLeg | Segment::RightLowerLeg | Segment::LeftLowerLeg => 0.7,
+        Segment::Pelvis | Segment::RightFoot | Segment::LeftFoot | Segment::RightToe | Segment::LeftToe => {
+            0.4
+        }
+        Segment::RightUpperLeg | Segment::LeftUpperLeg | Segment::RightLowerLeg | Segment::LeftLowerLeg => {
+            0.7
+        }
         _ => 1.0,
     }
 }
