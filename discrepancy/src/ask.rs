@@ -1,9 +1,198 @@
-//! What to do next to tell apart what these data cannot.
+//! What to do next to tell apart what these data cannot: of all poses of the library, turned and stepped aside too, of
+//! standing still for long and of moving fast, whatever separates the predictions of the two leading explanations most.
 
+use equipoise_core::body::{SEGMENTS, Segment, Side};
+use equipoise_core::effect::{Effect, Observation};
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::candidate::Candidate;
+use crate::evidence::Estimate;
+use crate::floor::Floor;
 use crate::gram::Gram;
-use crate::select::Selection;
+use crate::select::{Selection, last_of};
+use crate::trials::trials;
 
-/// The pose or motion that separates the two leading explanations most; `None` if nothing needs it.
-pub(crate) fn ask(_gram: &Gram<'_>, _selection: &Selection) -> Option<String> {
+/// A declared relative is asked about if it is within so many log odds, or this share of the winner's.
+const RELATIVE: (f64, f64) = (15.0, 0.15);
+/// Turns that are thought of, degrees to the left.
+const TURNS_DEG: [f64; 3] = [0.0, 90.0, 180.0];
+/// A step aside, m.
+const STEP_M: f64 = 0.15;
+/// Standing still for long, s.
+const STILL_S: f64 = 180.0;
+/// Fast motion is so many times as fast as the fastest that was seen, in what it does to a delay.
+const FASTER: f64 = 2.0;
+/// Separations below this many σ are not worth a person's while.
+const WORTH_SIGMA: f64 = 0.5;
+
+/// An explanation with the parameters that it would have.
+struct Hypothesis {
+    candidate: Candidate,
+    estimate: Estimate,
+}
+
+/// The pose or motion that separates the two leading explanations most; `None` if nothing needs it, or nothing does.
+pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Option<String> {
+    let [one, other] = leading(gram, selection)?;
+    let sigma: [f64; 3] = std::array::from_fn(|axis| floor.root_mean_square(axis, |_| true).max(1e-6));
+    let separation = |a: [f64; 3], b: [f64; 3]| {
+        (0..3).map(|axis| ((a[axis] - b[axis]) / sigma[axis]).powi(2)).sum::<f64>().sqrt()
+    };
+    let mut best: Option<(f64, String)> = None;
+    let mut consider = |value: f64, what: String| {
+        if value.is_finite() && best.as_ref().is_none_or(|(most, _)| value > *most) {
+            best = Some((value, what));
+        }
+    };
+    for (what, seen) in activities(gram) {
+        consider(separation(one.predicts(gram, &seen), other.predicts(gram, &seen)), what);
+    }
+    let (fast, what) = fastest(gram)?;
+    consider(separation(one.predicts_at(gram, fast), other.predicts_at(gram, fast)), what);
+    let (value, what) = best?;
+    (value > WORTH_SIGMA).then(|| {
+        let (one, other) = (one.candidate.name(), other.candidate.name());
+        format!("{what}: {one} and {other} then differ by {value:.1} times the noise")
+    })
+}
+
+impl Hypothesis {
+    /// What it changes at a moment that has not been: centre of pressure x, y (m), vertical force (N).
+    fn predicts(&self, gram: &Gram<'_>, seen: &Observation) -> [f64; 3] {
+        let mut term = self.candidate.term(gram.rows, self.candidate.parameters(&self.estimate.value));
+        term.span_s[1] = f64::INFINITY;
+        let ([x, y], [_, _, z]) = term.columns(seen).times(&term.value);
+        [x, y, z]
+    }
+
+    /// What it would change at a block if that were faster.
+    fn predicts_at(&self, gram: &Gram<'_>, block: usize) -> [f64; 3] {
+        let columns = self.candidate.columns(gram.rows, block);
+        let value = crate::select::padded(&self.estimate.value);
+        let ([x, y], [_, _, z]) = columns.times(&value);
+        let is_of_motion =
+            matches!(self.candidate.effect, Effect::SuitLag | Effect::PlateLowpass | Effect::Inertia);
+        let factor = if is_of_motion { FASTER } else { 1.0 };
+        [x, y, z].map(|part| factor * part)
+    }
+}
+
+/// The first named effect that has a rival or a near relative, and that.
+fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
+    for accepted in &selection.accepted {
+        let others: Vec<usize> =
+            selection.terms().into_iter().filter(|&term| term != accepted.term).collect();
+        let candidate = gram.terms[accepted.term].candidate.clone()?;
+        let rivals: Vec<String> = accepted.rivals().iter().map(|rival| rival.name.clone()).collect();
+        let near = accepted.log_odds - RELATIVE.0.max(RELATIVE.1 * accepted.log_odds);
+        let is_relative =
+            |other: &Candidate| candidate.effect.is_family_of(candidate.place, other.effect, other.place);
+        let found = trials(gram, &gram.given(&others)).into_iter().find(|trial| {
+            let other = gram.terms[trial.term].candidate.as_ref();
+            trial.name != accepted.name
+                && (rivals.contains(&trial.name) || (trial.log_odds > near && other.is_some_and(is_relative)))
+        });
+        if let Some(trial) = found {
+            let one = Hypothesis { estimate: last_of(gram, &others, accepted.term)?, candidate };
+            let candidate = gram.terms[trial.term].candidate.clone()?;
+            return Some([one, Hypothesis { estimate: last_of(gram, &others, trial.term)?, candidate }]);
+        }
+    }
     None
+}
+
+/// All that a person could be asked to do while standing, as the model would see it.
+fn activities(gram: &Gram<'_>) -> Vec<(String, Observation)> {
+    let rows = gram.rows;
+    let Some(last) = rows.blocks.last() else { return Vec::new() };
+    let seen = &last.observation;
+    let mut list = Vec::new();
+    for posture in LIBRARY {
+        for turn_deg in TURNS_DEG {
+            let what = if turn_deg == 0.0 {
+                format!("hold this pose: {}", posture.name)
+            } else {
+                format!("turn by {turn_deg:.0}° and hold this pose: {}", posture.name)
+            };
+            list.push((what, standing(seen, &posture.world_from_segment(), turn_deg, [0.0; 2])));
+        }
+    }
+    let straight = LIBRARY[0].world_from_segment();
+    let step = standing(seen, &straight, 0.0, [STEP_M, STEP_M]);
+    list.push(("step to another place on the plate, 15 cm forward and to the left".to_owned(), step));
+    let mut later = standing(seen, &straight, 0.0, [0.0; 2]);
+    later.time_s += STILL_S;
+    list.push(("stand still for three minutes".to_owned(), later));
+    list
+}
+
+/// The block of the work with most acceleration.
+fn fastest(gram: &Gram<'_>) -> Option<(usize, String)> {
+    let acceleration = |block: usize| {
+        crate::noise::kernels::norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2)
+    };
+    let block = (gram.rows.work_from..gram.rows.len())
+        .max_by(|&a, &b| acceleration(a).total_cmp(&acceleration(b)))?;
+    Some((block, "squat quickly and stop, a few times".to_owned()))
+}
+
+/// A person of this skeleton in a pose, at rest: turned by an angle about the feet, and some way from where they stood.
+fn standing(
+    like: &Observation,
+    rotation: &[UnitQuaternion<f64>; SEGMENTS],
+    turn_deg: f64,
+    step_m: [f64; 2],
+) -> Observation {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * turn_deg.to_radians());
+    let rotation = rotation.map(|own| turn * own);
+    let origin = place_on(like, &rotation, step_m);
+    let com = Segment::ALL
+        .iter()
+        .map(|segment| rotation[segment.index()] * Vector3::from(like.phi_m[segment.index()]))
+        .fold(origin[0], |sum, part| sum + part);
+    let cop_m = [com.x, com.y];
+    let force_n = [0.0, 0.0, like.mass_kg * 9.81];
+    Observation {
+        feet_m: [like.feet_m[0] + step_m[0], like.feet_m[1] + step_m[1]],
+        origin_m: origin.map(Into::into),
+        origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
+        rotation: rotation.map(|own| {
+            let matrix = own.to_rotation_matrix();
+            [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
+        }),
+        rotation_acceleration_per_s2: [[[0.0; 3]; 3]; SEGMENTS],
+        com_m: com.into(),
+        com_acceleration_m_per_s2: [0.0; 3],
+        turning_m: [0.0; 2],
+        slope: [0.0; 2],
+        cop_predicted_m: cop_m,
+        force_predicted_n: force_n,
+        cop_measured_m: cop_m,
+        force_measured_n: force_n,
+        ..*like
+    }
+}
+
+/// Segment origins in a pose, the middle between the feet where it was, plus a step.
+fn place_on(
+    like: &Observation,
+    rotation: &[UnitQuaternion<f64>; SEGMENTS],
+    step_m: [f64; 2],
+) -> [Vector3<f64>; SEGMENTS] {
+    let seen = |segment: Segment| Vector3::from(like.origin_m[segment.index()]);
+    let mut origin = [Vector3::zeros(); SEGMENTS];
+    for segment in Segment::ALL {
+        let Some(parent) = segment.parent() else { continue };
+        let rows = like.rotation[parent.index()];
+        let along = seen(segment) - seen(parent);
+        let own = Vector3::from_fn(|k, _| (0..3).map(|axis| rows[axis][k] * along[axis]).sum::<f64>());
+        origin[segment.index()] = origin[parent.index()] + rotation[parent.index()] * own;
+    }
+    let middle = |origin: &dyn Fn(Segment) -> Vector3<f64>| {
+        Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
+    };
+    let shift =
+        middle(&seen) - middle(&|segment| origin[segment.index()]) + Vector3::new(step_m[0], step_m[1], 0.0);
+    origin.map(|origin| origin + shift)
 }

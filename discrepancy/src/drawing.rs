@@ -1,6 +1,6 @@
 //! Fills the plots of the report.
 
-use crate::block::Phase;
+use crate::block::{Block, Phase};
 use crate::candidate::Candidate;
 use crate::floor::{Floor, root_mean};
 use crate::gram::Gram;
@@ -64,11 +64,14 @@ fn time(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> TimePlot
     TimePlot { signal: Signal::ALL[axis], points }
 }
 
+/// A feature of the pose: in words, its unit, and how to read it off a block.
+type Feature = (String, &'static str, Box<dyn Fn(&Block) -> f64>);
+
 /// Features of the pose in words, and how to read them off a block: of each arm its elevation, of the trunk its lean, of
 /// each its direction, of the whole its height.
-fn features() -> Vec<(String, &'static str, Box<dyn Fn(&crate::block::Block) -> f64>)> {
+fn features() -> Vec<Feature> {
     use equipoise_core::body::Segment;
-    let mut list: Vec<(String, &'static str, Box<dyn Fn(&crate::block::Block) -> f64>)> = Vec::new();
+    let mut list: Vec<Feature> = Vec::new();
     let parts = [
         ("trunk", Segment::Pelvis, Segment::Neck),
         ("right arm", Segment::RightUpperArm, Segment::RightHand),
@@ -78,7 +81,7 @@ fn features() -> Vec<(String, &'static str, Box<dyn Fn(&crate::block::Block) -> 
     ];
     for (name, from, to) in parts {
         for (axis, way) in ["forward", "to the left", "up"].into_iter().enumerate() {
-            let of = move |block: &crate::block::Block| {
+            let of = move |block: &Block| {
                 let origin_m = &block.observation.origin_m;
                 origin_m[to.index()][axis] - origin_m[from.index()][axis]
             };

@@ -13,6 +13,9 @@ use crate::select::Selection;
 /// Most generic terms that are told.
 const TOLD_MAX: usize = 3;
 
+/// What a generic term must gain beyond the threshold, in log odds, for there being so many; clean sessions stay below.
+const SEARCHED: f64 = 2.0;
+
 /// What the library says.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Generics {
@@ -37,19 +40,10 @@ struct Entry {
 pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Generics {
     let owned = library(gram);
     let library: Vec<&Entry> = owned.iter().collect();
-    let least = threshold + 3.0;
+    let least = threshold + SEARCHED;
     let terms = selection.terms();
     let alone = greedy(gram, &library, &[], least, terms.len().max(1));
     let after = greedy(gram, &library, &terms, least, TOLD_MAX);
-    if std::env::var("EQ_DEBUG").is_ok() {
-        let low = greedy(gram, &library, &terms, -1e9, 1);
-        let lowa = greedy(gram, &library, &[], -1e9, terms.len().max(1));
-        eprintln!(
-            "DEBUG left {:?} alone {:?}",
-            low.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>(),
-            lowa.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>()
-        );
-    }
     let unlike: Vec<&Entry> = library.iter().copied().filter(|entry| entry.is_unlike).collect();
     let unlike = greedy(gram, &unlike, &[], least, 1).first().map_or(0.0, |generic| generic.log_odds);
     Generics { after, unlike, alone: alone.iter().map(|generic| generic.log_odds).sum() }
@@ -130,8 +124,8 @@ fn of_joints(gram: &Gram<'_>) -> Vec<Entry> {
 /// The centre of mass is moved along the axes of a segment by so much per metre.
 fn shifted(rows: &Rows<'_>, block: usize, rotation: &[[f64; 3]; 3], size: f64) -> Columns {
     let mut columns = Columns::zero(3);
-    for axis in 0..3 {
-        columns.cop_m[axis] = rows.on_cop(block, [0, 1, 2].map(|k| size * rotation[k][axis]));
+    for (axis, cop_m) in columns.cop_m.iter_mut().enumerate().take(3) {
+        *cop_m = rows.on_cop(block, rotation.map(|row| size * row[axis]));
     }
     columns
 }
@@ -168,8 +162,29 @@ fn of_segment(gram: &Gram<'_>, segment: Segment) -> Vec<Entry> {
             turned(rows, block, segment, &turns)
         }));
     }
+    list.extend(slips(gram, segment, &name));
     list.extend(near_places(gram, segment));
     list
+}
+
+/// A sensor that follows only part of its joint's turn, and one that turns aside the more the joint is bent.
+fn slips(gram: &Gram<'_>, segment: Segment, name: &str) -> Vec<Entry> {
+    let rows = gram.rows;
+    let bent = |block: usize| rows.blocks[block].joint_rad[segment.index()];
+    let axes = |block: usize| rows.blocks[block].observation.rotation[segment.index()];
+    let lags = format!("the sensor on the {name} follows its joint only in part");
+    let aside = format!("the sensor on the {name} slips the more its joint is bent");
+    vec![
+        entry(gram, lags, &[0.15], |block| {
+            let turn = axes(block).map(|row| (0..3).map(|k| row[k] * bent(block)[k]).sum());
+            turned(rows, block, segment, &[turn])
+        }),
+        entry(gram, aside, &[0.15; 3], |block| {
+            let size = norm(bent(block));
+            let turns: Vec<[f64; 3]> = (0..3).map(|along| axes(block).map(|row| row[along] * size)).collect();
+            turned(rows, block, segment, &turns)
+        }),
+    ]
 }
 
 /// Headings that go wrong where a hand is: iron.

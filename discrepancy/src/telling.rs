@@ -65,7 +65,7 @@ pub(crate) fn tell(
         unexplained: if verdict == Verdict::Unexplained { generics.after.clone() } else { Vec::new() },
         gap: gap(gram, &floor, held),
         spans: locate(gram, &floor, &held.before),
-        ask_next: ask(gram, selection),
+        ask_next: ask(gram, selection, &floor),
         model: None,
     };
     Told { finding, terms, rest, floor }
@@ -75,6 +75,7 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
     let candidate = gram.terms[one.term].candidate.as_ref()?;
     let estimate = last_of(gram, accepted, one.term)?;
     let others: Vec<usize> = accepted.iter().copied().filter(|&other| other != one.term).collect();
+    let share = share_of_error(candidate.effect);
     let is_shaped = matches!(candidate.effect, Effect::PeriodicSway | Effect::SuitLag | Effect::PlateLowpass)
         || (candidate.effect == Effect::PlateDrift && candidate.shape > 0.0);
     let mut term = candidate.term(gram.rows, candidate.parameters(&estimate.value));
@@ -85,12 +86,25 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
         let near_s = 2.0 * rows.session.block_s;
         term.span_s[1] = if to_s >= last_s - near_s { f64::INFINITY } else { to_s };
     }
-    let shape_sigma = if is_shaped { shape_sigma(gram, candidate, &others) } else { 0.0 };
+    let shape_sigma =
+        if is_shaped { shape_sigma(gram, candidate, &others).hypot(share * term.shape) } else { 0.0 };
     let mut sigma = padded(&estimate.sigma);
+    for (sigma, value) in sigma.iter_mut().zip(term.value) {
+        *sigma = sigma.hypot(share * value);
+    }
     if candidate.is_a_share() {
         sigma[0] = shape_sigma;
     }
     Some(Fitted { term, sigma, shape_sigma, log_odds: one.log_odds })
+}
+
+/// How wrong an effect's own equation may be, 1-σ as a share of its parameters: bodies are not rigid, filters not of first
+/// order. What simulated sessions of known truth show beside the noise.
+fn share_of_error(effect: Effect) -> f64 {
+    match effect {
+        Effect::Inertia | Effect::PlateLowpass => 0.1,
+        _ => 0.05,
+    }
 }
 
 fn named(gram: &Gram<'_>, one: &Accepted, fitted: &Fitted) -> Option<Named> {
@@ -111,9 +125,11 @@ fn place(gram: &Gram<'_>, candidate: &Candidate, fitted: &Fitted) -> BTreeMap<St
     match candidate.place {
         Place::Whole => {}
         Place::Segment(_) => {
-            drop(place.insert("segment".to_owned(), Value::from(place_name(candidate.place))))
+            place.insert("segment".to_owned(), Value::from(place_name(candidate.place)));
         }
-        _ => drop(place.insert("hand".to_owned(), Value::from(place_name(candidate.place)))),
+        _ => {
+            place.insert("hand".to_owned(), Value::from(place_name(candidate.place)));
+        }
     }
     let end_s = gram.rows.session.spans_s.work[1];
     let [from_s, to_s] = fitted.term.span_s;

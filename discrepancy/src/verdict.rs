@@ -106,13 +106,8 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
     let leads =
         |generic: f64, named: f64| generic > threshold + named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
     let outdone = leads(alone, explained) || leads(generics.unlike, first);
-    if std::env::var("EQ_DEBUG").is_ok() {
-        eprintln!(
-            "DEBUG explained {explained:.1} left {left:.1} alone {alone:.1} unlike {:.1} times {:.2?} corr {:.2} worst {:.1}",
-            generics.unlike, rest.times_clean, rest.correlation, rest.worst_piece_sigma
-        );
-    }
-    let more = left > (threshold + GENERIC_GAIN.0).max(GENERIC_GAIN.1 * explained);
+    let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
+    let more = left > (threshold + gain).max(GENERIC_GAIN.1 * explained);
     if more || outdone || (rest.is_beyond_noise() && left > threshold) {
         return Verdict::Unexplained;
     }
