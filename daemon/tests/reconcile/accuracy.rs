@@ -2,7 +2,6 @@
 
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
-use equipoise_core::effect::Model;
 use equipoise_core::message::Validity;
 use equipoise_daemon::config::Config;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
@@ -19,8 +18,7 @@ fn compared(script: &Script, samples: &Samples) -> Compared {
     samples.write(&path, &script.config());
     let input = Input::open(&path).unwrap();
     let config = Config::parse(&script.config(), "test").unwrap();
-    let (given, known_model) = (Given::default(), Model::default());
-    let reconcile = Reconcile { input: &input, config: &config, given, known: None, known_model };
+    let reconcile = Reconcile { input: &input, config: &config, given: Given::default() };
     reconcile.compare(&mut |_| {}).unwrap()
 }
 

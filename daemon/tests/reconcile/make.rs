@@ -1,6 +1,6 @@
 //! Small recordings of a simulated worker: poses, then work, without wires.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::message::{GroundSample, SuitSample};
@@ -108,13 +108,6 @@ poses_min = {}
                 ground += 1;
             }
         }
-    }
-
-    /// The recording, whole.
-    pub(crate) fn record(&self, into: &Path, name: &str) -> PathBuf {
-        let path = into.join(name);
-        self.samples().write(&path, &self.config());
-        path
     }
 }
 
