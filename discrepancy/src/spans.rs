@@ -40,7 +40,9 @@ impl FromStr for Span {
         let time_s = |text: &str| text.trim().parse::<f64>().ok().filter(|time_s| time_s.is_finite());
         let (Some(from_s), Some(to_s)) = (time_s(from), time_s(to)) else { return Err(wrong()) };
         if from_s < 0.0 {
-            return Err(format!("\"{text}\" begins before the recording; its time 0 is the recording's begin"));
+            return Err(format!(
+                "\"{text}\" begins before the recording; its time 0 is the recording's begin"
+            ));
         }
         if to_s <= from_s {
             return Err(format!("\"{text}\" ends before it begins; write the earlier time first"));
@@ -83,7 +85,9 @@ pub struct Shown {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpanError {
     /// A span lies outside the recording.
-    #[error("{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it")]
+    #[error(
+        "{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it"
+    )]
     Outside {
         /// Which option.
         option: &'static str,
@@ -156,7 +160,8 @@ impl Given {
 
     /// The last time from which may be learnt where nobody said it and identification does not end by itself, s.
     pub fn learn_until_s(&self, [from_s, to_s]: [f64; 2]) -> f64 {
-        let next = [self.reference, self.work].into_iter().flatten().map(|span| span.from_s).fold(to_s, f64::min);
+        let next =
+            [self.reference, self.work].into_iter().flatten().map(|span| span.from_s).fold(to_s, f64::min);
         next.min(from_s + IDENTIFY_SHARE * (to_s - from_s)).max(from_s)
     }
 
@@ -177,7 +182,10 @@ impl Given {
             (None, Some(end_s)) => ([from_s, end_s.min(first_other_s)], "until the worker was identified"),
             (None, None) => {
                 let end_s = shown.last_learnt_s.unwrap_or(from_s).min(self.learn_until_s(shown.samples_s));
-                ([from_s, end_s], "until the last pose that was learnt; identification did not come to its end")
+                (
+                    [from_s, end_s],
+                    "until the last pose that was learnt; identification did not come to its end",
+                )
             }
         };
         let rest_s = identify[1].max(from_s);
@@ -191,7 +199,8 @@ impl Given {
             Some(span) => span.pair(),
             None => self.longest_rest(identify, reference, shown.samples_s),
         };
-        let [length_s, least_s] = [work[1] - work[0], if self.work.is_some() { SHORTEST_S } else { WORK_MIN_S }];
+        let [length_s, least_s] =
+            [work[1] - work[0], if self.work.is_some() { SHORTEST_S } else { WORK_MIN_S }];
         if length_s < least_s {
             return Err(SpanError::Short { what: "the work", length_s, least_s });
         }
@@ -208,7 +217,12 @@ impl Given {
     }
 
     /// The longest stretch of the recording that is neither identification nor reference.
-    fn longest_rest(&self, identify: [f64; 2], reference: Option<[f64; 2]>, [from_s, to_s]: [f64; 2]) -> [f64; 2] {
+    fn longest_rest(
+        &self,
+        identify: [f64; 2],
+        reference: Option<[f64; 2]>,
+        [from_s, to_s]: [f64; 2],
+    ) -> [f64; 2] {
         let mut taken: Vec<[f64; 2]> = [Some(identify), reference].into_iter().flatten().collect();
         taken.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let (mut longest, mut free_from_s) = ([from_s; 2], from_s);

@@ -42,8 +42,7 @@ pub fn weights(times_s: &[f64]) -> Option<Weights> {
     let slope = [s2 * s3 - s1 * s4, s0 * s4 - s2 * s2, s1 * s2 - s0 * s3].map(|minor| minor / determinant);
     let curvature =
         [s1 * s3 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1].map(|minor| minor / determinant);
-    let mut weights =
-        Weights { value: [0.0; CAPACITY], first: [0.0; CAPACITY], second: [0.0; CAPACITY] };
+    let mut weights = Weights { value: [0.0; CAPACITY], first: [0.0; CAPACITY], second: [0.0; CAPACITY] };
     for (index, time) in times_s.iter().enumerate() {
         let x = time / scale_s;
         weights.value[index] = height[0] + x * (height[1] + x * height[2]);

@@ -97,9 +97,10 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
     let reconcile = Reconcile { input: &input, config: &chosen.config, given };
     let bar = Bar::new(arguments.json);
     let compared = reconcile.compare(&mut |progress| bar.show(progress))?;
-    let mut outcome = equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
-        bar.show(Progress { doing: "looking for what is missing", share });
-    })?;
+    let mut outcome =
+        equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
+            bar.show(Progress { doing: "looking for what is missing", share });
+        })?;
     bar.clear();
     let written = match folder {
         Some(folder) => {
@@ -124,7 +125,8 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
 
 /// One line where there are several, so that each is read as it comes.
 fn print_json(finding: &Finding, one_line: bool) -> anyhow::Result<()> {
-    let text = if one_line { serde_json::to_string(finding)? } else { serde_json::to_string_pretty(finding)? };
+    let text =
+        if one_line { serde_json::to_string(finding)? } else { serde_json::to_string_pretty(finding)? };
     println!("{text}");
     Ok(())
 }
@@ -153,7 +155,8 @@ impl Bar {
         let wanted = !json && std::io::IsTerminal::is_terminal(&std::io::stderr());
         Bar(wanted.then(|| {
             let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {percent:>3} % {eta}");
-            let bar = ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            let bar =
+                ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         }))

@@ -63,7 +63,8 @@ mod tests {
 
     #[test]
     fn a_filter_between_two_that_are_kept_changes_what_its_delay_says() {
-        let by_cutoff = CUTOFFS_HZ.map(|cutoff_hz| Change { cop_m: [1.0 / cutoff_hz, 0.0], force_n: [0.0; 3] });
+        let by_cutoff =
+            CUTOFFS_HZ.map(|cutoff_hz| Change { cop_m: [1.0 / cutoff_hz, 0.0], force_n: [0.0; 3] });
         for cutoff_hz in [0.5, 0.6, 1.0, 2.5, 6.9, 7.0, 20.0] {
             let change = at_cutoff(&by_cutoff, cutoff_hz);
             assert!((change.cop_m[0] - 1.0 / cutoff_hz).abs() < 1e-12, "{cutoff_hz}");

@@ -70,7 +70,8 @@ impl Results<'_> {
         // The page is what people open: it comes last, when all else is there.
         pages.reverse();
         files.extend(pages);
-        self.place(&files).with_context(|| format!("cannot write the results to {}", self.folder.display()))?;
+        self.place(&files)
+            .with_context(|| format!("cannot write the results to {}", self.folder.display()))?;
         Ok(files.into_iter().map(|(name, _)| self.folder.join(name)).collect())
     }
 
@@ -82,7 +83,12 @@ impl Results<'_> {
         date: &str,
     ) -> ModelFile {
         let spans_s = &compared.session.spans_s;
-        let mut effects = reconcile.config.loaded_model.as_ref().map(|known| known.file().effects.clone()).unwrap_or_default();
+        let mut effects = reconcile
+            .config
+            .loaded_model
+            .as_ref()
+            .map(|known| known.file().effects.clone())
+            .unwrap_or_default();
         effects.extend(outcome.terms.iter().map(|fitted| {
             let term = &fitted.term;
             let open_ended = term.span_s[1].is_infinite();

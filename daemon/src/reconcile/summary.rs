@@ -59,10 +59,12 @@ fn verdict(finding: &Finding) -> String {
         (Verdict::None, _) => "none: nothing is missing in the model that these data could show".to_owned(),
         (Verdict::Ambiguous, _) => "ambiguous: several effects explain the gap alike".to_owned(),
         (Verdict::Unexplained, 0) => {
-            "unexplained: something is missing in the model that no effect of the catalogue explains".to_owned()
+            "unexplained: something is missing in the model that no effect of the catalogue explains"
+                .to_owned()
         }
         (Verdict::Unexplained, _) => {
-            "unexplained: beside what is named, something is missing that no effect of the catalogue explains".to_owned()
+            "unexplained: beside what is named, something is missing that no effect of the catalogue explains"
+                .to_owned()
         }
     }
 }

@@ -73,11 +73,7 @@ impl Survey {
     ///
     /// # Errors
     /// It cannot be read at all.
-    pub fn of(
-        input: &Input,
-        config: &Config,
-        progress: &mut dyn FnMut(Progress),
-    ) -> anyhow::Result<Survey> {
+    pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
         progress(Progress { doing: "looking through the recording", share: 0.0 });
         let mut survey = Survey {
             begin_ns: input.started_ns(),

@@ -63,7 +63,8 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
         let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, command: None };
         let state = *step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
         let spoilt = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt) {
+        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt)
+        {
             let now_m = offset(&memory);
             let residual_m = [0, 1].map(|axis| {
                 state.cop_measured_m[axis] - state.cop_estimated_m[axis] + now_m[axis] - first_m[axis]
@@ -120,17 +121,16 @@ fn accelerations_are_those_of_the_simulated_body() {
             let at_s = seen.time_s + time_s;
             ordered.upto(at_s);
             let motion = ordered.worker.origin_motion(at_s);
-            for segment in 0..SEGMENTS {
-                for axis in 0..3 {
-                    truth[segment][axis] += motion[segment][1][axis] / times.len() as f64;
+            for (sum, [_, acceleration]) in truth.iter_mut().zip(motion) {
+                for (sum, value) in sum.iter_mut().zip(acceleration.iter()) {
+                    *sum += value / times.len() as f64;
                 }
             }
         }
-        for segment in 0..SEGMENTS {
-            for axis in 0..3 {
-                origin.push(seen.origin_acceleration_m_per_s2[segment][axis] - truth[segment][axis]);
-                size.push(truth[segment][axis]);
-            }
+        let pairs = seen.origin_acceleration_m_per_s2.iter().flatten().zip(truth.iter().flatten());
+        for (told, truth) in pairs {
+            origin.push(told - truth);
+            size.push(*truth);
         }
         let force = |axis: usize| seen.force_measured_n[axis] / seen.mass_kg;
         centre.push(seen.com_acceleration_m_per_s2[2] - (force(2) - 9.81));

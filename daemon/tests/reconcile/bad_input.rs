@@ -82,11 +82,16 @@ fn a_whole_session_is_told_and_its_report_written() {
     let output = trial.run(&[]);
     let text = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    for word in ["configuration: the recording's own", "until the worker was identified", "gap:", "report.html"] {
+    for word in
+        ["configuration: the recording's own", "until the worker was identified", "gap:", "report.html"]
+    {
         assert!(text.contains(word), "\"{word}\" is not in: {}", said(&output));
     }
     let names = names(&trial.out());
-    assert!(names.contains(&"report.html".to_owned()) && names.contains(&"report.md".to_owned()), "{names:?}");
+    assert!(
+        names.contains(&"report.html".to_owned()) && names.contains(&"report.md".to_owned()),
+        "{names:?}"
+    );
     assert!(names.iter().all(|name| !name.starts_with('.')), "litter: {names:?}");
 }
 

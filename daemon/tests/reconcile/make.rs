@@ -7,9 +7,7 @@ use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
 use equipoise_simulator::repertoire::{LIFTING, REPERTOIRE};
-use equipoise_studies::sensors::{
-    EPOCH_NS, Rig, ground_sample, sample_time_ns, suit_sample,
-};
+use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, sample_time_ns, suit_sample};
 use equipoise_studies::subject::Subject;
 
 /// How long a pose takes and is held, s.

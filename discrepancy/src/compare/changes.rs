@@ -31,7 +31,8 @@ pub(super) fn by_lag(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Opti
             let (before, after, part) = between(points, now.time_s + lag_s)?;
             let then = [before, after].map(|point| Sight::of(point, now));
             let today = Sight::of(now, now);
-            let moved = |earlier: f64, later: f64, now: f64| share * (earlier + part * (later - earlier) - now);
+            let moved =
+                |earlier: f64, later: f64, now: f64| share * (earlier + part * (later - earlier) - now);
             for axis in 0..2 {
                 sum.cop_m[axis] += moved(then[0].cop_m[axis], then[1].cop_m[axis], today.cop_m[axis]);
             }
@@ -105,9 +106,8 @@ impl Sight {
     fn followed(&self, before: &Sight, now: &Sight, turn: f64) -> Sight {
         let decay = (-turn).exp();
         let mean = if turn > 1e-9 { (1.0 - decay) / turn } else { 1.0 };
-        let step = |state: f64, before: f64, now: f64| {
-            decay * state + (mean - decay) * before + (1.0 - mean) * now
-        };
+        let step =
+            |state: f64, before: f64, now: f64| decay * state + (mean - decay) * before + (1.0 - mean) * now;
         Sight {
             cop_m: std::array::from_fn(|axis| step(self.cop_m[axis], before.cop_m[axis], now.cop_m[axis])),
             force_n: std::array::from_fn(|axis| {

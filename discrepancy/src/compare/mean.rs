@@ -220,7 +220,8 @@ fn mean<const N: usize>(sum: [f64; N], count: f64) -> [f64; N] {
 
 /// Where the feet point to together, rad from forward, left positive.
 fn heading_rad(rotation: &[[[f64; 3]; 3]; SEGMENTS]) -> f64 {
-    let forward = |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
+    let forward =
+        |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
     forward(1).atan2(forward(0))
 }
 

@@ -103,7 +103,8 @@ impl Window {
                 return None;
             }
             self.next += 1;
-            let point = self.around(number).and_then(|around| Point::of(self, number, around, worker, options));
+            let point =
+                self.around(number).and_then(|around| Point::of(self, number, around, worker, options));
             if point.is_some() {
                 return point;
             }
