@@ -25,8 +25,8 @@ const MAY_USE: [(&str, &[&str]); 11] = [
 ];
 
 /// Parts of the core that the simulated person must not know: agreement with its own estimator would prove nothing.
-const NOT_FOR_THE_SIMULATOR: [&str; 7] =
-    ["sesc", "kalman", "overload", "exposure", "cycle", "anchor", "static_pose"];
+const NOT_FOR_THE_SIMULATOR: [&str; 8] =
+    ["sesc", "kalman", "overload", "exposure", "cycle", "anchor", "static_pose", "effect"];
 
 /// The traits and derives that messages need; the core takes nothing else of iceoryx2.
 const CORE_OF_ICEORYX2: [&str; 2] = ["iceoryx2-bb-derive-macros", "iceoryx2-bb-elementary-traits"];

@@ -100,7 +100,8 @@ fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
          [identification]\nposes_min = 2\nstop_cop_sigma_mm = 20\n"
     );
     let mut config = Config::parse(&text, "the test's configuration").expect("a good configuration");
-    config.loaded_model = Some(LoadedModel::parse(MODEL.to_owned(), "the test's model".to_owned()).expect("a good model"));
+    config.loaded_model =
+        Some(LoadedModel::parse(MODEL.to_owned(), "the test's model".to_owned()).expect("a good model"));
     config
 }
 

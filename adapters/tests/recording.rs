@@ -8,6 +8,7 @@ use bytemuck::Zeroable;
 use equipoise_adapters::recording::{
     Entry, ReadError, Recorded, Recorder, Recording, RecordingHeader, TimedEntry,
 };
+use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::layout::Primitive;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample};
 use proptest::prelude::*;
@@ -191,8 +192,10 @@ fn foreign_and_newer_files_are_named() {
 #[test]
 fn unknown_topics_come_through_as_they_are() {
     let mut writer = mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
-    for topic in ["/equipoise/novelty", GroundSample::TOPIC] {
+    for topic in ["/equipoise/novelty", Checkpoint::TOPIC, GroundSample::TOPIC] {
         let (name, text) = match topic {
+            // The memory of another release.
+            Checkpoint::TOPIC => ("equipoise/Checkpoint_1", "uint8[192] memory\n".to_owned()),
             GroundSample::TOPIC => {
                 ("equipoise/Ground_2", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
             }
@@ -207,5 +210,6 @@ fn unknown_topics_come_through_as_they_are() {
     writer.finish().unwrap();
     let entries = read(&writer.into_inner().into_inner());
     assert!(matches!(&entries[0].entry, Entry::Other { topic, .. } if topic == "/equipoise/novelty"));
-    assert!(matches!(&entries[1].entry, Entry::Ground(_)));
+    assert!(matches!(&entries[1].entry, Entry::Other { topic, .. } if topic == Checkpoint::TOPIC));
+    assert!(matches!(&entries[2].entry, Entry::Ground(_)));
 }

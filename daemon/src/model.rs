@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use equipoise_core::effect::Model;
-use equipoise_discrepancy::model_file::{ModelFile, ModelFileError, Spans};
+use equipoise_discrepancy::model_file::{Fitted, ModelFile, ModelFileError, Spans};
 use sha2::{Digest, Sha256};
 
 /// A model file that was read.
@@ -63,13 +63,12 @@ impl LoadedModel {
         let (_, left_out) = self.file.model(self.spans());
         let running = self.file.effects.iter().filter(|fitted| !left_out.contains(fitted));
         let names = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join(", ") };
-        let mut told =
-            format!("model {}: {}", self.name, names(running.map(|fitted| fitted.name()).collect()));
+        let mut told = format!("model {}: {}", self.name, names(running.map(Fitted::name).collect()));
         if self.spans_hold {
             told += ", each in the span of this recording in which it was found";
         }
         if !left_out.is_empty() {
-            let left_out = names(left_out.into_iter().map(|fitted| fitted.name()).collect());
+            let left_out = names(left_out.into_iter().map(Fitted::name).collect());
             told +=
                 &format!("; left out, since it ended before the recording it was found in did: {left_out}");
         }

@@ -1,8 +1,11 @@
 //! What noise alone would show in the work, given all that the clean rows already tell of it.
 
+use faer::Mat;
+
 use crate::block::Phase;
 use crate::gram::Gram;
-use crate::linear::Factor;
+use crate::linear::{Factor, product};
+use crate::noise::kernels::features;
 
 /// Expected residual of every block of the work and its 1-σ: centre of pressure x, y (m), vertical force (N).
 #[derive(Debug, Clone)]
@@ -14,17 +17,23 @@ pub(crate) struct Floor {
 }
 
 impl Floor {
-    /// Of all work rows. The clean rows stand first, so the factor already holds both answers: with
+    /// Of all work rows, once it is known where the stances were put down. The clean rows stand first, so the factor already holds both answers: with
     /// `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
-    pub(crate) fn of(gram: &Gram<'_>) -> Floor {
+    pub(crate) fn of(gram: &Gram<'_>, stances_m: &[[f64; 2]]) -> Floor {
         let rows = gram.rows;
         let (work, from) = (rows.len() - rows.work_from, rows.work_from);
+        let without = &gram.noise.cop_without_stances;
+        let mut residual_m = features(rows, 1, |block, _| {
+            let residual_m = rows.cop_residual_m(block);
+            [0, 1].map(|axis| residual_m[axis] - stances_m[block][axis])
+        });
+        without.whiten_from(0, &mut residual_m);
         let mut floor = Floor { mean: vec![[0.0; 3]; work], sigma: vec![[0.0; 3]; work] };
         for block in 0..work {
             for axis in 0..2 {
                 let row = 2 * (from + block) + axis;
                 (floor.mean[block][axis], floor.sigma[block][axis]) =
-                    predicted(&gram.noise.cop, row, 2 * from, &gram.residual);
+                    predicted(without, row, 2 * from, residual_m.col_as_slice(0));
             }
             if let Some(vertical) = gram.noise.force.first() {
                 let residual = &gram.residual[gram.cop_rows()..];
@@ -42,6 +51,16 @@ impl Floor {
             .map(|block| self.mean[block][axis].powi(2) + self.sigma[block][axis].powi(2));
         root_mean(squares)
     }
+}
+
+/// Where each block's stance was put down off its place, m, by all that is known once some terms are accepted. A model
+/// cannot know it beforehand: it belongs to neither side of the gap.
+pub(crate) fn stances_m(gram: &Gram<'_>, after: &[f64]) -> Vec<[f64; 2]> {
+    let count = gram.cop_rows();
+    let mut weighted = Mat::from_fn(count, 1, |row, _| after[row]);
+    gram.noise.cop.back(&mut weighted);
+    let offset_m = product(gram.noise.stances_m2.as_ref(), weighted.as_ref());
+    (0..gram.rows.len()).map(|block| [offset_m[(2 * block, 0)], offset_m[(2 * block + 1, 0)]]).collect()
 }
 
 fn predicted(factor: &Factor, row: usize, clean: usize, whitened: &[f64]) -> (f64, f64) {

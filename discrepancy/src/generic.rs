@@ -6,6 +6,7 @@ use equipoise_core::effect::{Columns, Effect, Place};
 
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
+use crate::noise::kernels::norm;
 use crate::rows::{Rows, cross};
 use crate::select::Selection;
 
@@ -19,26 +20,42 @@ pub(crate) struct Generics {
     pub(crate) after: Vec<Generic>,
     /// Log Bayes factor of as many generic terms as effects were named (at least one) without the catalogue.
     pub(crate) alone: f64,
+    /// Log Bayes factor of the best single term that is unlike everything in the catalogue, without the catalogue.
+    pub(crate) unlike: f64,
 }
 
 /// A term of the library.
 struct Entry {
     what: String,
+    /// Whether nothing in the catalogue is a part of it.
+    is_unlike: bool,
     columns: Vec<Vec<f64>>,
     sigma: Vec<f64>,
 }
 
 /// Searches the library.
 pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Generics {
-    let library = library(gram);
-    let least = threshold + (library.len() as f64).ln();
+    let owned = library(gram);
+    let library: Vec<&Entry> = owned.iter().collect();
+    let least = threshold + 3.0;
     let terms = selection.terms();
     let alone = greedy(gram, &library, &[], least, terms.len().max(1));
     let after = greedy(gram, &library, &terms, least, TOLD_MAX);
-    Generics { after, alone: alone.iter().map(|generic| generic.log_odds).sum() }
+    if std::env::var("EQ_DEBUG").is_ok() {
+        let low = greedy(gram, &library, &terms, -1e9, 1);
+        let lowa = greedy(gram, &library, &[], -1e9, terms.len().max(1));
+        eprintln!(
+            "DEBUG left {:?} alone {:?}",
+            low.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>(),
+            lowa.iter().map(|g| format!("{} {:.1}", g.what, g.log_odds)).collect::<Vec<_>>()
+        );
+    }
+    let unlike: Vec<&Entry> = library.iter().copied().filter(|entry| entry.is_unlike).collect();
+    let unlike = greedy(gram, &unlike, &[], least, 1).first().map_or(0.0, |generic| generic.log_odds);
+    Generics { after, unlike, alone: alone.iter().map(|generic| generic.log_odds).sum() }
 }
 
-fn greedy(gram: &Gram<'_>, library: &[Entry], accepted: &[usize], least: f64, most: usize) -> Vec<Generic> {
+fn greedy(gram: &Gram<'_>, library: &[&Entry], accepted: &[usize], least: f64, most: usize) -> Vec<Generic> {
     let (mut directions, residual) = if accepted.is_empty() {
         (Vec::new(), gram.residual.clone())
     } else {
@@ -48,7 +65,7 @@ fn greedy(gram: &Gram<'_>, library: &[Entry], accepted: &[usize], least: f64, mo
     while found.len() < most {
         let best = library
             .iter()
-            .map(|entry| {
+            .map(|&entry| {
                 let mean = vec![0.0; entry.sigma.len()];
                 (score(&entry.columns, &directions, &residual, &mean, &entry.sigma), entry)
             })
@@ -70,15 +87,60 @@ fn library(gram: &Gram<'_>) -> Vec<Entry> {
             list.extend(of_segment(gram, segment));
         }
     }
+    list.extend(of_joints(gram));
     list.extend(of_plate(gram));
     list
+}
+
+/// Joints that leave their place as they bend: a suit's bones meet in points, a body's glide.
+fn of_joints(gram: &Gram<'_>) -> Vec<Entry> {
+    let rows = gram.rows;
+    let mut list = Vec::new();
+    let seen = |block: usize| &rows.blocks[block].observation;
+    for side in Side::BOTH {
+        let (upper, fore) = if side == Side::Left {
+            (Segment::LeftUpperArm, Segment::LeftForearm)
+        } else {
+            (Segment::RightUpperArm, Segment::RightForearm)
+        };
+        let what = format!("the {} leaves its joint as the arm is raised", words(upper));
+        list.push(entry(gram, what, &[0.002; 3], |block| {
+            let origin_m = &seen(block).origin_m;
+            let trunk = &seen(block).rotation[Segment::T8.index()];
+            let along = [0, 1, 2].map(|k| origin_m[fore.index()][k] - origin_m[upper.index()][k]);
+            let up: f64 = (0..3).map(|k| trunk[k][2] * along[k]).sum::<f64>() / norm(along).max(0.05);
+            shifted(rows, block, trunk, 1.0 + up)
+        }));
+    }
+    list.push(entry(
+        gram,
+        "the spine bends elsewhere than the suit thinks".to_owned(),
+        &[0.01; 3],
+        |block| {
+            let bend: f64 = [Segment::L5, Segment::L3, Segment::T12, Segment::T8]
+                .iter()
+                .map(|segment| rows.blocks[block].joint_rad[segment.index()][1])
+                .sum();
+            shifted(rows, block, &seen(block).rotation[Segment::Pelvis.index()], bend)
+        },
+    ));
+    list
+}
+
+/// The centre of mass is moved along the axes of a segment by so much per metre.
+fn shifted(rows: &Rows<'_>, block: usize, rotation: &[[f64; 3]; 3], size: f64) -> Columns {
+    let mut columns = Columns::zero(3);
+    for axis in 0..3 {
+        columns.cop_m[axis] = rows.on_cop(block, [0, 1, 2].map(|k| size * rotation[k][axis]));
+    }
+    columns
 }
 
 fn entry(gram: &Gram<'_>, what: String, sigma: &[f64], of: impl Fn(usize) -> Columns) -> Entry {
     let from = gram.rows.work_from;
     let count = sigma.len();
     let columns = gram.whitened(count, |block| if block < from { Columns::zero(count) } else { of(block) });
-    Entry { what, columns, sigma: sigma.to_vec() }
+    Entry { what, is_unlike: true, columns, sigma: sigma.to_vec() }
 }
 
 fn of_segment(gram: &Gram<'_>, segment: Segment) -> Vec<Entry> {
@@ -95,6 +157,7 @@ fn of_segment(gram: &Gram<'_>, segment: Segment) -> Vec<Entry> {
             turned(rows, block, segment, [[0.0, 0.0, minutes]].as_slice())
         }),
     ];
+    list[..2].iter_mut().for_each(|entry| entry.is_unlike = false);
     for (joint, axis) in ["x", "y", "z"].into_iter().enumerate() {
         let what = format!("the sensor on the {name} slips as its joint turns about {axis}");
         list.push(entry(gram, what, &[0.15; 3], |block| {
@@ -180,6 +243,7 @@ fn of_plate(gram: &Gram<'_>) -> Vec<Entry> {
             },
         ),
     ];
+    list[1..].iter_mut().for_each(|entry| entry.is_unlike = false);
     for (a, b, what) in [(0, 0, "forward squared"), (0, 1, "forward times left"), (1, 1, "left squared")] {
         let what = format!("the centre of pressure is bent: {what}");
         list.push(entry(gram, what, &[0.5; 2], |block| {

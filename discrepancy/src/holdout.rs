@@ -13,7 +13,7 @@ const FOLDS: usize = 5;
 /// Stretches of time per share: blocks of time, never samples, since neighbours know each other's noise.
 const STRETCHES: usize = 6;
 
-/// Residuals of the work, by block: x, y (m), vertical (N).
+/// Residuals of the work, by block: x, y (m), vertical (N); less where each stance was put down.
 #[derive(Debug, Clone)]
 pub(crate) struct HeldOut {
     /// As the model was.
@@ -37,12 +37,12 @@ fn folds(rows: &Rows<'_>) -> Vec<usize> {
 }
 
 /// Takes off what was named. `None` where the algebra fails.
-pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize]) -> Option<HeldOut> {
+pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2]]) -> Option<HeldOut> {
     let rows = gram.rows;
     let before: Vec<[f64; 3]> = (rows.work_from..rows.len())
         .map(|block| {
             let [x, y] = rows.cop_residual_m(block);
-            [x, y, rows.force_residual_n(block, 2)]
+            [x - stances_m[block][0], y - stances_m[block][1], rows.force_residual_n(block, 2)]
         })
         .collect();
     let mut held = HeldOut {

@@ -9,6 +9,8 @@ pub(crate) mod force;
 pub(crate) mod kernels;
 mod minimise;
 
+use faer::Mat;
+
 use crate::linear::Factor;
 use crate::options::ReconcileError;
 use crate::rows::Rows;
@@ -18,6 +20,10 @@ use crate::rows::Rows;
 pub(crate) struct Noise {
     /// Factor of the covariance of the centre of pressure; two rows a block.
     pub(crate) cop: Factor,
+    /// The same without what is not known of where the stances were put down.
+    pub(crate) cop_without_stances: Factor,
+    /// Covariance of where the stances were put down, m².
+    pub(crate) stances_m2: Mat<f64>,
     /// Factor of each measured force channel, in the order of [`Rows::force_axes`].
     pub(crate) force: Vec<Factor>,
 }
@@ -26,14 +32,17 @@ impl Noise {
     /// Fitted on what is not in question.
     pub(crate) fn fit(rows: &Rows<'_>) -> Result<Noise, ReconcileError> {
         let no_noise = |channel| ReconcileError::NoNoise { channel };
-        let cop = Noise::of_cop(rows).ok_or(no_noise("centre of pressure"))?;
+        let [cop, cop_without_stances] = Noise::of_cop(rows).ok_or(no_noise("centre of pressure"))?;
+        let stances_m2 = kernels::stance_m2(rows);
         let of_axis = |&axis: &usize| Factor::of(&force::covariance_n2(rows, axis)?);
         let force =
             rows.force_axes().iter().map(of_axis).collect::<Option<Vec<_>>>().ok_or(no_noise("force"))?;
-        Ok(Noise { cop, force })
+        Ok(Noise { cop, cop_without_stances, stances_m2, force })
     }
 
-    fn of_cop(rows: &Rows<'_>) -> Option<Factor> {
-        Factor::of(&kernels::covariance_m2(rows, &fit::fit(rows)?))
+    fn of_cop(rows: &Rows<'_>) -> Option<[Factor; 2]> {
+        let covariance_m2 = kernels::covariance_m2(rows, &fit::fit(rows)?);
+        let without_m2 = &covariance_m2 - kernels::stance_m2(rows);
+        Some([Factor::of(&covariance_m2)?, Factor::of(&without_m2)?])
     }
 }

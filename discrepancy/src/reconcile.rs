@@ -5,6 +5,7 @@ use equipoise_core::effect;
 use crate::block::Phase;
 use crate::candidate;
 use crate::finding::Finding;
+use crate::floor::{Floor, stances_m};
 use crate::generic::{self, Generics};
 use crate::gram::Gram;
 use crate::holdout::held_out;
@@ -15,7 +16,9 @@ use crate::refine::tie_moments;
 use crate::rows::Rows;
 use crate::select::select;
 use crate::session::Session;
+use crate::telling::Left;
 use crate::trials::by_chance;
+use crate::verdict::Rest;
 use crate::windows::Windows;
 use crate::{drawing, telling};
 
@@ -71,9 +74,13 @@ pub fn reconcile(
     let selection = select(&mut gram, &windows, threshold);
     progress(0.8);
     let generics: Generics = generic::look(&gram, &selection, threshold);
-    let held = held_out(&gram, &selection.terms()).ok_or(ReconcileError::NoNoise { channel: "plate" })?;
+    let rest = Rest::of(&gram, &selection.terms());
+    let stances_m = stances_m(&gram, &rest.after);
+    let held = held_out(&gram, &selection.terms(), &stances_m)
+        .ok_or(ReconcileError::NoNoise { channel: "plate" })?;
     progress(0.9);
-    let told = telling::tell(&gram, &selection, &generics, &held, threshold);
+    let floor = Floor::of(&gram, &stances_m);
+    let told = telling::tell(&gram, &selection, &generics, Left { held: &held, rest, floor }, threshold);
     let picture = drawing::draw(&gram, &selection, &held, &told, threshold);
     progress(1.0);
     Ok(Outcome { finding: told.finding, terms: told.terms, picture })

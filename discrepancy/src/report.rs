@@ -2,7 +2,7 @@
 //!
 //! Six steps, each in plain words with its picture: what disagrees, where beyond noise, what was set aside and why, the
 //! change, the same picture again on data held out, what is left. An answer that names nothing is told as openly. Both
-//! forms are made of one [`document`], so they cannot tell different numbers.
+//! forms are made of one document, so they cannot tell different numbers.
 
 mod document;
 mod escape;

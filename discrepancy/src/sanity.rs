@@ -1,7 +1,7 @@
 //! What a good fit alone does not make an explanation: too small to matter, a mass that is not where it is worn, a weight
 //! that only one channel wants.
 
-use equipoise_core::effect::{Effect, PARAMETERS_MAX};
+use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place};
 
 use crate::candidate::Candidate;
 use crate::evidence::log_odds;
@@ -9,6 +9,8 @@ use crate::gram::Gram;
 
 /// A term acting on forces and the centre of pressure must be wanted by the latter alone by this much, in log odds.
 const FROM_COP_ALONE: f64 = 3.0;
+/// Nothing is believed to be larger than so many σ.
+const ABSURD: f64 = 4.5;
 /// A first moment may be so many of its believed arms.
 const ARMS: f64 = 2.5;
 /// A share of a lag or filter is near one if the shape is right.
@@ -26,6 +28,12 @@ pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> 
     if size < candidate.effect.smallest_of_interest() {
         return Some("smaller than what matters".to_owned());
     }
+    let believed = candidate.effect.prior_sigma(candidate.place, candidate.shape);
+    if !candidate.is_a_share()
+        && value.iter().zip(believed).any(|(value, sigma)| value.abs() > ABSURD * sigma)
+    {
+        return Some("would have to be absurdly large".to_owned());
+    }
     match candidate.effect {
         Effect::HandLoad if value[0] < 0.0 => return Some("a mass would have to be negative".to_owned()),
         Effect::PlateLowpass if value[0] < LEAST_SHARE => {
@@ -42,8 +50,25 @@ pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> 
 /// Whether what speaks for a term is only the forces: then it is no mass and no turned segment.
 pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize) -> bool {
     let Some(candidate) = &gram.terms[term].candidate else { return false };
-    let is_only_force = candidate.effect == Effect::ForceGain;
-    !is_only_force && from_cop_alone(gram, accepted, term) < FROM_COP_ALONE
+    // Of masses, the gain of the force is the rival, and the odds decide (`no_better_than_a_gain`).
+    let is_judged_otherwise =
+        matches!(candidate.effect, Effect::ForceGain | Effect::WornMass | Effect::HandLoad);
+    !is_judged_otherwise && from_cop_alone(gram, accepted, term) < FROM_COP_ALONE
+}
+
+/// A mass must beat a gain of the vertical force by this much, in log odds: its weight alone does not show where it is.
+const OVER_A_GAIN: f64 = 2.0;
+
+/// Whether a mass explains no more than a gain of the vertical force would.
+pub(crate) fn no_better_than_a_gain(gram: &Gram<'_>, accepted: &[usize], term: usize) -> bool {
+    let Some(candidate) = &gram.terms[term].candidate else { return false };
+    if !matches!(candidate.effect, Effect::WornMass | Effect::HandLoad) {
+        return false;
+    }
+    let rival = Candidate::new(Effect::ForceGain, Place::Whole, 0.0, candidate.scope);
+    let (directions, residual) = gram.directions_given(accepted);
+    let own = gram.score_alone(candidate, &directions, &residual);
+    gram.score_alone(&rival, &directions, &residual) > own - OVER_A_GAIN
 }
 
 /// Log Bayes factor of a term from the rows of the centre of pressure alone.

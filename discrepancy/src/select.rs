@@ -2,12 +2,12 @@
 
 use equipoise_core::effect::Effect;
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, Scope};
 use crate::evidence::Estimate;
 use crate::finding::{Candidate as Considered, SetAside};
 use crate::gram::Gram;
 use crate::refine;
-use crate::sanity::{objection, only_by_forces};
+use crate::sanity::{no_better_than_a_gain, objection, only_by_forces};
 use crate::trials::{Trial, trials};
 use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
 
@@ -15,6 +15,8 @@ use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
 const EFFECTS_MAX: usize = 4;
 /// How many of the best are checked each time before giving up.
 const CHECKED: usize = 8;
+/// What comes or goes does so within this, s.
+const EDGE_S: f64 = 1.2;
 /// Rivals within this many log odds, or within this share of the winner's, explain the data as well.
 pub(crate) const RIVAL: (f64, f64) = (5.0, 0.05);
 
@@ -191,8 +193,12 @@ fn forgive(gram: &mut Gram<'_>, accepted: &[usize]) {
         return;
     };
     let piece_s = (last_s - first_s + 1e-6) / f64::from(pieces);
-    for piece in 0..pieces {
-        let middle_s = first_s + (f64::from(piece) + 0.5) * piece_s;
+    let mut hats: Vec<(f64, f64, f64)> =
+        (0..pieces).map(|piece| (first_s + (f64::from(piece) + 0.5) * piece_s, piece_s, share)).collect();
+    if let Scope::Span(edges_s) = candidate.scope {
+        hats.extend(edges_s.map(|edge_s| (edge_s, EDGE_S, 1.0)));
+    }
+    for (middle_s, piece_s, share) in hats {
         let columns = gram.whitened(1, |block| {
             let near = (1.0 - (rows.time_s(block) - middle_s).abs() / piece_s).max(0.0);
             let (cop_m, force_n) = if near > 0.0 && block >= rows.work_from {

@@ -31,17 +31,26 @@ pub(crate) struct Told {
     pub(crate) floor: Floor,
 }
 
+/// What is left over, and what noise would leave.
+pub(crate) struct Left<'a> {
+    /// Before and after, on blocks that were held out.
+    pub(crate) held: &'a HeldOut,
+    /// What is left, whitened.
+    pub(crate) rest: Rest,
+    /// What noise alone would show.
+    pub(crate) floor: Floor,
+}
+
 /// Puts it together.
 pub(crate) fn tell(
     gram: &Gram<'_>,
     selection: &Selection,
     generics: &Generics,
-    held: &HeldOut,
+    left: Left<'_>,
     threshold: f64,
 ) -> Told {
+    let Left { held, rest, floor } = left;
     let accepted = selection.terms();
-    let rest = Rest::of(gram, &accepted);
-    let floor = Floor::of(gram);
     let verdict = verdict(selection, generics, &rest, threshold);
     let terms: Vec<Fitted> =
         selection.accepted.iter().filter_map(|one| fitted(gram, &accepted, one)).collect();

@@ -9,6 +9,8 @@ pub const IDENTIFY_MAX: usize = 140;
 pub const REFERENCE_MAX: usize = 300;
 /// Most blocks of the work in question that are kept.
 pub const WORK_MAX: usize = 450;
+/// What changes between clean work and work in question takes this long, s: something is put on, or leant on.
+const ONSET_S: f64 = 1.2;
 /// Blocks that a held pose keeps: what is held teaches nothing new but noise.
 const PER_POSE: usize = 2;
 
@@ -18,7 +20,10 @@ pub(crate) fn thin(session: &Session) -> Vec<&Block> {
         |phase: Phase| session.blocks.iter().filter(move |block| block.phase == phase).collect::<Vec<_>>();
     let mut kept = evenly(few_per_pose(&of(Phase::Identify)), IDENTIFY_MAX);
     kept.extend(evenly(of(Phase::Reference), REFERENCE_MAX));
-    kept.extend(evenly(of(Phase::Work), WORK_MAX));
+    let [begin_s, _] = session.spans_s.work;
+    let mut work = of(Phase::Work);
+    work.retain(|block| block.observation.time_s > begin_s + ONSET_S);
+    kept.extend(evenly(work, WORK_MAX));
     kept
 }
 

@@ -29,9 +29,9 @@ pub(crate) struct Rest {
 /// Clean sessions stay below these: mean squares, correlation, worst piece.
 const BOUNDS: ([f64; 2], f64, f64) = ([2.0, 3.0], 0.35, 14.0);
 /// A generic term must gain this much beyond the threshold, and this share of what is explained already.
-const GENERIC_GAIN: (f64, f64) = (17.0, 0.12);
+const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
 /// Generic terms alone must beat the catalogue by this much, or this share.
-const GENERIC_LEAD: (f64, f64) = (15.0, 0.15);
+const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
 
 impl Rest {
     /// After some accepted terms.
@@ -102,7 +102,16 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
     let explained: f64 = selection.accepted.iter().map(|accepted| accepted.log_odds).sum();
     let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
     let alone = generics.alone;
-    let outdone = alone > threshold + explained + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * explained);
+    let first = selection.accepted.iter().map(|accepted| accepted.log_odds).fold(0.0, f64::max);
+    let leads =
+        |generic: f64, named: f64| generic > threshold + named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
+    let outdone = leads(alone, explained) || leads(generics.unlike, first);
+    if std::env::var("EQ_DEBUG").is_ok() {
+        eprintln!(
+            "DEBUG explained {explained:.1} left {left:.1} alone {alone:.1} unlike {:.1} times {:.2?} corr {:.2} worst {:.1}",
+            generics.unlike, rest.times_clean, rest.correlation, rest.worst_piece_sigma
+        );
+    }
     let more = left > (threshold + GENERIC_GAIN.0).max(GENERIC_GAIN.1 * explained);
     if more || outdone || (rest.is_beyond_noise() && left > threshold) {
         return Verdict::Unexplained;

@@ -1,6 +1,7 @@
 //! Effects that come and go: all pairs of onset and end over some two dozen pieces of the work, by cumulative sums of the
 //! inner products of the pieces; then the edges to a second.
 
+use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
 
 use crate::candidate::{Candidate, Scope};
@@ -13,6 +14,8 @@ use crate::rows::Rows;
 const PIECES: usize = 24;
 /// What a part must gain over the whole to be believed, in log odds, beside the number of parts that were tried.
 pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
+/// And this share of what it explains: with two edges to choose, a wrong explanation fits a large effect well.
+const MODEL_ERROR: f64 = 0.12;
 /// Shortest part, s.
 const SHORTEST_S: f64 = 2.0;
 
@@ -40,23 +43,21 @@ pub(crate) struct Windows {
     pieces: Vec<Pieces>,
 }
 
-/// What is looked for in parts: what is put on, leant on, taken up, knocked or disturbed.
+/// What is looked for in parts: what is put on, leant on, taken up, knocked or disturbed, above the legs.
 fn can_come_and_go(candidate: &Candidate) -> bool {
-    use equipoise_core::body::Segment;
-    match (candidate.effect, candidate.place) {
-        (
-            Effect::HandLoad
-            | Effect::HandContact
-            | Effect::PlateOffset
-            | Effect::PlateYaw
-            | Effect::PlateGain,
-            _,
-        ) => true,
-        (Effect::WornMass, Place::Segment(segment)) => matches!(segment, Segment::T8 | Segment::Pelvis),
-        (Effect::SegmentHeading, Place::Segment(segment)) => {
-            !matches!(segment, Segment::Head | Segment::RightLowerLeg | Segment::LeftLowerLeg)
-        }
-        _ => false,
+    let is_above_the_legs = match candidate.place {
+        Place::Segment(segment) => segment == Segment::Pelvis || segment.is_distal_to(Segment::T8),
+        _ => true,
+    };
+    match candidate.effect {
+        Effect::WornMass => true,
+        Effect::PlateDrift
+        | Effect::PlateLowpass
+        | Effect::SuitLag
+        | Effect::SuitHeadingDrift
+        | Effect::PeriodicSway
+        | Effect::Inertia => false,
+        _ => is_above_the_legs,
     }
 }
 
@@ -107,7 +108,7 @@ impl Windows {
         let pairs = (0..last).flat_map(|from| (from + 1..=last).map(move |to| (from, to)));
         let (from, to, best) =
             pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
-        let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln();
+        let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln() + MODEL_ERROR * best.max(0.0);
         let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);
         let candidate = Candidate { scope, ..pieces.candidate.clone() };
         Some(Part { candidate, log_odds: best - paid, of_whole })
@@ -152,7 +153,8 @@ fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
 /// Only the mass, not where exactly it hangs: a part is short.
 fn simplified(candidate: &Candidate) -> Candidate {
     let mut simple = candidate.clone();
-    if candidate.effect == Effect::HandLoad {
+    let is_trunk = matches!(candidate.place, Place::Segment(Segment::T8 | Segment::Pelvis));
+    if candidate.effect == Effect::HandLoad || (candidate.effect == Effect::WornMass && !is_trunk) {
         simple.mean.truncate(1);
         simple.sigma.truncate(1);
     }

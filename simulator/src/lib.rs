@@ -1,9 +1,9 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`] → [`motion`] → [`dynamics`] → [`truth`] →
-//! [`two_plates`], [`noise`] → [`wire`], [`plate`] → [`suit_sender`], [`plate_server`] (through [`faults`]) →
-//! [`simulation`], [`player`].
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`walk`] → [`motion`] → [`dynamics`] → [`truth`] →
+//! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wire`], [`plate`] →
+//! [`suit_sender`], [`plate_server`] (through [`faults`]) → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
 //!
@@ -11,7 +11,9 @@
 #![forbid(unsafe_code)]
 
 pub mod balance;
+pub mod burden;
 pub mod clock;
+pub mod colour;
 pub mod dynamics;
 pub mod faults;
 pub mod intention;
@@ -23,11 +25,13 @@ pub mod motion;
 pub mod noise;
 pub mod person;
 pub mod plate;
+pub mod plate_fault;
 pub mod plate_server;
 pub mod player;
 pub mod pose;
 pub mod random;
 pub mod repertoire;
+pub mod scene;
 pub mod schedule;
 pub mod settings;
 pub mod simulation;
@@ -35,6 +39,7 @@ pub mod stance;
 pub mod suit_sender;
 pub mod truth;
 pub mod two_plates;
+pub mod walk;
 pub mod wire;
 
 /// Standard gravity as the simulated plate feels it, m/s².

@@ -16,6 +16,7 @@ use crate::pose::Pose;
 use crate::random::{Random, Wander};
 use crate::schedule::Schedule;
 use crate::stance::Stance;
+use crate::walk::{Place, Walk};
 
 /// Half the span of the central differences of dynamics, s.
 pub(crate) const DIFFERENCE_S: f64 = 0.002;
@@ -115,6 +116,7 @@ pub struct Worker {
     load_kg: Schedule<f64>,
     expected_load_kg: Schedule<f64>,
     marches: Vec<March>,
+    walk: Walk,
     deviation: Random,
     sway: [Wander; 4],
 }
@@ -133,6 +135,7 @@ impl Worker {
         let sway = [forward, aside, habits.sway_rad, habits.sway_rad]
             .map(|sigma| Wander::new(&mut random, sigma, 0.03, 1.0));
         let aim = Aim { pose: Intention::STAND.pose(), balance_m: usual_balance_m(&person, &stance) };
+        let walk = Walk::new(&person, &stance);
         Worker {
             person,
             stance,
@@ -141,6 +144,7 @@ impl Worker {
             load_kg: Schedule::starting_with(0.0),
             expected_load_kg: Schedule::starting_with(0.0),
             marches: Vec::new(),
+            walk,
             deviation: Random::new(seed, "deviation from the pose"),
             sway,
         }
@@ -151,9 +155,27 @@ impl Worker {
         &self.person
     }
 
-    /// Where the feet are.
+    /// Where the feet are before any walking ([`Worker::go`]).
     pub fn stance(&self) -> &Stance {
         &self.stance
+    }
+
+    /// Where the feet are at a time, and the polygon about those on the floor.
+    pub fn stance_at(&self, time_s: f64) -> Stance {
+        self.walk.stance(&self.person, time_s)
+    }
+
+    /// Where the person looks at a time: turn to the left, rad.
+    pub fn heading_rad(&self, time_s: f64) -> f64 {
+        self.walk.heading_rad(time_s)
+    }
+
+    /// Walks to another place, one foot after the other. Returns when it is over, s.
+    ///
+    /// The upper body goes on with what it does, in the new direction; it should stand upright meanwhile, without a box
+    /// and not marching.
+    pub fn go(&mut self, at_s: f64, to: Place) -> f64 {
+        self.walk.go(at_s, to)
     }
 
     /// Starts to take a posture of the library at `at_s` and has it after `over_s`, as well as the habits allow.
@@ -229,13 +251,18 @@ impl Worker {
             aim.balance_m.y += march.aside_m(time_s);
             aim.pose.pelvis_height -= march.sink(time_s);
         }
+        if !self.walk.is_empty() {
+            self.turn_towards(&mut aim, time_s);
+            self.walk.place_feet(time_s, stance.to_mut());
+        }
+        let sway_m = self.in_heading(Vector2::new(forward, aside), time_s);
         let standing = Standing {
             person: &self.person,
             com_m: &com_m,
             stance: &stance,
             load_kg: self.expected_load_kg.at(time_s, mix),
         };
-        let body = standing.balance(&aim.pose, aim.balance_m + Vector2::new(forward, aside));
+        let body = standing.balance(&aim.pose, aim.balance_m + sway_m);
         BodyState {
             time_s,
             origin_m: body.origin_m,
@@ -265,6 +292,29 @@ impl Worker {
             let velocity = (after[i] - before[i]) / (2.0 * DIFFERENCE_S);
             [velocity, (after[i] - now[i] * 2.0 + before[i]) / (DIFFERENCE_S * DIFFERENCE_S)]
         })
+    }
+
+    /// What is aimed at, seen from where the person has walked.
+    fn turn_towards(&self, aim: &mut Aim, time_s: f64) {
+        let heading = UnitQuaternion::from_scaled_axis(Vector3::z() * self.walk.heading_rad(time_s));
+        // On one foot there is little room to choose where to balance.
+        let room = 1.0 - 0.8 * self.walk.share(time_s);
+        let chosen_m = (aim.balance_m - usual_balance_m(&self.person, &self.stance)) * room;
+        aim.balance_m = self.walk.balance_m(time_s) + self.in_heading(chosen_m, time_s);
+        aim.pose.parent_from_segment[0] = heading * aim.pose.parent_from_segment[0];
+        aim.pose.pelvis_height -= self.walk.sink(time_s);
+    }
+
+    /// Forward and left in the world.
+    fn in_heading(&self, forward_left_m: Vector2<f64>, time_s: f64) -> Vector2<f64> {
+        if self.walk.is_empty() {
+            return forward_left_m;
+        }
+        let (sin, cos) = self.walk.heading_rad(time_s).sin_cos();
+        Vector2::new(
+            cos * forward_left_m.x - sin * forward_left_m.y,
+            sin * forward_left_m.x + cos * forward_left_m.y,
+        )
     }
 
     fn breathing_coms_m(&self, time_s: f64) -> [Vector3<f64>; SEGMENTS] {

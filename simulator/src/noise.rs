@@ -3,6 +3,7 @@
 use equipoise_core::body::{SEGMENTS, Side};
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::colour::SuitColour;
 use crate::dynamics::Wrench;
 use crate::kinematics::{Rotations, origins_m};
 use crate::motion::BodyState;
@@ -34,6 +35,7 @@ pub struct Suit {
     misalignment: Rotations,
     wander: [[Wander; 3]; SEGMENTS],
     drift: [Wander; 3],
+    colour: Option<SuitColour>,
 }
 
 impl Suit {
@@ -49,7 +51,13 @@ impl Suit {
             std::array::from_fn(|_| Wander::new(&mut random, noise.wander_rad, 0.005, 0.05))
         });
         let drift = noise.drift_m.map(|sigma| Wander::new(&mut random, sigma, 0.001, 0.01));
-        Suit { misalignment, wander, drift }
+        Suit { misalignment, wander, drift, colour: None }
+    }
+
+    /// The same with errors that go with pose and time.
+    #[must_use]
+    pub fn with_colour(self, colour: SuitColour) -> Suit {
+        Suit { colour: Some(colour), ..self }
     }
 
     /// Segment origins (m) and `world_from_segment` as the suit reports them.
@@ -62,6 +70,21 @@ impl Suit {
             let wander = Vector3::from_fn(|axis, _| self.wander[i][axis].at(t));
             body.world_from_segment[i] * UnitQuaternion::from_scaled_axis(wander) * self.misalignment[i]
         });
+        let seen = match &self.colour {
+            Some(colour) => colour.on(seen, body),
+            None => seen,
+        };
+        self.place(person, body, seen)
+    }
+
+    /// Positions for rotations that the suit believes.
+    pub fn place(
+        &self,
+        person: &Person,
+        body: &BodyState,
+        seen: Rotations,
+    ) -> ([Vector3<f64>; SEGMENTS], Rotations) {
+        let t = body.time_s;
         let hanging = origins_m(person, Vector3::zeros(), &seen);
         let feet = |origin: &[Vector3<f64>; SEGMENTS]| {
             Side::BOTH.map(|side| origin[side.foot().index()]).iter().sum::<Vector3<f64>>() * 0.5

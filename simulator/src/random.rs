@@ -82,9 +82,64 @@ impl Wander {
     }
 }
 
+/// A random walk that is pulled back to 0 (Ornstein–Uhlenbeck) and rounded off, as a function of time: noise with a
+/// broad spectrum, unlike a [`Wander`], in which a search for a period would find one.
+///
+/// Evaluated at any time in any order; it has a velocity and an acceleration.
+#[derive(Debug, Clone)]
+pub struct Coloured {
+    step_s: f64,
+    /// Values at the knots of a uniform cubic B-spline; the first belongs to `-step_s`.
+    knots: Vec<f64>,
+}
+
+impl Coloured {
+    /// Knots per correlation time.
+    const KNOTS: f64 = 8.0;
+
+    /// Noise of standard deviation `sigma` that forgets itself within `tau_s`, from 0 to `length_s`.
+    pub fn new(random: &mut Random, sigma: f64, tau_s: f64, length_s: f64) -> Coloured {
+        let step_s = tau_s / Coloured::KNOTS;
+        let kept = (-1.0 / Coloured::KNOTS).exp();
+        let added = (1.0 - kept * kept).sqrt();
+        let mut value = random.normal();
+        let count = (length_s / step_s).ceil() as usize + 4;
+        let mut next = || {
+            value = kept * value + added * random.normal();
+            sigma * value
+        };
+        Coloured { step_s, knots: (0..count).map(|_| next()).collect() }
+    }
+
+    /// The value at a time in seconds; beyond its ends it stays as it was there.
+    pub fn at(&self, time_s: f64) -> f64 {
+        let place = (time_s / self.step_s).clamp(0.0, (self.knots.len() - 4) as f64);
+        let index = (place as usize).min(self.knots.len() - 4);
+        let t = place - index as f64;
+        let u = 1.0 - t;
+        let weights =
+            [u * u * u, 3.0 * t * t * t - 6.0 * t * t + 4.0, 3.0 * u * u * u - 6.0 * u * u + 4.0, t * t * t];
+        weights.iter().zip(&self.knots[index..]).map(|(weight, knot)| weight * knot).sum::<f64>() / 6.0
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn coloured_noise_has_its_size_and_its_memory() {
+        let (mut square, mut near, mut far) = (0.0, 0.0, 0.0);
+        for seed in 0..400 {
+            let noise = Coloured::new(&mut Random::new(seed, "coloured"), 2.0, 3.0, 60.0);
+            let now = noise.at(20.0);
+            square += now * now / 400.0;
+            near += now * noise.at(20.5) / 400.0;
+            far += now * noise.at(40.0) / 400.0;
+        }
+        assert!((2.8..5.2).contains(&square), "{square}");
+        assert!(near > 0.75 * square && far.abs() < 0.25 * square, "{near} {far} of {square}");
+    }
 
     #[test]
     fn a_seed_gives_the_same_numbers_and_a_purpose_its_own() {

@@ -29,19 +29,27 @@ impl Stance {
             (ankle, UnitQuaternion::from_scaled_axis(Vector3::z() * side * toe_out_deg.to_radians()))
         };
         let feet = [1.0, -1.0].map(place);
+        let (ankle_m, world_from_foot) = (feet.map(|foot| foot.0), feet.map(|foot| foot.1));
+        let support_m = Stance::support_of(person, &ankle_m, &world_from_foot, [true; 2]);
+        Stance { ankle_m, world_from_foot, support_m }
+    }
+
+    /// Corners of the polygon about the soles that carry, counter-clockwise, m.
+    pub fn support_of(
+        person: &Person,
+        ankle_m: &[Vector3<f64>; 2],
+        world_from_foot: &[UnitQuaternion<f64>; 2],
+        carries: [bool; 2],
+    ) -> Vec<Vector2<f64>> {
         let mut corners = Vec::new();
-        for (ankle, world_from_foot) in feet {
+        for k in (0..2).filter(|&k| carries[k]) {
             for x in [-person.sole_m.back, person.sole_m.forward] {
                 for y in [-person.sole_m.half_width, person.sole_m.half_width] {
-                    corners.push((ankle + world_from_foot * Vector3::new(x, y, 0.0)).xy());
+                    corners.push((ankle_m[k] + world_from_foot[k] * Vector3::new(x, y, 0.0)).xy());
                 }
             }
         }
-        Stance {
-            ankle_m: feet.map(|foot| foot.0),
-            world_from_foot: feet.map(|foot| foot.1),
-            support_m: convex_hull(corners),
-        }
+        convex_hull(corners)
     }
 
     /// A point between the feet, `forward_m` in front of the line between the ankles.

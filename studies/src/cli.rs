@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::table::Table;
-use crate::{coverage, lifting, paper, poses};
+use crate::{coverage, hidden, lifting, paper, poses};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -33,6 +33,11 @@ enum Question {
     /// How often errors lie within the told 1-sigma and 2-sigma
     #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
     Coverage(Choices),
+    /// The blind bench of the discrepancy workflow: sessions with something hidden in them
+    Hidden {
+        #[command(subcommand)]
+        task: hidden::cli::Task,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -68,6 +73,7 @@ pub fn main() -> ExitCode {
         Question::Poses(choices) => choices.answer(poses::study),
         Question::Lifting(choices) => choices.answer(lifting::study),
         Question::Coverage(choices) => choices.answer(coverage::study),
+        Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS
 }

@@ -1,12 +1,14 @@
 //! Questions to the method, answered over many synthetic subjects: offline, without sockets, as fast as it computes.
 //!
 //! Floors, ground first, each resting only on those before it: [`subject`] → [`sensors`] → [`mixtures`] → [`session`] → [`tasks`],
-//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`coverage`] → [`cli`].
+//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`coverage`],
+//! [`hidden`] → [`cli`].
 //! Everything follows from a seed: the same question gives the same answer, however many threads ask it.
 #![forbid(unsafe_code)]
 
 pub mod cli;
 pub mod coverage;
+pub mod hidden;
 pub mod lifting;
 pub mod mixtures;
 pub mod paper;

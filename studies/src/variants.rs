@@ -18,7 +18,7 @@ const UNCONSTRAINED_M: f64 = 1.0;
 const HELD_OUT_EVERY: usize = 3;
 
 /// The paper's method: no prior, Eq. 11, every P_jj below 0.002 m², static equations. It has no soft constraints, no check
-/// of where the load is, and no threshold of the load but 2.5 σ of the force, which the core always asks for.
+/// of where the load is, and no threshold of the load.
 pub fn paper(subject: &Subject, reduction: ReductionKind) -> Settings {
     Settings {
         reduction,

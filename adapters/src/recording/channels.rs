@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
+use equipoise_core::cycle::Checkpoint;
 use mcap::records::{Channel, SchemaHeader};
 
 use super::error::ReadError;
-use super::topic::{Entry, SCHEMA_HASH_KEY, TYPE_NAME_KEY, TopicTable};
+use super::topic::{Entry, Recorded, SCHEMA_HASH_KEY, TYPE_NAME_KEY, TopicTable};
 
 #[derive(Debug)]
 struct Schema {
@@ -19,6 +20,13 @@ enum Reads {
     Ours(&'static str),
     /// A topic this release does not know.
     Unknown { topic: String, schema: String },
+}
+
+impl Reads {
+    fn unknown(channel: &Channel, schema: Option<&Schema>) -> Reads {
+        let schema = schema.map(|schema| schema.name.clone()).unwrap_or_default();
+        Reads::Unknown { topic: channel.topic.clone(), schema }
+    }
 }
 
 /// What has been announced so far.
@@ -42,14 +50,13 @@ impl Channels {
     pub(super) fn add_channel(&mut self, channel: Channel) -> Result<(), ReadError> {
         let schema = self.schemas.get(&channel.schema_id);
         let reads = match TopicTable::named(&channel.topic) {
-            Some(table) => {
-                check(table, &channel, schema)?;
-                Reads::Ours(table.topic)
-            }
-            None => Reads::Unknown {
-                schema: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
-                topic: channel.topic,
+            Some(table) => match check(table, &channel, schema) {
+                Ok(()) => Reads::Ours(table.topic),
+                // Another release's memory means nothing here; the samples beside it do.
+                Err(_) if table.topic == Checkpoint::TOPIC => Reads::unknown(&channel, schema),
+                Err(refused) => return Err(refused),
             },
+            None => Reads::unknown(&channel, schema),
         };
         self.channels.insert(channel.id, reads);
         Ok(())

@@ -151,6 +151,11 @@ impl BodyMotion {
         self.slope_is_measured = true;
     }
 
+    /// The horizontal acceleration that is believed, m/s².
+    pub(super) fn acceleration_m_per_s2(&self, axis: usize) -> f64 {
+        self.slope[axis] * self.specific_force_m_per_s2
+    }
+
     /// Mass in the hands that a vertical force holds in this motion, kg; never negative.
     pub(super) fn load_kg(&self, delta_f_n: f64) -> f64 {
         (delta_f_n / self.load_weight_m_per_s2()).max(0.0)

@@ -18,7 +18,7 @@ use crate::static_pose::Window;
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
 pub const MEMORY_VERSION: u64 = 3;
 
-/// What the loop remembers from one step to the next. About 250 kB: keep it in a box.
+/// What the loop remembers from one step to the next. About 460 kB: keep it in a box.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Memory {

@@ -54,8 +54,14 @@ impl Memory {
         }
     }
 
+    /// The body's own horizontal acceleration as believed: without what the model's terms push, m/s².
+    fn body_acceleration_m_per_s2(&self, body: &BodyMotion, axis: usize) -> f64 {
+        body.acceleration_m_per_s2(axis) - self.terms.force_n[axis] / self.identification.mass_kg
+    }
+
     /// How wrong the compensation is, while nothing but the body is there to explain.
     fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+        let by_plate = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
         noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
@@ -63,8 +69,7 @@ impl Memory {
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
             // Shear that is exactly zero was not measured.
             if shear_n != 0.0 {
-                let body_n = shear_n - self.terms.force_n[axis];
-                let error = body_n / self.identification.mass_kg - body.suit_acceleration_m_per_s2[axis];
+                let error = by_plate[axis] - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
                 noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
             }
@@ -101,9 +106,8 @@ impl Memory {
             ],
             sigma: [self.known.delta_f_sigma_n / mass_kg, cop_sigma_m[0], cop_sigma_m[1]],
         });
-        if let Some((skew_s, sigma_s)) = self.skew.estimate() {
-            (self.known.suit_skew_s, self.known.suit_skew_sigma_s) = (skew_s, sigma_s);
-        }
+        // What has faded is unknown again.
+        (self.known.suit_skew_s, self.known.suit_skew_sigma_s) = self.skew.estimate().unwrap_or_default();
     }
 
     /// Whether motion may teach the filter about the body: asked for, taken out by compensation, and not a pose that
@@ -125,6 +129,10 @@ impl Memory {
         body: &BodyMotion,
         settings: &Settings,
     ) {
+        // The static equation says nothing of a body that moves, not even of where it stands.
+        if settings.motion == Motion::Paper && self.known.static_pose == 0 {
+            return;
+        }
         self.motion_learnt_ns = moment.time_ns;
         let rows = self.identification.reduction.rows(pose, body.slope);
         let wander = self.identification.wander_variance_m2(pose, settings);
@@ -153,20 +161,18 @@ impl Memory {
             self.identification.follow_offset(&rows, cop_m, variance_m2);
         } else if self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
             self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
-            self.learn_shear(moment, settings);
+            self.learn_shear(moment, body, settings);
         }
         self.identification.update_predicted_cop_sigma(settings);
     }
 
     /// The force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), where shear is measured.
-    fn learn_shear(&mut self, moment: &Moment, settings: &Settings) {
+    fn learn_shear(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
         let Motion::Compensated { half_window_ns } = settings.motion else { return };
         let [x_n, y_n, _] = moment.ground.force_n;
         if (x_n, y_n) == (0.0, 0.0) {
             return;
         }
-        let [terms_x_n, terms_y_n, _] = self.terms.force_n;
-        let [x, y] = [x_n - terms_x_n, y_n - terms_y_n].map(|force_n| force_n / self.identification.mass_kg);
         let mut sum = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
         let reduction = &self.identification.reduction;
         let complete = self.history.differentiate_twice(half_window_ns, |weight, near| {
@@ -180,7 +186,8 @@ impl Memory {
         });
         let sigma = self.noise.acceleration_sigma_m_per_s2();
         if complete {
-            self.identification.take_in_force(&sum, [x, y], ROWS_PER_INDEPENDENT * sigma * sigma);
+            let believed = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
+            self.identification.take_in_force(&sum, believed, ROWS_PER_INDEPENDENT * sigma * sigma);
         }
     }
 }

@@ -96,7 +96,8 @@ pub struct Settings {
     pub symmetry_sigma_m: f64,
     /// Soft constraint: 1-σ of how far a limb's centre lies off its long axis, m.
     pub long_axis_sigma_m: f64,
-    /// How the next pose is chosen. I-optimal by default: it errs least after few poses (docs/identification.md).
+    /// How the next pose is chosen. I-optimal by default: it and A-optimal err least after few poses
+    /// (docs/identification.md).
     pub pose_choice: PoseChoice,
     /// When identification is finished.
     pub stop: StopRule,

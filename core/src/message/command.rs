@@ -50,7 +50,7 @@ pub enum CommandKind {
     SubjectSave = 5,
     /// Load a stored profile by id.
     SubjectLoad = 6,
-    /// Take the wrench of the last second as zero; nobody may stand on the plate.
+    /// Take the wrench of the last 0.3 s as zero; nobody may stand on the plate.
     Tare = 7,
     /// The worker cannot hold the suggested pose: ask for another.
     PoseSkip = 8,

@@ -51,7 +51,7 @@ pub struct CopError {
     pub distance_mm: f64,
     /// The same over the root mean square excursion of the measured CoP from its mean, per cent.
     ///
-    /// The paper states 16.17 % without its formula; this is the ratio that fits its Fig. 6.
+    /// The paper states 16.17 % without its formula; this is one reading of it, and no comparison.
     pub percent: f64,
 }
 

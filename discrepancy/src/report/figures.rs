@@ -1,6 +1,7 @@
 //! The drawings, from what the engine kept for them.
 
 use super::document::{Figure, Text};
+use super::svg;
 use super::svg::scale::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot, thin};
 use super::words;
@@ -36,6 +37,9 @@ impl When {
         }
     }
 }
+
+/// The step that shows before and after.
+pub(super) const AGAIN: &str = "again";
 
 /// A signal for people.
 pub(super) fn signal(signal: Signal) -> &'static str {
@@ -132,7 +136,7 @@ pub(super) fn over_time(
     let what = sentence(signal(of.signal));
     let plot = Plot {
         name: format!("{section}-{}-{}", of.signal.name(), when.name()),
-        title: format!("{what}: {}", when.words()),
+        title: format!("{what}{}", suffix(section, when.words())),
         description: format!(
             "Residual of the {} over time, {}, with the band in which noise alone would stay.",
             signal(of.signal),
@@ -146,18 +150,32 @@ pub(super) fn over_time(
         marks,
         legend,
     };
-    Figure { drawing: plot.draw(), caption: Text::default() }
+    let caption =
+        if svg::is_dense(of.points.len()) { "Line: mean; pale: from the lowest to the highest." } else { "" };
+    Figure {
+        drawing: plot.draw(),
+        caption: if caption.is_empty() { Text::default() } else { caption.into() },
+    }
 }
 
-/// Stretches of held poses; neighbours are one. At most as many as can be seen.
+/// Only the step that shows both has to say which is which.
+fn suffix(section: &str, when: &str) -> String {
+    if section == AGAIN { format!(": {when}") } else { String::new() }
+}
+
+/// Stretches of held poses; neighbours are one. None in a recording so long that they cannot be told apart.
 fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
     const MOST: usize = 300;
+    const JOIN_MAX_S: f64 = 5.0;
     let length_s = match of.points[..] {
         [first, .., last] => last.time_s - first.time_s,
         _ => block_s,
     };
     let join_s = (length_s / MOST as f64).max(1.1 * block_s);
     let mut held: Vec<[f64; 2]> = Vec::new();
+    if join_s > JOIN_MAX_S.max(1.1 * block_s) {
+        return held;
+    }
     for point in of.points.iter().filter(|point| point.still) {
         let [from, to] = [point.time_s - block_s / 2.0, point.time_s + block_s / 2.0];
         match held.last_mut() {
@@ -188,7 +206,7 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
     let what = sentence(signal(of.signal));
     let plot = Plot {
         name: format!("{section}-pose-{number}-{}", when.name()),
-        title: format!("{what} by {}: {}", of.feature, when.name()),
+        title: format!("{what} by {}{}", of.feature, suffix(section, when.name())),
         description: format!(
             "Residual of the {} against {}, {}, with its mean and the band of noise.",
             signal(of.signal),
@@ -203,7 +221,7 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
             Mark::Line { look: Look::Expected, points: mean, gap: f64::INFINITY },
         ],
         legend: vec![
-            (Key::Dot, when.look(), when.words().to_owned()),
+            (Key::Dot, when.look(), "a block".to_owned()),
             (Key::Line, Look::Expected, "mean".to_owned()),
             (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
         ],

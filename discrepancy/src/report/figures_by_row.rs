@@ -50,7 +50,7 @@ pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
     if rows.is_empty() {
         return None;
     }
-    let mut legend = vec![(Key::Dot, Look::Before, "before".to_owned())];
+    let mut legend = vec![(Key::Dot, Look::Before, if after { "before" } else { "the gap" }.to_owned())];
     if after {
         legend.push((Key::Dot, Look::After, "after, on data held out".to_owned()));
     }

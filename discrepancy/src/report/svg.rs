@@ -94,7 +94,8 @@ impl Look {
 pub(super) enum Mark {
     /// From `−half` to `half`: x and half. Broken where there is nothing for longer than `gap`.
     Band { look: Look, points: Vec<[f64; 2]>, gap: f64 },
-    /// A line through points by x, broken likewise.
+    /// A line through points by x, broken likewise. If they are too many to be told apart ([`is_dense`]), it is the line
+    /// of their means within their range.
     Line { look: Look, points: Vec<[f64; 2]>, gap: f64 },
     /// A cloud.
     Dots { look: Look, points: Vec<[f64; 2]> },
@@ -104,6 +105,11 @@ pub(super) enum Mark {
     Stretch { look: Look, from: f64, to: f64, letter: String },
     /// Stretches of x along the foot of the plot.
     Strip { look: Look, stretches: Vec<[f64; 2]> },
+}
+
+/// Whether so many points of a line cannot be told apart.
+pub(super) const fn is_dense(points: usize) -> bool {
+    points > 6 * frame::COLUMNS
 }
 
 /// How an entry of the legend looks.
@@ -171,6 +177,7 @@ impl Plot {
         for mark in self.marks.iter().filter(|mark| !mark.is_behind()) {
             frame.mark(mark, &mut body);
         }
+        frame.letters(&self.marks, &mut body);
         Drawing::new(&self.name, &self.title, &self.description, Self::HEIGHT, body)
     }
 }
@@ -185,10 +192,10 @@ impl Mark {
 /// Lays entries side by side; returns how many rows they took.
 pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
     /// Advance of an average letter of the legend's type.
-    const LETTER: f64 = 5.5;
+    const LETTER: f64 = 5.8;
     let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
     for (key, look, text) in entries {
-        let width = 34.0 + LETTER * text.chars().count() as f64;
+        let width = 35.0 + LETTER * text.chars().count() as f64;
         if x > LEFT && x + width > WIDTH - RIGHT {
             (x, row) = (LEFT, row + 1);
         }

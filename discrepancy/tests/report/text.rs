@@ -108,3 +108,28 @@ pub(crate) fn well_formed(markup: &str) -> Result<(), String> {
     }
     if open.is_empty() { Ok(()) } else { Err(format!("never closed: {open:?}")) }
 }
+
+/// A Markdown text without its code, in blocks and in lines.
+pub(crate) fn without_code(markdown: &str) -> String {
+    let mut out = String::new();
+    let mut letters = markdown.chars().peekable();
+    while let Some(letter) = letters.next() {
+        match letter {
+            '\\' => out.extend([letter].into_iter().chain(letters.next())),
+            '`' => skip_code(&mut letters),
+            _ => out.push(letter),
+        }
+    }
+    out
+}
+
+/// To behind the run of backticks that is as long as the one that began.
+fn skip_code(letters: &mut std::iter::Peekable<std::str::Chars<'_>>) {
+    let run = |letters: &mut std::iter::Peekable<std::str::Chars<'_>>| {
+        std::iter::from_fn(|| letters.next_if_eq(&'`')).count()
+    };
+    let length = 1 + run(letters);
+    while letters.peek().is_some() && run(letters) != length {
+        letters.next();
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text};
-use super::super::figures::{self, When};
+use super::super::figures::{self, AGAIN, When};
 use super::super::figures_by_row;
 use super::super::words::{number, ratio};
 use super::{changed, with_unit};
@@ -36,16 +36,16 @@ pub(super) fn section(report: &Report) -> Section {
     let mut pairs = Vec::new();
     for plot in &picture.time {
         for when in [When::Before, When::After] {
-            pairs.push(figures::over_time("again", picture, plot, &finding.spans, when));
+            pairs.push(figures::over_time(AGAIN, picture, plot, &finding.spans, when));
         }
     }
     for (n, plot) in picture.pose.iter().enumerate() {
         for when in [When::Before, When::After] {
-            pairs.push(figures::over_pose("again", n + 1, plot, when));
+            pairs.push(figures::over_pose(AGAIN, n + 1, plot, when));
         }
     }
     section.figures(pairs);
-    section.figures(figures_by_row::gap("again", gap, true).into_iter().collect());
+    section.figures(figures_by_row::gap(AGAIN, gap, true).into_iter().collect());
     section.table(axes(gap));
     section.table(phases(report));
     section

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::scale::Scale;
-use super::{LEFT, Mark, Plot, RIGHT, WIDTH, at, thin};
+use super::{LEFT, Mark, Plot, RIGHT, WIDTH, at, is_dense, thin};
 use crate::report::escape::xml;
 
 /// Where values come to lie.
@@ -14,9 +14,10 @@ pub(super) struct Frame {
     pub(super) bottom: f64,
 }
 
+/// Columns into which long lines are thinned.
+pub(super) const COLUMNS: usize = 240;
+
 impl Frame {
-    /// Columns into which long lines are thinned.
-    const COLUMNS: usize = 330;
     /// Most dots of a cloud.
     const DOTS: usize = 500;
 
@@ -83,22 +84,22 @@ impl Frame {
     pub(super) fn mark(&self, mark: &Mark, out: &mut String) {
         let (kind, look, path) = match mark {
             Mark::Band { look, points, gap } => ("area", look, self.band(points, *gap)),
+            Mark::Line { look, points, gap } if is_dense(points.len()) => {
+                let ranges = thin::ranges(points, self.x, COLUMNS, *gap);
+                let around = ranges.iter().map(|run| self.range(run)).collect::<String>();
+                let _ = write!(out, "<path class=\"area range {}\" d=\"{around}\"/>", look.class());
+                let mean = |run: &Vec<thin::Range>| {
+                    self.path(&run.iter().map(|r| [r.x, r.mean]).collect::<Vec<_>>())
+                };
+                ("line", look, ranges.iter().map(mean).collect())
+            }
             Mark::Line { look, points, gap } => {
-                let runs = thin::line(points, self.x, Self::COLUMNS, *gap);
+                let runs = thin::line(points, self.x, COLUMNS, *gap);
                 ("line", look, runs.iter().map(|run| self.path(run)).collect())
             }
             Mark::Dots { look, points } => ("dots", look, self.cloud(points)),
             Mark::Columns { look, columns } => ("area", look, self.columns(columns)),
-            Mark::Stretch { look, from, to, letter } => {
-                let middle = (self.px(*from) + self.px(*to)) / 2.0;
-                let (x, y) = (at(middle), at(self.top + 13.0));
-                let _ = write!(
-                    out,
-                    "<text class=\"letter\" x=\"{x}\" y=\"{y}\" text-anchor=\"middle\">{}</text>",
-                    xml(letter)
-                );
-                ("area", look, self.stretch(*from, *to, self.top, 1.5))
-            }
+            Mark::Stretch { look, from, to, .. } => ("area", look, self.stretch(*from, *to, self.top, 1.5)),
             Mark::Strip { look, stretches } => (
                 "area",
                 look,
@@ -110,10 +111,30 @@ impl Frame {
         }
     }
 
+    /// Letters stand over everything else.
+    pub(super) fn letters(&self, marks: &[Mark], out: &mut String) {
+        for mark in marks {
+            let Mark::Stretch { from, to, letter, .. } = mark else { continue };
+            let middle = (self.px(*from) + self.px(*to)) / 2.0;
+            let (x, y) = (at(middle), at(self.top + 13.0));
+            let _ = write!(
+                out,
+                "<text class=\"letter\" x=\"{x}\" y=\"{y}\" text-anchor=\"middle\">{}</text>",
+                xml(letter)
+            );
+        }
+    }
+
+    fn range(&self, run: &[thin::Range]) -> String {
+        let there = run.iter().map(|range| [range.x, range.highest]);
+        let back = run.iter().rev().map(|range| [range.x, range.lowest]);
+        self.path(&there.chain(back).collect::<Vec<_>>()) + "z"
+    }
+
     /// Fewer columns than a line has: noise changes slowly.
     fn band(&self, points: &[[f64; 2]], gap: f64) -> String {
         let mut path = String::new();
-        for run in thin::line(points, self.x, Self::COLUMNS / 4, gap) {
+        for run in thin::line(points, self.x, COLUMNS / 4, gap) {
             let back = run.iter().rev().map(|&[x, half]| [x, -half]);
             let around: Vec<[f64; 2]> = run.iter().copied().chain(back).collect();
             path.push_str(&self.path(&around));

@@ -11,6 +11,35 @@ struct Column {
     last_x: f64,
     lowest: [f64; 2],
     highest: [f64; 2],
+    sum: f64,
+    count: f64,
+}
+
+/// What a line did within one column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::report) struct Range {
+    pub(in crate::report) x: f64,
+    pub(in crate::report) lowest: f64,
+    pub(in crate::report) mean: f64,
+    pub(in crate::report) highest: f64,
+}
+
+/// Runs of ranges, one per column of the picture, broken where nothing was for longer than `gap`.
+pub(in crate::report) fn ranges(points: &[[f64; 2]], x: Scale, columns: usize, gap: f64) -> Vec<Vec<Range>> {
+    let mut runs: Vec<Vec<Range>> = Vec::new();
+    let mut last_x = f64::NEG_INFINITY;
+    for column in by_column(points, x, columns) {
+        if column.first_x - last_x > gap || runs.is_empty() {
+            runs.push(Vec::new());
+        }
+        last_x = column.last_x;
+        if let Some(run) = runs.last_mut() {
+            let x = (column.first_x + column.last_x) / 2.0;
+            let mean = column.sum / column.count;
+            run.push(Range { x, lowest: column.lowest[1], mean, highest: column.highest[1] });
+        }
+    }
+    runs
 }
 
 /// Runs of a line: points by x, at most two per column of the picture (its lowest and highest, in their order), broken
@@ -39,6 +68,8 @@ fn by_column(points: &[[f64; 2]], x: Scale, columns: usize) -> Vec<Column> {
         match all.last_mut() {
             Some((last, column)) if *last == index => {
                 column.last_x = point[0];
+                column.sum += point[1];
+                column.count += 1.0;
                 if point[1] < column.lowest[1] {
                     column.lowest = point;
                 }
@@ -47,7 +78,14 @@ fn by_column(points: &[[f64; 2]], x: Scale, columns: usize) -> Vec<Column> {
                 }
             }
             _ => {
-                let column = Column { first_x: point[0], last_x: point[0], lowest: point, highest: point };
+                let column = Column {
+                    first_x: point[0],
+                    last_x: point[0],
+                    lowest: point,
+                    highest: point,
+                    sum: point[1],
+                    count: 1.0,
+                };
                 all.push((index, column));
             }
         }
@@ -118,6 +156,22 @@ mod tests {
             assert_eq!((kept.0.lowest, kept.0.highest), (kept.1.lowest, kept.1.highest));
         }
         assert!(runs[0].windows(2).all(|pair| pair[0][0] < pair[1][0]), "the order in time");
+    }
+
+    #[test]
+    fn ranges_hold_every_point_and_their_mean() {
+        let points = jagged(200_000);
+        let x = Scale::covering(points.iter().map(|point| point[0]));
+        let runs = ranges(&points, x, 300, 1.0);
+        assert_eq!(runs.len(), 1);
+        assert!(runs[0].iter().all(|range| range.lowest <= range.mean && range.mean <= range.highest));
+        let highest = runs[0].iter().map(|range| range.highest).fold(f64::MIN, f64::max);
+        let lowest = runs[0].iter().map(|range| range.lowest).fold(f64::MAX, f64::min);
+        let all = |best: fn(f64, f64) -> f64, from| points.iter().map(|point| point[1]).fold(from, best);
+        assert_eq!((highest, lowest), (all(f64::max, f64::MIN), all(f64::min, f64::MAX)));
+        let whole = ranges(&points, x, 1, 1.0)[0][0].mean;
+        let mean = points.iter().map(|point| point[1]).sum::<f64>() / points.len() as f64;
+        assert!((whole - mean).abs() < 1e-6 + 1e-3 * mean.abs(), "{whole} {mean}");
     }
 
     #[test]

@@ -1,0 +1,106 @@
+//! A worker with everything that may act on body, suit and plate, as one station would measure it: for studies.
+
+use equipoise_core::body::SEGMENTS;
+use nalgebra::Vector3;
+
+use crate::burden::{BodyChange, Burden, Span, SuitFault};
+use crate::colour::PlateColour;
+use crate::dynamics::{Wrench, ground_reaction};
+use crate::kinematics::Rotations;
+use crate::motion::{BodyState, DIFFERENCE_S, Worker};
+use crate::noise::{PlateNoise, Suit};
+use crate::plate_fault::{FaultyPlate, PlateFault};
+use crate::random::Random;
+
+/// What is hidden in a scene, each with its time.
+#[derive(Debug, Clone, Default)]
+pub struct Hidden {
+    /// On the body.
+    pub burdens: Vec<(Burden, Span)>,
+    /// Of the body.
+    pub changes: Vec<(BodyChange, Span)>,
+    /// Of the suit.
+    pub suit: Vec<(SuitFault, Span)>,
+    /// How late the suit is, s.
+    pub suit_lag_s: Vec<(f64, Span)>,
+    /// Of the plate.
+    pub plate: Vec<(PlateFault, Span)>,
+}
+
+/// A worker, a suit, and what is hidden in both.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Who works.
+    pub worker: Worker,
+    /// What is worn.
+    pub suit: Suit,
+    /// What nobody is told.
+    pub hidden: Hidden,
+}
+
+impl Scene {
+    /// Where everything really is.
+    pub fn body(&self, time_s: f64) -> BodyState {
+        let mut body = self.worker.sample(time_s);
+        for (change, span) in &self.hidden.changes {
+            change.on(&mut body, span.share(time_s));
+        }
+        body
+    }
+
+    /// What the ground really does to the person, about the world's origin.
+    pub fn ground_reaction(&self, time_s: f64) -> Wrench {
+        let around = [-DIFFERENCE_S, 0.0, DIFFERENCE_S].map(|step_s| self.body(time_s + step_s));
+        let mut wrench = ground_reaction(self.worker.person(), &around, DIFFERENCE_S);
+        for (burden, span) in &self.hidden.burdens {
+            let share = span.share(time_s);
+            if share != 0.0 {
+                let more = burden.ground_reaction(&around, DIFFERENCE_S);
+                wrench.force_n += more.force_n * share;
+                wrench.moment_nm += more.moment_nm * share;
+            }
+        }
+        wrench
+    }
+
+    /// Segment origins (m) and rotations as the suit reports them under a time.
+    pub fn seen(&self, time_s: f64) -> ([Vector3<f64>; SEGMENTS], Rotations) {
+        let late_s: f64 = self.hidden.suit_lag_s.iter().map(|(lag_s, span)| lag_s * span.share(time_s)).sum();
+        let body = self.body(time_s - late_s);
+        let (origin_m, mut rotation) = self.suit.see(self.worker.person(), &body);
+        if self.hidden.suit.is_empty() {
+            return (origin_m, rotation);
+        }
+        for (fault, span) in &self.hidden.suit {
+            fault.on(&mut rotation, &body, span.share(time_s), time_s - span.from_s);
+        }
+        self.suit.place(self.worker.person(), &body, rotation)
+    }
+}
+
+/// A plate with everything that is wrong with it: asked sample by sample, in order.
+#[derive(Debug, Clone)]
+pub struct SensedPlate {
+    faulty: FaultyPlate,
+    colour: PlateColour,
+    noise: PlateNoise,
+    seed: u64,
+}
+
+impl SensedPlate {
+    /// A plate under a scene.
+    pub fn new(hidden: &Hidden, colour: PlateColour, noise: PlateNoise, seed: u64) -> SensedPlate {
+        SensedPlate { faulty: FaultyPlate::new(hidden.plate.clone()), colour, noise, seed }
+    }
+
+    /// What it would tell of a wrench on the person without noise.
+    pub fn faulty(&mut self, on_person: Wrench, time_s: f64) -> Wrench {
+        self.faulty.feel(on_person, time_s)
+    }
+
+    /// The same with noise, which does not depend on what is hidden.
+    pub fn noisy(&self, faulty: Wrench, time_s: f64, number: u32) -> Wrench {
+        let mut random = Random::numbered(self.seed, "plate noise", number);
+        self.noise.on(self.colour.on(faulty, time_s), &mut random)
+    }
+}

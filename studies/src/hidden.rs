@@ -1,0 +1,39 @@
+//! The blind bench of the discrepancy workflow: sessions with something hidden in them, and a judge of what is found.
+//!
+//! Floors, ground first: [`truth`] → [`effects`] → [`ladder`] (what is hidden, how large) → [`scenario`] (what the worker
+//! does) → [`recording`] → [`make`]; [`families`] → [`judge`] → [`score`] (asks the program) → [`summary`] → [`cli`].
+//! The generator has the simulator's physics and sensors and knows nothing of `core`'s effects: names, places, parameters
+//! and units are those of the catalogue, its columns are not used.
+
+pub mod cli;
+pub mod effects;
+pub mod families;
+pub mod judge;
+pub mod ladder;
+pub mod make;
+pub mod recording;
+pub mod scenario;
+pub mod score;
+pub mod summary;
+pub mod truth;
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    #[test]
+    fn the_generator_does_not_share_the_estimator_s_effects() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/hidden");
+        let mut files = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let text = std::fs::read_to_string(&path).unwrap();
+            files += 1;
+            for module in ["effect", "sesc", "kalman"] {
+                let used = format!("equipoise_core::{module}");
+                assert!(!text.contains(&used), "{} uses {used}", path.display());
+            }
+        }
+        assert!(files > 8, "{files}");
+    }
+}

@@ -1,0 +1,357 @@
+//! How each kind of effect is put into body, suit or plate of a simulator, at a random place and direction.
+
+use std::f64::consts::TAU;
+
+use equipoise_core::body::{Segment, Side};
+use equipoise_simulator::burden::{BodyChange, Burden, Point, Span, SuitFault};
+use equipoise_simulator::person::Person;
+use equipoise_simulator::plate_fault::PlateFault;
+use equipoise_simulator::random::{Coloured, Random};
+use equipoise_simulator::scene;
+use nalgebra::{Vector2, Vector3};
+
+use super::truth::{Hidden, Spans};
+
+/// What is hidden in one session.
+#[derive(Debug, Clone, Default)]
+pub struct Drawn {
+    /// For the simulator.
+    pub hidden: scene::Hidden,
+    /// For the judge.
+    pub effects: Vec<Hidden>,
+    /// Whether the model runs without inertia.
+    pub without_inertia: bool,
+}
+
+/// Who is concerned, and when.
+#[derive(Debug, Clone, Copy)]
+pub struct Circumstances<'a> {
+    /// The body.
+    pub person: &'a Person,
+    /// The recording's parts.
+    pub spans: &'a Spans,
+    /// Its length, s.
+    pub length_s: f64,
+}
+
+/// One of several.
+pub fn pick<T: Copy>(random: &mut Random, choices: &[T]) -> T {
+    choices[random.between(0.0, choices.len() as f64) as usize]
+}
+
+fn sign(random: &mut Random) -> f64 {
+    if random.happens(0.5) { 1.0 } else { -1.0 }
+}
+
+fn direction(random: &mut Random) -> Vector2<f64> {
+    let (sin, cos) = random.between(0.0, TAU).sin_cos();
+    Vector2::new(cos, sin)
+}
+
+/// Where a limb's things are worn: left and right alike but mirrored.
+fn side_of(random: &mut Random) -> (Side, f64) {
+    if random.happens(0.5) { (Side::Left, 1.0) } else { (Side::Right, -1.0) }
+}
+
+fn of_side(side: Side, left: Segment) -> Segment {
+    if side == Side::Left { left } else { left.mirrored() }
+}
+
+/// Puts a kind of a size into a simulator, and says what the judge is told of it.
+pub fn put(
+    kind: &str,
+    size: f64,
+    random: &mut Random,
+    at: &Circumstances,
+    span: Span,
+    drawn: &mut Drawn,
+) -> Told {
+    let mut told = Told { place: None, parameters: Vec::new(), description: String::new() };
+    match kind.split_once(' ').map_or(kind, |(name, _)| name) {
+        "hand_load" | "hand_contact" | "worn_mass" => {
+            on_the_body(kind, size, random, at, span, drawn, &mut told);
+        }
+        name if name.starts_with("suit") || name.starts_with("segment") => {
+            in_the_suit(kind, size, random, span, drawn, &mut told);
+        }
+        "inertia" => {
+            drawn.without_inertia = true;
+            told.parameters.push(("share", 1.0));
+        }
+        "periodic_sway" | "unbalanced_parameters" => {
+            of_the_body(kind, size, random, at, span, drawn, &mut told);
+        }
+        "outside" => outside(kind, size, random, at, span, drawn, &mut told),
+        _ => in_the_plate(kind, size, random, span, drawn, &mut told),
+    }
+    told
+}
+
+/// What the judge is told of an effect.
+#[derive(Debug, Clone)]
+pub struct Told {
+    /// `hand` or `segment`, and which.
+    pub place: Option<(&'static str, String)>,
+    /// By the catalogue's names and in its units.
+    pub parameters: Vec<(&'static str, f64)>,
+    /// In words, where the name does not say it.
+    pub description: String,
+}
+
+impl Told {
+    fn on(&mut self, segment: Segment) {
+        self.place = Some(("segment", segment.name().to_owned()));
+    }
+}
+
+fn on_the_body(
+    kind: &str,
+    size: f64,
+    random: &mut Random,
+    at: &Circumstances,
+    span: Span,
+    drawn: &mut Drawn,
+    told: &mut Told,
+) {
+    let mut jitter = |sigma: f64| Vector3::from_fn(|_, _| sigma * random.normal().clamp(-2.0, 2.0));
+    let off_the_grip_m = jitter(0.015);
+    let off_the_middle_m = jitter(0.02);
+    let (side, outward) = side_of(random);
+    let hand = |side: Side| {
+        let k = usize::from(side == Side::Right);
+        Point { segment: side.hand(), at_m: at.person.grip_m[k] + off_the_grip_m }
+    };
+    let (what, place) = kind.split_once(' ').unwrap_or((kind, ""));
+    if what == "hand_contact" {
+        let level = direction(random) * random.between(0.1, 0.35);
+        let upwards = Vector3::new(level.x, level.y, 1.0);
+        let force_n = upwards.normalize() * (10.0 * size);
+        let variation = Coloured::new(random, 0.12, 1.5, at.length_s);
+        drawn.hidden.burdens.push((Burden::Push(hand(side), force_n, variation), span));
+        told.place = Some(("hand", side_name(side).to_owned()));
+        told.parameters.extend([("fx_n", force_n.x), ("fy_n", force_n.y), ("fz_n", force_n.z)]);
+        return;
+    }
+    if what == "hand_load" {
+        let mass_kg = 0.25 * size;
+        let hands: &[Side] = match place {
+            "right" => &[Side::Right],
+            "left" => &[Side::Left],
+            _ => &Side::BOTH,
+        };
+        for side in hands {
+            let burden = Burden::Mass(hand(*side), mass_kg / hands.len() as f64);
+            drawn.hidden.burdens.push((burden, span));
+        }
+        told.place = Some(("hand", place.to_owned()));
+        told.parameters.push(("mass_kg", mass_kg));
+        return;
+    }
+    let height_m = at.person.height_m;
+    let (segment, nominal_kg, at_m) = match place {
+        "Pelvis" => {
+            let around = direction(random) * (0.07 * height_m);
+            (Segment::Pelvis, 2.0, Vector3::new(around.x, around.y, 0.04))
+        }
+        "T8" => (Segment::T8, 0.5, Vector3::new(-0.09 * height_m, 0.0, 0.02 * height_m)),
+        "forearm" => {
+            (of_side(side, Segment::LeftForearm), 0.25, Vector3::new(0.0, outward * 0.07 * height_m, 0.0))
+        }
+        _ => {
+            (of_side(side, Segment::LeftUpperLeg), 1.5, Vector3::new(0.03, outward * 0.05, -0.11 * height_m))
+        }
+    };
+    let mass_kg = nominal_kg * size;
+    let point = Point { segment, at_m: at_m + off_the_middle_m };
+    drawn.hidden.burdens.push((Burden::Mass(point, mass_kg), span));
+    told.on(segment);
+    told.parameters.push(("mass_kg", mass_kg));
+}
+
+fn side_name(side: Side) -> &'static str {
+    if side == Side::Left { "left" } else { "right" }
+}
+
+fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &mut Drawn, told: &mut Told) {
+    let along = direction(random);
+    let signed = size * sign(random);
+    let (fault, parameters): (PlateFault, Vec<(&'static str, f64)>) = match kind {
+        "plate_offset" => {
+            let by_m = along * (0.015 * size);
+            (PlateFault::Offset(by_m), vec![("dx_m", by_m.x), ("dy_m", by_m.y)])
+        }
+        "plate_yaw" => {
+            let radians = 2.0_f64.to_radians() * signed;
+            (PlateFault::Yaw(radians), vec![("psi_rad", radians)])
+        }
+        "plate_gain" => {
+            let more = Vector2::new(1.0, sign(random)) * (0.02 * signed);
+            (PlateFault::Gain(more), vec![("kx", more.x), ("ky", more.y)])
+        }
+        "plate_crosstalk" => (PlateFault::Crosstalk(0.02 * signed), vec![("k", 0.02 * signed)]),
+        "plate_height" => (PlateFault::Height(0.020 * signed), vec![("dz_m", 0.020 * signed)]),
+        "force_gain" => (PlateFault::ForceGain(0.01 * signed), vec![("k", 0.01 * signed)]),
+        "plate_drift linear" => {
+            let m_per_s = along * (0.008 / 60.0 * size);
+            (PlateFault::Drift(m_per_s), vec![("vx_m_per_s", m_per_s.x), ("vy_m_per_s", m_per_s.y)])
+        }
+        "plate_drift settling" => {
+            let bound_m = along * (0.020 * size);
+            let tau_s = random.between(25.0, 60.0);
+            (
+                PlateFault::SettlingDrift(bound_m, tau_s),
+                vec![("ax_m", bound_m.x), ("ay_m", bound_m.y), ("tau_s", tau_s)],
+            )
+        }
+        // A lower cutoff does more.
+        _ => (PlateFault::LowPass(3.0 / size), vec![("cutoff_hz", 3.0 / size)]),
+    };
+    drawn.hidden.plate.push((fault, span));
+    told.parameters.extend(parameters);
+}
+
+fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &mut Drawn, told: &mut Told) {
+    let signed = size * sign(random);
+    let (side, _) = side_of(random);
+    if kind == "suit_lag" {
+        drawn.hidden.suit_lag_s.push((0.010 * signed, span));
+        told.parameters.push(("tau_s", 0.010 * signed));
+        return;
+    }
+    let fault = match kind {
+        "suit_heading_drift" => {
+            let rad_per_s = 4.0_f64.to_radians() / 60.0 * signed;
+            told.parameters.push(("rate_rad_per_s", rad_per_s));
+            SuitFault::HeadingDrift(rad_per_s)
+        }
+        "segment_heading T8" | "segment_heading arm" => {
+            let trunk = kind.ends_with("T8");
+            let arm = pick(random, &[Segment::LeftUpperArm, Segment::LeftForearm]);
+            let segment = if trunk { Segment::T8 } else { of_side(side, arm) };
+            let nominal_deg: f64 = match segment {
+                Segment::T8 => 8.0,
+                Segment::LeftUpperArm | Segment::RightUpperArm => 10.0,
+                // A forearm bears half of what an upper arm does.
+                _ => 20.0,
+            };
+            let radians = nominal_deg.to_radians() * signed;
+            told.on(segment);
+            told.parameters.push(("psi_rad", radians));
+            SuitFault::Heading(segment, radians)
+        }
+        _ => {
+            let trunk = kind.ends_with("T8");
+            let limb = pick(random, &[Segment::LeftUpperLeg, Segment::LeftForearm]);
+            let segment = if trunk { Segment::T8 } else { of_side(side, limb) };
+            let nominal_deg: f64 = if trunk { 4.0 } else { 8.0 };
+            // Along a limb a turn shows little; of the trunk, turns about the upright least.
+            let axis = match segment {
+                Segment::LeftForearm | Segment::RightForearm => Vector3::new(1.0, 0.2, 1.0),
+                _ => Vector3::new(1.0, 1.0, 0.2),
+            };
+            let axis = axis.map(|weight| weight * random.normal()).normalize();
+            let radians = axis * nominal_deg.to_radians() * size;
+            told.on(segment);
+            told.parameters.extend([("rx_rad", radians.x), ("ry_rad", radians.y), ("rz_rad", radians.z)]);
+            SuitFault::Misalignment(segment, radians)
+        }
+    };
+    drawn.hidden.suit.push((fault, span));
+}
+
+fn of_the_body(
+    kind: &str,
+    size: f64,
+    random: &mut Random,
+    at: &Circumstances,
+    span: Span,
+    drawn: &mut Drawn,
+    told: &mut Told,
+) {
+    let share = |segment: Segment| at.person.segment_mass_kg[segment.index()] / at.person.mass_kg;
+    if kind == "periodic_sway" {
+        let hertz = random.between(0.21, 0.33);
+        let amplitude_m = 0.002 * size;
+        // Of a mass at the height of a chest, inertia adds `ω² z/g` to what its weight does.
+        let inertia = (TAU * hertz).powi(2) * 0.72 * at.person.height_m / 9.81;
+        let moves_m = amplitude_m / (share(Segment::T8) * (1.0 + inertia));
+        let breath = BodyChange::Breath(Segment::T8, Vector3::x() * moves_m, hertz);
+        drawn.hidden.changes.push((breath, span));
+        told.parameters.extend([("hz", hertz), ("amplitude_m", amplitude_m)]);
+        return;
+    }
+    let segment =
+        pick(random, &[Segment::Pelvis, Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
+    let along = Vector3::from_fn(|_, _| random.normal()).normalize();
+    let phi_m = along * (0.010 * size);
+    drawn.hidden.changes.push((BodyChange::Centre(segment, phi_m / share(segment)), span));
+    told.on(segment);
+    told.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);
+}
+
+fn outside(
+    kind: &str,
+    size: f64,
+    random: &mut Random,
+    at: &Circumstances,
+    span: Span,
+    drawn: &mut Drawn,
+    told: &mut Told,
+) {
+    let (side, _) = side_of(random);
+    let height_m = at.person.height_m;
+    match kind {
+        "outside shoulder_blades" => {
+            let by_m = Vector3::new(1.0, 0.4, 0.3).normalize() * (0.020 * size);
+            drawn.hidden.changes.push((BodyChange::ShoulderBlades(by_m), span));
+            told.description = format!("shoulders leave their place by {:.0} mm in level arms", 20.0 * size);
+        }
+        "outside spine_shape" => {
+            let by_m = Vector3::new(0.9, 0.0, 0.4).normalize() * (0.015 * size * sign(random));
+            drawn.hidden.changes.push((BodyChange::SpineShape(by_m), span));
+            told.description =
+                format!("the trunk leaves its place by {:.0} mm per radian of bend", 15.0 * size);
+        }
+        "outside magnetic_region" => {
+            let segment = of_side(side, Segment::LeftForearm);
+            let aside = if side == Side::Left { 0.2 } else { -0.2 };
+            let centre_m = Vector3::new(0.25, aside, 0.60 * height_m);
+            let radians = 20.0_f64.to_radians() * size * sign(random);
+            drawn.hidden.suit.push((SuitFault::MagneticRegion(segment, radians, centre_m, 0.25), span));
+            told.on(segment);
+            told.description = format!(
+                "heading of {} errs by up to {:.0}° in a region",
+                segment.name(),
+                radians.to_degrees()
+            );
+        }
+        "outside tissue_slip" => {
+            let segment = pick(random, &[Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
+            let rate = 0.10 * size * sign(random);
+            // The joint between two spine segments turns little: of the trunk, the slip is taken larger.
+            let rate = if segment == Segment::T8 { 2.5 * rate } else { rate };
+            drawn.hidden.suit.push((SuitFault::Slip(segment, rate), span));
+            told.on(segment);
+            told.description =
+                format!("sensor of {} slips by {rate:.2} of the joint's angle", segment.name());
+        }
+        "outside hysteresis" => {
+            drawn.hidden.plate.push((PlateFault::Hysteresis(0.006 * size), span));
+            told.description = format!("pressure lags within {:.0} mm, as an insole's", 6.0 * size);
+        }
+        "outside load_cell" => {
+            let cell_m = Vector2::new(0.20 * sign(random), 0.15 * sign(random));
+            let more = 0.05 * size * sign(random);
+            drawn.hidden.plate.push((PlateFault::LoadCell(more, cell_m), span));
+            told.description = format!("one load cell of four has a gain of {:.3}", 1.0 + more);
+        }
+        _ => {
+            let point = Point { segment: Segment::T8, at_m: Vector3::new(-0.10, 0.0, 0.0) };
+            let anchor_m = Vector3::new(-1.2, 0.3 * sign(random), height_m);
+            let stiffness = 25.0 * size;
+            drawn.hidden.burdens.push((Burden::Band(point, anchor_m, stiffness, 1.0), span));
+            told.on(Segment::T8);
+            told.description = format!("a band of {stiffness:.0} N/m from the trunk to a wall");
+        }
+    }
+}

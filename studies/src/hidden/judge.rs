@@ -1,0 +1,358 @@
+//! One finding beside the truth.
+//!
+//! The oracle's gap is what would be left if the true effect were known: with a clean twin of the session it is the gap
+//! that the program tells of the twin before anything is named (the same worker, noise and model, nothing hidden); without
+//! one it is taken from the session's own gap before, less what the truth says is hidden, `√(before² − effect²)`, and not
+//! below the noise floor that the program tells.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::families::{are_family, is_declared_for};
+use super::truth::Truth;
+
+/// Candidates this close to the first belong to an ambiguous answer's set; and at most so many.
+const WITHIN: (f64, usize) = (5.0, 4);
+
+/// What kind of question a session asks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Class {
+    /// One effect of the catalogue.
+    Single,
+    /// Two.
+    Pair,
+    /// None.
+    Clean,
+    /// One that the catalogue does not have.
+    Outside,
+}
+
+/// A parameter beside its truth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Compared {
+    /// Label of the effect and name of the parameter.
+    pub name: String,
+    /// What is so.
+    pub truth: f64,
+    /// What was told.
+    pub value: f64,
+    /// Its 1-σ.
+    pub sigma: f64,
+}
+
+impl Compared {
+    /// Error over σ.
+    pub fn off(&self) -> f64 {
+        (self.value - self.truth) / self.sigma
+    }
+}
+
+/// A finding, judged.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// Name of the session.
+    pub session: String,
+    /// What was drawn.
+    pub kind: String,
+    /// What it asks.
+    pub class: Class,
+    /// What was hidden: names with places.
+    pub hidden: Vec<String>,
+    /// Size of each over the nominal detectable size.
+    pub sizes: Vec<f64>,
+    /// Whether it was there while the worker was identified (of `inertia`: no, it is the model's).
+    pub from_beginning: bool,
+    /// Whether it is in part of the work only, or turns over.
+    pub comes_and_goes: bool,
+    /// Whether the worker turned.
+    pub turned: bool,
+    /// `named`, `none`, `ambiguous`, `unexplained`, or `failed`.
+    pub verdict: String,
+    /// What was named, strongest first.
+    pub named: Vec<String>,
+    /// Those and what was held to be as good.
+    pub set: Vec<String>,
+    /// The strongest is the only one hidden, by name and place.
+    pub exact: bool,
+    /// Exact, or of the declared family, or an ambiguous set that holds it.
+    pub family: bool,
+    /// How many of what was hidden are among what was named, or their family.
+    pub found: usize,
+    /// Of a name from outside: whether a declared stand-in was named.
+    pub declared: bool,
+    /// Parameters of what was named exactly.
+    pub parameters: Vec<Compared>,
+    /// Gap before and after, and noise floor, mm, as the program tells them.
+    pub gap_mm: [f64; 3],
+    /// What would be left if the truth were known, mm.
+    pub oracle_mm: f64,
+    /// How long the program took, s.
+    pub seconds: f64,
+    /// How long the recording is, s.
+    pub length_s: f64,
+    /// Why there is no finding.
+    pub failure: Option<String>,
+}
+
+/// Judges what a program printed; `twin_mm` is the gap before of the clean twin.
+pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>, seconds: f64) -> Judged {
+    let hidden: Vec<String> = truth.effects.iter().map(label_of).collect();
+    let mut judged = Judged {
+        session: truth.session.clone(),
+        kind: truth.kind.clone(),
+        class: class_of(truth),
+        hidden,
+        sizes: truth.effects.iter().map(|effect| effect.size).collect(),
+        from_beginning: truth.effects.iter().any(|effect| effect.from_beginning && effect.name != "inertia"),
+        comes_and_goes: truth.effects.iter().any(|effect| {
+            let [from_s, to_s] = effect.span_s;
+            effect.flips_at_s.is_some()
+                || from_s > truth.spans.work[0] + 1.0
+                || to_s < truth.spans.work[1] - 1.0
+        }),
+        turned: truth.turned,
+        verdict: "failed".to_owned(),
+        named: Vec::new(),
+        set: Vec::new(),
+        exact: false,
+        family: false,
+        found: 0,
+        declared: false,
+        parameters: Vec::new(),
+        gap_mm: [0.0; 3],
+        oracle_mm: 0.0,
+        seconds,
+        length_s: truth.length_s,
+        failure: None,
+    };
+    match printed {
+        Ok(finding) => judged.take(truth, finding, twin_mm),
+        Err(failure) => judged.failure = Some(failure.to_owned()),
+    }
+    judged
+}
+
+fn label_of(effect: &super::truth::Hidden) -> String {
+    if effect.is_in_catalogue() { effect.label() } else { effect.description.clone() }
+}
+
+fn class_of(truth: &Truth) -> Class {
+    match truth.effects.as_slice() {
+        [] => Class::Clean,
+        [one] if !one.is_in_catalogue() => Class::Outside,
+        [_] => Class::Single,
+        _ => Class::Pair,
+    }
+}
+
+/// Name with place of an effect in a finding.
+fn told_label(effect: &Value) -> String {
+    let name = effect["name"].as_str().unwrap_or_default();
+    let place = ["hand", "segment"].iter().find_map(|key| effect["where"][key].as_str());
+    place.map_or(name.to_owned(), |place| format!("{name} {place}"))
+}
+
+impl Judged {
+    fn take(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
+        let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
+        self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
+        for label in effects.iter().map(told_label) {
+            // One effect in two spans, as one that turns over, is one.
+            if !self.named.contains(&label) {
+                self.named.push(label);
+            }
+        }
+        self.set = self.named.clone();
+        if self.verdict == "ambiguous" {
+            self.set.extend(close_candidates(finding));
+        }
+        self.compare_names();
+        self.declared = self.named.iter().any(|label| is_declared_for(&self.kind, label));
+        self.parameters = truth
+            .effects
+            .iter()
+            .filter(|effect| effect.flips_at_s.is_none())
+            .filter_map(|hidden| {
+                Some((hidden, effects.iter().find(|told| told_label(told) == hidden.label())?))
+            })
+            .flat_map(|(hidden, told)| compare(hidden, told))
+            .collect();
+        let gap = |key: &str| finding["gap"][key].as_f64().unwrap_or(0.0);
+        self.gap_mm = ["before_mm", "after_mm", "noise_floor_mm"].map(gap);
+        let [before_mm, _, floor_mm] = self.gap_mm;
+        let less_mm = (before_mm.powi(2) - truth.effect_mm.powi(2)).max(0.0).sqrt();
+        self.oracle_mm = twin_mm.unwrap_or(less_mm.max(floor_mm));
+    }
+
+    fn compare_names(&mut self) {
+        let answers = if self.verdict == "ambiguous" { &self.set } else { &self.named };
+        self.found =
+            self.hidden.iter().filter(|hidden| answers.iter().any(|told| are_family(hidden, told))).count();
+        if self.class != Class::Single {
+            return;
+        }
+        let hidden = &self.hidden[0];
+        self.exact = self.verdict == "named" && self.named.first() == Some(hidden);
+        let first_is_family = self.named.first().is_some_and(|told| are_family(hidden, told));
+        let in_the_set = self.verdict == "ambiguous" && self.set.iter().any(|told| are_family(hidden, told));
+        self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
+    }
+
+    /// Whether something was said of a session in which nothing is.
+    pub fn is_false_alarm(&self) -> bool {
+        self.class == Class::Clean && !["none", "failed"].contains(&self.verdict.as_str())
+    }
+
+    /// How far the gap after is above what the truth would leave; 1 is as good as knowing it.
+    pub fn over_the_oracle(&self) -> Option<f64> {
+        (self.oracle_mm > 0.0).then(|| self.gap_mm[1] / self.oracle_mm)
+    }
+}
+
+/// The first candidates of an ambiguous finding, without spans or other additions to name and place.
+fn close_candidates(finding: &Value) -> Vec<String> {
+    let candidates = finding["candidates"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let odds = |candidate: &Value| candidate["log_odds"].as_f64().unwrap_or(f64::NEG_INFINITY);
+    let best = candidates.iter().map(odds).fold(f64::NEG_INFINITY, f64::max);
+    candidates
+        .iter()
+        .filter(|candidate| odds(candidate) >= best - WITHIN.0)
+        .filter_map(|candidate| candidate["name"].as_str())
+        .map(str::to_owned)
+        .take(WITHIN.1)
+        .collect()
+}
+
+fn compare(hidden: &super::truth::Hidden, told: &Value) -> Vec<Compared> {
+    let one = |(name, truth): (&String, &f64)| {
+        let estimate = &told["parameters"][name];
+        Some(Compared {
+            name: format!("{} {name}", hidden.label()),
+            truth: *truth,
+            value: estimate["value"].as_f64()?,
+            sigma: estimate["sigma"].as_f64().filter(|sigma| *sigma > 0.0)?,
+        })
+    };
+    hidden.parameters.iter().filter_map(one).collect()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::hidden::truth::{Hidden, Spans};
+    use serde_json::json;
+
+    /// Name, place and a parameter of something hidden.
+    type Thing = (&'static str, Option<(&'static str, &'static str)>, (&'static str, f64));
+
+    /// A truth with these hidden.
+    pub(crate) fn truth(hidden: &[Thing]) -> Truth {
+        let effect = |(name, place, (parameter, value)): &Thing| Hidden {
+            name: (*name).into(),
+            place: place.iter().map(|(what, place)| ((*what).into(), (*place).into())).collect(),
+            parameters: [((*parameter).into(), *value)].into(),
+            span_s: [180.0, 270.0],
+            flips_at_s: None,
+            size: 2.0,
+            from_beginning: false,
+            description: "in words".into(),
+        };
+        Truth {
+            session: "session-0001".into(),
+            seed: 1,
+            kind: hidden.first().map_or("clean".into(), |hidden| hidden.0.into()),
+            noise: "ordinary".into(),
+            height_m: 1.77,
+            mass_kg: 72.0,
+            spans: Spans { identify: [0.0, 60.0], reference: [60.0, 180.0], work: [180.0, 270.0] },
+            tells_reference: true,
+            length_s: 270.0,
+            places: Vec::new(),
+            turned: true,
+            effects: hidden.iter().map(effect).collect(),
+            effect_mm: 3.0,
+        }
+    }
+
+    /// A finding as the program prints it.
+    pub(crate) fn finding(
+        verdict: &str,
+        effects: &[(&str, Value, Value)],
+        candidates: &[(&str, f64)],
+    ) -> Value {
+        let effects = effects.iter().map(|(name, place, parameters)| {
+            json!({"name": name, "where": place, "parameters": parameters, "log_odds": 40.0,
+                   "runner_up": null, "family": []})
+        });
+        let candidates =
+            candidates.iter().map(|(name, log_odds)| json!({"name": name, "log_odds": log_odds}));
+        json!({
+            "verdict": verdict,
+            "effects": effects.collect::<Vec<_>>(),
+            "candidates": candidates.collect::<Vec<_>>(),
+            "set_aside": [], "unexplained": [], "spans": [], "ask_next": null, "model": null,
+            "gap": {"before_mm": 5.0, "after_mm": 4.2, "noise_floor_mm": 3.8, "held_out": true, "per_axis": {}},
+        })
+    }
+
+    const LOAD: Thing = ("hand_load", Some(("hand", "right")), ("mass_kg", 0.5));
+
+    fn mass(value: f64) -> Value {
+        json!({"mass_kg": {"value": value, "sigma": 0.05, "unit": "kg"}})
+    }
+
+    #[test]
+    fn the_right_name_at_the_right_place_is_exact_and_its_parameter_is_compared() {
+        let told = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
+        let judged = judge(&truth(&[LOAD]), Ok(&told), None, 1.0);
+        assert!(judged.exact && judged.family && judged.found == 1);
+        assert!((judged.parameters[0].off() - 1.6).abs() < 1e-9);
+        // √(5² − 3²) = 4.
+        assert!((judged.oracle_mm - 4.0).abs() < 1e-12);
+        assert!((judged.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
+        assert!((judge(&truth(&[LOAD]), Ok(&told), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_forearm_is_family_of_its_hand_and_the_other_hand_is_wrong() {
+        let forearm = finding("named", &[("worn_mass", json!({"segment": "RightForearm"}), mass(0.5))], &[]);
+        let judged = judge(&truth(&[LOAD]), Ok(&forearm), None, 1.0);
+        assert!(!judged.exact && judged.family && judged.parameters.is_empty());
+        let left = finding("named", &[("hand_load", json!({"hand": "left"}), mass(0.5))], &[]);
+        let judged = judge(&truth(&[LOAD]), Ok(&left), None, 1.0);
+        assert!(!judged.exact && !judged.family && judged.found == 0);
+    }
+
+    #[test]
+    fn an_ambiguous_answer_is_right_if_its_set_holds_the_truth() {
+        let candidates =
+            [("plate_gain", 20.0), ("plate_crosstalk", 18.0), ("hand_load right", 17.0), ("plate_yaw", 3.0)];
+        let told = finding("ambiguous", &[], &candidates);
+        let judged = judge(&truth(&[LOAD]), Ok(&told), None, 1.0);
+        assert!(!judged.exact && judged.family);
+        let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
+        assert!(!judge(&truth(&[yaw]), Ok(&told), None, 1.0).family);
+    }
+
+    #[test]
+    fn a_word_about_a_clean_session_is_a_false_alarm_and_silence_is_not() {
+        let clean = truth(&[]);
+        let said = finding("named", &[("plate_yaw", json!({}), json!({}))], &[]);
+        assert!(judge(&clean, Ok(&said), None, 1.0).is_false_alarm());
+        assert!(!judge(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
+    }
+
+    #[test]
+    fn of_a_pair_both_must_be_found_and_a_failure_is_told() {
+        let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
+        let both = finding(
+            "named",
+            &[("plate_yaw", json!({}), json!({})), ("hand_load", json!({"hand": "right"}), mass(0.5))],
+            &[],
+        );
+        assert_eq!(judge(&truth(&[LOAD, yaw]), Ok(&both), None, 1.0).found, 2);
+        let failed = judge(&truth(&[LOAD, yaw]), Err("no still poses"), None, 1.0);
+        assert!(failed.verdict == "failed" && failed.found == 0 && failed.failure.is_some());
+    }
+}

@@ -1,0 +1,185 @@
+//! What may be hidden, where, and how large: nominal detectable sizes and the rungs about them.
+
+use equipoise_simulator::burden::Span;
+use equipoise_simulator::random::Random;
+
+use super::effects::{self, Circumstances, Drawn, pick};
+use super::truth::Hidden;
+
+/// Sizes that are hidden, over the nominal detectable size.
+pub const RUNGS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
+/// Singles of the catalogue, by name and what of its places.
+pub const CATALOGUE: [&str; 26] = [
+    "hand_load right",
+    "hand_load left",
+    "hand_load both",
+    "hand_contact",
+    "worn_mass Pelvis",
+    "worn_mass T8",
+    "worn_mass forearm",
+    "worn_mass thigh",
+    "plate_offset",
+    "plate_yaw",
+    "plate_gain",
+    "plate_crosstalk",
+    "plate_height",
+    "force_gain",
+    "plate_drift linear",
+    "plate_drift settling",
+    "plate_lowpass",
+    "suit_lag",
+    "suit_heading_drift",
+    "segment_heading T8",
+    "segment_heading arm",
+    "segment_misalignment T8",
+    "segment_misalignment limb",
+    "inertia",
+    "periodic_sway",
+    "unbalanced_parameters",
+];
+/// Nominal detectable size of each, in a unit for people. Of a low pass larger is a lower cutoff.
+pub const NOMINAL: [(&str, f64, &str); 25] = [
+    ("hand_load right", 0.25, "kg"),
+    ("hand_load left", 0.25, "kg"),
+    ("hand_load both", 0.25, "kg"),
+    ("hand_contact", 10.0, "N"),
+    ("worn_mass Pelvis", 2.0, "kg"),
+    ("worn_mass T8", 0.5, "kg"),
+    ("worn_mass forearm", 0.25, "kg"),
+    ("worn_mass thigh", 1.5, "kg"),
+    ("plate_offset", 15.0, "mm"),
+    ("plate_yaw", 2.0, "deg"),
+    ("plate_gain", 2.0, "%"),
+    ("plate_crosstalk", 2.0, "%"),
+    ("plate_height", 20.0, "mm"),
+    ("force_gain", 1.0, "%"),
+    ("plate_drift linear", 8.0, "mm/min"),
+    ("plate_drift settling", 20.0, "mm"),
+    ("plate_lowpass", 3.0, "Hz"),
+    ("suit_lag", 10.0, "ms"),
+    ("suit_heading_drift", 4.0, "deg/min"),
+    ("segment_heading T8", 8.0, "deg"),
+    ("segment_heading arm", 10.0, "deg (forearm: twice)"),
+    ("segment_misalignment T8", 4.0, "deg"),
+    ("segment_misalignment limb", 8.0, "deg"),
+    ("periodic_sway", 2.0, "mm"),
+    ("unbalanced_parameters", 10.0, "mm of phi"),
+];
+/// What the catalogue does not have.
+pub const OUTSIDE: [&str; 7] = [
+    "outside shoulder_blades",
+    "outside spine_shape",
+    "outside magnetic_region",
+    "outside tissue_slip",
+    "outside hysteresis",
+    "outside load_cell",
+    "outside elastic_band",
+];
+/// Pairs take one of each: something on the body, and something of a sensor.
+const OF_A_PAIR: [&[&str]; 2] = [
+    &[
+        "hand_load right",
+        "hand_load both",
+        "hand_contact",
+        "worn_mass T8",
+        "worn_mass forearm",
+        "worn_mass Pelvis",
+    ],
+    &[
+        "plate_yaw",
+        "plate_gain",
+        "plate_crosstalk",
+        "plate_drift linear",
+        "suit_lag",
+        "plate_lowpass",
+        "segment_heading arm",
+    ],
+];
+/// What may be there while the worker is identified.
+const FROM_THE_BEGINNING: [&str; 9] = [
+    "plate_offset",
+    "plate_yaw",
+    "plate_gain",
+    "plate_crosstalk",
+    "plate_height",
+    "force_gain",
+    "plate_lowpass",
+    "suit_lag",
+    "segment_misalignment T8",
+];
+/// What may turn over within the work.
+const MAY_FLIP: [&str; 6] = [
+    "plate_offset",
+    "plate_yaw",
+    "plate_crosstalk",
+    "segment_heading T8",
+    "segment_heading arm",
+    "segment_misalignment T8",
+];
+
+/// Everything that is drawn once before anything is drawn twice: 40 kinds.
+pub fn deck() -> Vec<&'static str> {
+    let rest = ["pair", "pair", "pair", "clean", "clean", "clean", "clean coloured"];
+    CATALOGUE.into_iter().chain(OUTSIDE).chain(rest).collect()
+}
+
+/// Draws what a kind hides.
+pub fn draw(kind: &str, size: f64, random: &mut Random, at: &Circumstances) -> Drawn {
+    let mut drawn = Drawn::default();
+    if kind.starts_with("clean") {
+        return drawn;
+    }
+    if kind == "pair" {
+        for choices in OF_A_PAIR {
+            // Each of a pair must be visible by itself.
+            hide(pick(random, choices), size.max(1.0), random, at, &mut drawn);
+        }
+    } else {
+        hide(kind, size, random, at, &mut drawn);
+    }
+    drawn
+}
+
+/// When it is there: mostly in all of the work.
+fn span_of(kind: &str, random: &mut Random, at: &Circumstances) -> (Span, bool) {
+    let [start_s, end_s] = at.spans.work;
+    let whole = Span { from_s: start_s, to_s: f64::INFINITY, flips_at_s: None };
+    let luck = random.unit();
+    let share = random.unit();
+    if kind == "inertia" {
+        return (Span::ALWAYS, true);
+    }
+    if luck < 0.15 && FROM_THE_BEGINNING.contains(&kind) {
+        return (Span::ALWAYS, true);
+    }
+    let may_come_and_go = !kind.contains("drift");
+    if (0.15..0.30).contains(&luck) && may_come_and_go {
+        let length_s = end_s - start_s;
+        let from_s = start_s + (0.15 + 0.25 * share) * length_s;
+        // Half of these go again before the end.
+        let to_s = if share < 0.5 { from_s + 0.45 * length_s } else { f64::INFINITY };
+        return (Span { from_s, to_s, flips_at_s: None }, false);
+    }
+    if luck > 0.90 && MAY_FLIP.contains(&kind) {
+        return (Span { flips_at_s: Some(0.5 * (start_s + end_s)), ..whole }, false);
+    }
+    (whole, false)
+}
+
+fn hide(kind: &str, size: f64, random: &mut Random, at: &Circumstances, drawn: &mut Drawn) {
+    let (span, from_beginning) = span_of(kind, random, at);
+    let told = effects::put(kind, size, random, at, span, drawn);
+    let name = kind.split_once(' ').map_or(kind, |(name, _)| name).to_owned();
+    let description = if told.description.is_empty() { kind.to_owned() } else { told.description };
+    drawn.effects.push(Hidden {
+        name,
+        place: told.place.map(|(what, place)| (what.to_owned(), place)).into_iter().collect(),
+        parameters: told.parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        span_s: [span.from_s.max(0.0), span.to_s.min(at.length_s)],
+        flips_at_s: span.flips_at_s,
+        // Inertia is missing or it is not: it has no rungs.
+        size: if kind == "inertia" { 1.0 } else { size },
+        from_beginning,
+        description,
+    });
+}

@@ -1,0 +1,210 @@
+//! Has a program reconcile sessions it knows nothing of, and judges what it says.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use serde_json::Value;
+
+use super::judge::{Judged, judge};
+use super::make::{self, Order};
+use super::truth::Truth;
+use crate::subject::ask_all;
+
+/// How to ask the program.
+#[derive(Debug, Clone)]
+pub struct Asking {
+    /// The program: `equipoise`.
+    pub program: PathBuf,
+    /// Let it find the spans itself.
+    pub finds_spans: bool,
+}
+
+impl Asking {
+    /// Whether there is such a program at all: better known before an hour of sessions than after.
+    fn check(&self) -> Result<(), String> {
+        let asked = Command::new(&self.program).arg("--version").output();
+        let missing = |error| {
+            format!(
+                "cannot run {}: {error}; build it with `cargo build --release`, or name it with --program",
+                self.program.display()
+            )
+        };
+        asked.map(|_| ()).map_err(missing)
+    }
+}
+
+/// What a session has: its recording, its truth, and its clean twin where there is one.
+#[derive(Debug, Clone)]
+struct Files {
+    recording: PathBuf,
+    truth: PathBuf,
+    twin: Option<PathBuf>,
+}
+
+impl Files {
+    fn of(folder: &Path, session: &str) -> Files {
+        let name = format!("{session}.mcap");
+        Files {
+            recording: folder.join(&name),
+            truth: folder.join("truth").join(format!("{session}.json")),
+            twin: Some(folder.join("twins").join(&name)).filter(|twin| twin.exists()),
+        }
+    }
+
+    fn delete(&self) {
+        for file in [Some(&self.recording), self.twin.as_ref()].into_iter().flatten() {
+            // What cannot be deleted is only in the way.
+            let _ = std::fs::remove_file(file);
+        }
+    }
+}
+
+/// Judges every session of a folder, as many at once as there are processors; `done` is told of each.
+///
+/// # Errors
+/// A sentence: the folder has no truth, or a truth cannot be read.
+pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
+    let entries = std::fs::read_dir(folder.join("truth"))
+        .map_err(|error| format!("{}: {error}; make sessions first", folder.join("truth").display()))?;
+    let mut sessions: Vec<String> = entries
+        .filter_map(|entry| Some(entry.ok()?.path().file_stem()?.to_string_lossy().into_owned()))
+        .collect();
+    sessions.sort();
+    asking.check()?;
+    let judged = ask_all(&sessions, |session| {
+        let judged = score_one(&Files::of(folder, session), asking)?;
+        done(&judged);
+        Ok(judged)
+    });
+    judged.into_iter().collect()
+}
+
+/// Makes sessions one by one, has each judged, and deletes its recording.
+///
+/// # Errors
+/// As of making and judging.
+pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
+    let plans = make::plans(order)?;
+    asking.check()?;
+    make::prepare(order)?;
+    let judged = ask_all(&plans, |plan| {
+        make::make_one(plan, order)?;
+        let files = Files::of(&order.out, &plan.session);
+        let judged = score_one(&files, asking);
+        files.delete();
+        let judged = judged?;
+        done(&judged);
+        Ok(judged)
+    });
+    judged.into_iter().collect()
+}
+
+fn score_one(files: &Files, asking: &Asking) -> Result<Judged, String> {
+    let text = std::fs::read_to_string(&files.truth)
+        .map_err(|error| format!("cannot read {}: {error}", files.truth.display()))?;
+    let truth: Truth =
+        serde_json::from_str(&text).map_err(|error| format!("{}: {error}", files.truth.display()))?;
+    // The truth's spans are for the command line; what is hidden stays closed until the program has spoken.
+    let started = Instant::now();
+    let printed = ask(&files.recording, &truth, asking);
+    let seconds = started.elapsed().as_secs_f64();
+    let twin_mm = files.twin.as_ref().and_then(|twin| {
+        let finding = ask(twin, &truth, asking).ok()?;
+        finding["gap"]["before_mm"].as_f64()
+    });
+    Ok(judge(&truth, printed.as_ref().map_err(String::as_str), twin_mm, seconds))
+}
+
+/// Runs `reconcile` on a recording; what it prints, or why it prints nothing.
+fn ask(recording: &Path, truth: &Truth, asking: &Asking) -> Result<Value, String> {
+    let out = recording.with_extension("reconciled");
+    let mut command = Command::new(&asking.program);
+    command.arg("reconcile").arg(recording);
+    if !asking.finds_spans {
+        let span = |[from_s, to_s]: [f64; 2]| format!("{from_s:.3}:{to_s:.3}");
+        command.args(["--identify", &span(truth.spans.identify), "--work", &span(truth.spans.work)]);
+        if truth.tells_reference {
+            command.args(["--reference", &span(truth.spans.reference)]);
+        }
+    }
+    command.arg("--json").arg("--out").arg(&out);
+    let output = command.output().map_err(|error| format!("{}: {error}", asking.program.display()))?;
+    // The report is not looked at here.
+    let _ = std::fs::remove_dir_all(&out);
+    serde_json::from_slice(&output.stdout).map_err(|error| {
+        let told = String::from_utf8_lossy(&output.stderr);
+        let mut why = format!("{}: no finding ({error})", output.status);
+        if let Some(line) = told.lines().rfind(|line| !line.trim().is_empty()) {
+            let _ = write!(why, ": {line}");
+        }
+        why
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hidden::judge::Class;
+    use crate::hidden::judge::tests::{finding, truth};
+    use serde_json::json;
+    use std::os::unix::fs::PermissionsExt;
+
+    /// A program that says the same of every recording, if it is asked as it should be.
+    fn program(folder: &Path, said: &Value, asked_for: &str) -> PathBuf {
+        let path = folder.join("equipoise");
+        let script = format!(
+            "#!/bin/sh\ncase \"$*\" in\n*'{asked_for}'*) cat <<'END'\n{said}\nEND\n;;\n\
+             *) echo \"asked: $*\" >&2; exit 1;;\nesac\n"
+        );
+        std::fs::write(&path, script).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        path
+    }
+
+    fn sessions(folder: &Path) {
+        std::fs::create_dir(folder.join("truth")).unwrap();
+        let hidden = truth(&[("hand_load", Some(("hand", "right")), ("mass_kg", 0.5))]);
+        for (session, truth) in [("session-0001", hidden), ("session-0002", truth(&[]))] {
+            let truth = Truth { session: session.into(), ..truth };
+            let text = serde_json::to_string(&truth).unwrap();
+            std::fs::write(folder.join("truth").join(format!("{session}.json")), text).unwrap();
+        }
+    }
+
+    #[test]
+    fn every_session_is_asked_with_its_spans_and_judged() {
+        let folder = tempfile::tempdir().unwrap();
+        sessions(folder.path());
+        let load = json!({"mass_kg": {"value": 0.52, "sigma": 0.05, "unit": "kg"}});
+        let said = finding("named", &[("hand_load", json!({"hand": "right"}), load)], &[]);
+        let asked = "--identify 0.000:60.000 --work 180.000:270.000 --reference 60.000:180.000 --json --out";
+        let asking = Asking { program: program(folder.path(), &said, asked), finds_spans: false };
+        let judged = score(folder.path(), &asking, |_| {}).unwrap();
+        assert_eq!(judged.len(), 2);
+        assert!(judged[0].exact && judged[0].class == Class::Single, "{:?}", judged[0].failure);
+        assert!(judged[1].is_false_alarm(), "{:?}", judged[1].failure);
+    }
+
+    #[test]
+    fn a_program_that_refuses_is_told_with_its_last_word() {
+        let folder = tempfile::tempdir().unwrap();
+        sessions(folder.path());
+        let asking = Asking { program: program(folder.path(), &json!({}), "--identify"), finds_spans: true };
+        let judged = score(folder.path(), &asking, |_| {}).unwrap();
+        assert_eq!(judged[0].verdict, "failed");
+        let failure = judged[0].failure.as_deref().unwrap();
+        assert!(failure.contains("asked: reconcile") && !failure.contains("--work"), "{failure}");
+    }
+
+    #[test]
+    fn a_folder_without_truth_is_an_error_that_says_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let asking = Asking { program: PathBuf::from("equipoise"), finds_spans: false };
+        assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("make sessions first"));
+        sessions(folder.path());
+        let asking = Asking { program: folder.path().join("none"), finds_spans: false };
+        assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("cargo build --release"));
+    }
+}

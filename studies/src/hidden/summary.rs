@@ -1,0 +1,268 @@
+//! What many judged findings come to.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::judge::{Class, Judged};
+use super::ladder::{NOMINAL, RUNGS};
+use crate::table::{Cell, Table};
+use crate::tally::percent;
+
+/// An effect counts as detected at a size from this share of sessions on.
+const DETECTED: f64 = 0.8;
+
+/// All tables.
+pub fn tables(judged: &[Judged]) -> Vec<Table> {
+    vec![overview(judged), by_size(judged), confusion(judged), outside(judged), parameters(judged)]
+}
+
+fn share(part: usize, whole: usize) -> Cell {
+    if whole == 0 { Cell::Nothing } else { Cell::Number(100.0 * part as f64 / whole as f64) }
+}
+
+/// Singles whose size is known to the model: not those that were there while the worker was identified.
+fn singles(judged: &[Judged]) -> impl Iterator<Item = &Judged> {
+    judged.iter().filter(|one| one.class == Class::Single && !one.from_beginning)
+}
+
+fn overview(judged: &[Judged]) -> Table {
+    let mut table =
+        Table::new(format!("Blind bench: {} sessions", judged.len()), &["what", "right", "of", "per cent"]);
+    let mut add = |what: String, right: usize, of: usize| {
+        table.push(vec![Cell::Text(what), (right as u64).into(), (of as u64).into(), share(right, of)]);
+    };
+    for size in RUNGS {
+        let at: Vec<&Judged> = singles(judged).filter(|one| one.sizes == [size]).collect();
+        let count = |is: fn(&Judged) -> bool| at.iter().filter(|one| is(one)).count();
+        add(format!("first name exact at {size} of the detectable size"), count(|one| one.exact), at.len());
+        add(format!("first name or family at {size}"), count(|one| one.family), at.len());
+    }
+    let of = |is: &dyn Fn(&Judged) -> bool| judged.iter().filter(|one| is(one)).count();
+    let early = |one: &Judged| one.class == Class::Single && one.from_beginning;
+    add("there from the beginning: name or family".into(), of(&|one| early(one) && one.family), of(&early));
+    let partly = |one: &Judged| one.class == Class::Single && one.comes_and_goes;
+    add(
+        "in part of the work or turning over: name or family".into(),
+        of(&|one| partly(one) && one.family),
+        of(&partly),
+    );
+    let pair = |one: &Judged| one.class == Class::Pair;
+    add("pairs: both found".into(), of(&|one| pair(one) && one.found == 2), of(&pair));
+    add("pairs: at least one found".into(), of(&|one| pair(one) && one.found > 0), of(&pair));
+    let clean = |one: &Judged| one.class == Class::Clean;
+    add(
+        "clean: something named (false alarm)".into(),
+        of(&|one| clean(one) && one.verdict == "named"),
+        of(&clean),
+    );
+    add("clean: anything but `none`".into(), of(&Judged::is_false_alarm), of(&clean));
+    let beyond = |one: &Judged| one.class == Class::Outside;
+    let honest = |one: &Judged| ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared;
+    add(
+        "outside the catalogue: unexplained, ambiguous or a declared family".into(),
+        of(&|one| beyond(one) && honest(one)),
+        of(&beyond),
+    );
+    add("sessions without a finding".into(), of(&|one| one.verdict == "failed"), judged.len());
+    let compared: Vec<f64> = judged
+        .iter()
+        .filter(|one| one.exact)
+        .flat_map(|one| &one.parameters)
+        .map(|one| one.off().abs())
+        .collect();
+    add(
+        "parameters of exact names within 2 sigma".into(),
+        compared.iter().filter(|off| **off <= 2.0).count(),
+        compared.len(),
+    );
+    let hidden = |one: &&Judged| one.class == Class::Single && one.family;
+    let over: Vec<f64> = judged.iter().filter(hidden).filter_map(Judged::over_the_oracle).collect();
+    add(
+        "held-out gap after at most 1.1 of the oracle's, where named".into(),
+        over.iter().filter(|over| **over <= 1.1).count(),
+        over.len(),
+    );
+    let middle = |values: Vec<f64>| {
+        crate::tally::quartiles(values)
+            .map_or("-".into(), |[_, median, upper]| format!("median {median:.2}, upper quartile {upper:.2}"))
+    };
+    table.note(format!("gap after over the oracle's, where named: {}", middle(over)));
+    table.note(format!("run time, s: {}", middle(judged.iter().map(|one| one.seconds).collect())));
+    let per_ten_minutes = judged.iter().map(|one| one.seconds / one.length_s * 600.0).collect();
+    table.note(format!("run time for ten minutes of recording, s: {}", middle(per_ten_minutes)));
+    table.note("oracle: the gap of the clean twin before anything is named; without twins, the gap before less what the truth says is hidden");
+    table.note(
+        "there from the beginning: not counted by size, for the identified worker has swallowed a part",
+    );
+    table
+}
+
+/// Name without place.
+fn name_of(label: &str) -> &str {
+    label.split_once(' ').map_or(label, |(name, _)| name)
+}
+
+fn by_size(judged: &[Judged]) -> Table {
+    let columns = ["effect", "x0.5", "x1", "x2", "x4", "exact %", "name or family %"];
+    let mut table =
+        Table::new("First name by size over the detectable size: exact / name or family / tried", &columns);
+    let kinds: BTreeSet<&str> = singles(judged).map(|one| one.kind.as_str()).collect();
+    for kind in kinds {
+        let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
+        let mut row = vec![Cell::from(kind)];
+        for size in RUNGS {
+            let at: Vec<&&Judged> = of_kind.iter().filter(|one| one.sizes == [size]).collect();
+            let exact = at.iter().filter(|one| one.exact).count();
+            let family = at.iter().filter(|one| one.family).count();
+            row.push(if at.is_empty() {
+                Cell::Nothing
+            } else {
+                Cell::Text(format!("{exact}/{family}/{}", at.len()))
+            });
+        }
+        row.push(share(of_kind.iter().filter(|one| one.exact).count(), of_kind.len()));
+        row.push(share(of_kind.iter().filter(|one| one.family).count(), of_kind.len()));
+        table.push(row);
+    }
+    table
+}
+
+/// What is said first of a session.
+fn said(one: &Judged) -> String {
+    match (one.verdict.as_str(), one.named.first()) {
+        ("named", Some(label)) => name_of(label).to_owned(),
+        (verdict, _) => format!("({verdict})"),
+    }
+}
+
+fn confusion(judged: &[Judged]) -> Table {
+    let mut table = Table::new("What was hidden and what was said first", &["hidden", "said", "sessions"]);
+    let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
+    for one in judged.iter().filter(|one| one.class != Class::Pair) {
+        let hidden =
+            if one.class == Class::Single { name_of(&one.kind).to_owned() } else { one.kind.clone() };
+        *counts.entry((hidden, said(one))).or_default() += 1;
+    }
+    for ((hidden, said), count) in counts {
+        table.push(vec![Cell::Text(hidden), Cell::Text(said), count.into()]);
+    }
+    table
+}
+
+fn outside(judged: &[Judged]) -> Table {
+    let columns =
+        ["outside the catalogue", "unexplained", "ambiguous", "declared family", "named", "none", "failed"];
+    let mut table = Table::new("Effects that the catalogue does not have", &columns);
+    let kinds: BTreeSet<&str> =
+        judged.iter().filter(|one| one.class == Class::Outside).map(|one| one.kind.as_str()).collect();
+    for kind in kinds {
+        let of_kind: Vec<&Judged> = judged.iter().filter(|one| one.kind == kind).collect();
+        let count = |is: &dyn Fn(&Judged) -> bool| of_kind.iter().filter(|one| is(one)).count() as u64;
+        table.push(vec![
+            kind.into(),
+            count(&|one| one.verdict == "unexplained").into(),
+            count(&|one| one.verdict == "ambiguous").into(),
+            count(&|one| one.verdict == "named" && one.declared).into(),
+            count(&|one| one.verdict == "named" && !one.declared).into(),
+            count(&|one| one.verdict == "none").into(),
+            count(&|one| one.verdict == "failed").into(),
+        ]);
+    }
+    table
+}
+
+fn parameters(judged: &[Judged]) -> Table {
+    let mut table = Table::new(
+        "Parameters of what was named exactly",
+        &["parameter", "compared", "within 2 sigma", "mean error / sigma", "rms error / sigma"],
+    );
+    let mut errors: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for compared in judged.iter().filter(|one| one.exact).flat_map(|one| &one.parameters) {
+        let parameter = compared.name.rsplit_once(' ').map_or("", |(_, parameter)| parameter);
+        errors.entry(format!("{} {parameter}", name_of(&compared.name))).or_default().push(compared.off());
+    }
+    for (parameter, errors) in errors {
+        let count = errors.len();
+        let within = errors.iter().filter(|off| off.abs() <= 2.0).count() as u64;
+        let mean = errors.iter().sum::<f64>() / count as f64;
+        let square = errors.iter().map(|off| off * off).sum::<f64>() / count as f64;
+        let cells = [
+            Cell::Count(count as u64),
+            percent(within, count as u64).into(),
+            Cell::Number(mean),
+            Cell::Number(square.sqrt()),
+        ];
+        table.push([vec![Cell::Text(parameter)], cells.to_vec()].concat());
+    }
+    table.note("a load's force that varies is compared with its mean; effects that turn over are left out");
+    table
+}
+
+/// The smallest size of each effect from which on it is named in four sessions of five.
+pub fn detectable(judged: &[Judged]) -> Table {
+    let mut table =
+        Table::new("Minimum detectable size", &["effect", "exact", "name or family", "unit", "sessions"]);
+    for (kind, nominal, unit) in NOMINAL {
+        let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
+        let smallest = |is: fn(&Judged) -> bool| {
+            let mut found = None;
+            for size in RUNGS.iter().rev() {
+                let at: Vec<&&Judged> = of_kind.iter().filter(|one| one.sizes == [*size]).collect();
+                let right = at.iter().filter(|one| is(one)).count();
+                if at.is_empty() || (right as f64) < DETECTED * at.len() as f64 {
+                    break;
+                }
+                found = Some(if kind == "plate_lowpass" { nominal / size } else { nominal * size });
+            }
+            Cell::from(found)
+        };
+        let cells = [smallest(|one| one.exact), smallest(|one| one.family), unit.into()];
+        table.push([vec![Cell::from(kind)], cells.to_vec(), vec![(of_kind.len() as u64).into()]].concat());
+    }
+    table.note("the smallest of the sizes tried at which, and above which, four sessions of five are right; -: none of them");
+    table.note("sizes tried: half, once, twice and four times the nominal detectable size of each effect");
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hidden::judge::judge;
+    use crate::hidden::judge::tests::{finding, truth};
+    use serde_json::json;
+
+    fn of_yaw(size: f64, right: bool) -> Judged {
+        let mut truth = truth(&[("plate_yaw", None, ("psi_rad", 0.1))]);
+        truth.effects[0].size = size;
+        let name = if right { "plate_yaw" } else { "plate_gain" };
+        judge(&truth, Ok(&finding("named", &[(name, json!({}), json!({}))], &[])), None, 2.0)
+    }
+
+    #[test]
+    fn the_detectable_size_is_the_smallest_above_which_nothing_is_missed() {
+        let row_of = |judged: &[Judged]| {
+            let table = detectable(judged);
+            table.rows().iter().find(|row| row[0] == Cell::from("plate_yaw")).unwrap().clone()
+        };
+        let judged = [of_yaw(4.0, true), of_yaw(2.0, true), of_yaw(1.0, false), of_yaw(0.5, true)];
+        assert_eq!(row_of(&judged)[1], Cell::Number(4.0));
+        assert_eq!(row_of(&judged[2..])[1], Cell::Nothing);
+    }
+
+    #[test]
+    fn the_tables_count_what_was_said() {
+        let clean = judge(&truth(&[]), Ok(&finding("none", &[], &[])), None, 1.0);
+        let judged = [of_yaw(2.0, true), of_yaw(2.0, false), clean];
+        let overview = overview(&judged);
+        let row = |what: &str| {
+            let rows = overview.rows().iter();
+            rows.clone()
+                .find(|row| matches!(&row[0], Cell::Text(text) if text.starts_with(what)))
+                .unwrap()
+                .clone()
+        };
+        assert_eq!(row("first name exact at 2")[1..3], [Cell::Count(1), Cell::Count(2)]);
+        assert_eq!(row("clean: anything but")[1..3], [Cell::Count(0), Cell::Count(1)]);
+        assert_eq!(confusion(&judged).rows().len(), 3);
+        assert_eq!(tables(&judged).len(), 5);
+    }
+}
