@@ -140,12 +140,27 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
         for &shape in &shapes {
             for &scope in &scopes {
                 let mut candidate = Candidate::new(effect, place, shape, scope);
-                candidate.log_prior = -((shapes.len() * scopes.len()) as f64).ln();
+                candidate.log_prior = usual(effect, place) - ((shapes.len() * scopes.len()) as f64).ln();
                 list.push(candidate);
             }
         }
     }
     list
+}
+
+/// How usual a place is, as a log prior: things are worn on back and belt, held in hands, strapped to thighs and forearms,
+/// hardly ever to heads, upper arms and shins.
+fn usual(effect: Effect, place: Place) -> f64 {
+    use equipoise_core::body::Segment;
+    match (effect, place) {
+        (Effect::WornMass, Place::Segment(Segment::T8 | Segment::Pelvis)) => 0.0,
+        (Effect::WornMass, Place::Segment(segment)) => {
+            let thigh = [Segment::RightUpperLeg, Segment::LeftUpperLeg];
+            let forearm = [Segment::RightForearm, Segment::LeftForearm];
+            if thigh.contains(&segment) || forearm.contains(&segment) { -1.0 } else { -3.0 }
+        }
+        _ => 0.0,
+    }
 }
 
 fn shapes(effect: Effect) -> Vec<f64> {

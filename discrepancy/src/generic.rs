@@ -13,6 +13,9 @@ use crate::select::Selection;
 /// Most generic terms that are told.
 const TOLD_MAX: usize = 3;
 
+/// What a generic term must gain beyond the threshold, in log odds, for there being so many; clean sessions stay below.
+const SEARCHED: f64 = 2.0;
+
 /// What the library says.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Generics {
@@ -37,7 +40,7 @@ struct Entry {
 pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Generics {
     let owned = library(gram);
     let library: Vec<&Entry> = owned.iter().collect();
-    let least = threshold + 3.0;
+    let least = threshold + SEARCHED;
     let terms = selection.terms();
     let alone = greedy(gram, &library, &[], least, terms.len().max(1));
     let after = greedy(gram, &library, &terms, least, TOLD_MAX);
@@ -168,8 +171,29 @@ fn of_segment(gram: &Gram<'_>, segment: Segment) -> Vec<Entry> {
             turned(rows, block, segment, &turns)
         }));
     }
+    list.extend(slips(gram, segment, &name));
     list.extend(near_places(gram, segment));
     list
+}
+
+/// A sensor that follows only part of its joint's turn, and one that turns aside the more the joint is bent.
+fn slips(gram: &Gram<'_>, segment: Segment, name: &str) -> Vec<Entry> {
+    let rows = gram.rows;
+    let bent = |block: usize| rows.blocks[block].joint_rad[segment.index()];
+    let axes = |block: usize| rows.blocks[block].observation.rotation[segment.index()];
+    let lags = format!("the sensor on the {name} follows its joint only in part");
+    let aside = format!("the sensor on the {name} slips the more its joint is bent");
+    vec![
+        entry(gram, lags, &[0.15], |block| {
+            let turn = axes(block).map(|row| (0..3).map(|k| row[k] * bent(block)[k]).sum());
+            turned(rows, block, segment, &[turn])
+        }),
+        entry(gram, aside, &[0.15; 3], |block| {
+            let size = norm(bent(block));
+            let turns: Vec<[f64; 3]> = (0..3).map(|along| axes(block).map(|row| row[along] * size)).collect();
+            turned(rows, block, segment, &turns)
+        }),
+    ]
 }
 
 /// Headings that go wrong where a hand is: iron.

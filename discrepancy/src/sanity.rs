@@ -3,7 +3,7 @@
 
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place};
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, Scope};
 use crate::evidence::log_odds;
 use crate::gram::Gram;
 
@@ -56,8 +56,20 @@ pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize) -
     !is_judged_otherwise && from_cop_alone(gram, accepted, term) < FROM_COP_ALONE
 }
 
+/// An offset that was always there shows only by where stances were put down, which is known by centimetres: it must be
+/// certain by this much, in log odds.
+const OFFSET_BY_STANCES: f64 = 35.0;
+
+/// Why so much evidence is not enough here.
+pub(crate) fn unproven(gram: &Gram<'_>, term: usize, log_odds: f64) -> Option<String> {
+    let candidate = gram.terms[term].candidate.as_ref()?;
+    let is_by_stances = candidate.effect == Effect::PlateOffset && candidate.scope == Scope::All;
+    (is_by_stances && log_odds < OFFSET_BY_STANCES && gram.rows.session.suit_drifts)
+        .then(|| "may as well be where the feet were put down".to_owned())
+}
+
 /// A mass must beat a gain of the vertical force by this much, in log odds: its weight alone does not show where it is.
-const OVER_A_GAIN: f64 = 2.0;
+const OVER_A_GAIN: f64 = 3.0;
 
 /// Whether a mass explains no more than a gain of the vertical force would.
 pub(crate) fn no_better_than_a_gain(gram: &Gram<'_>, accepted: &[usize], term: usize) -> bool {

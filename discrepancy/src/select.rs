@@ -7,7 +7,7 @@ use crate::evidence::Estimate;
 use crate::finding::{Candidate as Considered, SetAside};
 use crate::gram::Gram;
 use crate::refine;
-use crate::sanity::{no_better_than_a_gain, objection, only_by_forces};
+use crate::sanity::{from_cop_alone, no_better_than_a_gain, objection, only_by_forces, unproven};
 use crate::trials::{Trial, trials};
 use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
 
@@ -76,7 +76,7 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> 
             break;
         };
         let name = gram.terms[term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
-        leak = leak.max(share_of_model_error(gram, term) * log_odds);
+        leak = leak.max(leaks(gram, &selection.terms(), term, log_odds));
         selection.accepted.push(Accepted { term, name, log_odds, considered });
         forgive(gram, &selection.terms());
     }
@@ -135,7 +135,7 @@ fn first_that_stands(
                 gram.add_candidate(exact)
             }
         };
-        match why_not(gram, &terms, term) {
+        match unproven(gram, term, way.log_odds).or_else(|| why_not(gram, &terms, term)) {
             None => return Some((term, way.log_odds)),
             Some(why) => {
                 gram.truncate(before);
@@ -171,13 +171,15 @@ pub(crate) fn last_of(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Optio
     Some(Estimate { value: estimate.value[from..].to_vec(), sigma: estimate.sigma[from..].to_vec() })
 }
 
-/// How much of an effect's evidence its own model error may bring about elsewhere.
-fn share_of_model_error(gram: &Gram<'_>, term: usize) -> f64 {
-    match gram.terms[term].candidate.as_ref().map(|candidate| candidate.effect) {
+/// How much evidence elsewhere an effect's own model error may bring about, in log odds: a share of what it has from the
+/// centre of pressure. A weight is seen by the force with much more, which moves no pressure.
+fn leaks(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> f64 {
+    let share = match gram.terms[term].candidate.as_ref().map(|candidate| candidate.effect) {
         Some(Effect::HandContact) => 0.06,
         Some(Effect::SegmentHeading | Effect::SegmentMisalignment) => 0.08,
         _ => 0.01,
-    }
+    };
+    share * from_cop_alone(gram, accepted, term).clamp(0.0, log_odds)
 }
 
 /// The newest effect is not exactly as its equation says: its strength may wander by some per cent, and that is no effect.

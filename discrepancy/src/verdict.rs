@@ -112,7 +112,8 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
             generics.unlike, rest.times_clean, rest.correlation, rest.worst_piece_sigma
         );
     }
-    let more = left > (threshold + GENERIC_GAIN.0).max(GENERIC_GAIN.1 * explained);
+    let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
+    let more = left > (threshold + gain).max(GENERIC_GAIN.1 * explained);
     if more || outdone || (rest.is_beyond_noise() && left > threshold) {
         return Verdict::Unexplained;
     }
