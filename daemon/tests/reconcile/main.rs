@@ -7,3 +7,4 @@ mod bad_input;
 #[path = "../common/mod.rs"]
 mod common;
 mod make;
+mod models;
