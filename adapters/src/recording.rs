@@ -15,6 +15,7 @@ pub mod error;
 mod frame;
 pub mod header;
 pub mod reader;
+mod store;
 pub mod topic;
 pub mod writer;
 

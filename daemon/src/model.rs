@@ -48,6 +48,11 @@ impl LoadedModel {
         Ok(())
     }
 
+    /// The file: every effect, whether or not it runs here.
+    pub fn file(&self) -> &ModelFile {
+        &self.file
+    }
+
     /// What the loop runs.
     pub fn model(&self) -> Model {
         self.file.model(self.spans()).0

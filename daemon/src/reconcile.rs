@@ -4,21 +4,19 @@
 //! the frozen model predicts is compared with what the plate measured (`equipoise_discrepancy::compare`). All questions
 //! about effects are the engine's; here are the files and the cycle.
 //!
-//! Floors, ground first: [`provenance`], [`survey`] → [`learn`], `known` → `session` → this file → [`output`],
+//! Floors, ground first: `date`, [`survey`] → [`learn`], `known` → `session` → this file → [`output`],
 //! [`summary`].
 
+mod date;
 mod known;
 pub mod learn;
 pub mod output;
-pub mod provenance;
 mod session;
 pub mod summary;
 pub mod survey;
 
 use anyhow::bail;
 use equipoise_core::cycle::{Memory, Settings};
-use equipoise_core::effect::Model;
-use equipoise_discrepancy::model_file::ModelFile;
 use equipoise_discrepancy::session::Session;
 use equipoise_discrepancy::spans::{Found, Given};
 
@@ -45,14 +43,10 @@ pub struct Progress {
 pub struct Reconcile<'a> {
     /// The recording.
     pub input: &'a Input,
-    /// Its configuration.
+    /// Its configuration, with the model of the effects that are known already.
     pub config: &'a Config,
     /// The spans that a person gave.
     pub given: Given,
-    /// Effects that are known already.
-    pub known: Option<&'a ModelFile>,
-    /// What of them holds in this recording.
-    pub known_model: Model,
 }
 
 /// A recording, compared with the model.
@@ -69,9 +63,9 @@ pub struct Compared {
 }
 
 impl Reconcile<'_> {
-    /// The cycle's settings, with the effects that are known.
+    /// The cycle's settings, with the effects that are known; nothing is learnt but where this says so.
     fn settings(&self) -> Settings {
-        Settings { passive: false, model: self.known_model, ..self.config.settings() }
+        Settings { passive: false, ..self.config.settings() }
     }
 
     /// Surveys, learns, compares.
@@ -83,9 +77,13 @@ impl Reconcile<'_> {
         survey.check()?;
         let samples_s = survey.samples_s();
         self.given.check(samples_s)?;
+        let poses_s = match self.given.identify {
+            Some(span) => [span.from_s, span.to_s],
+            None => [samples_s[0], self.given.learn_until_s(samples_s)],
+        };
+        survey.check_weight(poses_s, self.config)?;
         let learnt = learn::learn(self, &survey, progress)?;
         let found = self.given.find(&learnt.shown(samples_s))?;
-        survey.check_weight(&learnt, &found.spans_s, self.config)?;
         let (session, left_out) = session::compare(self, &survey, &learnt, &found, progress)?;
         if session.blocks.is_empty() {
             bail!(

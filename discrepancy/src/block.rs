@@ -39,7 +39,7 @@ pub struct Block {
     pub stance: u64,
     /// Whether all of it is a held pose.
     pub still: bool,
-    /// Means of everything that effects are made of; `time_s` is the middle, s since the recording's begin.
+    /// Means of everything that effects are made of; `time_s` is that of the suit samples in it, s since the recording's begin.
     pub observation: Observation,
     /// Velocity of the centre of mass, m/s.
     pub com_velocity_m_per_s: [f64; 3],

@@ -1,7 +1,5 @@
 //! The frames of an MCAP file: where records lie, and what a chunk holds. Trusts no length that it reads.
 
-use std::ops::Range;
-
 use mcap::McapError;
 use mcap::read::parse_record;
 use mcap::records::{Record, op};
@@ -14,13 +12,11 @@ const RECORD_BYTES_MAX: usize = 64 << 20;
 /// A chunk's head without its compression's name.
 const CHUNK_HEAD_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
-/// The record at `at` with its opcode; `None` if it is not there in full.
-pub(super) fn record_at(bytes: &[u8], at: usize) -> Option<(u8, Range<usize>)> {
-    let head = bytes.get(at..)?.first_chunk::<RECORD_HEAD_BYTES>()?;
-    let [opcode, length @ ..] = *head;
+/// Where the record at `at` ends by what its frame says; `None` if that is no place.
+pub(super) fn record_end(at: usize, head: &[u8; RECORD_HEAD_BYTES]) -> Option<usize> {
+    let [_, length @ ..] = *head;
     let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
-    let end = at.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)?;
-    (end <= bytes.len()).then_some((opcode, at..end))
+    at.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)
 }
 
 /// The body of a record as mcap reads it; `None` for the kinds that a recording's messages do not need.

@@ -8,14 +8,15 @@ use mcap::records::{Record, op};
 
 use super::channels::Channels;
 use super::error::ReadError;
-use super::frame::{RECORD_HEAD_BYTES, parse, record_at, unpack_chunk};
+use super::frame::{RECORD_HEAD_BYTES, parse, unpack_chunk};
 use super::header::{FORMAT, METADATA_NAME, RecordingHeader};
+use super::store::Store;
 use super::topic::TimedEntry;
 
-/// An opened recording, all of it in memory as it stands in the file.
+/// An opened recording. Of a file only the frames are known; what is in them is read when it is gone through.
 #[derive(Debug)]
 pub struct Recording {
-    bytes: Vec<u8>,
+    store: Store,
     /// Where the records stand that hold messages or announce them.
     records: Vec<Range<usize>>,
     header: RecordingHeader,
@@ -29,8 +30,8 @@ impl Recording {
     /// [`ReadError`] if the file cannot be read, is no recording, or was written by a release whose messages differ.
     pub fn open(path: impl AsRef<Path>) -> Result<Recording, ReadError> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-        Recording::from_bytes(bytes)
+        let failed = |source| ReadError::Io { path: path.to_owned(), source };
+        Recording::of(Store::open(path).map_err(failed)?, failed)
     }
 
     /// The same from bytes.
@@ -38,12 +39,18 @@ impl Recording {
     /// # Errors
     /// As [`Recording::open`].
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Recording, ReadError> {
-        if !bytes.starts_with(mcap::MAGIC) {
-            return Err(ReadError::NotMcap { found: what_it_begins_with(&bytes) });
+        Recording::of(Store::Memory(bytes), |source| ReadError::Io { path: "in memory".into(), source })
+    }
+
+    fn of(store: Store, failed: impl Fn(std::io::Error) -> ReadError) -> Result<Recording, ReadError> {
+        let begin = store.read(0..store.len().min(BEGIN_BYTES)).map_err(&failed)?;
+        if !begin.starts_with(mcap::MAGIC) {
+            return Err(ReadError::NotMcap { found: what_it_begins_with(&begin) });
         }
+        drop(begin);
         let mut recording =
-            Recording { bytes, records: Vec::new(), header: RecordingHeader::default(), truncated: true };
-        recording.scan()?;
+            Recording { store, records: Vec::new(), header: RecordingHeader::default(), truncated: true };
+        recording.scan(failed)?;
         recording.check_first_channels()?;
         Ok(recording)
     }
@@ -69,34 +76,48 @@ impl Recording {
         }
     }
 
-    /// Finds the records by their frames; nothing is decompressed here.
-    fn scan(&mut self) -> Result<(), ReadError> {
+    /// Finds the records by their frames; nothing is decompressed here, and of a file only the head is read.
+    fn scan(&mut self, failed: impl Fn(std::io::Error) -> ReadError) -> Result<(), ReadError> {
         let mut at = mcap::MAGIC.len();
-        while let Some((opcode, record)) = record_at(&self.bytes, at) {
-            let end = record.end;
-            if opcode == op::FOOTER {
-                self.truncated = false;
-                break;
-            }
-            let body = &self.bytes[record.start + RECORD_HEAD_BYTES..end];
-            match parse(opcode, body) {
-                Ok(Some(Record::Metadata(metadata))) if metadata.name == METADATA_NAME => {
-                    let format = self.header.take_metadata(&metadata.metadata);
-                    if let Some(found) = format.filter(|found| *found > FORMAT) {
-                        let software_version = self.header.software_version.clone();
-                        return Err(ReadError::LaterFormat { found, software_version });
+        while let Some((opcode, record)) = self.store.record_at(at).map_err(&failed)? {
+            at = record.end;
+            match opcode {
+                op::FOOTER => {
+                    self.truncated = false;
+                    break;
+                }
+                // What cannot be parsed is kept too: the reader says where it stands when it gets there.
+                op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK => self.records.push(record),
+                op::METADATA | op::ATTACHMENT => {
+                    let body = record.start + RECORD_HEAD_BYTES..record.end;
+                    let body = self.store.read(body).map_err(&failed)?.into_owned();
+                    if !self.take_head(opcode, &body)? {
+                        self.records.push(record);
                     }
                 }
-                Ok(Some(Record::Attachment { header, data, .. })) => {
-                    self.header.take_attachment(&header.name, &data);
-                }
-                Ok(Some(Record::Metadata(_)) | None) => {}
-                // What cannot be parsed is kept too: the reader says where it stands when it gets there.
-                Ok(Some(_)) | Err(_) => self.records.push(record),
+                _ => {}
             }
-            at = end;
         }
         Ok(())
+    }
+
+    /// Takes in what the file says of itself; whether it could be parsed.
+    fn take_head(&mut self, opcode: u8, body: &[u8]) -> Result<bool, ReadError> {
+        match parse(opcode, body) {
+            Ok(Some(Record::Metadata(metadata))) if metadata.name == METADATA_NAME => {
+                let format = self.header.take_metadata(&metadata.metadata);
+                if let Some(found) = format.filter(|found| *found > FORMAT) {
+                    let software_version = self.header.software_version.clone();
+                    return Err(ReadError::LaterFormat { found, software_version });
+                }
+            }
+            Ok(Some(Record::Attachment { header, data, .. })) => {
+                self.header.take_attachment(&header.name, &data);
+            }
+            Ok(_) => {}
+            Err(_) => return Ok(false),
+        }
+        Ok(true)
     }
 
     /// Reads on to the first of our topics, so that a foreign file is refused when it is opened.
@@ -113,6 +134,9 @@ impl Recording {
         entries.channels.refuse_foreign()
     }
 }
+
+/// As much of a file as tells what it is.
+const BEGIN_BYTES: usize = 64;
 
 fn what_it_begins_with(bytes: &[u8]) -> String {
     match bytes {
@@ -140,20 +164,20 @@ impl Entries<'_> {
         self.next_record += 1;
         let at_byte = range.start;
         let damaged = |reason: String| ReadError::Damaged { at_byte, reason };
-        let [opcode, ..] = self.recording.bytes[range.clone()] else {
+        let record = self.recording.store.read(range).map_err(|error| damaged(error.to_string()))?;
+        let [opcode, ..] = *record else {
             return Err(damaged("an empty record".to_owned()));
         };
         if opcode == op::CHUNK {
             // A chunk counts whole or not at all.
             let mut taken = VecDeque::new();
-            let record = &self.recording.bytes[range];
-            unpack_chunk(record, damaged, |opcode, body| {
+            unpack_chunk(&record, damaged, |opcode, body| {
                 taken.extend(self.take(opcode, body, at_byte)?);
                 Ok(())
             })?;
             self.ready.append(&mut taken);
         } else {
-            let body = &self.recording.bytes[range.start + RECORD_HEAD_BYTES..range.end];
+            let body = record.get(RECORD_HEAD_BYTES..).unwrap_or_default();
             let entry = self.take(opcode, body, at_byte)?;
             self.ready.extend(entry);
         }

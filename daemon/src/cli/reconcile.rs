@@ -4,17 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use equipoise_core::effect::Model;
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
-use equipoise_discrepancy::model_file::{ModelFile, Spans};
 use equipoise_discrepancy::spans::{Given, Span};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Outcome;
 use crate::config::Config;
+use crate::model::{LoadedModel, sha256_of};
 use crate::reconcile::output::{Results, folders};
-use crate::reconcile::provenance::sha256;
 use crate::reconcile::summary::Summary;
 use crate::reconcile::{Progress, Reconcile};
 use crate::replay::input::{Chosen, Input};
@@ -86,13 +84,17 @@ fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
 /// What comes of one file: whether all of it was used.
 fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) -> anyhow::Result<Outcome> {
     let input = Input::open(file)?;
-    let chosen = input.configuration(arguments.config.as_deref())?;
+    let mut chosen = input.configuration(arguments.config.as_deref())?;
     same_subject(&input, &chosen)?;
-    let hash = sha256(file)?;
-    let known = arguments.model.as_deref().map(ModelFile::read).transpose()?;
-    let (known_model, told) = model_for(known.as_ref(), &hash);
-    let reconcile =
-        Reconcile { input: &input, config: &chosen.config, given, known: known.as_ref(), known_model };
+    if let Some(path) = &arguments.model {
+        chosen.config.loaded_model = Some(LoadedModel::read(path)?);
+    }
+    let mut head = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
+    if let Some(model) = &mut chosen.config.loaded_model {
+        model.fit_to(file)?;
+        head += &format!("{}\n", model.tell());
+    }
+    let reconcile = Reconcile { input: &input, config: &chosen.config, given };
     let bar = Bar::new(arguments.json);
     let compared = reconcile.compare(&mut |progress| bar.show(progress))?;
     let mut outcome =
@@ -103,14 +105,13 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
     let written = match folder {
         Some(folder) => {
             let command = std::env::args().collect::<Vec<String>>().join(" ");
-            let results = Results { folder, file, sha256: &hash, command };
+            let results = Results { folder, file, sha256: &sha256_of(file)?, command };
             results.write(&reconcile, &compared, &mut outcome)?
         }
         None => Vec::new(),
     };
     let rejected = &compared.left_out.rejected;
     let summary = Summary { compared: &compared, finding: &outcome.finding };
-    let head = format!("{}\nconfiguration: {}\n{told}", file.display(), chosen.origin);
     let left_out = left_out_lines(&compared.left_out);
     if arguments.json {
         print_json(&outcome.finding, arguments.files.len() > 1)?;
@@ -144,19 +145,6 @@ fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-/// What of a model holds in this recording, and what to say of it.
-fn model_for(known: Option<&ModelFile>, sha256: &str) -> (Model, String) {
-    let Some(known) = known else { return (Model::default(), String::new()) };
-    let spans = if known.is_of(sha256) { Spans::Hold } else { Spans::OpenEndedForEver };
-    let (model, left_out) = known.model(spans);
-    let mut told = format!("known effects: {}\n", model.terms.iter().flatten().count());
-    for fitted in left_out {
-        told +=
-            &format!("  not in this recording: {}, which ended in the one it was found in\n", fitted.name());
-    }
-    (model, told)
 }
 
 /// Tells people at a terminal how far it is.

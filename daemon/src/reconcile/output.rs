@@ -8,7 +8,7 @@ use equipoise_discrepancy::Outcome;
 use equipoise_discrepancy::model_file::{Fitted, ModelFile, Provenance};
 use equipoise_discrepancy::report::{Origin, Recording, Report};
 
-use super::{Compared, Reconcile, provenance};
+use super::{Compared, Reconcile, date};
 
 /// Name of the model file in the folder of results.
 const MODEL: &str = "model.toml";
@@ -37,7 +37,7 @@ impl Results<'_> {
         compared: &Compared,
         outcome: &mut Outcome,
     ) -> anyhow::Result<Vec<PathBuf>> {
-        let date = provenance::now();
+        let date = date::now_utc();
         let model = self.model(reconcile, compared, outcome, &date);
         let path = self.folder.join(MODEL);
         let adds = !model.effects.is_empty();
@@ -83,7 +83,12 @@ impl Results<'_> {
         date: &str,
     ) -> ModelFile {
         let spans_s = &compared.session.spans_s;
-        let mut effects = reconcile.known.map(|known| known.effects.clone()).unwrap_or_default();
+        let mut effects = reconcile
+            .config
+            .loaded_model
+            .as_ref()
+            .map(|known| known.file().effects.clone())
+            .unwrap_or_default();
         effects.extend(outcome.terms.iter().map(|fitted| {
             let term = &fitted.term;
             let open_ended = term.span_s[1].is_infinite();

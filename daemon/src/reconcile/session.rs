@@ -63,6 +63,6 @@ pub(super) fn compare(
         length_s,
         blocks: comparison.finish(),
     };
-    known::take_off(&mut session.blocks, &reconcile.known_model);
+    known::take_off(&mut session.blocks, &settings.model);
     Ok((session, samples.left_out()))
 }

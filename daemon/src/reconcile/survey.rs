@@ -5,10 +5,8 @@ use equipoise_adapters::recording::Entry;
 use equipoise_core::cycle::{Checkpoint, Memory};
 use equipoise_core::message::{CommandKind, GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
-use equipoise_discrepancy::session::Spans;
 
 use super::Progress;
-use super::learn::Learnt;
 use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::Sample;
@@ -222,13 +220,12 @@ impl Survey {
         Ok(())
     }
 
-    /// Whether who stands there weighs what the worker should, while poses are held.
+    /// Whether who stands there weighs what the configuration says, in a span in which poses should be held, s.
     ///
     /// # Errors
     /// A sentence with both masses.
-    pub fn check_weight(&self, learnt: &Learnt, spans_s: &Spans, config: &Config) -> anyhow::Result<()> {
-        let mass_kg = learnt.worker.mass_kg;
-        let [from_s, to_s] = spans_s.identify;
+    pub fn check_weight(&self, [from_s, to_s]: [f64; 2], config: &Config) -> anyhow::Result<()> {
+        let Some(mass_kg) = config.subject.mass_kg else { return Ok(()) };
         let lies_in = |second: f64| {
             let time_s = second + 0.5 - self.begin_ns as f64 * 1e-9;
             time_s >= from_s && time_s < to_s
@@ -236,13 +233,14 @@ impl Survey {
         let mut shown: Vec<f64> =
             self.weight_n.iter().filter(|(second, _)| lies_in(*second)).map(|(_, mean_n)| *mean_n).collect();
         shown.sort_by(f64::total_cmp);
-        let Some(median_n) = shown.get(shown.len() / 2) else { return Ok(()) };
-        let shown_kg = median_n / GRAVITY_M_PER_S2;
-        if mass_kg > 0.0 && (shown_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {
+        // Loads come and go, and only add: the lower quartile is the body's.
+        let Some(weight_n) = shown.get(shown.len() / 4) else { return Ok(()) };
+        let shown_kg = weight_n / GRAVITY_M_PER_S2;
+        if (shown_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {
             bail!(
-                "while the worker is identified the plate shows {shown_kg:.1} kg, but {} weighs {mass_kg:.1} kg: this \
-                 is another worker's recording or configuration, or something is carried; name the right one with \
-                 --config, or other poses with --identify",
+                "while the worker should be identified ({from_s:.0} s – {to_s:.0} s) the plate shows {shown_kg:.1} kg, but {} \
+                 weighs {mass_kg:.1} kg: this is another worker's recording or configuration, or something is carried; \
+                 name the right one with --config, or other poses with --identify",
                 config.subject.id
             );
         }

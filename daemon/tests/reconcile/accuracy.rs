@@ -2,7 +2,6 @@
 
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
-use equipoise_core::effect::Model;
 use equipoise_core::message::Validity;
 use equipoise_daemon::config::Config;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
@@ -19,8 +18,7 @@ fn compared(script: &Script, samples: &Samples) -> Compared {
     samples.write(&path, &script.config());
     let input = Input::open(&path).unwrap();
     let config = Config::parse(&script.config(), "test").unwrap();
-    let (given, known_model) = (Given::default(), Model::default());
-    let reconcile = Reconcile { input: &input, config: &config, given, known: None, known_model };
+    let reconcile = Reconcile { input: &input, config: &config, given: Given::default() };
     reconcile.compare(&mut |_| {}).unwrap()
 }
 
@@ -123,17 +121,16 @@ fn accelerations_are_those_of_the_simulated_body() {
             let at_s = seen.time_s + time_s;
             ordered.upto(at_s);
             let motion = ordered.worker.origin_motion(at_s);
-            for segment in 0..SEGMENTS {
-                for axis in 0..3 {
-                    truth[segment][axis] += motion[segment][1][axis] / times.len() as f64;
+            for (sum, [_, acceleration]) in truth.iter_mut().zip(motion) {
+                for (sum, value) in sum.iter_mut().zip(acceleration.iter()) {
+                    *sum += value / times.len() as f64;
                 }
             }
         }
-        for segment in 0..SEGMENTS {
-            for axis in 0..3 {
-                origin.push(seen.origin_acceleration_m_per_s2[segment][axis] - truth[segment][axis]);
-                size.push(truth[segment][axis]);
-            }
+        let pairs = seen.origin_acceleration_m_per_s2.iter().flatten().zip(truth.iter().flatten());
+        for (told, truth) in pairs {
+            origin.push(told - truth);
+            size.push(*truth);
         }
         let force = |axis: usize| seen.force_measured_n[axis] / seen.mass_kg;
         centre.push(seen.com_acceleration_m_per_s2[2] - (force(2) - 9.81));

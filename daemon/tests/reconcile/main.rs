@@ -3,9 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod accuracy;
+mod bad_input;
+#[path = "../common/mod.rs"]
+mod common;
 mod make;
-#[test]
-fn tmp_make() {
-    make::Script { poses: 14, work_s: 560.0, ..make::Script::ordinary() }
-        .record(std::path::Path::new("/tmp"), "tm.mcap");
-}
+mod models;

@@ -1,6 +1,6 @@
 //! Small recordings of a simulated worker: poses, then work, without wires.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::message::{GroundSample, SuitSample};
@@ -16,6 +16,9 @@ const POSE_WITHIN_S: f64 = 1.6;
 /// Work goes from one posture to the next in this time, s.
 const WORK_EVERY_S: f64 = 1.3;
 
+/// A load is taken this long after the work begins, s.
+const LIFT_AFTER_S: f64 = 10.0;
+
 /// What is to be recorded.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Script {
@@ -24,6 +27,8 @@ pub(crate) struct Script {
     pub(crate) habits: Habits,
     pub(crate) poses: usize,
     pub(crate) work_s: f64,
+    /// Carried in the hands from a while after the work began, kg.
+    pub(crate) carried_kg: f64,
 }
 
 impl Script {
@@ -35,6 +40,7 @@ impl Script {
             habits: Habits::NONE,
             poses: 10,
             work_s: 30.0,
+            carried_kg: 0.0,
         }
     }
 
@@ -81,7 +87,7 @@ poses_min = {}
     /// The worker, who has been given all orders up to `time_s`.
     pub(crate) fn worker(&self) -> Ordered {
         let worker = Worker::with_habits(self.subject.person(), self.subject.seed, self.habits);
-        Ordered { script: *self, worker, next: 0 }
+        Ordered { script: *self, worker, next: 0, lifted: false }
     }
 
     /// All samples by time of arrival.
@@ -107,13 +113,6 @@ poses_min = {}
             }
         }
     }
-
-    /// The recording, whole.
-    pub(crate) fn record(&self, into: &Path, name: &str) -> PathBuf {
-        let path = into.join(name);
-        self.samples().write(&path, &self.config());
-        path
-    }
 }
 
 /// A worker and the orders that are still to be given.
@@ -121,12 +120,18 @@ pub(crate) struct Ordered {
     script: Script,
     pub(crate) worker: Worker,
     next: usize,
+    lifted: bool,
 }
 
 impl Ordered {
     /// Gives every order that is due before a time, s.
     pub(crate) fn upto(&mut self, time_s: f64) {
         let script = &self.script;
+        let lift_s = script.poses_end_s() + LIFT_AFTER_S;
+        if script.carried_kg > 0.0 && !self.lifted && lift_s <= time_s + 0.05 {
+            self.worker.lift(script.carried_kg, lift_s);
+            self.lifted = true;
+        }
         loop {
             let pose = self.next < script.poses;
             let at_s = if pose {

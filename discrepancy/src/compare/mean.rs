@@ -36,6 +36,7 @@ pub(super) struct Mean {
 /// What points sum up to.
 #[derive(Debug, Default)]
 struct Sum {
+    time_s: f64,
     floor_m: f64,
     feet_m: [f64; 2],
     com_m: [f64; 3],
@@ -89,6 +90,7 @@ impl Mean {
         self.stance = point.stance;
         self.reach_s = [self.reach_s[0].min(point.time_s), self.reach_s[1].max(point.time_s)];
         let sum = &mut self.sum;
+        sum.time_s += point.time_s;
         sum.floor_m += point.floor_m;
         add(&mut sum.feet_m, &point.feet_m);
         add(&mut sum.com_m, point.com_m.as_ref());
@@ -163,7 +165,7 @@ impl Mean {
         let heading_rad = heading_rad(&bodies.rotation);
         let turning_by_group_m = sum.turning_by_group_m.map(|group| mean(group, count));
         let observation = Observation {
-            time_s: 0.5 * (self.span_s[0] + self.span_s[1]),
+            time_s: sum.time_s / count,
             mass_kg: worker.mass_kg,
             floor_m: sum.floor_m / count,
             feet_m: mean(sum.feet_m, count),

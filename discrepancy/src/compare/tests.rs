@@ -38,7 +38,7 @@ fn options(identify_s: f64, end_s: f64) -> Options {
 }
 
 /// A stiff body whose pelvis is somewhere in the suit's world, on a plate that measures what it asks for.
-fn moment(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
+fn made(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
     let pelvis = Vector3::from(pelvis_m);
     let origin = skeleton().t_pose_m().map(|origin| pelvis + Vector3::from(origin));
     let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
@@ -55,7 +55,7 @@ fn moment(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
 }
 
 fn standing(time_s: f64) -> Moment {
-    moment(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
+    made(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
 }
 
 /// Blocks of so many seconds at a rate, each moment changed by `change`.
@@ -76,7 +76,8 @@ fn shift(moment: &mut Moment, by_m: [f64; 3]) {
     let pelvis = moment.origin_m[Segment::Pelvis.index()];
     let time_s = (moment.time_ns - BEGIN_NS) as f64 * 1e-9;
     let moved = [0, 1, 2].map(|axis| pelvis[axis] + by_m[axis]);
-    *moment = Moment { ground, ..super::tests::moment(time_s, moved, ground.force_n) };
+    *moment = made(time_s, moved, ground.force_n);
+    moment.ground = ground;
 }
 
 #[test]
@@ -113,10 +114,8 @@ fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
     assert!(!blocks.is_empty());
     for block in &blocks {
         let seen = &block.observation;
-        let expected = [0.2, 0.0, 0.0];
-        for axis in 0..3 {
-            assert!((seen.com_acceleration_m_per_s2[axis] - expected[axis]).abs() < 1e-6);
-            assert!((seen.origin_acceleration_m_per_s2[5][axis] - expected[axis]).abs() < 1e-6);
+        for told in [seen.com_acceleration_m_per_s2, seen.origin_acceleration_m_per_s2[5]] {
+            assert!((Vector3::from(told) - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-6, "{told:?}");
         }
         // Without measured shear the slope is the suit's.
         assert!((seen.slope[0] - 0.2 / GRAVITY_M_PER_S2).abs() < 1e-6);
@@ -145,8 +144,7 @@ fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
 fn measured_shear_is_believed_and_held_by_lags() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
         let shear_n = 20.0 * time_s;
-        *moment =
-            super::tests::moment(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);
+        *moment = made(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);
     });
     for block in &blocks {
         let seen = &block.observation;
@@ -174,16 +172,18 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
         }
     });
     let spoilt = |block: &Block, from_s: f64, to_s: f64| {
-        let [begin_s, end_s] = [block.observation.time_s - 0.1, block.observation.time_s + 0.1];
+        let begin_s = (block.observation.time_s / 0.2).floor() * 0.2;
+        let end_s = begin_s + 0.2;
         begin_s < to_s - 1e-9 && end_s > from_s + 1e-9
     };
     for (from_s, to_s) in [(4.6, 5.4), (9.6, 10.85), (14.92, 15.15), (19.95, 21.05)] {
         assert!(blocks.iter().all(|block| !spoilt(block, from_s, to_s)), "{from_s}");
         // And no more is lost than that needs.
         let near = |block: &&Block| spoilt(block, from_s - 0.9, to_s + 0.9);
-        assert!(blocks.iter().filter(near).count() >= 4, "{from_s}");
+        let near = blocks.iter().filter(near).count();
+        assert!(near >= 6, "{from_s}: {near}");
     }
-    assert!(blocks.len() > 125, "{}", blocks.len());
+    assert!(blocks.len() > 120, "{}", blocks.len());
 }
 
 #[test]
@@ -211,7 +211,7 @@ fn a_long_stream_is_thinned_evenly_and_the_poses_are_kept() {
         let step_s: f64 = pair[1] - pair[0];
         [step_s.max(widest), step_s.min(narrowest)]
     });
-    assert!(work.len() > most / 3 && widest < narrowest + 1e-6, "{} {widest} {narrowest}", work.len());
+    assert!(work.len() > most / 3 && widest < narrowest + 0.05, "{} {widest} {narrowest}", work.len());
     assert!(work[work.len() - 1] > 0.97 * end_s && blocks.iter().all(|block| block.still));
 }
 
@@ -230,9 +230,9 @@ fn the_prior_is_a_covariance_of_all_parameters() {
     }
     assert!(Worker::of(&learnt, &settings).is_some());
     let covariance_m2 = prior_covariance_m2(&learnt, &settings);
-    let matrix = nalgebra::DMatrix::from_row_slice(PARAMETERS, PARAMETERS, &covariance_m2);
-    assert!((&matrix - matrix.transpose()).amax() < 1e-12);
-    assert!(nalgebra::Cholesky::new(matrix.clone()).is_some());
-    let sigma_m = |raw: usize| matrix[(raw, raw)].sqrt();
-    assert!((0..PARAMETERS).all(|raw| (0.002..0.06).contains(&sigma_m(raw))));
+    let at = |row: usize, column: usize| covariance_m2[row * PARAMETERS + column];
+    let matrix = faer::Mat::from_fn(PARAMETERS, PARAMETERS, at);
+    assert!((&matrix - matrix.transpose()).norm_max() < 1e-12);
+    assert!(matrix.llt(faer::Side::Lower).is_ok(), "not positive definite");
+    assert!((0..PARAMETERS).all(|raw| (0.002..0.06).contains(&at(raw, raw).sqrt())));
 }

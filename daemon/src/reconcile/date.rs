@@ -1,31 +1,9 @@
-//! Where a finding comes from: which bytes, when, by which program.
+//! When a finding was made.
 
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use anyhow::Context;
-use sha2::{Digest, Sha256};
-
-/// SHA-256 of a file, 64 hexadecimal digits.
-///
-/// # Errors
-/// The file cannot be read.
-pub fn sha256(path: &Path) -> anyhow::Result<String> {
-    let mut file = File::open(path).with_context(|| path.display().to_string())?;
-    let (mut hash, mut piece) = (Sha256::new(), vec![0; 1 << 20]);
-    loop {
-        let count = file.read(&mut piece).with_context(|| path.display().to_string())?;
-        if count == 0 {
-            return Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect());
-        }
-        hash.update(&piece[..count]);
-    }
-}
-
 /// Now, UTC, as RFC 3339.
-pub(super) fn now() -> String {
+pub(super) fn now_utc() -> String {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     rfc_3339(since.as_secs())
 }
@@ -68,15 +46,5 @@ mod tests {
         ] {
             assert_eq!(rfc_3339(unix_s), date);
         }
-    }
-
-    #[test]
-    fn the_hash_is_the_standard_s() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("abc");
-        std::fs::write(&path, "abc").unwrap();
-        // FIPS 180-2, appendix B.1.
-        let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-        assert_eq!(sha256(&path).unwrap(), known);
     }
 }

@@ -1,0 +1,99 @@
+//! What is named goes into a model file, and what a model file holds is no news any more; a worker may come with the
+//! recording.
+
+use std::path::Path;
+
+use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::cycle::{Checkpoint, Memory};
+use equipoise_daemon::config::Config;
+use equipoise_daemon::model::sha256_of;
+use equipoise_daemon::reconcile::{Compared, Reconcile};
+use equipoise_daemon::replay::input::Input;
+use equipoise_discrepancy::block::Phase;
+use equipoise_discrepancy::model_file::ModelFile;
+use equipoise_discrepancy::spans::Given;
+use equipoise_studies::sensors::EPOCH_NS;
+use serde_json::Value;
+
+use crate::common::{equipoise, said};
+use crate::make::{Samples, Script};
+
+fn reconciled(recording: &Path, options: &[&str]) -> Value {
+    let output = equipoise().arg("reconcile").arg(recording).arg("--json").args(options).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn compared(recording: &Path, config: &str, given: Given) -> Compared {
+    let input = Input::open(recording).unwrap();
+    let config = Config::parse(config, "test").unwrap();
+    Reconcile { input: &input, config: &config, given }.compare(&mut |_| {}).unwrap()
+}
+
+#[test]
+fn a_load_in_the_hands_is_written_down_and_then_known() {
+    let mut script = Script { carried_kg: 3.0, work_s: 60.0, ..Script::ordinary() };
+    script.rig.plate_hz = 200;
+    let directory = tempfile::tempdir().unwrap();
+    let (recording, out) = (directory.path().join("shift.mcap"), directory.path().join("out"));
+    script.samples().write(&recording, &script.config());
+    let found = reconciled(&recording, &["--out", out.to_str().unwrap()]);
+    assert_ne!(found["verdict"], "none", "{found}");
+    assert_eq!(found["effects"][0]["name"], "hand_load", "{found}");
+    let model = out.join("model.toml");
+    assert_eq!(found["model"].as_str(), model.to_str());
+    let written = ModelFile::read(&model).unwrap();
+    assert!(written.is_of(&sha256_of(&recording).unwrap()) && !written.effects.is_empty());
+    let again = reconciled(&recording, &["--model", model.to_str().unwrap()]);
+    let before = |found: &Value| found["gap"]["before_mm"].as_f64().unwrap();
+    let (unknown_mm, known_mm) = (before(&found), before(&again));
+    assert!(known_mm < 0.5 * unknown_mm, "{known_mm} {unknown_mm}");
+}
+
+/// The work alone, as recorded by a station that knew the worker.
+fn work_of(samples: &Samples, script: &Script, memory: &Memory, path: &Path) {
+    let from_ns = EPOCH_NS + (script.poses_end_s() * 1e9) as u64;
+    let header = RecordingHeader {
+        started_monotonic_ns: from_ns,
+        config_toml: script.config(),
+        ..RecordingHeader::default()
+    };
+    let mut recorder = Recorder::create(path, &header).unwrap();
+    let mut checkpoint: Box<Checkpoint> = bytemuck::zeroed_box();
+    checkpoint.take(1, memory);
+    recorder.write(from_ns, &*checkpoint).unwrap();
+    for sample in samples.suit.iter().filter(|sample| sample.sample_time_ns >= from_ns) {
+        recorder.write(sample.published_ns, sample).unwrap();
+    }
+    for sample in samples.ground.iter().filter(|sample| sample.sample_time_ns >= from_ns) {
+        recorder.write(sample.published_ns, sample).unwrap();
+    }
+    recorder.finish().unwrap();
+}
+
+#[test]
+fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
+    let mut script = Script { work_s: 25.0, ..Script::ordinary() };
+    script.rig.plate_hz = 200;
+    let samples = script.samples();
+    let directory = tempfile::tempdir().unwrap();
+    let [whole, work] = ["whole.mcap", "work.mcap"].map(|name| directory.path().join(name));
+    samples.write(&whole, &script.config());
+    let known = compared(&whole, &script.config(), Given::default());
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&Config::parse(&script.config(), "test").unwrap().settings());
+    memory.identification = *known.learnt.worker;
+    work_of(&samples, &script, &memory, &work);
+
+    let brought = compared(&work, &script.config(), Given::default());
+    assert!(brought.found.told.contains("the worker was identified before the recording began"));
+    assert!(brought.session.blocks.len() > 80, "{}", brought.session.blocks.len());
+    assert!(brought.session.blocks.iter().all(|block| block.phase == Phase::Work));
+    let [phi, again] = [&known, &brought].map(|one| one.session.blocks[0].observation.phi_m);
+    assert_eq!(phi, again);
+    // Poses that a person points at are learnt, whoever was known before.
+    let given = Given { identify: Some("0:12".parse().unwrap()), ..Given::default() };
+    let learnt = compared(&work, &script.config(), given);
+    assert_ne!(learnt.session.blocks[0].observation.phi_m, phi);
+    assert_eq!(learnt.session.spans_s.identify, [0.0, 12.0]);
+}
