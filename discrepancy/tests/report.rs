@@ -80,7 +80,10 @@ fn the_page_needs_nothing_from_elsewhere() {
 
 #[test]
 fn drawings_are_named_once_described_and_well_formed() {
-    for (name, sample) in samples() {
+    let mut twice = sample::named(WORK_S);
+    twice.finding.effects.extend(twice.finding.effects.clone());
+    twice.picture.predictors.extend(twice.picture.predictors.clone());
+    for (name, sample) in samples().into_iter().chain([("one effect in two spans", twice)]) {
         let pages = sample.report().pages();
         let html = file(&pages, "report.html");
         well_formed(html.strip_prefix("<!doctype html>\n").unwrap()).unwrap();

@@ -15,8 +15,8 @@ pub(super) fn section(report: &Report) -> Section {
             "What stands here is the likeliest of those that fit alike. Before it is believed, do what step 6 asks for.",
         );
     }
-    for named in &report.finding.effects {
-        effect(report, named, &mut section);
+    for number in 0..report.finding.effects.len() {
+        effect(report, number, &mut section);
     }
     if report.finding.effects.is_empty() {
         nothing(report, &mut section);
@@ -29,7 +29,8 @@ pub(super) fn section(report: &Report) -> Section {
     section
 }
 
-fn effect(report: &Report, named: &Named, section: &mut Section) {
+fn effect(report: &Report, number: usize, section: &mut Section) {
+    let named = &report.finding.effects[number];
     let full_name = words::full_name(named);
     section.head(code(&full_name).plain(": ").plain(words::candidate(&full_name)));
     section.table(parameters(named));
@@ -48,6 +49,10 @@ fn effect(report: &Report, named: &Named, section: &mut Section) {
     }
     if let Some(remedy) = words::remedy(&named.name) {
         section.say(strong("At the station: ").plain(remedy));
+    }
+    // One that comes twice, in two parts of the work, is drawn once with both.
+    if report.finding.effects[..number].iter().any(|earlier| words::full_name(earlier) == full_name) {
+        return;
     }
     let plots = report.picture.predictors.iter().enumerate().filter(|(_, plot)| plot.effect == full_name);
     let figures: Vec<_> = plots.map(|(n, plot)| figures::over_predictor(n + 1, plot)).collect();
