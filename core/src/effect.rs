@@ -28,6 +28,7 @@ mod plate_height;
 pub mod plate_lowpass;
 mod plate_offset;
 mod plate_yaw;
+mod reoriented;
 mod segment_heading;
 mod segment_misalignment;
 mod suit_heading_drift;
@@ -142,6 +143,8 @@ pub struct Observation {
     pub grip_m: [[f64; 3]; 2],
     /// Centres of mass of the segments by the table, segment axes, m.
     pub centre_m: [[f64; 3]; SEGMENTS],
+    /// Share of the body mass in each segment by the table; all zero where the model leaves out that the body turns.
+    pub mass_share: [f64; SEGMENTS],
     /// Centre of mass by the chain, m.
     pub com_m: [f64; 3],
     /// Its acceleration by the suit, m/s².
@@ -209,9 +212,24 @@ impl Columns {
 /// The columns of an effect at one moment; nothing while nobody stands on the plate, at a place where the effect cannot
 /// be, and for the two effects that are no columns ([`suit_lag`], [`plate_lowpass`]).
 ///
-/// `shape` is [`Term::shape`]. What grows with time counts from `observation.time_s` = 0.
+/// `shape` is [`Term::shape`]. What grows with time counts from `observation.time_s` = 0. Turns are small ones.
 pub fn columns(effect: Effect, place: Place, shape: f64, observation: &Observation) -> Columns {
-    let o = observation;
+    columns_about(effect, place, shape, &[0.0; PARAMETERS_MAX], observation)
+}
+
+/// Columns of a small misalignment of any segment, also of those of which the catalogue has none: there it is noise.
+pub fn misaligned(segment: Segment, observation: &Observation) -> Columns {
+    segment_misalignment::columns(Place::Segment(segment), [0.0; 3], observation)
+}
+
+/// As [`columns`], with large turns as they are: columns × `about` is then exact, and what is near it nearly so.
+fn columns_about(
+    effect: Effect,
+    place: Place,
+    shape: f64,
+    about: &[f64; PARAMETERS_MAX],
+    o: &Observation,
+) -> Columns {
     let none = Columns::zero(effect.parameters().len());
     let stands = o.force_measured_n[2] >= COP_MIN_VERTICAL_N && o.force_predicted_n[2] >= COP_MIN_VERTICAL_N;
     if !stands || !effect.accepts(place) {
@@ -230,8 +248,10 @@ pub fn columns(effect: Effect, place: Place, shape: f64, observation: &Observati
         Effect::PlateDrift => plate_drift::columns(shape, o),
         Effect::PlateLowpass | Effect::SuitLag => none,
         Effect::SuitHeadingDrift => suit_heading_drift::columns(o),
-        Effect::SegmentHeading => segment_heading::columns(place, o),
-        Effect::SegmentMisalignment => segment_misalignment::columns(place, o),
+        Effect::SegmentHeading => segment_heading::columns(place, about[0], o),
+        Effect::SegmentMisalignment => {
+            segment_misalignment::columns(place, [about[0], about[1], about[2]], o)
+        }
         Effect::Inertia => inertia::columns(o),
         Effect::PeriodicSway => periodic_sway::columns(shape, o),
         Effect::UnbalancedParameters => unbalanced_parameters::columns(place, o),
@@ -260,13 +280,14 @@ impl Term {
         (self.span_s[0]..self.span_s[1]).contains(&time_s)
     }
 
-    /// Its columns at a moment, drifts and sways counted from where its span begins; nothing outside the span.
+    /// Its columns at a moment, drifts and sways counted from where its span begins, turns as large as they are; nothing
+    /// outside the span.
     pub fn columns(&self, observation: &Observation) -> Columns {
         if !self.holds_at(observation.time_s) {
             return Columns::zero(self.effect.parameters().len());
         }
         let since = Observation { time_s: observation.time_s - self.span_s[0], ..*observation };
-        columns(self.effect, self.place, self.shape, &since)
+        columns_about(self.effect, self.place, self.shape, &self.value, &since)
     }
 }
 

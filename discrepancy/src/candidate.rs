@@ -28,6 +28,8 @@ pub(crate) struct Candidate {
     pub(crate) shape: f64,
     /// When.
     pub(crate) scope: Scope,
+    /// Large turns are not linear in their angle: the parameters about which the columns hold; 0 for small ones.
+    pub(crate) about: [f64; PARAMETERS_MAX],
     /// Believed parameters.
     pub(crate) mean: Vec<f64>,
     /// How sure, 1-σ.
@@ -40,12 +42,31 @@ pub(crate) struct Candidate {
 const DRIFTS_S: [f64; 4] = [0.0, 20.0, 40.0, 90.0];
 /// Frequencies of breath and sway, Hz.
 const SWAYS_HZ: [f64; 7] = [0.17, 0.2, 0.23, 0.26, 0.29, 0.32, 0.36];
+/// Headings of a segment, rad: about which angle, 1-σ, and share. Together as the effect's own belief, with longer arms.
+const HEADINGS: [(f64, f64, f64); 7] = [
+    (0.0, 0.12, 0.5),
+    (-0.3, 0.12, 0.13),
+    (0.3, 0.12, 0.13),
+    (-0.6, 0.12, 0.08),
+    (0.6, 0.12, 0.08),
+    (-1.1, 0.25, 0.04),
+    (1.1, 0.25, 0.04),
+];
 impl Candidate {
     /// One with the effect's own beliefs.
     pub(crate) fn new(effect: Effect, place: Place, shape: f64, scope: Scope) -> Candidate {
         let sigma = effect.prior_sigma(place, shape)[..effect.parameters().len()].to_vec();
         let mean = vec![0.0; sigma.len()];
-        let mut candidate = Candidate { effect, place, shape, scope, mean, sigma, log_prior: 0.0 };
+        let mut candidate = Candidate {
+            effect,
+            place,
+            shape,
+            scope,
+            about: [0.0; PARAMETERS_MAX],
+            mean,
+            sigma,
+            log_prior: 0.0,
+        };
         if candidate.is_a_share() {
             candidate.mean = vec![1.0];
             candidate.sigma = vec![0.3];
@@ -56,6 +77,14 @@ impl Candidate {
     /// Whether its only parameter is a share of what its shape says, near one.
     pub(crate) fn is_a_share(&self) -> bool {
         matches!(self.effect, Effect::SuitLag | Effect::PlateLowpass)
+    }
+
+    /// The same about an angle, with how sure and which share of the belief.
+    fn heading(&self, (psi_rad, sigma_rad, share): (f64, f64, f64)) -> Candidate {
+        let mut about = self.about;
+        about[0] = psi_rad;
+        let log_prior = self.log_prior + share.ln();
+        Candidate { about, mean: vec![psi_rad], sigma: vec![sigma_rad], log_prior, ..self.clone() }
     }
 
     /// Number of columns.
@@ -106,7 +135,7 @@ impl Candidate {
         match self.effect {
             Effect::SuitLag => of_change(lag_change(at, self.shape)),
             Effect::PlateLowpass => of_change(cutoff_change(at, self.shape)),
-            _ => self.term(rows, [0.0; PARAMETERS_MAX]).columns(&at.observation),
+            _ => self.term(rows, self.about).columns(&at.observation),
         }
     }
 }
@@ -141,7 +170,11 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
             for &scope in &scopes {
                 let mut candidate = Candidate::new(effect, place, shape, scope);
                 candidate.log_prior = usual(effect, place) - ((shapes.len() * scopes.len()) as f64).ln();
-                list.push(candidate);
+                if effect == Effect::SegmentHeading {
+                    list.extend(HEADINGS.map(|heading| candidate.heading(heading)));
+                } else {
+                    list.push(candidate);
+                }
             }
         }
     }

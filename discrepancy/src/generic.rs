@@ -7,7 +7,7 @@ use equipoise_core::effect::{Columns, Effect, Place};
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
 use crate::noise::kernels::norm;
-use crate::rows::{Rows, cross};
+use crate::rows::Rows;
 use crate::select::Selection;
 
 /// Most generic terms that are told.
@@ -313,8 +313,7 @@ fn spring(rows: &Rows<'_>, block: usize, at_m: [f64; 3]) -> Columns {
 fn turned(rows: &Rows<'_>, block: usize, segment: Segment, turns: &[[f64; 3]]) -> Columns {
     let mut columns = Columns::zero(turns.len());
     for (k, &turn) in turns.iter().enumerate() {
-        columns.cop_m[k] =
-            rows.on_cop(block, cross(turn, rows.lever_m[block][segment.index()])).map(|moved| -moved);
+        (columns.cop_m[k], columns.force_n[k]) = rows.turned_by(block, segment.index(), turn);
     }
     columns
 }

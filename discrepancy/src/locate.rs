@@ -2,6 +2,7 @@
 //! goes with it.
 
 use equipoise_core::body::{SEGMENTS, Segment};
+use equipoise_core::effect::Observation;
 
 use crate::finding::Suspicion;
 use crate::floor::{Floor, root_mean};
@@ -76,7 +77,8 @@ fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Op
     let explained = |segment: usize| {
         (0..3)
             .map(|axis| {
-                let feature = |block: usize| rows.lever_m[rows.work_from + block][segment][axis];
+                let feature =
+                    |block: usize| share_m(&rows.blocks[rows.work_from + block].observation, segment, axis);
                 let centre = mean(&feature);
                 let spread = mean(&|block| (feature(block) - centre).powi(2));
                 let shared = mean(&|block| (feature(block) - centre) * (over(block) - middle));
@@ -87,4 +89,9 @@ fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Op
     let best =
         (0..SEGMENTS).map(|segment| (explained(segment), segment)).max_by(|a, b| a.0.total_cmp(&b.0))?;
     (best.0 > GOES_WITH && blocks.len() > 8).then(|| Segment::ALL[best.1].name().to_owned())
+}
+
+/// A segment's share of the centre of mass on one axis of the world, m.
+fn share_m(seen: &Observation, segment: usize, axis: usize) -> f64 {
+    (0..3).map(|k| seen.rotation[segment][axis][k] * seen.phi_m[segment][k]).sum()
 }

@@ -10,15 +10,33 @@ use crate::gram::Gram;
 const SHARE_SIGMA: f64 = 0.02;
 /// Steps of the golden section.
 const STEPS: usize = 14;
+/// Times that a turn is fitted about the angle that was fitted before.
+const TURNS: usize = 4;
 
 /// The refined term, added; or the term itself where everything is linear.
 pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> usize {
     let Some(candidate) = gram.terms[term].candidate.clone() else { return term };
+    if matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment) {
+        return turned(gram, candidate, accepted);
+    }
     let Some([from, to]) = range(gram, &candidate, term, accepted) else { return term };
     let (directions, residual) = gram.directions_given(accepted);
     let score = |shape: f64| gram.score_alone(&with_shape(&candidate, shape), &directions, &residual);
     let best = golden(from, to, score);
     gram.add_candidate(with_shape(&candidate, best))
+}
+
+/// Fits a turn again and again about the angle that was just fitted, until columns and angle belong together.
+pub(crate) fn turned(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -> usize {
+    candidate.sigma = Candidate::new(candidate.effect, candidate.place, 0.0, candidate.scope).sigma;
+    candidate.mean = vec![0.0; candidate.sigma.len()];
+    for _ in 0..TURNS {
+        let term = gram.add_candidate(candidate.clone());
+        let Some(fitted) = crate::select::last_of(gram, accepted, term) else { return term };
+        gram.truncate(term);
+        candidate.about = crate::select::padded(&fitted.value);
+    }
+    gram.add_candidate(candidate)
 }
 
 /// The same with another shape; a share is then fixed.

@@ -3,8 +3,8 @@
 //! Rows of the centre of pressure alternate x and y, block by block: identification, clean work, work in question. What
 //! acts in the work only is then zero in all rows before [`Rows::work_from`].
 
-use equipoise_core::body::{SEGMENTS, Segment, Side};
-use equipoise_core::effect::Observation;
+use equipoise_core::body::{SEGMENTS, Segment};
+use equipoise_core::effect::{Columns, misaligned};
 
 use crate::block::{Block, Phase};
 use crate::session::Session;
@@ -19,8 +19,8 @@ pub(crate) struct Rows<'a> {
     pub(crate) blocks: Vec<&'a Block>,
     /// The first block of the work in question.
     pub(crate) work_from: usize,
-    /// Per block, how a small turn of each segment moves its share of the centre of mass.
-    pub(crate) lever_m: Vec<[[f64; 3]; SEGMENTS]>,
+    /// Per block and segment, what is measured off if it is seen turned about each of its axes, per rad.
+    turned: Vec<Box<[Columns; SEGMENTS]>>,
 }
 
 impl<'a> Rows<'a> {
@@ -32,8 +32,10 @@ impl<'a> Rows<'a> {
     /// Of some blocks, in the order of their phases.
     pub(crate) fn from_blocks(session: &'a Session, blocks: Vec<&'a Block>) -> Rows<'a> {
         let work_from = blocks.iter().position(|block| block.phase == Phase::Work).unwrap_or(blocks.len());
-        let lever_m = blocks.iter().map(|block| levers_m(&block.observation)).collect();
-        Rows { session, blocks, work_from, lever_m }
+        let of_block =
+            |block: &&Block| Box::new(Segment::ALL.map(|segment| misaligned(segment, &block.observation)));
+        let turned = blocks.iter().map(of_block).collect();
+        Rows { session, blocks, work_from, turned }
     }
 
     /// Only some of them, in order.
@@ -80,39 +82,24 @@ impl<'a> Rows<'a> {
         self.blocks[block].observation.time_s
     }
 
+    /// How far the centre of pressure (m) and the force (N) are measured off if a segment is seen turned about one of its
+    /// own axes, per rad.
+    pub(crate) fn turned(&self, block: usize, segment: usize, axis: usize) -> ([f64; 2], [f64; 3]) {
+        let columns = &self.turned[block][segment];
+        (columns.cop_m[axis], columns.force_n[axis])
+    }
+
+    /// The same if it is seen turned by a vector in the world's axes, rad.
+    pub(crate) fn turned_by(&self, block: usize, segment: usize, turn_rad: [f64; 3]) -> ([f64; 2], [f64; 3]) {
+        let rotation = &self.blocks[block].observation.rotation[segment];
+        let own_rad = [0, 1, 2].map(|axis| (0..3).map(|k| rotation[k][axis] * turn_rad[k]).sum());
+        let [x, y, z] = own_rad;
+        self.turned[block][segment].times(&[x, y, z, 0.0])
+    }
+
     /// What a vector (m, or m per unit) added to the centre of mass adds to the centre of pressure.
     pub(crate) fn on_cop(&self, block: usize, vector: [f64; 3]) -> [f64; 2] {
         let slope = self.slope(block);
         [vector[0] - slope[0] * vector[2], vector[1] - slope[1] * vector[2]]
     }
-}
-
-/// What turns with each segment of the centre of mass, world axes, m: its share φ, and of pelvis and legs also the half of
-/// what it puts between the feet and the pelvis, since the suit hangs the body on its feet.
-fn levers_m(seen: &Observation) -> [[f64; 3]; SEGMENTS] {
-    let mut lever_m: [[f64; 3]; SEGMENTS] = std::array::from_fn(|segment| {
-        let rotation = seen.rotation[segment];
-        std::array::from_fn(|axis| (0..3).map(|k| rotation[axis][k] * seen.phi_m[segment][k]).sum())
-    });
-    for side in Side::BOTH.into_iter().filter(|_| seen.feet_hold) {
-        let foot = side.foot();
-        let Some(lower) = foot.parent() else { continue };
-        let Some(upper) = lower.parent() else { continue };
-        for (segment, end) in [(Segment::Pelvis, upper), (upper, lower), (lower, foot)] {
-            let (from, to) = (seen.origin_m[segment.index()], seen.origin_m[end.index()]);
-            for axis in 0..3 {
-                lever_m[segment.index()][axis] -= 0.5 * (to[axis] - from[axis]);
-            }
-        }
-    }
-    lever_m
-}
-
-/// `turn × vector`.
-pub(crate) fn cross(turn: [f64; 3], vector: [f64; 3]) -> [f64; 3] {
-    [
-        turn[1] * vector[2] - turn[2] * vector[1],
-        turn[2] * vector[0] - turn[0] * vector[2],
-        turn[0] * vector[1] - turn[1] * vector[0],
-    ]
 }

@@ -1,6 +1,7 @@
 //! What a good fit alone does not make an explanation: too small to matter, a mass that is not where it is worn, a weight
 //! that only one channel wants.
 
+use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place};
 
 use crate::candidate::{Candidate, Scope};
@@ -11,10 +12,17 @@ use crate::gram::Gram;
 const FROM_COP_ALONE: f64 = 3.0;
 /// Nothing is believed to be larger than so many σ.
 const ABSURD: f64 = 4.5;
+/// Of a drift, which may come of anything, and of a heading near iron, which may be any.
+const ABSURD_DRIFT: f64 = 20.0;
+const ABSURD_HEADING: f64 = 9.0;
 /// A first moment may be so many of its believed arms.
 const ARMS: f64 = 2.5;
 /// A share of a lag or filter is near one if the shape is right.
 const LEAST_SHARE: f64 = 0.3;
+
+/// Errors of pelvis and legs add up where the feet hold the body, and skin turns them by degrees: smaller ones than this are
+/// nobody's iron, rad.
+const LEAST_BELOW_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
 /// The size of an effect with these parameters ([`Effect::size`]).
 pub(crate) fn size(candidate: &Candidate, value: &[f64]) -> f64 {
@@ -25,12 +33,21 @@ pub(crate) fn size(candidate: &Candidate, value: &[f64]) -> f64 {
 /// Why an explanation does not count, if so.
 pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> {
     let size = size(candidate, value);
-    if size < candidate.effect.smallest_of_interest() {
+    let is_turned = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
+    let is_below =
+        is_turned && matches!(candidate.place, Place::Segment(segment) if !segment.is_distal_to(Segment::L5));
+    let least = if is_below { LEAST_BELOW_RAD } else { candidate.effect.smallest_of_interest() };
+    if size < least {
         return Some("smaller than what matters".to_owned());
     }
     let believed = candidate.effect.prior_sigma(candidate.place, candidate.shape);
+    let absurd = match candidate.effect {
+        Effect::PlateDrift => ABSURD_DRIFT,
+        Effect::SegmentHeading => ABSURD_HEADING,
+        _ => ABSURD,
+    };
     if !candidate.is_a_share()
-        && value.iter().zip(believed).any(|(value, sigma)| value.abs() > ABSURD * sigma)
+        && value.iter().zip(believed).any(|(value, sigma)| value.abs() > absurd * sigma)
     {
         return Some("would have to be absurdly large".to_owned());
     }

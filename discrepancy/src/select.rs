@@ -96,6 +96,14 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
         trials(gram, &given).into_iter().filter(|trial| !names.contains(&trial.name)).map(of_trial).collect();
     for part in windows.best(gram, &terms) {
         let name = part.candidate.name();
+        // What is there already may come again at another time, not twice at once.
+        if terms
+            .iter()
+            .filter_map(|&term| gram.terms[term].candidate.as_ref())
+            .any(|known| overlap(known, &part.candidate))
+        {
+            continue;
+        }
         let whole = ways.iter_mut().find(|way| way.name == name);
         match whole {
             Some(whole) if part.log_odds > whole.log_odds + GAIN_OVER_WHOLE => {
@@ -109,6 +117,15 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
     }
     ways.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
     ways
+}
+
+/// Whether two are one effect at one time.
+fn overlap(one: &Candidate, other: &Candidate) -> bool {
+    one.name() == other.name()
+        && match (one.scope, other.scope) {
+            (Scope::Span(one_s), Scope::Span(other_s)) => one_s[0] < other_s[1] && other_s[0] < one_s[1],
+            _ => true,
+        }
 }
 
 fn considered(ways: &[Way]) -> Vec<Considered> {
@@ -132,7 +149,8 @@ fn first_that_stands(
             What::Term(term) => refine::refine(gram, *term, &terms),
             What::Part(candidate) => {
                 let exact = windows::refine(gram, candidate, &terms);
-                gram.add_candidate(exact)
+                let term = gram.add_candidate(exact);
+                refine::refine(gram, term, &terms)
             }
         };
         match unproven(gram, term, way.log_odds).or_else(|| why_not(gram, &terms, term)) {

@@ -70,6 +70,7 @@ impl Windows {
             .iter()
             .filter_map(|term| term.candidate.as_ref())
             .filter(|candidate| candidate.scope == Scope::Work && can_come_and_go(candidate))
+            .filter(|candidate| candidate.about.iter().all(|&about| about == 0.0))
             .map(|candidate| cut(gram, candidate, &edges_s))
             .collect();
         Windows { edges_s, pieces }

@@ -131,7 +131,8 @@ impl Memory {
         if settings.model.is_empty() || !worker.has_body() {
             return None;
         }
-        let inertia = inertia.filter(Inertia::is_moderate).unwrap_or(Inertia::REST);
+        let moderate = inertia.filter(Inertia::is_moderate);
+        let inertia = moderate.unwrap_or(Inertia::REST);
         let specific = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
         let table = worker.anthropometry();
         let (origin_acceleration, rotation_acceleration) = self.accelerations(settings);
@@ -151,6 +152,7 @@ impl Memory {
             phi_m: worker.phi().0,
             grip_m: Side::BOTH.map(|side| table.grip_m(side.hand())),
             centre_m: table.com_m,
+            mass_share: if moderate.is_some() { table.mass_fraction } else { [0.0; SEGMENTS] },
             com_m: crate::sesc::centre_of_mass(pose, &worker.phi()).into(),
             com_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
             turning_m: inertia.turning_shift_m(specific),

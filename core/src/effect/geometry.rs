@@ -7,6 +7,7 @@
 
 use super::Observation;
 use crate::body::{Segment, Side};
+use crate::math;
 
 /// Standard gravity as the paper rounds it, m/s².
 pub(super) const GRAVITY_M_PER_S2: f64 = 9.81;
@@ -66,7 +67,7 @@ impl Moving {
 
 impl Observation {
     /// Vertical force over mass that the body alone needs, g + C̈_z, m/s².
-    fn specific_force_m_per_s2(&self) -> f64 {
+    pub(super) fn specific_force_m_per_s2(&self) -> f64 {
         self.force_predicted_n[2] / self.mass_kg
     }
 
@@ -111,7 +112,7 @@ impl Observation {
         }
     }
 
-    fn origin(&self, segment: Segment) -> Moving {
+    pub(super) fn origin(&self, segment: Segment) -> Moving {
         let index = segment.index();
         Moving { at: self.origin_m[index], acceleration: self.origin_acceleration_m_per_s2[index] }
     }
@@ -182,8 +183,17 @@ fn rotated(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
 }
 
-fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(super) fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     core::array::from_fn(|axis| a[axis] + b[axis])
+}
+
+/// `sin θ/θ` and `(1 − cos θ)/θ²`, of which a turn by a rotation vector of length θ is made (Rodrigues).
+pub(super) fn chord(angle_rad: f64) -> (f64, f64) {
+    if angle_rad.abs() < 1e-4 {
+        return (1.0, 0.5);
+    }
+    let (sine, cosine) = math::sin_cos(angle_rad);
+    (sine / angle_rad, (1.0 - cosine) / (angle_rad * angle_rad))
 }
 
 /// `a × b`.

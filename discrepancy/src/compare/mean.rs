@@ -22,6 +22,7 @@ pub(super) struct Mean {
     /// Begin and end, s.
     pub(super) span_s: [f64; 2],
     stance: u64,
+    has_inertia: bool,
     count: f64,
     /// Times of the first and the last point, s.
     reach_s: [f64; 2],
@@ -68,6 +69,7 @@ impl Mean {
             number,
             span_s: [from_s, from_s + options.block_s],
             stance: 0,
+            has_inertia: false,
             count: 0.0,
             reach_s: [f64::INFINITY, f64::NEG_INFINITY],
             sum: Sum::default(),
@@ -88,6 +90,7 @@ impl Mean {
     pub(super) fn add(&mut self, point: &Point, by_cutoff: &[Change; CUTOFFS_HZ.len()]) {
         self.count += 1.0;
         self.stance = point.stance;
+        self.has_inertia = point.has_inertia;
         self.reach_s = [self.reach_s[0].min(point.time_s), self.reach_s[1].max(point.time_s)];
         let sum = &mut self.sum;
         sum.time_s += point.time_s;
@@ -177,6 +180,7 @@ impl Mean {
             phi_m: worker.phi.0,
             grip_m: worker.grip_m(),
             centre_m: worker.body.com_m,
+            mass_share: if self.has_inertia { worker.body.mass_fraction } else { [0.0; SEGMENTS] },
             com_m: mean(sum.com_m, count),
             com_acceleration_m_per_s2: mean(sum.com_acceleration_m_per_s2, count),
             turning_m: [0, 1].map(|axis| turning_by_group_m.iter().map(|group| group[axis]).sum()),

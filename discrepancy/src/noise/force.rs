@@ -9,7 +9,7 @@ use super::kernels::{looseness, norm};
 use super::minimise::minimise;
 use crate::block::Phase;
 use crate::linear::{Factor, outer, product, root};
-use crate::rows::{Rows, cross};
+use crate::rows::Rows;
 
 /// Sizes: slow noise of the plate (N), white (N), share of the acceleration, fast share of it, wander (unit).
 const COUNT: usize = 5;
@@ -147,27 +147,20 @@ fn unit_part(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
 /// What wrong orientations do to the accelerations of the segments' shares.
 fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     let (wander_rad, soft) = ORIENTATION;
-    let pulled = |block: usize, segment: usize, turn: [f64; 3]| {
-        let seen = &rows.blocks[block].observation;
-        let turned = &seen.rotation_acceleration_per_s2[segment];
-        let share = [0, 1, 2].map(|k| (0..3).map(|m| turned[k][m] * seen.phi_m[segment][m]).sum());
-        rows.session.mass_kg * cross(turn, share)[axis]
-    };
     let columns = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
         let mut turn = [0.0; 3];
         turn[column % 3] = if column % 3 == 2 { 1.5 * wander_rad } else { wander_rad };
-        pulled(block, column / 3, turn)
+        rows.turned_by(block, column / 3, turn).1[axis]
     });
     let slow = outer(columns.as_ref(), columns.as_ref());
     let mut sum = by_pairs(rows, |i, j, apart_s| {
         let apart = 3.0_f64.sqrt() * apart_s / 40.0;
-        slow[(i, j)] * (0.8 * (1.0 + apart) * (-apart).exp() + 0.2 * (-apart_s / 3.0).exp())
+        slow[(i, j)] * (0.8 + 0.8 * (1.0 + apart) * (-apart).exp() + 0.2 * (-apart_s / 3.0).exp())
     });
     let skin = Mat::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
         let (segment, along, joint) = (column / 9, column / 3 % 3, column % 3);
-        let rotation = &rows.blocks[block].observation.rotation[segment];
         let size = soft * looseness(segment) * rows.blocks[block].joint_rad[segment][joint];
-        pulled(block, segment, [0, 1, 2].map(|k| rotation[k][along] * size))
+        size * rows.turned(block, segment, along).1[axis]
     });
     sum += outer(skin.as_ref(), skin.as_ref());
     sum

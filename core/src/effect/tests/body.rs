@@ -144,8 +144,7 @@ impl Body {
             |columns: [Vector; 3]| [0, 1, 2].map(|row| [columns[0][row], columns[1][row], columns[2][row]]);
         let acceleration = second(centre, time_s);
         let specific = G + acceleration.z;
-        // The turning is the table's, from the true motion: its own errors are no business of the columns.
-        let turning = self.turning_m2_per_s2(time_s) / specific;
+        let turning = self.turning_m2_per_s2(time_s, error) / specific;
         let com = centre(time_s);
         let slope = [0, 1].map(|axis| {
             let push = if shear { truth.force_n[axis] / BODY_KG } else { acceleration[axis] };
@@ -173,6 +172,7 @@ impl Body {
             phi_m: phi.0,
             grip_m: Side::BOTH.map(|side| self.table.grip_m(side.hand())),
             centre_m: self.table.com_m,
+            mass_share: self.table.mass_fraction,
             com_m: com.into(),
             com_acceleration_m_per_s2: acceleration.into(),
             turning_m: turning.into(),
@@ -185,13 +185,16 @@ impl Body {
         }
     }
 
-    /// `(−L̇_y, L̇_x)/M` of the true motion.
-    fn turning_m2_per_s2(&self, time_s: f64) -> nalgebra::Vector2<f64> {
+    /// `(−L̇_y, L̇_x)/M` of the motion that the suit shows.
+    fn turning_m2_per_s2(&self, time_s: f64, error: &SuitError) -> nalgebra::Vector2<f64> {
         let paths: Vec<_> = Segment::ALL
             .iter()
             .map(|segment| {
                 let centre = Vector::from(self.table.com_m[segment.index()]);
-                let path = move |t: f64| self.point(t, *segment, centre);
+                let path = move |t: f64| {
+                    let (joints, rotation) = self.shown(t, error);
+                    joints[segment.index()] + rotation[segment.index()] * centre
+                };
                 (self.table.mass_fraction[segment.index()], path(time_s), second(path, time_s))
             })
             .collect();
