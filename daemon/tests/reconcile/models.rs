@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::common::{equipoise, said};
 use crate::make::{Samples, Script};
 
-fn reconciled(recording: &Path, options: &[&str]) -> Value {
+pub(crate) fn reconciled(recording: &Path, options: &[&str]) -> Value {
     let output = equipoise().arg("reconcile").arg(recording).arg("--json").args(options).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     serde_json::from_slice(&output.stdout).unwrap()
