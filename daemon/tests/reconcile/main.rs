@@ -6,6 +6,7 @@ mod accuracy;
 mod bad_input;
 #[path = "../common/mod.rs"]
 mod common;
+mod guidance;
 mod live;
 mod make;
 mod models;
