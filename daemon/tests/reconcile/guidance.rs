@@ -60,7 +60,8 @@ fn a_daemon_asks_for_the_pose_of_its_model_file_until_it_was_held() {
     };
     run(&["identify", "stop"]);
     until(&mut states, "the pose that is asked for", |state| state.suggested_pose == WANTED as u32);
-    let told = run(&["status"]);
+    // Words, wherever the lines break.
+    let told = run(&["status"]).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(told.contains(&format!("Take the grey pose: {pose}, {BETWEEN}")), "{told}");
     let line = run(&["watch", "--for", "0.5"]);
     assert!(line.contains(BETWEEN), "{line}");
