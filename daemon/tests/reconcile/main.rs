@@ -9,5 +9,6 @@ mod common;
 mod guidance;
 mod live;
 mod make;
+mod memory;
 mod models;
 mod shows;
