@@ -54,7 +54,7 @@ fn what_is_asked_for_is_suggested_until_it_was_held() {
 fn a_turn_that_is_asked_for_belongs_to_the_pose() {
     let (person, mut bench) = known(core::f64::consts::FRAC_PI_2);
     let wanted = turned(&postures()[WANTED], 0);
-    let library: &'static [Posture] = std::boxed::Box::leak(std::boxed::Box::new([wanted; 4]));
+    let library: &'static [Posture] = Box::leak(Box::new([wanted; 4]));
     bench.settings.library = library;
     for off_deg in [0, -90, 150] {
         bench.hold(&person, &turned(&wanted, off_deg), None, 1000);
