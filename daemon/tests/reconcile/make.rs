@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::cycle::{Checkpoint, Memory};
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
@@ -176,14 +177,25 @@ pub(crate) struct Samples {
 impl Samples {
     /// Writes a recording.
     pub(crate) fn write(&self, path: &Path, config: &str) {
+        self.write_from(path, config, EPOCH_NS, None);
+    }
+
+    /// Writes what comes from a time on, after the memory of the loop that a station had then.
+    pub(crate) fn write_from(&self, path: &Path, config: &str, from_ns: u64, memory: Option<&Memory>) {
         let header = RecordingHeader {
             software_version: "test".to_owned(),
-            started_monotonic_ns: EPOCH_NS,
+            started_monotonic_ns: from_ns,
             config_toml: config.to_owned(),
             ..RecordingHeader::default()
         };
         let mut recorder = Recorder::create(path, &header).unwrap();
-        let (mut suit, mut ground) = (self.suit.iter().peekable(), self.ground.iter().peekable());
+        if let Some(memory) = memory {
+            let mut checkpoint: Box<Checkpoint> = bytemuck::zeroed_box();
+            checkpoint.take(1, memory);
+            recorder.write(from_ns, &*checkpoint).unwrap();
+        }
+        let mut suit = self.suit.iter().filter(|sample| sample.sample_time_ns >= from_ns).peekable();
+        let mut ground = self.ground.iter().filter(|sample| sample.sample_time_ns >= from_ns).peekable();
         loop {
             let next_ground_ns = ground.peek().map_or(u64::MAX, |sample| sample.published_ns);
             if let Some(sample) = suit.next_if(|sample| sample.published_ns <= next_ground_ns) {
