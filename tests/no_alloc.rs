@@ -105,8 +105,14 @@ fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
     config
 }
 
-/// A term of every sort: columns with and without motion, time, a filter, a lag; each too small to be in the way.
+/// A term of every sort: columns with and without motion, time, a filter, a lag; each too small to be in the way. And a
+/// pose that is asked for.
 const MODEL: &str = r#"version = 1
+[ask]
+between = ["worn_mass T8", "hand_load both"]
+pose = "both arms up"
+turn_deg = 90.0
+separation_sigma = 3.0
 [[effect]]
 name = "worn_mass"
 where = { segment = "T8" }
@@ -162,6 +168,7 @@ struct Seen {
     motion_samples: u32,
     torques: u64,
     fatigue: f64,
+    asked: u64,
 }
 
 impl Seen {
@@ -169,6 +176,7 @@ impl Seen {
         self.states += 1;
         self.poses = self.poses.max(state.poses_used);
         self.motion_samples = self.motion_samples.max(state.motion_samples_used);
+        self.asked += u64::from(state.converged == 1 && state.suggested_pose != u32::MAX);
         self.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
         self.fatigue = state.fatigue.iter().copied().fold(self.fatigue, f64::max);
     }
@@ -179,6 +187,7 @@ impl Seen {
             && self.motion_samples > 0
             && self.torques > 100
             && self.fatigue > 0.0
+            && self.asked > 0
     }
 }
 

@@ -5,6 +5,7 @@
 //! copy of it.
 
 pub mod alignment;
+mod asked;
 pub mod body_motion;
 pub mod checkpoint;
 mod exposure;
@@ -31,7 +32,7 @@ use crate::time::NS_PER_S;
 pub use checkpoint::Checkpoint;
 pub use identification::{Identification, NO_POSE};
 pub use memory::Memory;
-pub use settings::{Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule};
+pub use settings::{Asked, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule};
 
 /// How late a stream may be beyond two of its periods, ns.
 const STALE_TOLERANCE_NS: u64 = 20_000_000;
@@ -39,6 +40,8 @@ const STALE_TOLERANCE_NS: u64 = 20_000_000;
 const MODEL_CHANGED_NS: u64 = NS_PER_S;
 /// No joint comes closest to its limit: [`State::worst_joint`] while no torque is told.
 const NO_JOINT: u32 = u32::MAX;
+/// Below this a worker is in the suggested pose: RMS joint angle, rad.
+pub const POSE_REACHED_RAD: f64 = 0.20;
 /// Device time less sure than this is not tied to host time, ns.
 const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
 
@@ -129,7 +132,9 @@ impl Memory {
                 }
             }
             CommandKind::PoseSkip => {
-                self.identification.skip_pose();
+                if !self.skip_asked(settings) {
+                    self.identification.skip_pose();
+                }
             }
             // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave => {}
@@ -166,6 +171,7 @@ impl Memory {
             self.measure_ground_alone();
         }
 
+        let suggested = self.suggested(settings);
         let identification = &self.identification;
         let mut valid = self.findings();
         valid.raise(Validity::SUIT_STALE, suit_stale);
@@ -197,7 +203,7 @@ impl Memory {
         state.phase = phase as u32;
         state.converged = identification.identified as u32;
         state.poses_used = identification.poses_used.min(u64::from(u32::MAX)) as u32;
-        state.suggested_pose = u32::try_from(identification.suggested).unwrap_or(u32::MAX);
+        state.suggested_pose = u32::try_from(suggested).unwrap_or(u32::MAX);
         state.mass_kg = identification.mass_kg;
         state.variance_max_m2 = identification.filter.variance_max_m2();
         state.predicted_cop_sigma_m = identification.predicted_cop_sigma_m;

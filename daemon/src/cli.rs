@@ -19,6 +19,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use equipoise_discrepancy::spans::Span;
 
 /// How a command ended, as the shell sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,6 +123,11 @@ fn seconds(text: &str) -> Result<f64, String> {
     } else {
         Err("give a number of seconds above 0".to_owned())
     }
+}
+
+/// A span of a recording that an option names.
+fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
+    text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
 }
 
 /// What went wrong and why, outermost first; a cause that was told already is not told again.

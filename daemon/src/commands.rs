@@ -92,10 +92,12 @@ fn answer(
         Some(kind @ CommandKind::IdentifyStop) => {
             hand_over(rings, kind).map(|()| how_it_stopped(latest, settings))
         }
-        Some(kind @ CommandKind::PoseSkip) => match latest.map(|state| state.suggested_pose) {
-            Some(pose) if pose != u32::MAX => hand_over(rings, kind)
-                .map(|()| "this pose is not asked for again; another follows".to_owned()),
-            _ => Err("no pose is asked for now".to_owned()),
+        Some(kind @ CommandKind::PoseSkip) => match latest.filter(|state| state.suggested_pose != u32::MAX) {
+            Some(state) => {
+                let follows = if state.converged == 1 { "" } else { "; another follows" };
+                hand_over(rings, kind).map(|()| format!("this pose is not asked for again{follows}"))
+            }
+            None => Err("no pose is asked for now".to_owned()),
         },
         Some(kind @ CommandKind::IdentifyReset) => {
             hand_over(rings, kind).map(|()| "all poses are forgotten; learning starts anew".to_owned())

@@ -9,6 +9,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::cycle::{PriorKind, Settings};
+use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFileError;
 use serde::{Deserialize, Serialize};
 
@@ -202,6 +203,7 @@ impl Config {
         self.overload.apply(&mut settings);
         if let Some(loaded) = &self.loaded_model {
             settings.model = loaded.model();
+            settings.asked = loaded.file().ask.as_ref().and_then(Ask::pose_to_take);
         }
         settings
     }

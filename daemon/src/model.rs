@@ -1,10 +1,14 @@
 //! The model file in use: what the loop runs beside the body, and what to say of it.
 
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::Path;
 
 use anyhow::Context;
 use equipoise_core::effect::Model;
+use equipoise_core::message::State;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_discrepancy::finding::{Ask, turn};
 use equipoise_discrepancy::model_file::{Fitted, ModelFile, ModelFileError, Spans};
 use sha2::{Digest, Sha256};
 
@@ -72,12 +76,26 @@ impl LoadedModel {
             told +=
                 &format!("; left out, since it ended before the recording it was found in did: {left_out}");
         }
+        if let Some(ask) = &self.file.ask {
+            told += &format!("; {}, to tell {} from {}", ask.what(), ask.between[0], ask.between[1]);
+        }
         told
     }
 
     fn spans(&self) -> Spans {
         if self.spans_hold { Spans::Hold } else { Spans::OpenEndedForEver }
     }
+}
+
+/// What to call the suggested pose; one that the model file asks for with the turn that goes with it, and why.
+pub fn suggestion(state: &State, ask: Option<&Ask>) -> Option<Cow<'static, str>> {
+    let name = LIBRARY.get(state.suggested_pose as usize)?.name;
+    // While a worker is learnt, the identification asks.
+    let Some(ask) = ask.filter(|ask| state.converged == 1 && ask.pose.as_deref() == Some(name)) else {
+        return Some(Cow::Borrowed(name));
+    };
+    let turn = if ask.turn_deg == 0.0 { String::new() } else { format!("{}, ", turn(ask.turn_deg)) };
+    Some(Cow::Owned(format!("{turn}{name}, to tell {} from {}", ask.between[0], ask.between[1])))
 }
 
 /// SHA-256 of a file's bytes, 64 hexadecimal digits.

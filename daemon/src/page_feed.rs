@@ -15,6 +15,7 @@ use equipoise_view::suggested_pose::SuggestedPose;
 
 use crate::config::Config;
 use crate::config::method::StopConfig;
+use crate::model::suggestion;
 
 /// How often the newest state is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -59,11 +60,13 @@ pub fn serve(listen: SocketAddr, config: &Config, newest: Newest) -> anyhow::Res
     let skeleton = Skeleton::nominal(config.subject.height_m);
     let target_m = (config.identification.stop == StopConfig::PredictedCop)
         .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
+    let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
     let feed = move || {
         let state = newest.0.lock().ok().and_then(|newest| *newest)?;
-        let suggested = LIBRARY
-            .get(state.suggested_pose as usize)
-            .map(|posture| SuggestedPose::on_the_spot(posture, &skeleton, &state.segment_origin_m));
+        let suggested = LIBRARY.get(state.suggested_pose as usize).map(|posture| {
+            let pose = SuggestedPose::on_the_spot(posture, &skeleton, &state.segment_origin_m);
+            SuggestedPose { name: suggestion(&state, ask.as_ref()).unwrap_or(pose.name.clone()), ..pose }
+        });
         let mut frame = PageFrame::new(state);
         frame.suggested = suggested;
         frame.cop_sigma_target_m = target_m;

@@ -5,8 +5,8 @@
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
 //! records: ticks come at the configured rate, and a sample with the first tick after its delivery (`free`).
 //!
-//! Floors, ground first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`] → `machine` → [`fidelity`],
-//! `recorded`, `free` → `output`, [`cross_validation`]
+//! Floors, ground first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
+//! [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
 
 pub mod cross_validation;
 mod feed;
@@ -17,6 +17,7 @@ mod machine;
 mod output;
 mod pcap;
 mod recorded;
+pub mod residual;
 pub mod samples;
 pub mod score;
 pub mod summary;
@@ -45,6 +46,8 @@ pub struct Replay<'a> {
     pub config: &'a Config,
     /// Whether `config` is the one that the recording was made with. Only then are states compared with it.
     pub as_recorded: bool,
+    /// The span over which the loop's residual is summed up, s since the recording's begin; `None` for all of it.
+    pub residual_s: Option<[f64; 2]>,
 }
 
 impl Replay<'_> {
@@ -69,7 +72,7 @@ impl Replay<'_> {
     pub fn run_with(&self, mut tell: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
         let mut machine = Machine::afresh(self.config.settings());
-        let mut summary = Summary::new(self.input.started_ns(), self.config.period_ns());
+        let mut summary = Summary::new(self.input.started_ns(), self.config.period_ns(), self.residual_s);
         match self.input {
             Input::Recording(recording) if survey.cycles > 0 => {
                 let start = match (self.as_recorded, survey.checkpoints, &survey.checkpoint_refused) {

@@ -230,7 +230,7 @@ fn of_file(csv: &std::path::Path, config: &Config) -> Cops {
         CsvCapture::open(csv).unwrap().map(|(suit, _)| (suit.sample_time_ns, suit.device_counter)).collect();
     let input = Input::open(csv).unwrap();
     let mut cops = Cops::new();
-    let replay = Replay { input: &input, config, as_recorded: false };
+    let replay = Replay { input: &input, config, as_recorded: false, residual_s: None };
     replay
         .run_with(|state| {
             if let (Some(row), Some(of_state)) = (row_at.get(&state.suit_sample_time_ns), cops_of(state)) {

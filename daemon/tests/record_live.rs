@@ -62,7 +62,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
 
     let input = Input::open(&out).unwrap();
     let chosen = input.configuration(None).unwrap();
-    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true };
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true, residual_s: None };
     let summary = replay.run(None).unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
     println!("{summary}");

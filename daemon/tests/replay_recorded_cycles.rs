@@ -162,7 +162,7 @@ impl Live {
 fn replay(path: &Path) -> anyhow::Result<(Summary, Vec<State>)> {
     let input = Input::open(path)?;
     let chosen = input.configuration(None)?;
-    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true };
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true, residual_s: None };
     let mut states = Vec::new();
     let summary = replay.run_with(|state| {
         states.push(*state);

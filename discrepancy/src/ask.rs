@@ -8,6 +8,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::candidate::Candidate;
 use crate::evidence::Estimate;
+use crate::finding::Ask;
 use crate::floor::Floor;
 use crate::gram::Gram;
 use crate::select::{Selection, last_of};
@@ -33,28 +34,40 @@ struct Hypothesis {
 }
 
 /// The pose or motion that separates the two leading explanations most; `None` if nothing needs it, or nothing does.
-pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Option<String> {
+pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Option<Ask> {
     let [one, other] = leading(gram, selection)?;
     let sigma: [f64; 3] = std::array::from_fn(|axis| floor.root_mean_square(axis, |_| true).max(1e-6));
     let separation = |a: [f64; 3], b: [f64; 3]| {
         (0..3).map(|axis| ((a[axis] - b[axis]) / sigma[axis]).powi(2)).sum::<f64>().sqrt()
     };
-    let mut best: Option<(f64, String)> = None;
-    let mut consider = |value: f64, what: String| {
-        if value.is_finite() && best.as_ref().is_none_or(|(most, _)| value > *most) {
-            best = Some((value, what));
+    let between = [one.candidate.name(), other.candidate.name()];
+    let mut best: Option<Ask> = None;
+    let mut consider = |separation_sigma: f64, what: Ask| {
+        let most = best.as_ref().map_or(WORTH_SIGMA, |best| best.separation_sigma);
+        if separation_sigma.is_finite() && separation_sigma > most {
+            best = Some(Ask { separation_sigma, between: between.clone(), ..what });
         }
     };
     for (what, seen) in activities(gram) {
         consider(separation(one.predicts(gram, &seen), other.predicts(gram, &seen)), what);
     }
-    let (fast, what) = fastest(gram)?;
+    let fast = fastest(gram)?;
+    let what = Ask { fast: true, ..nothing() };
     consider(separation(one.predicts_at(gram, fast), other.predicts_at(gram, fast)), what);
-    let (value, what) = best?;
-    (value > WORTH_SIGMA).then(|| {
-        let (one, other) = (one.candidate.name(), other.candidate.name());
-        format!("{what}: {one} and {other} then differ by {value:.1} times the noise")
-    })
+    best
+}
+
+/// To be filled in.
+fn nothing() -> Ask {
+    Ask {
+        between: Default::default(),
+        pose: None,
+        turn_deg: 0.0,
+        step_m: [0.0; 2],
+        still_s: 0.0,
+        fast: false,
+        separation_sigma: 0.0,
+    }
 }
 
 impl Hypothesis {
@@ -103,38 +116,32 @@ fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
 }
 
 /// All that a person could be asked to do while standing, as the model would see it.
-fn activities(gram: &Gram<'_>) -> Vec<(String, Observation)> {
+fn activities(gram: &Gram<'_>) -> Vec<(Ask, Observation)> {
     let rows = gram.rows;
     let Some(last) = rows.blocks.last() else { return Vec::new() };
     let seen = &last.observation;
     let mut list = Vec::new();
     for posture in LIBRARY {
         for turn_deg in TURNS_DEG {
-            let what = if turn_deg == 0.0 {
-                format!("hold this pose: {}", posture.name)
-            } else {
-                format!("turn by {turn_deg:.0}° and hold this pose: {}", posture.name)
-            };
+            let what = Ask { pose: Some(posture.name.to_owned()), turn_deg, ..nothing() };
             list.push((what, standing(seen, &posture.world_from_segment(), turn_deg, [0.0; 2])));
         }
     }
     let straight = LIBRARY[0].world_from_segment();
-    let step = standing(seen, &straight, 0.0, [STEP_M, STEP_M]);
-    list.push(("step to another place on the plate, 15 cm forward and to the left".to_owned(), step));
+    let step_m = [STEP_M, STEP_M];
+    list.push((Ask { step_m, ..nothing() }, standing(seen, &straight, 0.0, step_m)));
     let mut later = standing(seen, &straight, 0.0, [0.0; 2]);
     later.time_s += STILL_S;
-    list.push(("stand still for three minutes".to_owned(), later));
+    list.push((Ask { still_s: STILL_S, ..nothing() }, later));
     list
 }
 
 /// The block of the work with most acceleration.
-fn fastest(gram: &Gram<'_>) -> Option<(usize, String)> {
+fn fastest(gram: &Gram<'_>) -> Option<usize> {
     let acceleration = |block: usize| {
         crate::noise::kernels::norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2)
     };
-    let block = (gram.rows.work_from..gram.rows.len())
-        .max_by(|&a, &b| acceleration(a).total_cmp(&acceleration(b)))?;
-    Some((block, "squat quickly and stop, a few times".to_owned()))
+    (gram.rows.work_from..gram.rows.len()).max_by(|&a, &b| acceleration(a).total_cmp(&acceleration(b)))
 }
 
 /// A person of this skeleton in a pose, at rest: turned by an angle about the feet, and some way from where they stood.

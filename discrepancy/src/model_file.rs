@@ -21,6 +21,7 @@
 //! A parameter that is not there is zero. Whatever is read is checked: a file that a person has changed may not make the
 //! loop compute nonsense.
 
+mod ask;
 mod check;
 mod text;
 mod write;
@@ -29,6 +30,8 @@ use std::path::{Path, PathBuf};
 
 use equipoise_core::effect::{Effect, Model, PARAMETERS_MAX, Place, TERMS_MAX, Term};
 use serde::{Deserialize, Serialize};
+
+use crate::finding::Ask;
 
 /// The version that is written, and the only one that is read.
 pub const VERSION: u32 = 1;
@@ -86,6 +89,8 @@ pub struct ModelFile {
     pub provenance: Option<Provenance>,
     /// The effects, at most [`TERMS_MAX`].
     pub effects: Vec<Fitted>,
+    /// What would tell explanations of its recording apart; `None` if nothing needs it.
+    pub ask: Option<Ask>,
 }
 
 /// What of a model file the loop is to run.

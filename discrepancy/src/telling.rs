@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::ask::ask;
 use crate::candidate::{Candidate, Scope, place_name};
-use crate::finding::{AxisGap, Estimate, Finding, Gap, Named, Verdict};
+use crate::finding::{Ask, AxisGap, Estimate, Finding, Gap, Named, Verdict};
 use crate::floor::{Floor, root_mean};
 use crate::generic::Generics;
 use crate::gram::Gram;
@@ -57,6 +57,7 @@ pub(crate) fn tell(
     let effects =
         selection.accepted.iter().zip(&terms).filter_map(|(one, fitted)| named(gram, one, fitted)).collect();
     let first = selection.accepted.first().map_or(&selection.considered, |first| &first.considered);
+    let ask = ask(gram, selection, &floor);
     let finding = Finding {
         verdict,
         effects,
@@ -65,7 +66,8 @@ pub(crate) fn tell(
         unexplained: if verdict == Verdict::Unexplained { generics.after.clone() } else { Vec::new() },
         gap: gap(gram, &floor, held),
         spans: locate(gram, &floor, &held.before),
-        ask_next: ask(gram, selection, &floor),
+        ask_next: ask.as_ref().map(Ask::sentence),
+        ask,
         model: None,
     };
     Told { finding, terms, rest, floor }

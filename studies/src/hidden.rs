@@ -1,7 +1,8 @@
 //! The blind bench of the discrepancy workflow: sessions with something hidden in them, and a judge of what is found.
 //!
 //! Floors, ground first: [`truth`] → [`effects`] → [`ladder`] (what is hidden, how large) → [`scenario`] (what the worker
-//! does) → [`recording`] → [`make`]; [`families`] → [`judge`] → [`score`] (asks the program) → [`summary`] → [`cli`].
+//! does) → [`recording`] → [`make`]; [`families`] → [`judge`] → [`score`] (asks the program) → [`summary`] → [`cli`];
+//! beside them [`long`] (what the program needs for a whole shift).
 //! The generator has the simulator's physics and sensors and knows nothing of `core`'s effects: names, places, parameters
 //! and units are those of the catalogue, its columns are not used.
 
@@ -10,6 +11,7 @@ pub mod effects;
 pub mod families;
 pub mod judge;
 pub mod ladder;
+pub mod long;
 pub mod make;
 pub mod recording;
 pub mod scenario;

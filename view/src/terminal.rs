@@ -43,7 +43,9 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
         let _ = writeln!(block, "{}", text.chars().take(80).collect::<String>().trim_end());
     };
     line(format!("Equipoise  {station}  {}  cycle {}", state.phase_name(), state.cycle));
-    line(format!("  {}", words::instruction(state, pose).text));
+    for half in halves(&words::instruction(state, pose).text) {
+        line(format!("  {half}"));
+    }
     line(format!("  {}", progress(state)));
     line(format!(
         "  suit {}  ground {}{}",
@@ -72,7 +74,15 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
 }
 
 /// How many lines [`dashboard`] always has.
-pub const DASHBOARD_LINES: usize = 23;
+pub const DASHBOARD_LINES: usize = 24;
+
+/// A text on two lines of the block, the second one empty if it is not needed.
+fn halves(text: &str) -> [&str; 2] {
+    let fits = |at: &usize| text[..*at].chars().count() <= 78;
+    let ends = text.match_indices(' ').map(|(at, _)| at).chain([text.len()]);
+    let end = ends.filter(fits).max().unwrap_or(text.len());
+    [&text[..end], text[end..].trim_start()]
+}
 
 fn progress(state: &State) -> String {
     let poses = match state.poses_used {
@@ -251,13 +261,24 @@ mod tests {
     fn the_block_says_how_far_the_values_lie_behind() {
         let told = |group_delay_ns| {
             let state = State { suit_age_ns: 4_000_000, group_delay_ns, ..carrying() };
-            dashboard(&state, "station-1", None).lines().nth(3).map(str::to_owned)
+            dashboard(&state, "station-1", None).lines().nth(4).map(str::to_owned)
         };
         assert_eq!(
             told(66_700_000).as_deref(),
             Some("  suit 4 ms old  ground 0 ms old  values 67 ms behind the suit")
         );
         assert_eq!(told(0).as_deref(), Some("  suit 4 ms old  ground 0 ms old"));
+    }
+
+    #[test]
+    fn a_long_instruction_goes_on_in_the_next_line() {
+        let mut state = carrying();
+        (state.worst_joint, state.valid, state.pose_mismatch_rad) = (u32::MAX, 0, 1.0);
+        let pose = "turn by 90° to the left, both arms up and out, like a Y, to tell hand_load right from worn_mass T8";
+        let block = dashboard(&state, "station-1", Some(pose));
+        let told: Vec<&str> = block.lines().skip(1).take(2).map(str::trim).collect();
+        assert_eq!(told.join(" "), format!("Take the grey pose: {pose}"));
+        assert_eq!(halves("short"), ["short", ""]);
     }
 
     #[test]

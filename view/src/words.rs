@@ -1,14 +1,12 @@
 //! What a state means in plain English: the worker's page and the terminal say the same.
 
 use equipoise_core::body::{Joint, Segment};
+use equipoise_core::cycle::POSE_REACHED_RAD;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
 
 use crate::state_json::level_name;
-
-/// Closer than this to the suggested pose, all that is left to do is to hold still, RMS joint angle.
-const POSE_REACHED_RAD: f64 = 0.20;
 
 /// A reason why values are withheld.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -106,6 +104,9 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
             .map_or_else(|| pose_to_take(state, pose), calm),
         Some(Phase::Monitoring) => match worst_joint(state) {
             Some(worst) => overload(worst, state.joint_level[worst.index()]),
+            // Who is known is asked for a pose only to tell explanations of a discrepancy apart.
+            None if pose.is_some() => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
+                .map_or_else(|| pose_to_take(state, pose), calm),
             None => reasons.first().map_or_else(|| Instruction::new("No values", Tone::Calm), calm),
         },
         // Not to be identified yet is what waiting is about.
@@ -265,6 +266,22 @@ mod tests {
         assert_eq!(told(&state), "Good. Hold still");
         state.valid |= Validity::FEET_OFF_PLATE.0;
         assert_eq!(told(&state), "Your feet are off the plate");
+    }
+
+    #[test]
+    fn a_known_worker_is_asked_for_a_pose_unless_a_load_is_judged() {
+        let mut state = State::zeroed();
+        state.phase = Phase::Monitoring as u32;
+        state.worst_joint = u32::MAX;
+        state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
+        state.pose_mismatch_rad = 1.0;
+        let told = |state: &State| instruction(state, Some("arms out, to tell this from that")).text;
+        assert_eq!(told(&state), "Take the grey pose: arms out, to tell this from that");
+        state.valid |= Validity::FEET_OFF_PLATE.0;
+        assert_eq!(told(&state), "Your feet are off the plate");
+        state.valid = 0;
+        state.worst_joint = 0;
+        assert_ne!(told(&state), "Take the grey pose: arms out, to tell this from that");
     }
 
     #[test]

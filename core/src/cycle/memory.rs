@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::alignment::Alignment;
+use super::asked::AskedPose;
 use super::body_motion::MotionNoise;
 use super::identification::Identification;
 use super::model_terms::ModelTerms;
@@ -52,6 +53,8 @@ pub struct Memory {
     pub exposure: Exposure,
     /// What an empty plate shows.
     pub(super) tare: Tare,
+    /// What the model file asks for.
+    pub(super) asked: AskedPose,
     /// Reasons found with the newest aligned sample: [`Validity`] bits.
     pub(super) found: u64,
     /// When the model was last changed from outside; 0 for never.
@@ -98,6 +101,7 @@ impl Memory {
             && self.identification.is_sound()
             && self.exposure.is_sound()
             && self.tare.is_sound()
+            && self.asked.is_sound()
     }
 
     /// The reasons found with the newest aligned sample.

@@ -6,9 +6,9 @@ use super::alignment::Aligned;
 use super::body_motion::BodyMotion;
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
-use super::{CLOCK_SIGMA_MAX_NS, NO_POSE, support};
+use super::{CLOCK_SIGMA_MAX_NS, support};
 use crate::body::{JOINTS, gyration_m2};
-use crate::frame::{Pose, StationWorld, wxyz};
+use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::state::SharingSource;
@@ -16,7 +16,7 @@ use crate::message::{GroundSample, State, SuitSample, Validity};
 use crate::motion::{Build, Inertia, Moment};
 use crate::overload::{GRAVITY_M_PER_S2, Level, Levels};
 use crate::sesc::centre_of_mass;
-use crate::static_pose::{Held, Stillness, rms_joint_angle};
+use crate::static_pose::{Held, Stillness};
 
 /// Within this multiple of the stillness thresholds the static equations are good enough to publish torques.
 const NEARLY_STILL: f64 = 3.0;
@@ -120,7 +120,7 @@ impl Memory {
         };
         found.raise(Validity::MOVING, motion.is_none());
 
-        self.compare_with_suggestion(&pose, settings);
+        self.compare_with_suggestion(&pose, is_still, settings);
         if self.identification.has_body() {
             self.identification.follow_stance(moment.stance, settings);
         }
@@ -199,16 +199,6 @@ impl Memory {
             let variance = known[axis] + wander[axis] + floor + moving * moving;
             self.known.cop_sigma_m[axis] = math::sqrt(variance);
         }
-    }
-
-    fn compare_with_suggestion(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
-        self.known.pose_mismatch_rad = match settings.library.get(self.identification.suggested as usize) {
-            Some(posture) if self.identification.suggested != NO_POSE => {
-                let joints = |rotations: [nalgebra::UnitQuaternion<f64>; JOINTS]| rotations.map(|r| wxyz(&r));
-                rms_joint_angle(&joints(pose.joint_rotations()), &joints(posture.joint_rotations()))
-            }
-            _ => 0.0,
-        };
     }
 
     /// A still worker shows the mass, if it is not known, and then one more pose.

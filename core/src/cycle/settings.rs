@@ -68,6 +68,15 @@ pub enum StopRule {
     },
 }
 
+/// A pose that a model file asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Asked {
+    /// Index into [`Settings::library`].
+    pub pose: usize,
+    /// How far to turn for it, rad to the left.
+    pub turn_rad: f64,
+}
+
 /// Half the window over which motion is looked at unless told otherwise, ns.
 const HALF_WINDOW_NS: u64 = 70_000_000;
 
@@ -138,6 +147,8 @@ pub struct Settings {
     pub limits: TorqueLimits,
     /// What the model has beside the body: effects that were found and named.
     pub model: Model,
+    /// What to ask for once the worker is known, to tell explanations of the model's data apart.
+    pub asked: Option<Asked>,
     /// Poses that may be suggested, at most [`crate::pose_suggestion::LIBRARY_MAX`].
     pub library: &'static [Posture],
 }
@@ -186,6 +197,7 @@ impl Settings {
             level_margin_share: 0.02,
             limits: TorqueLimits::default(),
             model: Model::default(),
+            asked: None,
             library: &[],
         }
     }

@@ -13,6 +13,7 @@ use crate::body::{Joint, Segment, Side};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
+mod asked;
 mod bench;
 mod exposure;
 mod latency;

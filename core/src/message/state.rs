@@ -88,7 +88,8 @@ message! {
         pub nis: f64,
         /// How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all.
         pub prior_inflation: f64,
-        /// How far the worker is from the suggested pose: RMS joint angle, rad.
+        /// How far the worker is from the suggested pose: RMS joint angle, or the turn of the body that is still to be
+        /// made, rad.
         pub pose_mismatch_rad: f64,
         /// How much later than the ground's the suit's sample times are than they should be, s.
         pub suit_skew_s: f64,

@@ -6,10 +6,10 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
-use equipoise_discrepancy::spans::{Given, Span};
+use equipoise_discrepancy::spans::Given;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::Outcome;
+use super::{Outcome, span};
 use crate::config::Config;
 use crate::model::{LoadedModel, sha256_of};
 use crate::reconcile::output::{Results, folders};
@@ -75,10 +75,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
     }
     Ok(outcome)
-}
-
-fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
-    text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
 }
 
 /// What comes of one file: whether all of it was used.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use equipoise_discrepancy::spans::Span;
 
 use super::Outcome;
 use crate::model::LoadedModel;
@@ -34,6 +35,13 @@ pub(super) struct Arguments {
     /// Write every state: .jsonl, .csv, .mcap; - for JSON lines on standard output
     #[arg(long, value_name = "RESULT")]
     out: Option<PathBuf>,
+    /// Sum up the residual of the identified worker over this span only: begin and end, seconds since the recording's
+    /// begin
+    #[arg(long, value_name = "A:B")]
+    work: Option<String>,
+    /// Print the summary as JSON
+    #[arg(long, conflicts_with = "cross_validate")]
+    json: bool,
     /// Also judge the identified model on data it was not learnt from, in so many blocks of time
     #[arg(long, value_name = "BLOCKS")]
     cross_validate: Option<usize>,
@@ -63,7 +71,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         text += &format!("{}\n", model.tell());
     }
-    let replay = Replay { input: &input, config: &chosen.config, as_recorded };
+    let work: Option<Span> = super::span("--work", arguments.work.as_deref())?;
+    let residual_s = work.map(|span| [span.from_s, span.to_s]);
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded, residual_s };
     let summary = replay.run(arguments.out.as_deref())?;
     text += &summary.to_string();
     if let Some(blocks) = arguments.cross_validate {
@@ -73,6 +83,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             text += &cross_validate(&input, &chosen.config, blocks, Judge::AllUnloaded, arguments.poses)?
                 .to_string();
         }
+    }
+    if arguments.json {
+        let json = format!("{:#}\n", summary.json());
+        eprint!("{text}");
+        text = json;
     }
     // Results on standard output stand alone.
     if arguments.out.as_deref().is_some_and(|out| out.as_os_str() == "-") {

@@ -7,13 +7,15 @@ use std::time::{Duration, Instant};
 use equipoise_adapters::ground::RdtRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_core::message::{AdapterHealth, State};
-use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::time::seconds;
+use equipoise_discrepancy::finding::Ask;
+use equipoise_discrepancy::model_file::ModelFile;
 use equipoise_view::state_json::StateJson;
 use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
 
 use super::{Outcome, StationArgument, client};
 use crate::config::Config;
+use crate::model::suggestion;
 use crate::status::{self, Status};
 
 /// How long to wait for the adapters' word, which comes once a second.
@@ -52,7 +54,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let text = serde_json::json!({ "daemon": facts, "state": state, "adapters": adapters });
         writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
-        write!(out, "{}", dashboard(&state, station, pose_name(&state)))?;
+        let pose = suggestion(&state, asked(facts.as_ref()).as_ref());
+        write!(out, "{}", dashboard(&state, station, pose.as_deref()))?;
         for adapter in &adapters {
             write_adapter(&mut out, adapter)?;
         }
@@ -66,8 +69,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn pose_name(state: &State) -> Option<&'static str> {
-    LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name)
+/// What the daemon's model file asks for, if it does.
+fn asked(facts: Option<&Status>) -> Option<Ask> {
+    let text = &facts?.model_toml;
+    ModelFile::parse(text, "the daemon's model").ok()?.ask
 }
 
 /// The constant latencies of suit and ground that the daemon runs with, ms.
@@ -182,6 +187,7 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
     let mut out = std::io::stdout().lock();
     let (started, terminal) = (Instant::now(), out.is_terminal());
     let pause = Duration::from_millis(if terminal { 100 } else { 1000 });
+    let ask = asked(status::read(station).as_ref());
     let (mut drawn, mut seen) = (false, Instant::now());
     while !stop.load(Ordering::Relaxed)
         && arguments.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds)
@@ -190,10 +196,11 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
             (state, seen) = (newer, Instant::now());
         }
         let silent = seen.elapsed() > Duration::from_secs(1);
+        let pose = suggestion(&state, ask.as_ref());
         if terminal {
             // Back to the block's first line; each line is cleared to its end.
             let up = if drawn { format!("\x1b[{}A", DASHBOARD_LINES + 1) } else { String::new() };
-            let block = dashboard(&state, station, pose_name(&state)).replace('\n', "\x1b[K\n");
+            let block = dashboard(&state, station, pose.as_deref()).replace('\n', "\x1b[K\n");
             let note = if silent { "  the daemon is silent; what stands here is old" } else { "" };
             writeln!(out, "{up}{block}{note}\x1b[K")?;
             out.flush()?;
@@ -201,7 +208,7 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
         } else if silent {
             writeln!(out, "the daemon is silent")?;
         } else {
-            writeln!(out, "{}", live_line(&state, pose_name(&state)))?;
+            writeln!(out, "{}", live_line(&state, pose.as_deref()))?;
         }
         std::thread::sleep(pause);
     }

@@ -115,7 +115,7 @@ impl Results<'_> {
             reference_s: spans_s.reference,
             work_s: spans_s.work,
         };
-        ModelFile { provenance: Some(provenance), effects }
+        ModelFile { provenance: Some(provenance), effects, ask: outcome.finding.ask.clone() }
     }
 
     /// Writes all files into a folder beside, and moves them when all are whole.

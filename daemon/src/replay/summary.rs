@@ -8,6 +8,7 @@ use equipoise_core::message::state::Phase;
 use super::fidelity::Fidelity;
 use super::left_out_lines;
 use super::output::seconds_since;
+use super::residual::Residual;
 use super::samples::LeftOut;
 use super::score::{Blocks, Scored};
 
@@ -27,6 +28,8 @@ pub struct Summary {
     pub mass_kg: f64,
     /// Quasi-static suit samples without a load.
     pub scored: Vec<Scored>,
+    /// What the identified model leaves.
+    pub residual: Residual,
     /// Comparison with the live loop, where cycles were recorded.
     pub fidelity: Option<Fidelity>,
     /// What of the input was not used.
@@ -37,13 +40,14 @@ pub struct Summary {
 }
 
 impl Summary {
-    pub(super) fn new(started_ns: u64, period_ns: u64) -> Summary {
+    pub(super) fn new(started_ns: u64, period_ns: u64, residual_s: Option<[f64; 2]>) -> Summary {
         Summary {
             cycles: 0,
             cycles_in_phase: [0; PHASES.len()],
             poses_used: 0,
             mass_kg: 0.0,
             scored: Vec::new(),
+            residual: Residual::over(started_ns, residual_s),
             fidelity: None,
             left_out: LeftOut::default(),
             started_ns,
@@ -54,6 +58,7 @@ impl Summary {
 
     pub(super) fn take(&mut self, state: &State) {
         self.cycles += 1;
+        self.residual.take(state);
         if let Some(cycles) = self.cycles_in_phase.get_mut(state.phase as usize) {
             *cycles += 1;
         }
@@ -61,6 +66,28 @@ impl Summary {
         self.mass_kg = state.mass_kg;
         let [first_ns, _] = self.span_ns.unwrap_or([state.time_ns; 2]);
         self.span_ns = Some([first_ns, state.time_ns]);
+    }
+
+    /// What programs want to know of it.
+    pub fn json(&self) -> serde_json::Value {
+        let period_s = self.period_ns as f64 / 1e9;
+        let phases: serde_json::Map<String, serde_json::Value> = PHASES
+            .iter()
+            .zip(self.cycles_in_phase)
+            .map(|(phase, cycles)| (phase.name().to_owned(), (cycles as f64 * period_s).into()))
+            .collect();
+        let span_s = self.span_ns.map(|span| span.map(|at| seconds_since(self.started_ns, at)));
+        serde_json::json!({
+            "cycles": self.cycles,
+            "span_s": span_s,
+            "phase_s": phases,
+            "poses_used": self.poses_used,
+            "mass_kg": (self.mass_kg > 0.0).then_some(self.mass_kg),
+            "residual": self.residual,
+            "whole": self.is_whole(),
+            "rejected": self.left_out.rejected,
+            "passed_over": self.left_out.passed_over,
+        })
     }
 
     /// Whether all data were used and, where it was compared, every state came again.
@@ -85,6 +112,7 @@ impl fmt::Display for Summary {
             if self.mass_kg > 0.0 { format!("{:.1} kg", self.mass_kg) } else { "not known".to_owned() };
         writeln!(f, "poses used: {}; body mass: {mass}", self.poses_used)?;
         write!(f, "{}", Blocks { scored: &self.scored, started_ns: self.started_ns })?;
+        write!(f, "{}", self.residual)?;
         if let Some(fidelity) = &self.fidelity {
             write!(f, "{fidelity}")?;
         }

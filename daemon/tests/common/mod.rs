@@ -65,11 +65,18 @@ const NAME: &str = "test";
 impl Station {
     /// Starts the daemon with a configuration whose station is `test`, and waits until it says that it runs.
     pub(crate) fn start(config: &str) -> Station {
+        Station::start_with(config, &[], |_| {})
+    }
+
+    /// The same with more options of `run`, and a state directory in which `prepare` has put something.
+    pub(crate) fn start_with(config: &str, options: &[&str], prepare: impl FnOnce(&Path)) -> Station {
         // Sockets lie in it: the path must be short.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").unwrap();
         let file = directory.path().join("config.toml");
         std::fs::write(&file, config).unwrap();
-        let daemon = command_in(directory.path()).arg("run").arg("--config").arg(&file).spawn().unwrap();
+        prepare(&directory.path().join("state"));
+        let mut command = command_in(directory.path());
+        let daemon = command.arg("run").arg("--config").arg(&file).args(options).spawn().unwrap();
         let mut station = Station { directory, daemon };
         let status = station.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
         let started = Instant::now();

@@ -146,6 +146,55 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
 }
 
 #[test]
+fn a_recording_that_is_cut_before_its_samples_is_refused() {
+    let trial = Trial::whole();
+    let bytes = std::fs::read(&trial.recording).unwrap();
+    // In the head, and in the first chunk: nothing can be read of what was measured.
+    for (length, words) in
+        [(6, "not a recording"), (60, "session.mcap"), (4000, "no sample of suit or plate")]
+    {
+        std::fs::write(&trial.recording, &bytes[..length]).unwrap();
+        trial.refuses(&[], &[words]);
+    }
+}
+
+/// An older report is not mixed with what a refusal would leave, and not taken away either.
+#[test]
+fn what_was_written_before_stays_as_it_was() {
+    let trial = Trial::whole();
+    let bytes = std::fs::read(&trial.recording).unwrap();
+    assert_eq!(trial.run(&[]).status.code(), Some(0));
+    let written = || -> Vec<(String, Vec<u8>)> {
+        names(&trial.out())
+            .into_iter()
+            .map(|name| (name.clone(), std::fs::read(trial.out().join(&name)).unwrap()))
+            .collect()
+    };
+    let before = written();
+    let constant = Trial::spoilt(|samples| {
+        let first = samples.ground[0];
+        for sample in &mut samples.ground {
+            (sample.force_n, sample.moment_nm) = (first.force_n, first.moment_nm);
+        }
+    });
+    let plate_only = Trial::spoilt(|samples| samples.suit.clear());
+    let suit_only = Trial::spoilt(|samples| samples.ground.clear());
+    let spoilt: [Vec<u8>; 5] = [
+        Vec::new(),
+        bytes[..4000].to_vec(),
+        std::fs::read(&constant.recording).unwrap(),
+        std::fs::read(&plate_only.recording).unwrap(),
+        std::fs::read(&suit_only.recording).unwrap(),
+    ];
+    for bytes in spoilt {
+        std::fs::write(&trial.recording, bytes).unwrap();
+        let output = trial.run(&[]);
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert!(written() == before, "something was changed: {:?}", names(&trial.out()));
+    }
+}
+
+#[test]
 fn another_worker_s_configuration_is_refused() {
     let trial = Trial::whole();
     let config = trial.directory.path().join("config.toml");

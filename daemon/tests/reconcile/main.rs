@@ -6,5 +6,9 @@ mod accuracy;
 mod bad_input;
 #[path = "../common/mod.rs"]
 mod common;
+mod guidance;
+mod live;
 mod make;
+mod memory;
 mod models;
+mod shows;

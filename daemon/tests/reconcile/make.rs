@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::cycle::{Checkpoint, Memory};
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
@@ -15,6 +16,7 @@ const POSE_EVERY_S: f64 = 4.0;
 const POSE_WITHIN_S: f64 = 1.6;
 /// Work goes from one posture to the next in this time, s.
 const WORK_EVERY_S: f64 = 1.3;
+const VARIED_EVERY_S: f64 = 2.4;
 
 /// A load is taken this long after the work begins, s.
 const LIFT_AFTER_S: f64 = 10.0;
@@ -27,6 +29,8 @@ pub(crate) struct Script {
     pub(crate) habits: Habits,
     pub(crate) poses: usize,
     pub(crate) work_s: f64,
+    /// The work is poses of all kinds, arms apart from each other, some held; else a box is moved with both hands.
+    pub(crate) varied: bool,
     /// Carried in the hands from a while after the work began, kg.
     pub(crate) carried_kg: f64,
 }
@@ -40,6 +44,7 @@ impl Script {
             habits: Habits::NONE,
             poses: 10,
             work_s: 30.0,
+            varied: false,
             carried_kg: 0.0,
         }
     }
@@ -53,6 +58,11 @@ impl Script {
     /// When the poses end and the work begins, s.
     pub(crate) fn poses_end_s(&self) -> f64 {
         2.0 + self.poses as f64 * POSE_EVERY_S
+    }
+
+    /// When a load is taken, s.
+    pub(crate) fn lift_s(&self) -> f64 {
+        self.poses_end_s() + LIFT_AFTER_S
     }
 
     pub(crate) fn length_s(&self) -> f64 {
@@ -127,17 +137,18 @@ impl Ordered {
     /// Gives every order that is due before a time, s.
     pub(crate) fn upto(&mut self, time_s: f64) {
         let script = &self.script;
-        let lift_s = script.poses_end_s() + LIFT_AFTER_S;
+        let lift_s = script.lift_s();
         if script.carried_kg > 0.0 && !self.lifted && lift_s <= time_s + 0.05 {
             self.worker.lift(script.carried_kg, lift_s);
             self.lifted = true;
         }
         loop {
             let pose = self.next < script.poses;
+            let every_s = if script.varied { VARIED_EVERY_S } else { WORK_EVERY_S };
             let at_s = if pose {
                 2.0 + self.next as f64 * POSE_EVERY_S
             } else {
-                script.poses_end_s() + (self.next - script.poses) as f64 * WORK_EVERY_S
+                script.poses_end_s() + (self.next - script.poses) as f64 * every_s
             };
             if at_s > time_s + 0.05 {
                 return;
@@ -145,8 +156,11 @@ impl Ordered {
             if pose {
                 let (_, intention) = &REPERTOIRE[(1 + 7 * self.next) % REPERTOIRE.len()];
                 self.worker.intend(intention, at_s, POSE_WITHIN_S);
+            } else if script.varied {
+                let (_, intention) = &REPERTOIRE[(4 + 5 * self.next) % REPERTOIRE.len()];
+                self.worker.intend(intention, at_s, 0.5 * every_s);
             } else {
-                self.worker.intend(&LIFTING[self.next % LIFTING.len()], at_s, 0.9 * WORK_EVERY_S);
+                self.worker.intend(&LIFTING[self.next % LIFTING.len()], at_s, 0.9 * every_s);
             }
             self.next += 1;
         }
@@ -163,14 +177,25 @@ pub(crate) struct Samples {
 impl Samples {
     /// Writes a recording.
     pub(crate) fn write(&self, path: &Path, config: &str) {
+        self.write_from(path, config, EPOCH_NS, None);
+    }
+
+    /// Writes what comes from a time on, after the memory of the loop that a station had then.
+    pub(crate) fn write_from(&self, path: &Path, config: &str, from_ns: u64, memory: Option<&Memory>) {
         let header = RecordingHeader {
             software_version: "test".to_owned(),
-            started_monotonic_ns: EPOCH_NS,
+            started_monotonic_ns: from_ns,
             config_toml: config.to_owned(),
             ..RecordingHeader::default()
         };
         let mut recorder = Recorder::create(path, &header).unwrap();
-        let (mut suit, mut ground) = (self.suit.iter().peekable(), self.ground.iter().peekable());
+        if let Some(memory) = memory {
+            let mut checkpoint: Box<Checkpoint> = bytemuck::zeroed_box();
+            checkpoint.take(1, memory);
+            recorder.write(from_ns, &*checkpoint).unwrap();
+        }
+        let mut suit = self.suit.iter().filter(|sample| sample.sample_time_ns >= from_ns).peekable();
+        let mut ground = self.ground.iter().filter(|sample| sample.sample_time_ns >= from_ns).peekable();
         loop {
             let next_ground_ns = ground.peek().map_or(u64::MAX, |sample| sample.published_ns);
             if let Some(sample) = suit.next_if(|sample| sample.published_ns <= next_ground_ns) {

@@ -3,8 +3,7 @@
 
 use std::path::Path;
 
-use equipoise_adapters::recording::{Recorder, RecordingHeader};
-use equipoise_core::cycle::{Checkpoint, Memory};
+use equipoise_core::cycle::Memory;
 use equipoise_daemon::config::Config;
 use equipoise_daemon::model::sha256_of;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
@@ -16,9 +15,9 @@ use equipoise_studies::sensors::EPOCH_NS;
 use serde_json::Value;
 
 use crate::common::{equipoise, said};
-use crate::make::{Samples, Script};
+use crate::make::Script;
 
-fn reconciled(recording: &Path, options: &[&str]) -> Value {
+pub(crate) fn reconciled(recording: &Path, options: &[&str]) -> Value {
     let output = equipoise().arg("reconcile").arg(recording).arg("--json").args(options).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -50,27 +49,6 @@ fn a_load_in_the_hands_is_written_down_and_then_known() {
     assert!(known_mm < 0.5 * unknown_mm, "{known_mm} {unknown_mm}");
 }
 
-/// The work alone, as recorded by a station that knew the worker.
-fn work_of(samples: &Samples, script: &Script, memory: &Memory, path: &Path) {
-    let from_ns = EPOCH_NS + (script.poses_end_s() * 1e9) as u64;
-    let header = RecordingHeader {
-        started_monotonic_ns: from_ns,
-        config_toml: script.config(),
-        ..RecordingHeader::default()
-    };
-    let mut recorder = Recorder::create(path, &header).unwrap();
-    let mut checkpoint: Box<Checkpoint> = bytemuck::zeroed_box();
-    checkpoint.take(1, memory);
-    recorder.write(from_ns, &*checkpoint).unwrap();
-    for sample in samples.suit.iter().filter(|sample| sample.sample_time_ns >= from_ns) {
-        recorder.write(sample.published_ns, sample).unwrap();
-    }
-    for sample in samples.ground.iter().filter(|sample| sample.sample_time_ns >= from_ns) {
-        recorder.write(sample.published_ns, sample).unwrap();
-    }
-    recorder.finish().unwrap();
-}
-
 #[test]
 fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
     let mut script = Script { work_s: 25.0, ..Script::ordinary() };
@@ -83,7 +61,9 @@ fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&Config::parse(&script.config(), "test").unwrap().settings());
     memory.identification = *known.learnt.worker;
-    work_of(&samples, &script, &memory, &work);
+    // The work alone, as recorded by a station that knew the worker.
+    let from_ns = EPOCH_NS + (script.poses_end_s() * 1e9) as u64;
+    samples.write_from(&work, &script.config(), from_ns, Some(&memory));
 
     let brought = compared(&work, &script.config(), Given::default());
     assert!(brought.found.told.contains("the worker was identified before the recording began"));

@@ -32,7 +32,12 @@ pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError>
             Err((key, what)) => return wrong(format!("{name}, effect {}, {key}", index + 1), what),
         }
     }
-    Ok(ModelFile { provenance: raw.provenance, effects })
+    if let Some(ask) = &raw.ask
+        && let Err((key, what)) = super::ask::check(ask)
+    {
+        return wrong(format!("{name}, ask, {key}"), what);
+    }
+    Ok(ModelFile { provenance: raw.provenance, effects, ask: raw.ask })
 }
 
 /// The key that is wrong, and what to say of it.

@@ -204,7 +204,7 @@ fn any_fitted() -> impl Strategy<Value = Fitted> {
 proptest! {
     #[test]
     fn what_is_written_is_what_is_read(effects in prop::collection::vec(any_fitted(), 0..=TERMS_MAX)) {
-        let file = ModelFile { provenance: None, effects };
+        let file = ModelFile { effects, ..ModelFile::default() };
         let again = ModelFile::parse(&file.to_toml(), "written").unwrap();
         prop_assert_eq!(again, file);
     }

@@ -8,6 +8,7 @@ use equipoise_core::effect::{Effect, Place};
 use serde::Deserialize;
 
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
+use crate::finding::Ask;
 
 /// The file as it stands there.
 #[derive(Debug, Deserialize)]
@@ -15,6 +16,7 @@ use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 pub(super) struct Raw {
     pub(super) version: u32,
     pub(super) provenance: Option<Provenance>,
+    pub(super) ask: Option<Ask>,
     #[serde(default)]
     pub(super) effect: Vec<RawEffect>,
 }
@@ -88,6 +90,9 @@ pub(super) fn of(file: &ModelFile) -> String {
         // Every value has a TOML form: strings and numbers.
         let table = toml::to_string(provenance).unwrap_or_default();
         let _ = write!(text, "\n[provenance]\n{table}");
+    }
+    if let Some(ask) = &file.ask {
+        super::ask::write(&mut text, ask);
     }
     for fitted in &file.effects {
         write_effect(&mut text, fitted);

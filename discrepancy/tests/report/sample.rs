@@ -336,6 +336,7 @@ pub(crate) fn named(work_s: f64) -> Sample {
             times_noise: 5.7,
         }],
         ask_next: None,
+        ask: None,
         model: Some("findings/shift-morning/model.toml".to_owned()),
     };
     let toml = "version = 1\n\n[provenance]\nrecording_sha256 = \"9f86d081884c7d65…\"\ndate = \"2025-03-04T09:12:33Z\"\n\n\

@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use serde::{Deserialize, Serialize};
 
 use super::judge::Judged;
+use super::long;
 use super::make::{self, Order};
 use super::score::{self, Asking};
 use super::summary;
@@ -29,6 +30,12 @@ pub enum Task {
         after_help = "Example: equipoise-study hidden bench --sessions 200 --program target/release/equipoise"
     )]
     Bench(BenchChoices),
+    /// Make long recordings, have each reconciled, and print seconds and memory at its highest
+    #[command(
+        after_help = "Example: equipoise-study hidden long --hours 0.1667 --hours 20\nTwenty hours take about 4 GB of disk \
+                      for as long as they are looked at."
+    )]
+    Long(LongChoices),
     /// The smallest size of each effect that was named, from what `score` or `bench` wrote with --json
     #[command(after_help = "Example: equipoise-study hidden detectable judged.json")]
     Detectable {
@@ -96,6 +103,26 @@ pub struct MakeChoices {
     twins: bool,
 }
 
+/// How long.
+#[derive(Debug, Args)]
+pub struct LongChoices {
+    /// Length of a recording, hours; several are made one after the other
+    #[arg(long, required = true, value_name = "HOURS", value_parser = hours)]
+    hours: Vec<f64>,
+    /// The program that is asked
+    #[arg(long, value_name = "FILE", default_value = "target/release/equipoise")]
+    program: PathBuf,
+    /// Folder for the passing recordings; a temporary one if not given
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Identification, clean work and some work in question take five minutes.
+fn hours(text: &str) -> Result<f64, String> {
+    let hours = text.parse().unwrap_or(f64::NAN);
+    if (0.1..=48.0).contains(&hours) { Ok(hours) } else { Err("give hours from 0.1 to 48".to_owned()) }
+}
+
 /// Which sessions.
 #[derive(Debug, Args)]
 pub struct DrawChoices {
@@ -136,6 +163,7 @@ pub fn run(task: &Task) -> ExitCode {
             .and_then(|judged| show(&judged, choices.ask.json.as_deref())),
         Task::Bench(choices) => bench(choices),
         Task::Detectable { files } => detectable(files),
+        Task::Long(choices) => long_recordings(choices),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -156,6 +184,17 @@ fn bench(choices: &BenchChoices) -> Result<(), String> {
         let _ = std::fs::remove_dir_all(&passing);
     }
     show(&judged?, choices.ask.json.as_deref())
+}
+
+fn long_recordings(choices: &LongChoices) -> Result<(), String> {
+    let passing = std::env::temp_dir().join(format!("equipoise-long-{}", std::process::id()));
+    let table = long::table(&choices.program, choices.out.as_ref().unwrap_or(&passing), &choices.hours);
+    if choices.out.is_none() {
+        // It is empty.
+        let _ = std::fs::remove_dir_all(&passing);
+    }
+    println!("{}", table?);
+    Ok(())
 }
 
 fn detectable(files: &[PathBuf]) -> Result<(), String> {

@@ -1,0 +1,93 @@
+//! A pose that a model file asks for, since it would tell two explanations of its data apart: suggested once the worker
+//! is known, until it was held.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::memory::Memory;
+use super::settings::{Asked, Settings};
+use super::{NO_POSE, POSE_REACHED_RAD};
+use crate::body::{JOINTS, Segment};
+use crate::frame::{Pose, StationWorld, wxyz};
+use crate::math;
+use crate::static_pose::rms_joint_angle;
+
+/// A turn of the body is done this near to what was asked for, rad.
+const TURNED_WITHIN_RAD: f64 = core::f64::consts::FRAC_PI_6;
+
+/// What is remembered of the asked pose.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct AskedPose {
+    /// 1 once it was held, or a person skipped it.
+    done: u64,
+    /// 1 once it was first asked for.
+    begun: u64,
+    /// Where the worker faced then, rad to the left of world X.
+    heading_rad: f64,
+}
+
+impl AskedPose {
+    /// Whether flags and number are in range; a stored memory is checked before use.
+    pub(super) fn is_sound(&self) -> bool {
+        self.done <= 1 && self.begun <= 1 && self.heading_rad.is_finite()
+    }
+}
+
+impl Memory {
+    /// What the model file asks for now: nothing while the worker is being learnt, and nothing twice.
+    fn asked(&self, settings: &Settings) -> Option<Asked> {
+        let known = self.identification.identified == 1 && self.identification.learning == 0;
+        settings.asked.filter(|asked| known && self.asked.done == 0 && asked.pose < settings.library.len())
+    }
+
+    /// Index of the suggested pose: the identification's, else the model file's; [`NO_POSE`] of none.
+    pub(super) fn suggested(&self, settings: &Settings) -> u64 {
+        match self.asked(settings) {
+            Some(asked) => asked.pose as u64,
+            None => self.identification.suggested,
+        }
+    }
+
+    /// Skips the pose that the model file asks for; `false` if none is asked for.
+    pub(super) fn skip_asked(&mut self, settings: &Settings) -> bool {
+        let is_asked = self.asked(settings).is_some();
+        self.asked.done |= u64::from(is_asked);
+        is_asked
+    }
+
+    /// How far the worker is from the suggested pose, and whether what the model file asks for is held.
+    pub(super) fn compare_with_suggestion(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        is_still: bool,
+        settings: &Settings,
+    ) {
+        self.known.pose_mismatch_rad = 0.0;
+        let suggested = self.suggested(settings);
+        let Some(posture) = settings.library.get(suggested as usize).filter(|_| suggested != NO_POSE) else {
+            return;
+        };
+        let joints = |rotations: [nalgebra::UnitQuaternion<f64>; JOINTS]| rotations.map(|r| wxyz(&r));
+        let mut mismatch_rad =
+            rms_joint_angle(&joints(pose.joint_rotations()), &joints(posture.joint_rotations()));
+        if let Some(asked) = self.asked(settings) {
+            let left_rad = self.still_to_turn_rad(pose, asked);
+            if left_rad > TURNED_WITHIN_RAD {
+                mismatch_rad = mismatch_rad.max(left_rad);
+            }
+            self.asked.done = u64::from(is_still && mismatch_rad < POSE_REACHED_RAD);
+        }
+        self.known.pose_mismatch_rad = mismatch_rad;
+    }
+
+    /// How far the worker has yet to turn, either way, from where they faced when it was first asked for, rad.
+    fn still_to_turn_rad(&mut self, pose: &Pose<StationWorld>, asked: Asked) -> f64 {
+        let (_, _, heading_rad) = pose.world_from_segment[Segment::Pelvis.index()].euler_angles();
+        if self.asked.begun == 0 {
+            (self.asked.begun, self.asked.heading_rad) = (1, heading_rad);
+        }
+        let off_rad = heading_rad - self.asked.heading_rad - asked.turn_rad;
+        let (_, cosine) = math::sin_cos(off_rad);
+        math::acos(cosine.clamp(-1.0, 1.0))
+    }
+}

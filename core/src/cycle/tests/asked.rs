@@ -1,0 +1,78 @@
+//! A pose that a model file asks for is suggested once the worker is known, until it was held or skipped.
+
+use super::bench::*;
+use super::*;
+use crate::body::Segment;
+use crate::pose_suggestion::Posture;
+
+/// One of the upright ones among the bench's postures.
+const WANTED: usize = 3;
+const NONE: u32 = u32::MAX;
+
+fn turned(posture: &Posture, by_deg: i16) -> Posture {
+    let mut posture = *posture;
+    assert_eq!(posture.rotation_deg[Segment::Pelvis.index()][1], 0, "upright");
+    posture.rotation_deg[Segment::Pelvis.index()] = [0, 0, by_deg];
+    for leg in [Segment::RightUpperLeg, Segment::LeftUpperLeg] {
+        posture.rotation_deg[leg.index()] = [0; 3];
+    }
+    posture
+}
+
+/// A worker who is known, and of whom a pose is asked.
+fn known(turn_rad: f64) -> (Person, Bench) {
+    let mut bench = Bench::new(|settings| settings.asked = Some(Asked { pose: WANTED, turn_rad }));
+    let person = Person::real();
+    bench.hold(&person, &postures()[0], None, 500);
+    assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification asks for what it needs");
+    bench.identify(&person);
+    bench.command(CommandKind::IdentifyStop);
+    bench.hold(&person, &postures()[8], None, 500);
+    assert_eq!(bench.state().suggested_pose, WANTED as u32);
+    assert!(bench.state().pose_mismatch_rad > POSE_REACHED_RAD);
+    (person, bench)
+}
+
+#[test]
+fn what_is_asked_for_is_suggested_until_it_was_held() {
+    let (person, mut bench) = known(0.0);
+    let before = bench.memory.identification.poses_used;
+    bench.hold(&person, &postures()[10], None, 1000);
+    assert_eq!(bench.state().suggested_pose, WANTED as u32, "another pose does not count");
+    bench.hold(&person, &postures()[WANTED], None, 1000);
+    assert_eq!((bench.state().suggested_pose, bench.state().pose_mismatch_rad), (NONE, 0.0));
+    bench.hold(&person, &postures()[8], None, 1000);
+    assert_eq!(bench.state().suggested_pose, NONE, "once is enough");
+    assert_eq!(
+        bench.memory.identification.poses_used, before,
+        "it is asked for to be seen, not to be learnt"
+    );
+    assert!(bench.memory.is_sound());
+}
+
+#[test]
+fn a_turn_that_is_asked_for_belongs_to_the_pose() {
+    let (person, mut bench) = known(core::f64::consts::FRAC_PI_2);
+    let wanted = turned(&postures()[WANTED], 0);
+    let library: &'static [Posture] = Box::leak(Box::new([wanted; 4]));
+    bench.settings.library = library;
+    for off_deg in [0, -90, 150] {
+        bench.hold(&person, &turned(&wanted, off_deg), None, 1000);
+        assert_eq!(bench.state().suggested_pose, WANTED as u32, "turned by {off_deg}°");
+        assert!(bench.state().pose_mismatch_rad > POSE_REACHED_RAD, "and it is told");
+    }
+    bench.hold(&person, &turned(&wanted, 80), None, 1000);
+    assert_eq!(bench.state().suggested_pose, NONE);
+}
+
+#[test]
+fn what_is_asked_for_may_be_skipped_and_must_be_in_the_library() {
+    let (person, mut bench) = known(0.0);
+    bench.command(CommandKind::PoseSkip);
+    bench.hold(&person, &postures()[8], None, 100);
+    assert_eq!(bench.state().suggested_pose, NONE);
+    let (person, mut bench) = known(0.0);
+    bench.settings.asked = Some(Asked { pose: 20, turn_rad: 0.0 });
+    bench.hold(&person, &postures()[8], None, 100);
+    assert_eq!(bench.state().suggested_pose, NONE);
+}

@@ -1,0 +1,156 @@
+//! The loop's own residual: what is measured beside what the identified model predicts, with every load that is there.
+
+use std::fmt;
+
+use equipoise_core::message::state::Phase;
+use equipoise_core::message::{State, Validity};
+use serde::Serialize;
+
+/// What must not be there: what is not known cannot be compared.
+const NOT_WITH: Validity = Validity::SPOILS_COP_MEASURED
+    .and(Validity::SPOILS_COP_ESTIMATED)
+    .and(Validity::SPOILS_DELTA_F)
+    .and(Validity::NOT_IDENTIFIED)
+    .and(Validity::MODEL_CHANGED)
+    .and(Validity::CLOCK_UNSYNCHRONISED);
+
+/// Root mean squares over the moments of an identified worker.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rms {
+    /// How many moments.
+    pub moments: u64,
+    /// Measured less estimated centre of pressure, both axes together, mm.
+    pub cop_mm: f64,
+    /// Vertical external force that is left, N.
+    pub delta_f_n: f64,
+}
+
+/// The residual over a span.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Residual {
+    started_ns: u64,
+    span_s: Option<[f64; 2]>,
+    last_ns: u64,
+    still: Sum,
+    all: Sum,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Sum {
+    moments: u64,
+    cop_m2: f64,
+    force_n2: f64,
+}
+
+impl Sum {
+    fn rms(self) -> Option<Rms> {
+        let root = |sum: f64| (sum / self.moments as f64).sqrt();
+        (self.moments > 0).then(|| Rms {
+            moments: self.moments,
+            cop_mm: 1e3 * root(self.cop_m2),
+            delta_f_n: root(self.force_n2),
+        })
+    }
+}
+
+impl Residual {
+    /// Over a span in seconds since `started_ns`, or over everything.
+    pub fn over(started_ns: u64, span_s: Option<[f64; 2]>) -> Residual {
+        Residual { started_ns, span_s, ..Residual::default() }
+    }
+
+    /// Takes in a state; one moment counts once.
+    pub fn take(&mut self, state: &State) {
+        let is_new = state.suit_sample_time_ns > self.last_ns;
+        let known = state.phase == Phase::Monitoring as u32 && state.cop_sigma_m[0] > 0.0;
+        let time_s = (state.suit_sample_time_ns as f64 - self.started_ns as f64) * 1e-9;
+        let within = self.span_s.is_none_or(|[from_s, to_s]| (from_s..to_s).contains(&time_s));
+        if !is_new || !known || !within || state.validity().any_of(NOT_WITH) {
+            return;
+        }
+        self.last_ns = state.suit_sample_time_ns;
+        let off_m = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];
+        let still = (state.static_pose == 1).then_some(&mut self.still);
+        for sum in [Some(&mut self.all), still].into_iter().flatten() {
+            sum.moments += 1;
+            sum.cop_m2 += off_m(0).powi(2) + off_m(1).powi(2);
+            sum.force_n2 += state.delta_f_n[2].powi(2);
+        }
+    }
+
+    /// While holding still; `None` of no moment.
+    pub fn still(&self) -> Option<Rms> {
+        self.still.rms()
+    }
+
+    /// Still and moving; `None` of no moment.
+    pub fn all(&self) -> Option<Rms> {
+        self.all.rms()
+    }
+}
+
+impl Serialize for Residual {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut told = serializer.serialize_struct("Residual", 3)?;
+        told.serialize_field("span_s", &self.span_s)?;
+        told.serialize_field("still", &self.still())?;
+        told.serialize_field("all", &self.all())?;
+        told.end()
+    }
+}
+
+impl fmt::Display for Residual {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let span =
+            self.span_s.map_or_else(String::new, |[from_s, to_s]| format!(" from {from_s} s to {to_s} s"));
+        let Some(all) = self.all() else {
+            return writeln!(f, "residual of the identified worker{span}: no moment could be compared");
+        };
+        writeln!(f, "residual of the identified worker{span}, loads included, RMS:")?;
+        for (name, rms) in [("still", self.still()), ("all", Some(all))] {
+            if let Some(Rms { moments, cop_mm, delta_f_n }) = rms {
+                writeln!(f, "  {name:<5} {moments:>7} moments  CoP {cop_mm:.2} mm  ΔF {delta_f_n:.2} N")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn state(second: u64, off_m: [f64; 2], still: bool) -> State {
+        State {
+            suit_sample_time_ns: second * 1_000_000_000,
+            phase: Phase::Monitoring as u32,
+            static_pose: u32::from(still),
+            cop_measured_m: off_m,
+            cop_sigma_m: [0.003; 2],
+            delta_f_n: [0.0, 0.0, -5.0],
+            ..State::zeroed()
+        }
+    }
+
+    #[test]
+    fn moments_of_a_known_worker_in_the_span_count_once() {
+        let mut residual = Residual::over(10_000_000_000, Some([1.0, 4.0]));
+        assert!(residual.to_string().contains("no moment"), "{residual}");
+        residual.take(&state(10, [1.0, 1.0], true));
+        for _ in 0..3 {
+            residual.take(&state(11, [0.003, 0.004], true));
+        }
+        residual.take(&state(12, [0.0, 0.001], false));
+        residual.take(&State { valid: Validity::FEET_OFF_PLATE.0, ..state(13, [1.0, 1.0], true) });
+        residual.take(&State { phase: Phase::Identifying as u32, ..state(13, [1.0, 1.0], true) });
+        residual.take(&state(14, [1.0, 1.0], true));
+        assert_eq!(residual.still(), Some(Rms { moments: 1, cop_mm: 5.0, delta_f_n: 5.0 }));
+        let all = residual.all().unwrap();
+        assert!(all.moments == 2 && (all.cop_mm - 13.0_f64.sqrt()).abs() < 1e-9, "{all:?}");
+        let json = serde_json::to_value(residual).unwrap();
+        assert_eq!((&json["span_s"][1], &json["still"]["moments"]), (&4.0.into(), &1.into()));
+        assert!(residual.to_string().contains("from 1 s to 4 s"), "{residual}");
+    }
+}
