@@ -20,7 +20,7 @@ pub(crate) struct Rows<'a> {
     /// The first block of the work in question.
     pub(crate) work_from: usize,
     /// Per block and segment, what is measured off if it is seen turned about each of its axes, per rad.
-    turned: Vec<Box<[Columns; SEGMENTS]>>,
+    turned: Vec<[Columns; SEGMENTS]>,
 }
 
 impl<'a> Rows<'a> {
@@ -32,8 +32,7 @@ impl<'a> Rows<'a> {
     /// Of some blocks, in the order of their phases.
     pub(crate) fn from_blocks(session: &'a Session, blocks: Vec<&'a Block>) -> Rows<'a> {
         let work_from = blocks.iter().position(|block| block.phase == Phase::Work).unwrap_or(blocks.len());
-        let of_block =
-            |block: &&Block| Box::new(Segment::ALL.map(|segment| misaligned(segment, &block.observation)));
+        let of_block = |block: &&Block| Segment::ALL.map(|segment| misaligned(segment, &block.observation));
         let turned = blocks.iter().map(of_block).collect();
         Rows { session, blocks, work_from, turned }
     }

@@ -88,26 +88,28 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> 
 fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
     let terms = selection.terms();
     let given = gram.given(&terms);
-    let names: Vec<String> =
-        terms.iter().filter_map(|&term| gram.terms[term].candidate.as_ref()).map(Candidate::name).collect();
+    let known: Vec<&Candidate> =
+        terms.iter().filter_map(|&term| gram.terms[term].candidate.as_ref()).collect();
+    let is_known = |candidate: &Candidate| known.iter().any(|known| overlap(known, candidate));
     let of_trial =
         |trial: Trial| Way { name: trial.name, log_odds: trial.log_odds, what: What::Term(trial.term) };
-    let mut ways: Vec<Way> =
-        trials(gram, &given).into_iter().filter(|trial| !names.contains(&trial.name)).map(of_trial).collect();
+    let mut ways: Vec<Way> = trials(gram, &given)
+        .into_iter()
+        .filter(|trial| !gram.terms[trial.term].candidate.as_ref().is_some_and(&is_known))
+        .map(of_trial)
+        .collect();
     for part in windows.best(gram, &terms) {
         let name = part.candidate.name();
         // What is there already may come again at another time, not twice at once.
-        if terms
-            .iter()
-            .filter_map(|&term| gram.terms[term].candidate.as_ref())
-            .any(|known| overlap(known, &part.candidate))
-        {
+        if is_known(&part.candidate) {
             continue;
         }
         let whole = ways.iter_mut().find(|way| way.name == name);
         match whole {
-            Some(whole) if part.log_odds > whole.log_odds + GAIN_OVER_WHOLE => {
-                *whole = Way { name, log_odds: part.log_odds, what: What::Part(part.candidate) };
+            // Which time is a smaller question than which name: here a wrong one is not let in by its edges.
+            Some(whole) if part.same_name > whole.log_odds + GAIN_OVER_WHOLE => {
+                let log_odds = whole.log_odds.max(part.log_odds);
+                *whole = Way { name, log_odds, what: What::Part(part.candidate) };
             }
             None if part.log_odds > part.of_whole + GAIN_OVER_WHOLE => {
                 ways.push(Way { name, log_odds: part.log_odds, what: What::Part(part.candidate) });
@@ -119,9 +121,16 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
     ways
 }
 
-/// Whether two are one effect at one time.
+/// Whether two are one effect at one time; a segment that is seen turned is turned by one cause.
 fn overlap(one: &Candidate, other: &Candidate) -> bool {
-    one.name() == other.name()
+    let turns = |candidate: &Candidate| {
+        matches!(
+            candidate.effect,
+            Effect::SegmentHeading | Effect::SegmentMisalignment | Effect::UnbalancedParameters
+        )
+    };
+    let are_alike = one.name() == other.name() || (turns(one) && turns(other) && one.place == other.place);
+    are_alike
         && match (one.scope, other.scope) {
             (Scope::Span(one_s), Scope::Span(other_s)) => one_s[0] < other_s[1] && other_s[0] < one_s[1],
             _ => true,
@@ -177,11 +186,26 @@ fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<String> {
     if let Some(why) = objection(candidate, &estimate.value) {
         return Some(why);
     }
+    if takes_back(gram, accepted, candidate, &estimate.value) {
+        return Some("would take back what was named already".to_owned());
+    }
     if no_better_than_a_gain(gram, accepted, term) {
         return Some("only its weight speaks for it: a gain of the force explains the same".to_owned());
     }
     only_by_forces(gram, accepted, term)
         .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
+}
+
+/// Whether a weight is negative beside one that was named: nobody takes off what was just put on.
+fn takes_back(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
+    let weighs = |candidate: &Candidate| {
+        matches!(
+            candidate.effect,
+            Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain
+        )
+    };
+    let known = accepted.iter().filter_map(|&term| gram.terms[term].candidate.as_ref());
+    weighs(candidate) && value[0] < 0.0 && known.into_iter().any(weighs)
 }
 
 /// Parameters of one term, fitted together with those that are accepted.
@@ -196,7 +220,7 @@ pub(crate) fn last_of(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Optio
 /// centre of pressure. A weight is seen by the force with much more, which moves no pressure.
 fn leaks(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> f64 {
     let share = match gram.terms[term].candidate.as_ref().map(|candidate| candidate.effect) {
-        Some(Effect::HandContact) => 0.06,
+        Some(Effect::HandContact) => 0.1,
         Some(Effect::SegmentHeading | Effect::SegmentMisalignment) => 0.08,
         _ => 0.01,
     };

@@ -16,6 +16,11 @@ const PIECES: usize = 24;
 pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
 /// And this share of what it explains: with two edges to choose, a wrong explanation fits a large effect well.
 const MODEL_ERROR: f64 = 0.12;
+/// The same where the name is not in question.
+const MODEL_ERROR_OF_EDGES: f64 = 0.02;
+/// Lags and cutoffs that are looked for in parts; their share does the rest.
+const PART_LAGS_S: [f64; 4] = [-0.03, -0.01, 0.01, 0.03];
+const PART_CUTOFFS_HZ: [f64; 3] = [1.0, 2.0, 4.5];
 /// Shortest part, s.
 const SHORTEST_S: f64 = 2.0;
 
@@ -26,6 +31,8 @@ pub(crate) struct Part {
     pub(crate) candidate: Candidate,
     /// Log Bayes factor, having paid for the number of parts.
     pub(crate) log_odds: f64,
+    /// The same, if it is known that it is this effect and the question is when.
+    pub(crate) same_name: f64,
     /// That of the whole work.
     pub(crate) of_whole: f64,
 }
@@ -51,12 +58,9 @@ fn can_come_and_go(candidate: &Candidate) -> bool {
     };
     match candidate.effect {
         Effect::WornMass => true,
-        Effect::PlateDrift
-        | Effect::PlateLowpass
-        | Effect::SuitLag
-        | Effect::SuitHeadingDrift
-        | Effect::PeriodicSway
-        | Effect::Inertia => false,
+        Effect::SuitLag => PART_LAGS_S.contains(&candidate.shape),
+        Effect::PlateLowpass => PART_CUTOFFS_HZ.contains(&candidate.shape),
+        Effect::PlateDrift | Effect::SuitHeadingDrift | Effect::PeriodicSway | Effect::Inertia => false,
         _ => is_above_the_legs,
     }
 }
@@ -109,10 +113,12 @@ impl Windows {
         let pairs = (0..last).flat_map(|from| (from + 1..=last).map(move |to| (from, to)));
         let (from, to, best) =
             pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
-        let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln() + MODEL_ERROR * best.max(0.0);
+        let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln();
+        let same_name = best - paid - MODEL_ERROR_OF_EDGES * best.max(0.0);
+        let log_odds = best - paid - MODEL_ERROR * best.max(0.0);
         let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);
         let candidate = Candidate { scope, ..pieces.candidate.clone() };
-        Some(Part { candidate, log_odds: best - paid, of_whole })
+        Some(Part { candidate, log_odds, same_name, of_whole })
     }
 }
 
