@@ -89,7 +89,7 @@ impl<'a> Rows<'a> {
 
 /// What turns with each segment of the centre of mass, world axes, m: its share φ, and of pelvis and legs also the half of
 /// what it puts between the feet and the pelvis, since the suit hangs the body on its feet.
-fn levers_m(seen: &Observation) -> [[f64; 3]; SEGMENTS] {
+pub(crate) fn levers_m(seen: &Observation) -> [[f64; 3]; SEGMENTS] {
     let mut lever_m: [[f64; 3]; SEGMENTS] = std::array::from_fn(|segment| {
         let rotation = seen.rotation[segment];
         std::array::from_fn(|axis| (0..3).map(|k| rotation[axis][k] * seen.phi_m[segment][k]).sum())
