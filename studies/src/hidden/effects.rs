@@ -321,7 +321,7 @@ fn outside(
             let arm = [Segment::LeftForearm, Segment::LeftUpperArm, Segment::LeftHand];
             let aside = if side == Side::Left { 0.2 } else { -0.2 };
             let centre_m = Vector3::new(0.25, aside, 0.60 * height_m);
-            let radians = 20.0_f64.to_radians() * size * sign(random);
+            let radians = 12.0_f64.to_radians() * size * sign(random);
             for segment in arm.map(|segment| of_side(side, segment)) {
                 drawn.hidden.suit.push((SuitFault::MagneticRegion(segment, radians, centre_m, 0.35), span));
             }
@@ -335,7 +335,7 @@ fn outside(
         "outside tissue_slip" => {
             let segment = pick(random, &[Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
             // The joint between two spine segments turns little; a thigh carries all that stands on it.
-            let nominal = if segment == Segment::T8 { 0.5 } else { 0.04 };
+            let nominal = if segment == Segment::T8 { 0.4 } else { 0.04 };
             let rate = nominal * size * sign(random);
             drawn.hidden.suit.push((SuitFault::Slip(segment, rate), span));
             told.on(segment);
