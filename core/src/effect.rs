@@ -222,6 +222,12 @@ pub fn misaligned(segment: Segment, observation: &Observation) -> Columns {
     segment_misalignment::columns(Place::Segment(segment), [0.0; 3], observation)
 }
 
+/// How far the predicted centre of mass follows a turn of one segment: a small turn ε of it, world axes, moves the centre by
+/// `ε × arm`, m.
+pub fn arm_m(segment: Segment, observation: &Observation) -> [f64; 3] {
+    observation.arm(segment).at
+}
+
 /// As [`columns`], with large turns as they are: columns × `about` is then exact, and what is near it nearly so.
 fn columns_about(
     effect: Effect,

@@ -30,6 +30,9 @@ pub(crate) struct Rest {
 const BOUNDS: ([f64; 2], f64, f64) = ([2.0, 3.0], 0.35, 14.0);
 /// A generic term must gain this much beyond the threshold, and this share of what is explained already.
 const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
+/// Of a large effect something is always left, as equations are not exact: what is less than this share of what is
+/// explained is not another effect, even where the rest is beyond noise.
+const LEFT_SHARE: f64 = 0.04;
 /// Generic terms alone must beat the catalogue by this much, or this share.
 const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
 
@@ -103,12 +106,12 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
     let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
     let alone = generics.alone;
     let first = selection.accepted.iter().map(|accepted| accepted.log_odds).fold(0.0, f64::max);
-    let leads =
-        |generic: f64, named: f64| generic > threshold + named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
-    let outdone = leads(alone, explained) || leads(generics.unlike, first);
+    let lead = |named: f64| named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
+    // Several terms at once pay the threshold again; one that is like nothing in the catalogue has paid it.
+    let outdone = alone > threshold + lead(explained) || generics.unlike > lead(first);
     let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
     let more = left > (threshold + gain).max(GENERIC_GAIN.1 * explained);
-    if more || outdone || (rest.is_beyond_noise() && left > threshold) {
+    if more || outdone || (rest.is_beyond_noise() && left > threshold.max(LEFT_SHARE * explained)) {
         return Verdict::Unexplained;
     }
     match selection.accepted.first() {

@@ -197,6 +197,8 @@ impl Walk {
             phi_m: phi.0,
             grip_m: Side::BOTH.map(|side| [0.0, if side == Side::Left { 0.08 } else { -0.08 }, 0.0]),
             centre_m: body.com_m,
+            // This model leaves out that the body turns.
+            mass_share: [0.0; SEGMENTS],
             com_m: centre.into(),
             com_acceleration_m_per_s2: acceleration.into(),
             turning_m: [0.0; 2],

@@ -48,9 +48,11 @@ fn by_rule(one: &str, other: &str) -> bool {
     }
 }
 
-/// Whether a label is declared for something outside the catalogue.
+/// Whether a label is declared for something outside the catalogue, or is the very column of one that is.
 pub fn is_declared_for(kind: &str, label: &str) -> bool {
-    FOR_OUTSIDE.iter().any(|(outside, labels)| *outside == kind && labels.contains(&label))
+    let same = |declared: &&str| by_rule(declared, label);
+    let declared = |labels: &[&str]| labels.contains(&label) || labels.iter().any(same);
+    FOR_OUTSIDE.iter().any(|(outside, labels)| *outside == kind && declared(labels))
 }
 
 #[cfg(test)]

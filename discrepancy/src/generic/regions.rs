@@ -1,0 +1,116 @@
+//! Headings that go wrong in a part of the room: iron.
+
+use equipoise_core::body::{Segment, Side};
+use equipoise_core::effect::{Effect, Place};
+
+use super::library::Entry;
+use super::shifts::{Around, Seen};
+use super::words;
+
+/// How far a disturbance reaches, m: of arms, which are anywhere, and of what stays where it is.
+const REACH_M: [&[f64]; 2] = [&[0.15, 0.25, 0.4], &[0.25]];
+/// Number of places, likewise.
+const PLACES: [usize; 2] = [8, 5];
+/// A heading that is off, 1-σ, rad.
+const OFF_RAD: f64 = 0.4;
+/// Length over which a field changes by as much as it is, m.
+const FIELD_M: f64 = 0.3;
+
+/// Every segment by itself, and each arm as a whole.
+pub(super) fn all(around: &Around<'_>) -> Vec<Entry> {
+    let mut list = Vec::new();
+    for place in Effect::SegmentHeading.places() {
+        if let Place::Segment(segment) = *place {
+            let is_of_an_arm = segment.is_distal_to(Segment::T8) && segment.mirrored() != segment;
+            list.extend(of(around, &words(segment), &[segment], is_of_an_arm));
+        }
+    }
+    for side in Side::BOTH {
+        let arm = if side == Side::Left {
+            [Segment::LeftUpperArm, Segment::LeftForearm, Segment::LeftHand]
+        } else {
+            [Segment::RightUpperArm, Segment::RightForearm, Segment::RightHand]
+        };
+        let name = if side == Side::Left { "left arm" } else { "right arm" };
+        list.extend(of(around, name, &arm, true));
+    }
+    list
+}
+
+/// Some segments, each disturbed where it is itself; places are those of the middle one.
+fn of(around: &Around<'_>, name: &str, segments: &[Segment], is_of_an_arm: bool) -> Vec<Entry> {
+    let kind = usize::from(!is_of_an_arm);
+    let middle = segments[segments.len() / 2];
+    let points: Vec<[f64; 3]> = around.work().map(|seen| at(seen, middle)).collect();
+    let mut list = Vec::new();
+    let centres = centres(&points, PLACES[kind]);
+    for &centre in &centres {
+        for &reach_m in REACH_M[kind] {
+            let [x, y, z] = centre;
+            let what = format!("heading of the {name}, near ({x:.1}, {y:.1}, {z:.1}) m");
+            list.push(around.entry(middle, what, [OFF_RAD], |seen| {
+                let near = |segment| (-0.5 * apart2(at(seen, segment), centre) / (reach_m * reach_m)).exp();
+                [sum(segments.iter().map(|&segment| seen.turned_back(segment, [0.0, 0.0, near(segment)])))]
+            }));
+        }
+    }
+    if let Some(origin) = mean(&points) {
+        let what = format!("heading of the {name}, by where it is");
+        list.push(around.entry(middle, what, [OFF_RAD; 4], |seen| {
+            std::array::from_fn(|k| {
+                sum(segments.iter().map(|&segment| {
+                    let by = if k == 3 { 1.0 } else { (at(seen, segment)[k] - origin[k]) / FIELD_M };
+                    seen.turned_back(segment, [0.0, 0.0, by])
+                }))
+            })
+        }));
+    }
+    list
+}
+
+fn at(seen: &Seen<'_>, segment: Segment) -> [f64; 3] {
+    seen.block.observation.origin_m[segment.index()]
+}
+
+/// A few places among which a point of the body moved: far from each other at first, then each in the middle of what is
+/// nearest to it.
+fn centres(points: &[[f64; 3]], count: usize) -> Vec<[f64; 3]> {
+    let mut centres: Vec<[f64; 3]> = Vec::new();
+    for _ in 0..count {
+        let lonely = |point: &[f64; 3]| centres.iter().map(|&c| apart2(*point, c)).fold(1e9, f64::min);
+        let farthest = points.iter().max_by(|a, b| lonely(a).total_cmp(&lonely(b))).copied();
+        centres.extend(farthest);
+    }
+    for _ in 0..4 {
+        let nearest = |point: [f64; 3]| {
+            let near =
+                |a: &usize, b: &usize| apart2(point, centres[*a]).total_cmp(&apart2(point, centres[*b]));
+            (0..centres.len()).min_by(near)
+        };
+        let owners: Vec<Option<usize>> = points.iter().map(|&point| nearest(point)).collect();
+        let middles = (0..centres.len()).map(|centre| {
+            let own: Vec<[f64; 3]> = points
+                .iter()
+                .zip(&owners)
+                .filter(|(_, own)| **own == Some(centre))
+                .map(|(p, _)| *p)
+                .collect();
+            mean(&own).unwrap_or(centres[centre])
+        });
+        centres = middles.collect();
+    }
+    centres
+}
+
+fn mean(points: &[[f64; 3]]) -> Option<[f64; 3]> {
+    let all = sum(points.iter().copied());
+    (!points.is_empty()).then(|| all.map(|sum| sum / points.len() as f64))
+}
+
+fn sum(vectors: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
+    vectors.fold([0.0; 3], |sum, vector| [0, 1, 2].map(|k| sum[k] + vector[k]))
+}
+
+fn apart2(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum()
+}

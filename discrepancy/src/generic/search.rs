@@ -1,0 +1,173 @@
+//! Searches a library by the evidence, one term after the other; and what that reaches by chance.
+
+use faer::Mat;
+
+use super::library::Entry;
+use crate::evidence::log_odds;
+use crate::finding::Generic;
+use crate::gram::{Gram, direction, score};
+use crate::linear::{dot, inner};
+use crate::trials::Random;
+
+/// Clean sessions that are drawn; the best of all is what chance reaches.
+const DRAWS: usize = 100;
+/// An error of the suit must be wanted by the centre of pressure alone by this much, in log odds.
+const FROM_COP_ALONE: f64 = 3.0;
+
+/// A library, whitened.
+#[derive(Debug, Clone)]
+pub(super) struct Search {
+    entries: Vec<Entry>,
+    /// First column of each entry.
+    first: Vec<usize>,
+    columns: Mat<f64>,
+}
+
+/// What is asked of every entry once some directions are taken out: products of its columns, pulls of the residual.
+struct Asked {
+    products: Vec<Vec<f64>>,
+    pulls: Vec<f64>,
+}
+
+impl Search {
+    /// Whitens all columns at once.
+    pub(super) fn of(gram: &Gram<'_>, entries: Vec<Entry>) -> Search {
+        let mut first = Vec::with_capacity(entries.len());
+        let mut count = 0;
+        for entry in &entries {
+            first.push(count);
+            count += entry.sigma.len();
+        }
+        let columns = whitened(gram, &entries, count);
+        Search { entries, first, columns }
+    }
+
+    /// The best log odds that any entry reaches in white noise.
+    pub(super) fn by_chance(&self) -> f64 {
+        let mut random = Random::new(0x0dd5);
+        let mut noise = Mat::zeros(self.columns.nrows(), DRAWS);
+        for draw in 0..DRAWS {
+            for value in noise.col_as_slice_mut(draw) {
+                *value = random.normal();
+            }
+        }
+        let pulls = inner(self.columns.as_ref(), noise.as_ref());
+        let mut asked = self.asked(&[], &[]);
+        let mut best = f64::NEG_INFINITY;
+        for draw in 0..DRAWS {
+            asked.pulls.copy_from_slice(pulls.col_as_slice(draw));
+            best = (0..self.entries.len()).map(|entry| self.score(&asked, entry)).fold(best, f64::max);
+        }
+        best
+    }
+
+    /// The best terms beside what is accepted, each given those before it, as long as they gain enough.
+    pub(super) fn greedy(
+        &self,
+        gram: &Gram<'_>,
+        accepted: &[usize],
+        least: f64,
+        most: usize,
+        is_asked: impl Fn(&Entry) -> bool,
+    ) -> Vec<Generic> {
+        let (mut directions, residual) = if accepted.is_empty() {
+            (Vec::new(), gram.residual.clone())
+        } else {
+            gram.directions_given(accepted)
+        };
+        let mut asked = self.asked(&directions, &residual);
+        let mut found = Vec::new();
+        while found.len() < most {
+            let mut scores: Vec<(f64, usize)> = (0..self.entries.len())
+                .filter(|&entry| is_asked(&self.entries[entry]))
+                .map(|entry| (self.score(&asked, entry), entry))
+                .filter(|(log_odds, _)| *log_odds > least)
+                .collect();
+            scores.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let stands = |index: usize| {
+                !self.entries[index].is_of_the_suit
+                    || self.by_cop_alone(gram, index, &directions, &residual) > FROM_COP_ALONE
+            };
+            let Some((log_odds, index)) = scores.into_iter().find(|&(_, index)| stands(index)) else { break };
+            let entry = &self.entries[index];
+            found.push(Generic { what: entry.what.clone(), log_odds });
+            for (k, &sigma) in entry.sigma.iter().enumerate() {
+                let column = self.columns.col_as_slice(self.first[index] + k);
+                directions.push(direction(column, sigma, &directions));
+                self.take_out(&mut asked, &directions[directions.len() - 1..], &residual);
+            }
+        }
+        found
+    }
+
+    fn score(&self, asked: &Asked, entry: usize) -> f64 {
+        let (first, sigma) = (self.first[entry], &self.entries[entry].sigma);
+        let (products, count) = (&asked.products[entry], sigma.len());
+        let mean = [0.0; equipoise_core::effect::PARAMETERS_MAX];
+        log_odds(&|i, j| products[i * count + j], &|i| asked.pulls[first + i], &mean[..count], sigma)
+    }
+
+    /// Log odds of an entry from the rows of the centre of pressure.
+    fn by_cop_alone(&self, gram: &Gram<'_>, entry: usize, directions: &[Vec<f64>], residual: &[f64]) -> f64 {
+        let (rows, sigma) = (gram.cop_rows(), &self.entries[entry].sigma);
+        let part = |column: &[f64]| column[..rows].to_vec();
+        let columns: Vec<Vec<f64>> =
+            (0..sigma.len()).map(|k| part(self.columns.col_as_slice(self.first[entry] + k))).collect();
+        let directions: Vec<Vec<f64>> = directions.iter().map(|direction| part(direction)).collect();
+        score(&columns, &directions, &residual[..rows], &vec![0.0; sigma.len()], sigma)
+    }
+
+    fn asked(&self, directions: &[Vec<f64>], residual: &[f64]) -> Asked {
+        let column = |index: usize| self.columns.col_as_slice(index);
+        let products = self.entries.iter().zip(&self.first).map(|(entry, &first)| {
+            let count = entry.sigma.len();
+            (0..count * count).map(|k| dot(column(first + k / count), column(first + k % count))).collect()
+        });
+        let pulls = (0..self.columns.ncols()).map(|index| dot(column(index), residual));
+        let mut asked = Asked { products: products.collect(), pulls: pulls.collect() };
+        self.take_out(&mut asked, directions, residual);
+        asked
+    }
+
+    fn take_out(&self, asked: &mut Asked, directions: &[Vec<f64>], residual: &[f64]) {
+        let known = Mat::from_fn(self.columns.nrows(), directions.len(), |i, j| directions[j][i]);
+        let along = inner(known.as_ref(), self.columns.as_ref());
+        let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, residual)).collect();
+        for (entry, products) in asked.products.iter_mut().enumerate() {
+            let (first, count) = (self.first[entry], self.entries[entry].sigma.len());
+            for (k, product) in products.iter_mut().enumerate() {
+                let [i, j] = [first + k / count, first + k % count];
+                *product -= dot(along.col_as_slice(i), along.col_as_slice(j));
+            }
+        }
+        for (index, pull) in asked.pulls.iter_mut().enumerate() {
+            *pull -= dot(along.col_as_slice(index), &on_residual);
+        }
+    }
+}
+
+/// All columns of all entries, channel by channel; before the work there is nothing.
+fn whitened(gram: &Gram<'_>, entries: &[Entry], count: usize) -> Mat<f64> {
+    let rows = gram.rows;
+    let (from, work) = (rows.work_from, rows.len() - rows.work_from);
+    let places: Vec<(usize, usize)> =
+        (0..entries.len()).flat_map(|e| (0..entries[e].sigma.len()).map(move |k| (e, k))).collect();
+    let at = |column: usize, block: usize| (&entries[places[column].0].columns[block], places[column].1);
+    let mut all = Mat::zeros(gram.cop_rows() + rows.force_axes().len() * rows.len(), count);
+    let mut cop = Mat::from_fn(2 * work, count, |row, column| {
+        let (columns, k) = at(column, row / 2);
+        columns.cop_m[k][row % 2]
+    });
+    gram.noise.cop.whiten_from(2 * from, &mut cop);
+    all.as_mut().submatrix_mut(2 * from, 0, 2 * work, count).copy_from(&cop);
+    for (channel, &axis) in rows.force_axes().iter().enumerate() {
+        let mut force = Mat::from_fn(work, count, |row, column| {
+            let (columns, k) = at(column, row);
+            columns.force_n[k][axis]
+        });
+        gram.noise.force[channel].whiten_from(from, &mut force);
+        let first = gram.cop_rows() + channel * rows.len() + from;
+        all.as_mut().submatrix_mut(first, 0, work, count).copy_from(&force);
+    }
+    all
+}
