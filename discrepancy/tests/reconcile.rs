@@ -36,6 +36,20 @@ fn a_load_in_the_right_hand_is_named_and_the_gap_shrinks() {
 }
 
 #[test]
+fn what_was_wrong_with_the_worker_before_belongs_to_neither_side_of_the_gap() {
+    let gap_of = |chest_m: f64| {
+        let mut session = clean(7);
+        hide(&mut session, Effect::HandLoad, Place::Hand(Side::Right), &[1.0], [REFERENCE_S, END_S]);
+        let chest = Place::Segment(Segment::T8);
+        hide(&mut session, Effect::UnbalancedParameters, chest, &[chest_m, 0.0, 0.0], [0.0, END_S]);
+        answer(&session).finding.gap
+    };
+    let [right, wrong] = [0.0, 0.02].map(gap_of);
+    assert!((wrong.before_mm / right.before_mm - 1.0).abs() < 0.2, "{right:?} {wrong:?}");
+    assert!(wrong.after_mm < 0.7 * wrong.before_mm, "{wrong:?}");
+}
+
+#[test]
 fn a_backpack_that_is_put_on_halfway_is_named_with_its_time() {
     let mut session = clean(9);
     hide(&mut session, Effect::WornMass, Place::Segment(Segment::T8), &[3.0, -0.4, 0.0, 0.0], [250.0, END_S]);
