@@ -55,10 +55,21 @@ fn headline(report: &Report) -> Text {
         Verdict::Unexplained if finding.effects.is_empty() => {
             "Something is missing in the model that nothing in the catalogue explains.".into()
         }
+        Verdict::Unexplained if mostly_unexplained(finding) => {
+            Text::from("Something is missing in the model that nothing in the catalogue explains. What was named beside it is ")
+                .strong(found)
+                .plain(": it may be no more than the shadow of the same cause.")
+        }
         Verdict::Unexplained => Text::from("The model lacks ")
             .strong(found)
             .plain(", and something more that nothing in the catalogue explains."),
     }
+}
+
+/// Whether what no effect explains weighs more than all that was named.
+fn mostly_unexplained(finding: &Finding) -> bool {
+    let named: f64 = finding.effects.iter().map(|named| named.log_odds).sum();
+    finding.unexplained.iter().any(|generic| generic.log_odds > named)
 }
 
 /// A named effect with its surest parameter.
