@@ -1,4 +1,5 @@
 //! The whole way from a session to an answer, on sessions whose truth is known.
+#![expect(clippy::unwrap_used, reason = "a test may panic, and so may its helpers")]
 
 mod support;
 
