@@ -58,7 +58,7 @@ fn time(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> TimePlot
             still: gram.rows.blocks[gram.rows.work_from + block].still,
             before: scale(axis) * held.before[block][axis],
             after: scale(axis) * held.after[block][axis],
-            noise_sigma: scale(axis) * floor.sigma[block][axis].hypot(floor.mean[block][axis]),
+            noise_sigma: scale(axis) * floor.sigma[block][axis],
         })
         .collect();
     TimePlot { signal: Signal::ALL[axis], points }

@@ -171,7 +171,8 @@ pub struct Generic {
     pub log_odds: f64,
 }
 
-/// How far model and measurement are apart in the work, root mean square.
+/// How far model and measurement are apart in the work beyond what the clean part of the recording makes one expect, root
+/// mean square.
 #[derive(Debug, Clone, Serialize)]
 pub struct Gap {
     /// With the model as it was, mm of the centre of pressure.

@@ -1,4 +1,4 @@
-//! What noise alone would show in the work, given all that the clean rows already tell of it.
+//! How far noise alone strays in the work from what the clean rows make one expect there.
 
 use faer::Mat;
 
@@ -44,12 +44,11 @@ impl Floor {
         floor
     }
 
-    /// Root mean square of what noise alone would show on one axis, over some blocks of the work.
+    /// Root mean square of how far noise alone strays on one axis from what the clean rows make one expect, over some
+    /// blocks of the work.
     pub(crate) fn root_mean_square(&self, axis: usize, of: impl Fn(usize) -> bool) -> f64 {
-        let squares = (0..self.mean.len())
-            .filter(|&block| of(block))
-            .map(|block| self.mean[block][axis].powi(2) + self.sigma[block][axis].powi(2));
-        root_mean(squares)
+        let some = (0..self.sigma.len()).filter(|&block| of(block));
+        root_mean(some.map(|block| self.sigma[block][axis].powi(2)))
     }
 }
 

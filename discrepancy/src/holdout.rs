@@ -13,7 +13,8 @@ const FOLDS: usize = 5;
 /// Stretches of time per share: blocks of time, never samples, since neighbours know each other's noise.
 const STRETCHES: usize = 6;
 
-/// Residuals of the work, by block: x, y (m), vertical (N); less where each stance was put down.
+/// Residuals of the work, by block: x, y (m), vertical (N); less where each stance was put down, and in the end less what
+/// the clean rows make one expect.
 #[derive(Debug, Clone)]
 pub(crate) struct HeldOut {
     /// As the model was.
@@ -22,6 +23,18 @@ pub(crate) struct HeldOut {
     pub(crate) after: Vec<[f64; 3]>,
     /// What each accepted term predicts, by parameters from other stretches.
     pub(crate) of_term: Vec<Vec<[f64; 3]>>,
+}
+
+impl HeldOut {
+    /// Takes off what the clean rows make one expect of each block of the work: errors of the worker's parameters and of
+    /// the pose that were there before belong to neither side of the gap.
+    pub(crate) fn take_off_expected(&mut self, expected: &[[f64; 3]]) {
+        for list in [&mut self.before, &mut self.after] {
+            for (residual, mean) in list.iter_mut().zip(expected) {
+                residual.iter_mut().zip(mean).for_each(|(residual, mean)| *residual -= mean);
+            }
+        }
+    }
 }
 
 /// Which share each block of the work belongs to.

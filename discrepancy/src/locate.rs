@@ -25,9 +25,7 @@ pub(crate) fn locate(gram: &Gram<'_>, floor: &Floor, residual: &[[f64; 3]]) -> V
     let length = residual.len().div_ceil(PIECES).max(3);
     let mut spans: Vec<Suspicion> = Vec::new();
     for axis in 0..3 {
-        let over = |block: usize| {
-            (residual[block][axis] - floor.mean[block][axis]) / floor.sigma[block][axis].max(1e-9)
-        };
+        let over = |block: usize| residual[block][axis] / floor.sigma[block][axis].max(1e-9);
         let pieces: Vec<Vec<usize>> =
             (0..residual.len()).collect::<Vec<_>>().chunks(length).map(<[usize]>::to_vec).collect();
         let times = |blocks: &[usize]| root_mean(blocks.iter().map(|&block| over(block).powi(2)));

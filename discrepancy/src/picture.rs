@@ -1,9 +1,10 @@
 //! What the report draws: the residual seen against time, pose and each effect's own predictor, and what is left of it.
 //!
 //! Everything here is of the work in question and in the units of its [`Signal`]. "Before" is measured less predicted
-//! with the model as it was; "after" has what was named taken off with parameters that were fitted on *other* blocks of
-//! time. If nothing was named, the two are the same. The engine fills it block by block, however long the recording;
-//! the report thins it out. A value that could not be made is left out, never NaN.
+//! with the model as it was, less what the clean part of the recording makes one expect; "after" has what was named taken
+//! off with parameters that were fitted on *other* blocks of time. If nothing was named, the two are the same. The engine
+//! fills it block by block, however long the recording; the report thins it out. A value that could not be made is left
+//! out, never NaN.
 
 use crate::block::Phase;
 use crate::session::Spans;

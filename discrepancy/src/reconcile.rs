@@ -76,10 +76,11 @@ pub fn reconcile(
     let generics: Generics = generic::look(&gram, &selection, threshold);
     let rest = Rest::of(&gram, &selection.terms());
     let stances_m = stances_m(&gram, &rest.after);
-    let held = held_out(&gram, &selection.terms(), &stances_m)
+    let mut held = held_out(&gram, &selection.terms(), &stances_m)
         .ok_or(ReconcileError::NoNoise { channel: "plate" })?;
     progress(0.9);
     let floor = Floor::of(&gram, &stances_m);
+    held.take_off_expected(&floor.mean);
     let told = telling::tell(&gram, &selection, &generics, Left { held: &held, rest, floor }, threshold);
     let picture = drawing::draw(&gram, &selection, &held, &told, threshold);
     progress(1.0);

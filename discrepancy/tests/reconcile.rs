@@ -1,5 +1,5 @@
 //! The whole way from a session to an answer, on sessions whose truth is known.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+#![expect(clippy::unwrap_used, reason = "a test may panic, and so may its helpers")]
 
 mod support;
 
@@ -34,6 +34,20 @@ fn a_load_in_the_right_hand_is_named_and_the_gap_shrinks() {
     let mass = finding.effects[0].parameters["mass_kg"];
     assert!((mass.value - 1.0).abs() < 3.0 * mass.sigma.max(0.02), "{mass:?}");
     assert!(finding.gap.after_mm < 0.7 * finding.gap.before_mm, "{:?}", finding.gap);
+}
+
+#[test]
+fn what_was_wrong_with_the_worker_before_belongs_to_neither_side_of_the_gap() {
+    let gap_of = |chest_m: f64| {
+        let mut session = clean(7);
+        hide(&mut session, Effect::HandLoad, Place::Hand(Side::Right), &[1.0], [REFERENCE_S, END_S]);
+        let chest = Place::Segment(Segment::T8);
+        hide(&mut session, Effect::UnbalancedParameters, chest, &[chest_m, 0.0, 0.0], [0.0, END_S]);
+        answer(&session).finding.gap
+    };
+    let [right, wrong] = [0.0, 0.02].map(gap_of);
+    assert!((wrong.before_mm / right.before_mm - 1.0).abs() < 0.2, "{right:?} {wrong:?}");
+    assert!(wrong.after_mm < 0.7 * wrong.before_mm, "{wrong:?}");
 }
 
 #[test]

@@ -230,6 +230,20 @@ fn each_answer_tells_its_own_story() {
 }
 
 #[test]
+fn what_weighs_more_than_all_names_is_told_before_them() {
+    let mut sample = sample::unexplained(WORK_S);
+    sample.finding.unexplained[0].log_odds = 1e4;
+    let pages = sample.report().pages();
+    let words = html_words(file(&pages, "report.html")).join(" ");
+    let place = |what: &str| words.find(what).unwrap_or_else(|| panic!("{what} is not in {words}"));
+    let first = place("nothing in the catalogue explains It looks like heading of the right forearm");
+    assert!(first < place("a load in the right hand") && !words.contains("The model lacks"));
+    assert!(words.contains("do not run this model"));
+    let markdown = file(&pages, "report.md");
+    assert!(markdown.contains("**Do this next:** "), "{markdown}");
+}
+
+#[test]
 fn files_are_written_whole_and_nothing_else() {
     let folder = scratch("whole");
     let pages = sample::named(WORK_S).report().pages();

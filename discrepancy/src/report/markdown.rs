@@ -61,12 +61,18 @@ fn table(table: &Table, out: &mut String) {
     }
 }
 
+/// Asterisks make words strong only where they touch them.
+fn strong(text: &str) -> String {
+    let words = text.trim_end();
+    format!("**{}**{}", escape::markdown(words), &text[words.len()..])
+}
+
 fn text(text: &Text) -> String {
     text.0
         .iter()
         .map(|part| match part {
             Inline::Plain(text) => escape::markdown(text),
-            Inline::Strong(text) => format!("**{}**", escape::markdown(text)),
+            Inline::Strong(text) => strong(text),
             Inline::Code(text) => escape::markdown_code(text),
         })
         .collect()

@@ -52,13 +52,31 @@ fn headline(report: &Report) -> Text {
                 .strong(sets.collect::<Vec<_>>().join("; and "))
                 .plain(".")
         }
-        Verdict::Unexplained if finding.effects.is_empty() => {
-            "Something is missing in the model that nothing in the catalogue explains.".into()
-        }
+        Verdict::Unexplained if finding.effects.is_empty() => unexplained(finding),
+        Verdict::Unexplained if mostly_unexplained(finding) => unexplained(finding)
+            .plain(" What was named beside it is ")
+            .strong(found)
+            .plain(": it may be no more than the shadow of the same cause."),
         Verdict::Unexplained => Text::from("The model lacks ")
             .strong(found)
             .plain(", and something more that nothing in the catalogue explains."),
     }
+}
+
+/// What no effect explains, and what it looks like most.
+fn unexplained(finding: &Finding) -> Text {
+    let text = Text::from("Something is missing in the model that nothing in the catalogue explains.");
+    let most = finding.unexplained.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
+    match most {
+        Some(most) => text.plain(" It looks like ").strong(&most.what).plain("."),
+        None => text,
+    }
+}
+
+/// Whether what no effect explains weighs more than all that was named.
+fn mostly_unexplained(finding: &Finding) -> bool {
+    let named: f64 = finding.effects.iter().map(|named| named.log_odds).sum();
+    finding.unexplained.iter().any(|generic| generic.log_odds > named)
 }
 
 /// A named effect with its surest parameter.

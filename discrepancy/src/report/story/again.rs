@@ -7,7 +7,7 @@ use super::super::figures_by_row;
 use super::super::words::{number, ratio};
 use super::{changed, with_unit};
 use crate::block::Phase;
-use crate::finding::Gap;
+use crate::finding::{Finding, Gap, Verdict};
 
 /// Up to this multiple of noise, what is left is noise.
 const IS_NOISE: f64 = 1.1;
@@ -30,8 +30,19 @@ pub(super) fn section(report: &Report) -> Section {
             .then(with_unit(gap.after_mm, "mm"))
             .plain("; noise alone leaves ")
             .then(with_unit(gap.noise_floor_mm, "mm"))
-            .plain(format!(". {}", verdict(gap))),
+            .plain(format!(". {}", judged(finding))),
     );
+    if let Some(fz) = gap.per_axis.get("fz") {
+        section.say(
+            Text::from("In the vertical force it goes from ")
+                .then(with_unit(fz.before, fz.unit))
+                .plain(" to ")
+                .then(with_unit(fz.after, fz.unit))
+                .plain("; noise alone leaves ")
+                .then(with_unit(fz.noise_floor, fz.unit))
+                .plain("."),
+        );
+    }
     let picture = report.picture;
     let mut pairs = Vec::new();
     for plot in &picture.time {
@@ -51,8 +62,12 @@ pub(super) fn section(report: &Report) -> Section {
     section
 }
 
-fn verdict(gap: &Gap) -> &'static str {
+fn judged(finding: &Finding) -> &'static str {
+    let gap = &finding.gap;
     match gap.after_mm / gap.noise_floor_mm {
+        rest if rest <= IS_NOISE && finding.verdict == Verdict::Unexplained => {
+            "What is left is as small as noise, but it is not like noise: see step 6."
+        }
         rest if rest <= IS_NOISE => "What is left is noise.",
         rest if rest <= IS_LITTLE => "Little more than noise is left.",
         rest if rest < gap.before_mm / gap.noise_floor_mm => {

@@ -5,14 +5,24 @@ use super::super::document::{Section, Table, Text, code, strong};
 use super::super::escape::shell;
 use super::super::figures;
 use super::super::words;
+use super::mostly_unexplained;
 use crate::finding::{Named, Verdict};
 use crate::picture::Unseen;
 
 pub(super) fn section(report: &Report) -> Section {
     let mut section = Section::new("4. The change");
-    if report.finding.verdict == Verdict::Ambiguous && !report.finding.effects.is_empty() {
+    let finding = report.finding;
+    if finding.verdict == Verdict::Ambiguous && !finding.effects.is_empty() {
+        section.say(if finding.ask_next.is_some() {
+            "What stands here is the likeliest of those that fit alike. Before it is believed, do what step 6 asks for."
+        } else {
+            "What stands here is the likeliest of those that fit alike. Before it is believed, look which of them is there."
+        });
+    }
+    if finding.verdict == Verdict::Unexplained && mostly_unexplained(finding) {
         section.say(
-            "What stands here is the likeliest of those that fit alike. Before it is believed, do what step 6 asks for.",
+            "What stands here weighs less than what nothing in the catalogue explains. Find that first; before, do not \
+             run this model.",
         );
     }
     for number in 0..report.finding.effects.len() {

@@ -41,9 +41,12 @@ fn runner_up(named: &Named) -> Text {
         odds(named.log_odds)
     ));
     let Some(second) = &named.runner_up else { return text.plain("Nothing else came near.") };
-    text.plain("Next best: ")
-        .strong(words::candidate(&second.name))
-        .plain(format!(", {}.", words::less_likely(named.log_odds - second.log_odds)))
+    let behind = named.log_odds - second.log_odds;
+    let how = match words::times(-behind) {
+        Some(factor) => format!("{factor} times likelier, but not taken"),
+        None => words::less_likely(behind),
+    };
+    text.plain("Next best: ").strong(words::candidate(&second.name)).plain(format!(", {how}."))
 }
 
 fn table(report: &Report, set_aside: &[SetAside]) -> Table {

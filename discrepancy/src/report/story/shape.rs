@@ -13,7 +13,7 @@ pub(super) fn section(report: &Report) -> Section {
     section.say(
         Text::from("In the work in question the centre of pressure that the plate measures and the one that the model predicts are ")
             .then(with_unit(gap.before_mm, "mm"))
-            .plain(" apart (root mean square). Noise alone (sway, the suit's drift, soft tissue, the plate) would leave ")
+            .plain(" farther apart than the clean part of the recording makes one expect (root mean square). Noise alone (sway, the suit's drift, soft tissue, the plate) would leave ")
             .then(with_unit(gap.noise_floor_mm, "mm"))
             .plain(format!(": it is {} as much.", ratio(gap.before_mm, gap.noise_floor_mm))),
     );
@@ -27,7 +27,8 @@ pub(super) fn section(report: &Report) -> Section {
         );
     }
     section.note(
-        "How to read the pictures: the line is measured less predicted. While it stays in the grey band, noise explains \
+        "How to read the pictures: the line is measured less predicted, and less what was off in the clean part already \
+         (errors of the worker's parameters, where the feet were put down). While it stays in the grey band, noise explains \
          it. The green strip at the foot marks held poses; orange stretches are those of step 2.",
     );
     let picture = report.picture;
