@@ -14,7 +14,7 @@ pub struct Options {
 impl Default for Options {
     /// As calibrated on clean sessions (docs/discrepancy.md).
     fn default() -> Options {
-        Options { least_log_odds: 8.0, draws: 100 }
+        Options { least_log_odds: 10.0, draws: 100 }
     }
 }
 

@@ -10,6 +10,8 @@ use crate::gram::Gram;
 
 /// A term acting on forces and the centre of pressure must be wanted by the latter alone by this much, in log odds.
 const FROM_COP_ALONE: f64 = 3.0;
+/// And a turned segment by more: what moves fast is the worst known, and poses show a turn as well.
+const TURN_FROM_COP_ALONE: f64 = 8.0;
 /// Nothing is believed to be larger than so many σ.
 const ABSURD: f64 = 4.5;
 /// Of a drift, which may come of anything, and of a heading near iron, which may be any.
@@ -30,14 +32,17 @@ pub(crate) fn size(candidate: &Candidate, value: &[f64]) -> f64 {
     candidate.effect.size(candidate.told_shape(value), &parameters)
 }
 
+/// Whether an effect with these parameters is too small to matter.
+pub(crate) fn is_too_small(candidate: &Candidate, value: &[f64]) -> bool {
+    let is_turn = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
+    let is_below = matches!(candidate.place, Place::Segment(segment) if !segment.is_distal_to(Segment::L5));
+    let least = if is_turn && is_below { LEAST_BELOW_RAD } else { candidate.effect.smallest_of_interest() };
+    size(candidate, value) < least
+}
+
 /// Why an explanation does not count, if so.
 pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> {
-    let size = size(candidate, value);
-    let is_turned = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
-    let is_below =
-        is_turned && matches!(candidate.place, Place::Segment(segment) if !segment.is_distal_to(Segment::L5));
-    let least = if is_below { LEAST_BELOW_RAD } else { candidate.effect.smallest_of_interest() };
-    if size < least {
+    if is_too_small(candidate, value) {
         return Some("smaller than what matters".to_owned());
     }
     let believed = candidate.effect.prior_sigma(candidate.place, candidate.shape);
@@ -70,19 +75,41 @@ pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize) -
     // Of masses, the gain of the force is the rival, and the odds decide (`no_better_than_a_gain`).
     let is_judged_otherwise =
         matches!(candidate.effect, Effect::ForceGain | Effect::WornMass | Effect::HandLoad);
-    !is_judged_otherwise && from_cop_alone(gram, accepted, term) < FROM_COP_ALONE
+    let is_turn = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
+    let least = if is_turn { TURN_FROM_COP_ALONE } else { FROM_COP_ALONE };
+    !is_judged_otherwise && from_cop_alone(gram, accepted, term) < least
 }
 
-/// An offset that was always there shows only by where stances were put down, which is known by centimetres: it must be
-/// certain by this much, in log odds.
+/// What must be certain by more than the threshold, in log odds. An offset that was always there shows only by where stances
+/// were put down, which is known by centimetres.
 const OFFSET_BY_STANCES: f64 = 35.0;
+/// Orientations: the noise model knows of skin and wander, and not all of it.
+const TURN: f64 = 22.0;
+/// A clock or a filter that is off for a while only.
+const TIMING_IN_PART: f64 = 40.0;
+/// A plate that changes its axes and changes back.
+const PLATE_IN_PART: f64 = 25.0;
 
 /// Why so much evidence is not enough here.
 pub(crate) fn unproven(gram: &Gram<'_>, term: usize, log_odds: f64) -> Option<String> {
     let candidate = gram.terms[term].candidate.as_ref()?;
-    let is_by_stances = candidate.effect == Effect::PlateOffset && candidate.scope == Scope::All;
-    (is_by_stances && log_odds < OFFSET_BY_STANCES && gram.rows.session.suit_drifts)
-        .then(|| "may as well be where the feet were put down".to_owned())
+    let in_part = matches!(candidate.scope, Scope::Span(_));
+    let (least, why) = match candidate.effect {
+        Effect::PlateOffset if candidate.scope == Scope::All && gram.rows.session.suit_drifts => {
+            (OFFSET_BY_STANCES, "may as well be where the feet were put down")
+        }
+        Effect::SegmentHeading | Effect::SegmentMisalignment => {
+            (TURN, "may as well be how the sensors sit and slip")
+        }
+        Effect::SuitLag | Effect::PlateLowpass if in_part => {
+            (TIMING_IN_PART, "clocks and filters hardly change for a while")
+        }
+        Effect::PlateGain | Effect::PlateCrosstalk | Effect::PlateHeight | Effect::PlateYaw if in_part => {
+            (PLATE_IN_PART, "a plate hardly changes for a while")
+        }
+        _ => return None,
+    };
+    (log_odds < least).then(|| why.to_owned())
 }
 
 /// A mass must beat a gain of the vertical force by this much, in log odds: its weight alone does not show where it is.

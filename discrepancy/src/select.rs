@@ -7,12 +7,16 @@ use crate::evidence::Estimate;
 use crate::finding::{Candidate as Considered, SetAside};
 use crate::gram::Gram;
 use crate::refine;
-use crate::sanity::{from_cop_alone, no_better_than_a_gain, objection, only_by_forces, unproven};
+use crate::sanity::{
+    from_cop_alone, is_too_small, no_better_than_a_gain, objection, only_by_forces, unproven,
+};
 use crate::trials::{Trial, trials};
 use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
 
 /// Most effects that are named at once.
 const EFFECTS_MAX: usize = 4;
+/// Most trifles that are counted as errors of the sensors.
+const TRIFLES_MAX: usize = 6;
 /// How many of the best are checked each time before giving up.
 const CHECKED: usize = 8;
 /// What comes or goes does so within this, s.
@@ -67,21 +71,49 @@ enum What {
 pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> Selection {
     let mut selection = Selection::default();
     let mut leak = 0.0_f64;
+    let mut blurred = 0;
     while selection.accepted.len() < EFFECTS_MAX {
         let ways = ways(gram, windows, &selection);
         let considered = considered(&ways);
-        let Some((term, log_odds)) = first_that_stands(gram, &ways, threshold.max(leak), &mut selection)
-        else {
-            selection.considered = considered;
-            break;
-        };
-        let name = gram.terms[term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
-        leak = leak.max(leaks(gram, &selection.terms(), term, log_odds));
-        selection.accepted.push(Accepted { term, name, log_odds, considered });
-        forgive(gram, &selection.terms());
+        match first_that_stands(gram, &ways, threshold.max(leak), &mut selection) {
+            Answer::Stands(term, log_odds) => {
+                let name = gram.terms[term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
+                leak = leak.max(leaks(gram, &selection.terms(), term, log_odds));
+                selection.accepted.push(Accepted { term, name, log_odds, considered });
+                forgive(gram, &selection.terms());
+            }
+            Answer::Trifle(candidate, value) if blurred < TRIFLES_MAX => {
+                blurred += 1;
+                blur(gram, &candidate, &value);
+            }
+            _ => {
+                selection.considered = considered;
+                break;
+            }
+        }
     }
     go_back(gram, &mut selection, threshold);
     selection
+}
+
+/// What came of looking through the ways.
+enum Answer {
+    /// This term, with its log odds.
+    Stands(usize, f64),
+    /// Something too small to matter explains more than anything that matters: with these parameters.
+    Trifle(Candidate, Vec<f64>),
+    /// Nothing.
+    Nothing,
+}
+
+/// A trifle is one more error that the sensors have: nothing else may be concluded from what it explains.
+fn blur(gram: &mut Gram<'_>, candidate: &Candidate, value: &[f64]) {
+    let columns = gram.whitened(candidate.count(), |block| candidate.columns(gram.rows, block));
+    for (column, value) in columns.iter().zip(value) {
+        if *value != 0.0 {
+            gram.forgive(column, value.abs());
+        }
+    }
 }
 
 /// All ways, best first: the whole work, or a part of it where that gains enough.
@@ -145,13 +177,9 @@ fn considered(ways: &[Way]) -> Vec<Considered> {
 }
 
 /// The first of the best ways that nothing speaks against; what stood before it is set aside.
-fn first_that_stands(
-    gram: &mut Gram<'_>,
-    ways: &[Way],
-    least: f64,
-    selection: &mut Selection,
-) -> Option<(usize, f64)> {
+fn first_that_stands(gram: &mut Gram<'_>, ways: &[Way], least: f64, selection: &mut Selection) -> Answer {
     let terms = selection.terms();
+    let mut trifle: Option<(f64, Answer)> = None;
     for way in ways.iter().take(CHECKED).take_while(|way| way.log_odds > least) {
         let before = gram.terms.len();
         let term = match &way.what {
@@ -162,22 +190,30 @@ fn first_that_stands(
                 refine::refine(gram, term, &terms)
             }
         };
-        match unproven(gram, term, way.log_odds).or_else(|| why_not(gram, &terms, term)) {
-            None => return Some((term, way.log_odds)),
-            Some(why) => {
-                gram.truncate(before);
-                let known = selection.set_aside.iter().any(|other| other.name == way.name);
-                if !known {
-                    selection.set_aside.push(SetAside {
-                        name: way.name.clone(),
-                        log_odds: way.log_odds,
-                        why,
-                    });
-                }
-            }
+        let Some(why) = unproven(gram, term, way.log_odds).or_else(|| why_not(gram, &terms, term)) else {
+            return match trifle {
+                Some((odds, trifle)) if odds > way.log_odds + RIVAL.0.max(RIVAL.1 * odds) => trifle,
+                _ => Answer::Stands(term, way.log_odds),
+            };
+        };
+        if trifle.is_none() {
+            trifle = as_trifle(gram, &terms, term).map(|answer| (way.log_odds, answer));
+        }
+        gram.truncate(before);
+        let known = selection.set_aside.iter().any(|other| other.name == way.name);
+        if !known {
+            let (name, log_odds) = (way.name.clone(), way.log_odds);
+            selection.set_aside.push(SetAside { name, log_odds, why });
         }
     }
-    None
+    Answer::Nothing
+}
+
+/// What was set aside only because it is too small.
+fn as_trifle(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Answer> {
+    let candidate = gram.terms[term].candidate.as_ref()?;
+    let value = last_of(gram, accepted, term)?.value;
+    is_too_small(candidate, &value).then(|| Answer::Trifle(candidate.clone(), value))
 }
 
 fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<String> {

@@ -21,6 +21,8 @@ const MODEL_ERROR_OF_EDGES: f64 = 0.02;
 /// Lags and cutoffs that are looked for in parts; their share does the rest.
 const PART_LAGS_S: [f64; 4] = [-0.03, -0.01, 0.01, 0.03];
 const PART_CUTOFFS_HZ: [f64; 3] = [1.0, 2.0, 4.5];
+/// Shortest part of those, s: clocks are not set, nor filters switched, for a moment.
+const SHORTEST_TIMING_S: f64 = 20.0;
 /// Shortest part, s.
 const SHORTEST_S: f64 = 2.0;
 
@@ -110,7 +112,12 @@ impl Windows {
             log_odds(&|i, j| sums.product(from, to, i, j), &|i| sums.pull(from, to, i), mean, sigma)
         };
         let of_whole = score(0, last);
-        let pairs = (0..last).flat_map(|from| (from + 1..=last).map(move |to| (from, to)));
+        let is_timing = matches!(pieces.candidate.effect, Effect::SuitLag | Effect::PlateLowpass);
+        let length_s = |from: usize, to: usize| self.edges_s[to] - self.edges_s[from];
+        let shortest_s = if is_timing { SHORTEST_TIMING_S.min(length_s(0, last)) } else { 0.0 };
+        let pairs = (0..last)
+            .flat_map(|from| (from + 1..=last).map(move |to| (from, to)))
+            .filter(|&(from, to)| length_s(from, to) >= shortest_s);
         let (from, to, best) =
             pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
         let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln();
