@@ -12,6 +12,8 @@ use crate::gram::Gram;
 const FROM_COP_ALONE: f64 = 3.0;
 /// And a turned segment by more: what moves fast is the worst known, and poses show a turn as well.
 const TURN_FROM_COP_ALONE: f64 = 8.0;
+/// A turn below the trunk needs no word of the centre of pressure from here on, log odds.
+const BELOW_BY_FORCES: f64 = 35.0;
 /// Nothing is believed to be larger than so many σ.
 const ABSURD: f64 = 4.5;
 /// Of a drift, which may come of anything, and of a heading near iron, which may be any.
@@ -32,11 +34,16 @@ pub(crate) fn size(candidate: &Candidate, value: &[f64]) -> f64 {
     candidate.effect.size(candidate.told_shape(value), &parameters)
 }
 
+/// Whether it is a turn of the pelvis or of a leg.
+fn is_turned_below(candidate: &Candidate) -> bool {
+    let is_turn = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
+    is_turn && matches!(candidate.place, Place::Segment(segment) if !segment.is_distal_to(Segment::L5))
+}
+
 /// Whether an effect with these parameters is too small to matter.
 pub(crate) fn is_too_small(candidate: &Candidate, value: &[f64]) -> bool {
-    let is_turn = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
-    let is_below = matches!(candidate.place, Place::Segment(segment) if !segment.is_distal_to(Segment::L5));
-    let least = if is_turn && is_below { LEAST_BELOW_RAD } else { candidate.effect.smallest_of_interest() };
+    let least =
+        if is_turned_below(candidate) { LEAST_BELOW_RAD } else { candidate.effect.smallest_of_interest() };
     size(candidate, value) < least
 }
 
@@ -70,8 +77,12 @@ pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> 
 }
 
 /// Whether what speaks for a term is only the forces: then it is no mass and no turned segment.
-pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize) -> bool {
+pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> bool {
     let Some(candidate) = &gram.terms[term].candidate else { return false };
+    // What carries the whole body is felt by the forces, and a stance's place hides what it does to the pressure.
+    if is_turned_below(candidate) && log_odds > BELOW_BY_FORCES {
+        return false;
+    }
     // Of masses, the gain of the force is the rival, and the odds decide (`no_better_than_a_gain`).
     let is_judged_otherwise =
         matches!(candidate.effect, Effect::ForceGain | Effect::WornMass | Effect::HandLoad);

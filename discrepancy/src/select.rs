@@ -190,7 +190,10 @@ fn first_that_stands(gram: &mut Gram<'_>, ways: &[Way], least: f64, selection: &
                 refine::refine(gram, term, &terms)
             }
         };
-        let Some(why) = unproven(gram, term, way.log_odds).or_else(|| why_not(gram, &terms, term)) else {
+        let why = unproven(gram, term, way.log_odds)
+            .or_else(|| is_of_a_push(gram, selection, term, way.log_odds))
+            .or_else(|| why_not(gram, &terms, term, way.log_odds));
+        let Some(why) = why else {
             return match trifle {
                 Some((odds, trifle)) if odds > way.log_odds + RIVAL.0.max(RIVAL.1 * odds) => trifle,
                 _ => Answer::Stands(term, way.log_odds),
@@ -209,6 +212,25 @@ fn first_that_stands(gram: &mut Gram<'_>, ways: &[Way], least: f64, selection: &
     Answer::Nothing
 }
 
+/// Nobody pushes evenly: a weight beside a push must be worth this share of what the push is.
+const OF_A_PUSH: f64 = 0.12;
+
+fn is_of_a_push(gram: &Gram<'_>, selection: &Selection, term: usize, log_odds: f64) -> Option<String> {
+    let candidate = gram.terms[term].candidate.as_ref()?;
+    let is_push = |accepted: &&Accepted| {
+        let known = gram.terms[accepted.term].candidate.as_ref();
+        known.is_some_and(|known| known.effect == Effect::HandContact)
+    };
+    let push = selection.accepted.iter().find(is_push)?;
+    (weighs(candidate) && log_odds < OF_A_PUSH * push.log_odds)
+        .then(|| "may as well be that the push varies".to_owned())
+}
+
+/// Whether an effect acts as a weight does.
+fn weighs(candidate: &Candidate) -> bool {
+    matches!(candidate.effect, Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain)
+}
+
 /// What was set aside only because it is too small.
 fn as_trifle(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Answer> {
     let candidate = gram.terms[term].candidate.as_ref()?;
@@ -216,7 +238,7 @@ fn as_trifle(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Answer>
     is_too_small(candidate, &value).then(|| Answer::Trifle(candidate.clone(), value))
 }
 
-fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<String> {
+fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> Option<String> {
     let Some(estimate) = last_of(gram, accepted, term) else { return Some("cannot be fitted".to_owned()) };
     let candidate = gram.terms[term].candidate.as_ref()?;
     if let Some(why) = objection(candidate, &estimate.value) {
@@ -228,18 +250,12 @@ fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<String> {
     if no_better_than_a_gain(gram, accepted, term) {
         return Some("only its weight speaks for it: a gain of the force explains the same".to_owned());
     }
-    only_by_forces(gram, accepted, term)
+    only_by_forces(gram, accepted, term, log_odds)
         .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
 }
 
 /// Whether a weight is negative beside one that was named: nobody takes off what was just put on.
 fn takes_back(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
-    let weighs = |candidate: &Candidate| {
-        matches!(
-            candidate.effect,
-            Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain
-        )
-    };
     let known = accepted.iter().filter_map(|&term| gram.terms[term].candidate.as_ref());
     weighs(candidate) && value[0] < 0.0 && known.into_iter().any(weighs)
 }
