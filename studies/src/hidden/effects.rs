@@ -10,6 +10,7 @@ use equipoise_simulator::random::{Coloured, Random};
 use equipoise_simulator::scene;
 use nalgebra::{Vector2, Vector3};
 
+use super::ladder::nominal;
 use super::truth::{Hidden, Spans};
 
 /// What is hidden in one session.
@@ -125,7 +126,7 @@ fn on_the_body(
     if what == "hand_contact" {
         let level = direction(random) * random.between(0.1, 0.35);
         let upwards = Vector3::new(level.x, level.y, 1.0);
-        let force_n = upwards.normalize() * (10.0 * size);
+        let force_n = upwards.normalize() * (nominal(kind) * size);
         let variation = Coloured::new(random, 0.12, 1.5, at.length_s);
         drawn.hidden.burdens.push((Burden::Push(hand(side), force_n, variation), span));
         told.place = Some(("hand", side_name(side).to_owned()));
@@ -133,7 +134,7 @@ fn on_the_body(
         return;
     }
     if what == "hand_load" {
-        let mass_kg = 0.25 * size;
+        let mass_kg = nominal(kind) * size;
         let hands: &[Side] = match place {
             "right" => &[Side::Right],
             "left" => &[Side::Left],
@@ -148,20 +149,16 @@ fn on_the_body(
         return;
     }
     let height_m = at.person.height_m;
-    let (segment, nominal_kg, at_m) = match place {
+    let (segment, at_m) = match place {
         "Pelvis" => {
             let around = direction(random) * (0.07 * height_m);
-            (Segment::Pelvis, 2.0, Vector3::new(around.x, around.y, 0.04))
+            (Segment::Pelvis, Vector3::new(around.x, around.y, 0.04))
         }
-        "T8" => (Segment::T8, 0.5, Vector3::new(-0.09 * height_m, 0.0, 0.02 * height_m)),
-        "forearm" => {
-            (of_side(side, Segment::LeftForearm), 0.25, Vector3::new(0.0, outward * 0.07 * height_m, 0.0))
-        }
-        _ => {
-            (of_side(side, Segment::LeftUpperLeg), 1.5, Vector3::new(0.03, outward * 0.05, -0.11 * height_m))
-        }
+        "T8" => (Segment::T8, Vector3::new(-0.09 * height_m, 0.0, 0.02 * height_m)),
+        "forearm" => (of_side(side, Segment::LeftForearm), Vector3::new(0.0, outward * 0.07 * height_m, 0.0)),
+        _ => (of_side(side, Segment::LeftUpperLeg), Vector3::new(0.03, outward * 0.05, -0.11 * height_m)),
     };
-    let mass_kg = nominal_kg * size;
+    let mass_kg = nominal(kind) * size;
     let point = Point { segment, at_m: at_m + off_the_middle_m };
     drawn.hidden.burdens.push((Burden::Mass(point, mass_kg), span));
     told.on(segment);
@@ -174,29 +171,30 @@ fn side_name(side: Side) -> &'static str {
 
 fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &mut Drawn, told: &mut Told) {
     let along = direction(random);
-    let signed = size * sign(random);
+    let amount = nominal(kind) * size;
+    let signed = amount * sign(random);
     let (fault, parameters): (PlateFault, Vec<(&'static str, f64)>) = match kind {
         "plate_offset" => {
-            let by_m = along * (0.015 * size);
+            let by_m = along * (1e-3 * amount);
             (PlateFault::Offset(by_m), vec![("dx_m", by_m.x), ("dy_m", by_m.y)])
         }
         "plate_yaw" => {
-            let radians = 2.0_f64.to_radians() * signed;
+            let radians = signed.to_radians();
             (PlateFault::Yaw(radians), vec![("psi_rad", radians)])
         }
         "plate_gain" => {
-            let more = Vector2::new(1.0, sign(random)) * (0.02 * signed);
+            let more = Vector2::new(1.0, sign(random)) * (0.01 * signed);
             (PlateFault::Gain(more), vec![("kx", more.x), ("ky", more.y)])
         }
-        "plate_crosstalk" => (PlateFault::Crosstalk(0.02 * signed), vec![("k", 0.02 * signed)]),
-        "plate_height" => (PlateFault::Height(0.020 * signed), vec![("dz_m", 0.020 * signed)]),
+        "plate_crosstalk" => (PlateFault::Crosstalk(0.01 * signed), vec![("k", 0.01 * signed)]),
+        "plate_height" => (PlateFault::Height(1e-3 * signed), vec![("dz_m", 1e-3 * signed)]),
         "force_gain" => (PlateFault::ForceGain(0.01 * signed), vec![("k", 0.01 * signed)]),
         "plate_drift linear" => {
-            let m_per_s = along * (0.008 / 60.0 * size);
+            let m_per_s = along * (1e-3 / 60.0 * amount);
             (PlateFault::Drift(m_per_s), vec![("vx_m_per_s", m_per_s.x), ("vy_m_per_s", m_per_s.y)])
         }
         "plate_drift settling" => {
-            let bound_m = along * (0.020 * size);
+            let bound_m = along * (1e-3 * amount);
             let tau_s = random.between(25.0, 60.0);
             (
                 PlateFault::SettlingDrift(bound_m, tau_s),
@@ -204,23 +202,27 @@ fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &
             )
         }
         // A lower cutoff does more.
-        _ => (PlateFault::LowPass(3.0 / size), vec![("cutoff_hz", 3.0 / size)]),
+        _ => {
+            let cutoff_hz = nominal(kind) / size;
+            (PlateFault::LowPass(cutoff_hz), vec![("cutoff_hz", cutoff_hz)])
+        }
     };
     drawn.hidden.plate.push((fault, span));
     told.parameters.extend(parameters);
 }
 
 fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &mut Drawn, told: &mut Told) {
-    let signed = size * sign(random);
+    let amount = nominal(kind) * size;
+    let signed = amount * sign(random);
     let (side, _) = side_of(random);
     if kind == "suit_lag" {
-        drawn.hidden.suit_lag_s.push((0.010 * signed, span));
-        told.parameters.push(("tau_s", 0.010 * signed));
+        drawn.hidden.suit_lag_s.push((1e-3 * signed, span));
+        told.parameters.push(("tau_s", 1e-3 * signed));
         return;
     }
     let fault = match kind {
         "suit_heading_drift" => {
-            let rad_per_s = 4.0_f64.to_radians() / 60.0 * signed;
+            let rad_per_s = signed.to_radians() / 60.0;
             told.parameters.push(("rate_rad_per_s", rad_per_s));
             SuitFault::HeadingDrift(rad_per_s)
         }
@@ -228,13 +230,9 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             let trunk = kind.ends_with("T8");
             let arm = pick(random, &[Segment::LeftUpperArm, Segment::LeftForearm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, arm) };
-            let nominal_deg: f64 = match segment {
-                Segment::T8 => 8.0,
-                Segment::LeftUpperArm | Segment::RightUpperArm => 10.0,
-                // A forearm bears half of what an upper arm does.
-                _ => 20.0,
-            };
-            let radians = nominal_deg.to_radians() * signed;
+            // A forearm bears half of what an upper arm does.
+            let is_forearm = [Segment::LeftForearm, Segment::RightForearm].contains(&segment);
+            let radians = signed.to_radians() * if is_forearm { 2.0 } else { 1.0 };
             told.on(segment);
             told.parameters.push(("psi_rad", radians));
             SuitFault::Heading(segment, radians)
@@ -243,14 +241,15 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             let trunk = kind.ends_with("T8");
             let limb = pick(random, &[Segment::LeftUpperLeg, Segment::LeftForearm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, limb) };
-            let nominal_deg: f64 = if trunk { 4.0 } else { 8.0 };
+            let is_forearm = [Segment::LeftForearm, Segment::RightForearm].contains(&segment);
             // Along a limb a turn shows little; of the trunk, turns about the upright least.
             let axis = match segment {
                 Segment::LeftForearm | Segment::RightForearm => Vector3::new(1.0, 0.2, 1.0),
                 _ => Vector3::new(1.0, 1.0, 0.2),
             };
             let axis = axis.map(|weight| weight * random.normal()).normalize();
-            let radians = axis * nominal_deg.to_radians() * size;
+            // And what it bears is a third of what a thigh does.
+            let radians = axis * amount.to_radians() * if is_forearm { 3.0 } else { 1.0 };
             told.on(segment);
             told.parameters.extend([("rx_rad", radians.x), ("ry_rad", radians.y), ("rz_rad", radians.z)]);
             SuitFault::Misalignment(segment, radians)
@@ -271,7 +270,7 @@ fn of_the_body(
     let share = |segment: Segment| at.person.segment_mass_kg[segment.index()] / at.person.mass_kg;
     if kind == "periodic_sway" {
         let hertz = random.between(0.21, 0.33);
-        let amplitude_m = 0.002 * size;
+        let amplitude_m = 1e-3 * nominal(kind) * size;
         // Of a mass at the height of a chest, inertia adds `ω² z/g` to what its weight does.
         let inertia = (TAU * hertz).powi(2) * 0.72 * at.person.height_m / 9.81;
         let moves_m = amplitude_m / (share(Segment::T8) * (1.0 + inertia));
@@ -283,7 +282,7 @@ fn of_the_body(
     let segment =
         pick(random, &[Segment::Pelvis, Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
     let along = Vector3::from_fn(|_, _| random.normal()).normalize();
-    let phi_m = along * (0.010 * size);
+    let phi_m = along * (1e-3 * nominal(kind) * size);
     drawn.hidden.changes.push((BodyChange::Centre(segment, phi_m / share(segment)), span));
     told.on(segment);
     told.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);

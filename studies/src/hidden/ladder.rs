@@ -61,10 +61,15 @@ pub const NOMINAL: [(&str, f64, &str); 25] = [
     ("segment_heading T8", 8.0, "deg"),
     ("segment_heading arm", 10.0, "deg (forearm: twice)"),
     ("segment_misalignment T8", 4.0, "deg"),
-    ("segment_misalignment limb", 8.0, "deg"),
+    ("segment_misalignment limb", 8.0, "deg (forearm: thrice)"),
     ("periodic_sway", 2.0, "mm"),
     ("unbalanced_parameters", 10.0, "mm of phi"),
 ];
+/// The nominal detectable size of one of the catalogue's kinds; 1 where there is none.
+pub fn nominal(kind: &str) -> f64 {
+    NOMINAL.iter().find(|(name, ..)| *name == kind).map_or(1.0, |(_, size, _)| *size)
+}
+
 /// What the catalogue does not have.
 pub const OUTSIDE: [&str; 7] = [
     "outside shoulder_blades",
