@@ -10,6 +10,7 @@ pub mod block;
 mod candidate;
 pub mod compare;
 mod drawing;
+mod edges;
 mod evidence;
 pub mod finding;
 mod floor;

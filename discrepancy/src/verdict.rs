@@ -1,5 +1,7 @@
 //! What is left after the accepted effects, against what clean sessions leave; and the verdict.
 
+use equipoise_core::effect::Effect;
+
 use crate::block::Phase;
 use crate::finding::Verdict;
 use crate::floor::of_phase;
@@ -33,6 +35,8 @@ const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
 /// Of a large effect something is always left, as equations are not exact: what is less than this share of what is
 /// explained is not another effect, even where the rest is beyond noise.
 const LEFT_SHARE: f64 = 0.04;
+/// The same two shares beside a push, which is never even.
+const OF_A_PUSH: [f64; 2] = [0.25, 0.2];
 /// Generic terms alone must beat the catalogue by this much, or this share.
 const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
 
@@ -110,8 +114,11 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
     // Several terms at once pay the threshold again; one that is like nothing in the catalogue has paid it.
     let outdone = alone > threshold + lead(explained) || generics.unlike > lead(first);
     let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
-    let more = left > (threshold + gain).max(GENERIC_GAIN.1 * explained);
-    if more || outdone || (rest.is_beyond_noise() && left > threshold.max(LEFT_SHARE * explained)) {
+    let push = Effect::HandContact.name();
+    let varies = selection.accepted.iter().any(|accepted| accepted.name.starts_with(push));
+    let [of_more, of_left] = if varies { OF_A_PUSH } else { [GENERIC_GAIN.1, LEFT_SHARE] };
+    let more = left > (threshold + gain).max(of_more * explained);
+    if more || outdone || (rest.is_beyond_noise() && left > threshold.max(of_left * explained)) {
         return Verdict::Unexplained;
     }
     match selection.accepted.first() {

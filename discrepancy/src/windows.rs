@@ -5,13 +5,11 @@ use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
 
 use crate::candidate::{Candidate, Scope};
+use crate::edges::{edges_s, ends_s, piece_s};
 use crate::evidence::log_odds;
 use crate::gram::Gram;
 use crate::linear::dot;
-use crate::rows::Rows;
 
-/// Pieces that the work is cut into.
-const PIECES: usize = 24;
 /// What a part must gain over the whole to be believed, in log odds, beside the number of parts that were tried.
 pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
 /// And this share of what it explains: with two edges to choose, a wrong explanation fits a large effect well.
@@ -133,14 +131,13 @@ impl Windows {
 pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize]) -> Candidate {
     let Scope::Span(mut span_s) = candidate.scope else { return candidate.clone() };
     let (directions, residual) = gram.directions_given(accepted);
-    let edges_s = edges_s(gram.rows);
-    let (least_s, most_s) = (edges_s[0], edges_s[edges_s.len() - 1]);
+    let [least_s, most_s] = ends_s(gram.rows);
     let score = |span_s: [f64; 2]| {
         let candidate = Candidate { scope: Scope::Span(span_s), ..candidate.clone() };
         gram.score_alone(&candidate, &directions, &residual)
     };
     let mut best = score(span_s);
-    let mut step_s = (edges_s[1] - edges_s[0]) * 0.5;
+    let mut step_s = 0.5 * piece_s(gram.rows);
     while step_s > 0.3 {
         let moves = [[step_s, 0.0], [-step_s, 0.0], [0.0, step_s], [0.0, -step_s]];
         let better = moves.into_iter().find_map(|[from, to]| {
@@ -154,14 +151,6 @@ pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize])
         }
     }
     Candidate { scope: Scope::Span(span_s), ..candidate.clone() }
-}
-
-/// Edges of the pieces, s: of equal length over the work that there is.
-fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
-    let half_s = 0.5 * rows.session.block_s;
-    let from_s = if rows.work_from < rows.len() { rows.time_s(rows.work_from) - half_s } else { 0.0 };
-    let to_s = if rows.len() > 0 { rows.time_s(rows.len() - 1) + half_s } else { 1.0 };
-    (0..=PIECES).map(|piece| from_s + (to_s - from_s) * piece as f64 / PIECES as f64).collect()
 }
 
 /// Only the mass, not where exactly it hangs: a part is short.

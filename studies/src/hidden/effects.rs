@@ -239,17 +239,15 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
         }
         _ => {
             let trunk = kind.ends_with("T8");
-            let limb = pick(random, &[Segment::LeftUpperLeg, Segment::LeftForearm]);
+            let limb = pick(random, &[Segment::LeftUpperLeg, Segment::LeftUpperArm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, limb) };
-            let is_forearm = [Segment::LeftForearm, Segment::RightForearm].contains(&segment);
-            // Along a limb a turn shows little; of the trunk, turns about the upright least.
-            let axis = match segment {
-                Segment::LeftForearm | Segment::RightForearm => Vector3::new(1.0, 0.2, 1.0),
-                _ => Vector3::new(1.0, 1.0, 0.2),
+            // Along a limb a turn shows little; of the trunk, turns about the upright least. An upper arm bears less.
+            let (axis, share) = match segment {
+                Segment::LeftUpperArm | Segment::RightUpperArm => (Vector3::new(1.0, 0.2, 1.0), 1.5),
+                _ => (Vector3::new(1.0, 1.0, 0.2), 1.0),
             };
             let axis = axis.map(|weight| weight * random.normal()).normalize();
-            // And what it bears is a third of what a thigh does.
-            let radians = axis * amount.to_radians() * if is_forearm { 3.0 } else { 1.0 };
+            let radians = axis * (share * amount.to_radians());
             told.on(segment);
             told.parameters.extend([("rx_rad", radians.x), ("ry_rad", radians.y), ("rz_rad", radians.z)]);
             SuitFault::Misalignment(segment, radians)

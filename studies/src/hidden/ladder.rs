@@ -37,7 +37,8 @@ pub const CATALOGUE: [&str; 26] = [
     "periodic_sway",
     "unbalanced_parameters",
 ];
-/// Nominal detectable size of each, in a unit for people. Of a low pass larger is a lower cutoff.
+/// Nominal detectable size of each, in a unit for people, as `hidden detectable` measured it and rounded. Of a low pass
+/// larger is a lower cutoff.
 pub const NOMINAL: [(&str, f64, &str); 25] = [
     ("hand_load right", 0.25, "kg"),
     ("hand_load left", 0.25, "kg"),
@@ -45,24 +46,24 @@ pub const NOMINAL: [(&str, f64, &str); 25] = [
     ("hand_contact", 10.0, "N"),
     ("worn_mass Pelvis", 2.0, "kg"),
     ("worn_mass T8", 0.5, "kg"),
-    ("worn_mass forearm", 0.25, "kg"),
+    ("worn_mass forearm", 0.5, "kg"),
     ("worn_mass thigh", 1.5, "kg"),
-    ("plate_offset", 15.0, "mm"),
-    ("plate_yaw", 2.0, "deg"),
-    ("plate_gain", 2.0, "%"),
-    ("plate_crosstalk", 2.0, "%"),
-    ("plate_height", 20.0, "mm"),
+    ("plate_offset", 30.0, "mm"),
+    ("plate_yaw", 4.0, "deg"),
+    ("plate_gain", 8.0, "%"),
+    ("plate_crosstalk", 4.0, "%"),
+    ("plate_height", 80.0, "mm"),
     ("force_gain", 1.0, "%"),
-    ("plate_drift linear", 8.0, "mm/min"),
-    ("plate_drift settling", 20.0, "mm"),
+    ("plate_drift linear", 32.0, "mm/min"),
+    ("plate_drift settling", 40.0, "mm"),
     ("plate_lowpass", 3.0, "Hz"),
     ("suit_lag", 10.0, "ms"),
     ("suit_heading_drift", 4.0, "deg/min"),
-    ("segment_heading T8", 8.0, "deg"),
-    ("segment_heading arm", 10.0, "deg (forearm: twice)"),
-    ("segment_misalignment T8", 4.0, "deg"),
-    ("segment_misalignment limb", 8.0, "deg (forearm: thrice)"),
-    ("periodic_sway", 2.0, "mm"),
+    ("segment_heading T8", 12.0, "deg"),
+    ("segment_heading arm", 20.0, "deg (forearm: twice)"),
+    ("segment_misalignment T8", 12.0, "deg"),
+    ("segment_misalignment limb", 12.0, "deg (upper arm: half more)"),
+    ("periodic_sway", 4.0, "mm"),
     ("unbalanced_parameters", 10.0, "mm of phi"),
 ];
 /// The nominal detectable size of one of the catalogue's kinds; 1 where there is none.
