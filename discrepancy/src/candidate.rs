@@ -183,7 +183,7 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
 
 /// How usual a place is, as a log prior: things are worn on back and belt, held in hands, strapped to thighs and forearms,
 /// hardly ever to heads, upper arms and shins.
-fn usual(effect: Effect, place: Place) -> f64 {
+pub(crate) fn usual(effect: Effect, place: Place) -> f64 {
     use equipoise_core::body::Segment;
     match (effect, place) {
         (Effect::WornMass, Place::Segment(Segment::T8 | Segment::Pelvis)) => 0.0,

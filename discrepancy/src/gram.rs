@@ -52,6 +52,8 @@ pub(crate) struct Gram<'a> {
     pub(crate) terms: Vec<Term>,
     /// Directions that count as model error.
     pub(crate) forgiven: Vec<Vec<f64>>,
+    /// Those of them that are errors of the sensors, whatever was named.
+    pub(crate) errors: Vec<Vec<f64>>,
     /// Inner products of columns, lower and upper.
     pub(crate) products: Vec<Vec<f64>>,
     /// Inner products of columns with the residual.
@@ -69,6 +71,7 @@ impl<'a> Gram<'a> {
             columns: Vec::new(),
             terms: Vec::new(),
             forgiven: Vec::new(),
+            errors: Vec::new(),
             products: Vec::new(),
             with_residual: Vec::new(),
         };
@@ -145,6 +148,13 @@ impl<'a> Gram<'a> {
     pub(crate) fn forgive(&mut self, column: &[f64], sigma: f64) {
         let direction = direction(column, sigma, &self.forgiven);
         self.project_out(direction);
+    }
+
+    /// The same, of an error of the sensors: it belongs to none of the effects.
+    pub(crate) fn count_as_error(&mut self, column: &[f64], sigma: f64) {
+        let error = direction(column, sigma, &self.errors);
+        self.errors.push(error);
+        self.forgive(column, sigma);
     }
 
     fn project_out(&mut self, direction: Vec<f64>) {

@@ -75,18 +75,20 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> 
     while selection.accepted.len() < EFFECTS_MAX {
         let ways = ways(gram, windows, &selection);
         let considered = considered(&ways);
-        match first_that_stands(gram, &ways, threshold.max(leak), &mut selection) {
+        let may_blur = blurred < TRIFLES_MAX;
+        match first_that_stands(gram, &ways, threshold.max(leak), may_blur, &mut selection) {
             Answer::Stands(term, log_odds) => {
                 let name = gram.terms[term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
                 leak = leak.max(leaks(gram, &selection.terms(), term, log_odds));
+                selection.set_aside.retain(|other| other.name != name);
                 selection.accepted.push(Accepted { term, name, log_odds, considered });
                 forgive(gram, &selection.terms());
             }
-            Answer::Trifle(candidate, value) if blurred < TRIFLES_MAX => {
+            Answer::Trifle(candidate, value) => {
                 blurred += 1;
                 blur(gram, &candidate, &value);
             }
-            _ => {
+            Answer::Nothing => {
                 selection.considered = considered;
                 break;
             }
@@ -100,7 +102,7 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> 
 enum Answer {
     /// This term, with its log odds.
     Stands(usize, f64),
-    /// Something too small to matter explains more than anything that matters: with these parameters.
+    /// Something too small to matter explains more than all that matters: with these parameters.
     Trifle(Candidate, Vec<f64>),
     /// Nothing.
     Nothing,
@@ -111,7 +113,7 @@ fn blur(gram: &mut Gram<'_>, candidate: &Candidate, value: &[f64]) {
     let columns = gram.whitened(candidate.count(), |block| candidate.columns(gram.rows, block));
     for (column, value) in columns.iter().zip(value) {
         if *value != 0.0 {
-            gram.forgive(column, value.abs());
+            gram.count_as_error(column, value.abs());
         }
     }
 }
@@ -139,7 +141,10 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
         let whole = ways.iter_mut().find(|way| way.name == name);
         match whole {
             // Which time is a smaller question than which name: here a wrong one is not let in by its edges.
-            Some(whole) if part.same_name > whole.log_odds + GAIN_OVER_WHOLE => {
+            Some(whole)
+                if matches!(whole.what, What::Term(_))
+                    && part.same_name > whole.log_odds + GAIN_OVER_WHOLE =>
+            {
                 let log_odds = whole.log_odds.max(part.log_odds);
                 *whole = Way { name, log_odds, what: What::Part(part.candidate) };
             }
@@ -177,7 +182,13 @@ fn considered(ways: &[Way]) -> Vec<Considered> {
 }
 
 /// The first of the best ways that nothing speaks against; what stood before it is set aside.
-fn first_that_stands(gram: &mut Gram<'_>, ways: &[Way], least: f64, selection: &mut Selection) -> Answer {
+fn first_that_stands(
+    gram: &mut Gram<'_>,
+    ways: &[Way],
+    least: f64,
+    may_blur: bool,
+    selection: &mut Selection,
+) -> Answer {
     let terms = selection.terms();
     let mut trifle: Option<(f64, Answer)> = None;
     for way in ways.iter().take(CHECKED).take_while(|way| way.log_odds > least) {
@@ -195,11 +206,14 @@ fn first_that_stands(gram: &mut Gram<'_>, ways: &[Way], least: f64, selection: &
             .or_else(|| why_not(gram, &terms, term, way.log_odds));
         let Some(why) = why else {
             return match trifle {
-                Some((odds, trifle)) if odds > way.log_odds + RIVAL.0.max(RIVAL.1 * odds) => trifle,
+                Some((odds, trifle)) if odds > way.log_odds + RIVAL.0.max(RIVAL.1 * odds) => {
+                    gram.truncate(before);
+                    trifle
+                }
                 _ => Answer::Stands(term, way.log_odds),
             };
         };
-        if trifle.is_none() {
+        if trifle.is_none() && may_blur {
             trifle = as_trifle(gram, &terms, term).map(|answer| (way.log_odds, answer));
         }
         gram.truncate(before);
@@ -209,7 +223,7 @@ fn first_that_stands(gram: &mut Gram<'_>, ways: &[Way], least: f64, selection: &
             selection.set_aside.push(SetAside { name, log_odds, why });
         }
     }
-    Answer::Nothing
+    trifle.map_or(Answer::Nothing, |(_, trifle)| trifle)
 }
 
 /// Nobody pushes evenly: a weight beside a push must be worth this share of what the push is.
@@ -254,10 +268,11 @@ fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> O
         .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
 }
 
-/// Whether a weight is negative beside one that was named: nobody takes off what was just put on.
+/// Whether a weight is negative beside one that was named: nobody takes off what was just put on. A push may point anywhere.
 fn takes_back(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
     let known = accepted.iter().filter_map(|&term| gram.terms[term].candidate.as_ref());
-    weighs(candidate) && value[0] < 0.0 && known.into_iter().any(weighs)
+    let is_less = weighs(candidate) && candidate.effect != Effect::HandContact && value[0] < 0.0;
+    is_less && known.into_iter().any(weighs)
 }
 
 /// Parameters of one term, fitted together with those that are accepted.

@@ -4,7 +4,7 @@
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
 
-use crate::candidate::{Candidate, Scope};
+use crate::candidate::{Candidate, Scope, usual};
 use crate::edges::{edges_s, ends_s, piece_s};
 use crate::evidence::log_odds;
 use crate::gram::Gram;
@@ -112,13 +112,14 @@ impl Windows {
         let of_whole = score(0, last);
         let is_timing = matches!(pieces.candidate.effect, Effect::SuitLag | Effect::PlateLowpass);
         let length_s = |from: usize, to: usize| self.edges_s[to] - self.edges_s[from];
-        let shortest_s = if is_timing { SHORTEST_TIMING_S.min(length_s(0, last)) } else { 0.0 };
+        let shortest_s = if is_timing { SHORTEST_TIMING_S } else { SHORTEST_S }.min(length_s(0, last));
         let pairs = (0..last)
             .flat_map(|from| (from + 1..=last).map(move |to| (from, to)))
             .filter(|&(from, to)| length_s(from, to) >= shortest_s);
         let (from, to, best) =
             pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
-        let paid = ((last * (last + 1) / 2) as f64).ln() + 2.0_f64.ln();
+        let parts = (last * (last + 1) / 2) as f64;
+        let paid = parts.ln() + 2.0_f64.ln() - usual(pieces.candidate.effect, pieces.candidate.place);
         let same_name = best - paid - MODEL_ERROR_OF_EDGES * best.max(0.0);
         let log_odds = best - paid - MODEL_ERROR * best.max(0.0);
         let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);

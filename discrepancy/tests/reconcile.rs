@@ -68,3 +68,46 @@ fn a_plate_that_lies_askew_is_named() {
     let outcome = answer(&session);
     assert_eq!(outcome.finding.effects[0].name, "plate_gain", "{:#?}", outcome.finding);
 }
+
+#[test]
+fn a_strong_push_for_a_while_is_named_with_both_of_its_edges() {
+    let mut session = clean(13);
+    let hand = Place::Hand(Side::Left);
+    hide(&mut session, Effect::HandContact, hand, &[8.0, -4.0, 45.0], [231.3, 262.9]);
+    let outcome = answer(&session);
+    let effect = &outcome.finding.effects[0];
+    assert_eq!(
+        (effect.name.as_str(), &effect.place["hand"]),
+        ("hand_contact", &"left".into()),
+        "{:#?}",
+        outcome.finding
+    );
+    for (edge, truth_s) in [("from_s", 231.3), ("to_s", 262.9)] {
+        assert!((effect.place[edge].as_f64().unwrap() - truth_s).abs() < 1.0, "{:?}", effect.place);
+    }
+    let up = effect.parameters["fz_n"];
+    assert!((up.value - 45.0).abs() < 3.0 * up.sigma, "{up:?}");
+}
+
+#[test]
+fn a_heading_that_is_far_off_is_told_as_large_as_it_is() {
+    let mut session = clean(15);
+    hide(&mut session, Effect::SegmentHeading, Place::Segment(Segment::T8), &[-0.7], [REFERENCE_S, END_S]);
+    let outcome = answer(&session);
+    let effect = &outcome.finding.effects[0];
+    assert_eq!((effect.name.as_str(), &effect.place["segment"]), ("segment_heading", &"T8".into()));
+    let psi = effect.parameters["psi_rad"];
+    assert!((psi.value + 0.7).abs() < 0.03, "{psi:?}");
+}
+
+/// Thighs turned by four degrees are skin, and nothing else may be concluded from what they explain.
+#[test]
+fn a_trifle_is_not_named_and_nothing_in_its_place() {
+    let mut session = clean(17);
+    for thigh in [Segment::LeftUpperLeg, Segment::RightUpperLeg] {
+        hide(&mut session, Effect::SegmentHeading, Place::Segment(thigh), &[0.07], [REFERENCE_S, END_S]);
+    }
+    let finding = answer(&session).finding;
+    assert_eq!(finding.verdict, Verdict::None, "{finding:#?}");
+    assert!(!finding.set_aside.is_empty(), "{finding:#?}");
+}

@@ -71,7 +71,7 @@ impl Search {
         is_asked: impl Fn(&Entry) -> bool,
     ) -> Vec<Generic> {
         let (mut directions, residual) = if accepted.is_empty() {
-            (Vec::new(), gram.residual.clone())
+            (gram.errors.clone(), gram.residual.clone())
         } else {
             gram.directions_given(accepted)
         };

@@ -252,10 +252,10 @@ pub fn table(program: &Path, folder: &Path, hours: &[f64]) -> Result<Table, Stri
     );
     for (index, hours) in hours.iter().enumerate() {
         let recording = folder.join(format!("long-{index}.mcap"));
-        let needed = Long::of(3600.0 * hours)
+        Long::of(3600.0 * hours)
             .write(&recording, 5)
-            .map_err(|error| format!("{}: {error}", recording.display()))
-            .and_then(|()| reconcile(program, &recording));
+            .map_err(|error| format!("{}: {error}", recording.display()))?;
+        let needed = reconcile(program, &recording);
         let file_bytes = std::fs::metadata(&recording).map_or(0, |metadata| metadata.len());
         // What cannot be deleted is only in the way.
         let _ = std::fs::remove_file(&recording);
