@@ -120,6 +120,7 @@ impl Memory {
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
+                self.asked.begin_anew();
                 // A mass that was measured may have been measured wrongly.
                 self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
                 self.identification.learning = 1;
@@ -139,6 +140,7 @@ impl Memory {
             // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave => {}
             CommandKind::SubjectLoad => {
+                self.asked.begin_anew();
                 // What the window holds was another worker's pose.
                 self.window.clear();
                 self.history.clear();

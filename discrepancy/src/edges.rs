@@ -6,11 +6,11 @@ use crate::rows::Rows;
 const PIECES: usize = 24;
 /// Most leaps that are looked at.
 const LEAPS_MAX: usize = 8;
-/// Blocks on each side of a leap whose median counts, and those between that do not: what begins takes a second.
-const SIDE: usize = 6;
-const BETWEEN: usize = 2;
-/// A leap is at least this large: centre of pressure, m, and vertical force, N.
-const LEAST: [f64; 3] = [0.004, 0.004, 3.0];
+/// Blocks on each side of a leap whose median counts, and those between that do not: what begins takes a while.
+const SIDE_BLOCKS: usize = 6;
+const BETWEEN_BLOCKS: usize = 2;
+/// A leap is at least this large: centre of pressure x and y, m, and vertical force, N.
+const LEAST_M_M_N: [f64; 3] = [0.004, 0.004, 3.0];
 
 /// Length of a piece if all are alike, s.
 pub(crate) fn piece_s(rows: &Rows<'_>) -> f64 {
@@ -43,8 +43,8 @@ pub(crate) fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
 
 /// Where the residual leaps most, s; not where a foot was put down.
 fn leaps_s(rows: &Rows<'_>) -> Vec<f64> {
-    let first = rows.work_from + SIDE + BETWEEN;
-    let last = rows.len().saturating_sub(SIDE + BETWEEN);
+    let first = rows.work_from + SIDE_BLOCKS + BETWEEN_BLOCKS;
+    let last = rows.len().saturating_sub(SIDE_BLOCKS + BETWEEN_BLOCKS);
     let mut leaps: Vec<(f64, usize)> = (first..last.max(first)).map(|at| (leap(rows, at), at)).collect();
     leaps.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<usize> = Vec::new();
@@ -52,7 +52,7 @@ fn leaps_s(rows: &Rows<'_>) -> Vec<f64> {
         if size < 1.0 || kept.len() == LEAPS_MAX {
             break;
         }
-        if kept.iter().all(|&other| at.abs_diff(other) > SIDE) {
+        if kept.iter().all(|&other| at.abs_diff(other) > SIDE_BLOCKS) {
             kept.push(at);
         }
     }
@@ -61,8 +61,8 @@ fn leaps_s(rows: &Rows<'_>) -> Vec<f64> {
 
 /// How far the residual leaps just before a block, over what is looked at.
 fn leap(rows: &Rows<'_>, at: usize) -> f64 {
-    let before = at - SIDE - BETWEEN..at - BETWEEN;
-    let after = at + BETWEEN..at + BETWEEN + SIDE;
+    let before = at - SIDE_BLOCKS - BETWEEN_BLOCKS..at - BETWEEN_BLOCKS;
+    let after = at + BETWEEN_BLOCKS..at + BETWEEN_BLOCKS + SIDE_BLOCKS;
     let stands = rows.blocks[before.start].stance == rows.blocks[after.end - 1].stance;
     let value = |block: usize| {
         let [x, y] = rows.cop_residual_m(block);
@@ -73,7 +73,7 @@ fn leap(rows: &Rows<'_>, at: usize) -> f64 {
         .map(|signal| {
             let [before, after] =
                 [before.clone(), after.clone()].map(|side| median(side.map(|block| value(block)[signal])));
-            (after - before).abs() / LEAST[signal]
+            (after - before).abs() / LEAST_M_M_N[signal]
         })
         .fold(0.0, f64::max)
 }

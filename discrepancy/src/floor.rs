@@ -17,8 +17,8 @@ pub(crate) struct Floor {
 }
 
 impl Floor {
-    /// Of all work rows, once it is known where the stances were put down. The clean rows stand first, so the factor already holds both answers: with
-    /// `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
+    /// Of all work rows, once it is known where the stances were put down. The clean rows stand first, so the factor
+    /// already holds both answers: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
     pub(crate) fn of(gram: &Gram<'_>, stances_m: &[[f64; 2]]) -> Floor {
         let rows = gram.rows;
         let (work, from) = (rows.len() - rows.work_from, rows.work_from);

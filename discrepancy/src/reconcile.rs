@@ -26,7 +26,7 @@ use crate::{drawing, telling};
 const WORK_MIN: usize = 30;
 /// Fewest blocks outside the work from which noise is known.
 const CLEAN_MIN: usize = 12;
-/// What chance reaches in all but one of so many clean sessions, in a hundred, is the threshold.
+/// What chance stays below in so many of a hundred clean sessions is the threshold.
 const CHANCE_OF_100: f64 = 99.0;
 
 /// What a reconciliation comes to.

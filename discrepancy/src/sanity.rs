@@ -24,8 +24,8 @@ const ARMS: f64 = 2.5;
 /// A share of a lag or filter is near one if the shape is right.
 const LEAST_SHARE: f64 = 0.3;
 
-/// Errors of pelvis and legs add up where the feet hold the body, and skin turns them by degrees: smaller ones than this are
-/// nobody's iron, rad.
+/// Errors of pelvis and legs add up where the feet hold the body, and skin turns them by degrees: smaller ones than this come of
+/// no iron, rad.
 const LEAST_BELOW_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
 /// The size of an effect with these parameters ([`Effect::size`]).

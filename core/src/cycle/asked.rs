@@ -27,6 +27,11 @@ pub(super) struct AskedPose {
 }
 
 impl AskedPose {
+    /// Another worker faces another way: a turn is counted from there.
+    pub(super) fn begin_anew(&mut self) {
+        self.begun = 0;
+    }
+
     /// Whether flags and number are in range; a stored memory is checked before use.
     pub(super) fn is_sound(&self) -> bool {
         self.done <= 1 && self.begun <= 1 && self.heading_rad.is_finite()

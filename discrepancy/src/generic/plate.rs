@@ -12,7 +12,7 @@ pub(super) fn all(rows: &Rows<'_>) -> Vec<Entry> {
         Entry::of(rows, what.to_owned(), sigma, of)
     };
     let mut list = vec![
-        entry("the centre of pressure hangs back behind its motion", &[0.01; 2], &|block| {
+        entry("the centre of pressure lags behind its own motion", &[0.01; 2], &|block| {
             let [x, y] = cop_way(rows, block);
             pair([x, 0.0], [0.0, y])
         }),
