@@ -4,7 +4,7 @@
 //! that no filter looks like an effect. Nothing is known here of files: moments are pushed one by one, in any number,
 //! and the memory stays bounded (a second of moments, and at most [`Options::blocks_max`] blocks).
 //!
-//! Floors, ground first: [`worker`], [`options`] → `window` → `point` → `changes`, `mean` → `kept` → this file.
+//! Floors, ground first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `kept` → this file.
 
 mod changes;
 mod kept;

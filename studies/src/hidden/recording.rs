@@ -224,6 +224,7 @@ pub fn config_toml(subject: &Subject, id: &str, poses_min: usize, without_inerti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hidden::ladder::nominal;
     use crate::hidden::make::{Plan, draw};
     use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
     use equipoise_core::message::{State, Validity};
@@ -297,7 +298,7 @@ mod tests {
         let session = draw(&plan, true);
         let effect = &session.drawn.effects[0];
         let by_m = Vector2::new(effect.parameters["dx_m"], effect.parameters["dy_m"]);
-        assert!((by_m.norm() - 0.030).abs() < 1e-12);
+        assert!((by_m.norm() - 2.0 * 1e-3 * nominal("plate_offset")).abs() < 1e-12);
         let all = |hidden: Hidden| {
             let mut samples = Vec::new();
             let mut station = Station::new(&session.script, hidden, session.noise, plan.seed);

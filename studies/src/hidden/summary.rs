@@ -228,6 +228,7 @@ mod tests {
     use super::*;
     use crate::hidden::judge::judge;
     use crate::hidden::judge::tests::{finding, truth};
+    use crate::hidden::ladder::nominal;
     use serde_json::json;
 
     fn of_yaw(size: f64, right: bool) -> Judged {
@@ -244,7 +245,7 @@ mod tests {
             table.rows().iter().find(|row| row[0] == Cell::from("plate_yaw")).unwrap().clone()
         };
         let judged = [of_yaw(4.0, true), of_yaw(2.0, true), of_yaw(1.0, false), of_yaw(0.5, true)];
-        assert_eq!(row_of(&judged)[1], Cell::Number(4.0));
+        assert_eq!(row_of(&judged)[1], Cell::Number(2.0 * nominal("plate_yaw")));
         assert_eq!(row_of(&judged[2..])[1], Cell::Nothing);
     }
 
