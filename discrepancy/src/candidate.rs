@@ -271,3 +271,16 @@ fn between(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -> Cha
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shares_of_the_headings_are_all_there_is() {
+        assert!((HEADINGS.iter().map(|(_, _, share)| share).sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(HEADINGS.iter().all(|(about_rad, ..)| {
+            HEADINGS.iter().any(|(other_rad, ..)| (other_rad + about_rad).abs() < 1e-12)
+        }));
+    }
+}

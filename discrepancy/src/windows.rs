@@ -228,3 +228,15 @@ impl Sums {
         self.pulls[to][i] - self.pulls[from][i]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::{CUTOFFS_HZ, LAGS_S};
+
+    #[test]
+    fn what_is_looked_for_in_parts_is_on_the_grids() {
+        assert!(PART_LAGS_S.iter().all(|lag_s| LAGS_S.contains(lag_s)));
+        assert!(PART_CUTOFFS_HZ.iter().all(|cutoff_hz| CUTOFFS_HZ.contains(cutoff_hz)));
+    }
+}
