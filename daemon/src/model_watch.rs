@@ -29,14 +29,6 @@ const MEDIAN_MAX: f64 = 3.0;
 /// Told again after so long at the earliest, ns.
 const SILENCE_NS: u64 = 300 * NS_PER_S;
 
-/// What must not be there: a load is no discrepancy, and what is not known cannot be compared.
-const NOT_WITH: Validity = Validity::SPOILS_COP_MEASURED
-    .and(Validity::SPOILS_COP_ESTIMATED)
-    .and(Validity::SPOILS_DELTA_F)
-    .and(Validity::NOT_IDENTIFIED)
-    .and(Validity::MODEL_CHANGED)
-    .and(Validity::CLOCK_UNSYNCHRONISED);
-
 /// Which signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
@@ -176,7 +168,7 @@ impl Seen {
     /// `None` with a load, or where something is not known.
     fn of(state: &State) -> Option<Seen> {
         let valid = state.validity();
-        if !valid.any_of(Validity::BELOW_LOAD_THRESHOLD) || valid.any_of(NOT_WITH) {
+        if !valid.any_of(Validity::BELOW_LOAD_THRESHOLD) || valid.any_of(Validity::SPOILS_RESIDUAL) {
             return None;
         }
         let cop = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];

@@ -7,6 +7,7 @@
 pub(crate) mod fit;
 pub(crate) mod force;
 pub(crate) mod kernels;
+mod likelihood;
 mod minimise;
 
 use faer::Mat;

@@ -53,6 +53,13 @@ impl Validity {
     /// What spoils the external force.
     pub const SPOILS_DELTA_F: Validity =
         Validity::SPOILS_COP_MEASURED.and(Validity::MASS_UNKNOWN).and(Validity::MOVING);
+    /// What spoils the comparison of what is measured with what the model predicts, load or not.
+    pub const SPOILS_RESIDUAL: Validity = Validity::SPOILS_COP_MEASURED
+        .and(Validity::SPOILS_COP_ESTIMATED)
+        .and(Validity::SPOILS_DELTA_F)
+        .and(Validity::NOT_IDENTIFIED)
+        .and(Validity::MODEL_CHANGED)
+        .and(Validity::CLOCK_UNSYNCHRONISED);
     /// What spoils the mass in the hands.
     pub const SPOILS_LIFTED_MASS: Validity =
         Validity::SPOILS_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD).and(Validity::MOVING);

@@ -6,14 +6,6 @@ use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
 
-/// What must not be there: what is not known cannot be compared.
-const NOT_WITH: Validity = Validity::SPOILS_COP_MEASURED
-    .and(Validity::SPOILS_COP_ESTIMATED)
-    .and(Validity::SPOILS_DELTA_F)
-    .and(Validity::NOT_IDENTIFIED)
-    .and(Validity::MODEL_CHANGED)
-    .and(Validity::CLOCK_UNSYNCHRONISED);
-
 /// Root mean squares over the moments of an identified worker.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rms {
@@ -65,7 +57,7 @@ impl Residual {
         let known = state.phase == Phase::Monitoring as u32 && state.cop_sigma_m[0] > 0.0;
         let time_s = (state.suit_sample_time_ns as f64 - self.started_ns as f64) * 1e-9;
         let within = self.span_s.is_none_or(|[from_s, to_s]| (from_s..to_s).contains(&time_s));
-        if !is_new || !known || !within || state.validity().any_of(NOT_WITH) {
+        if !is_new || !known || !within || state.validity().any_of(Validity::SPOILS_RESIDUAL) {
             return;
         }
         self.last_ns = state.suit_sample_time_ns;

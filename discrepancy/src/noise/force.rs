@@ -4,11 +4,9 @@
 use equipoise_core::body::SEGMENTS;
 use faer::Mat;
 
-use super::fit::all_products;
 use super::kernels::{looseness, norm};
-use super::minimise::minimise;
-use crate::block::Phase;
-use crate::linear::{Factor, outer, product, root};
+use super::likelihood::{Belief, Question, chosen};
+use crate::linear::{outer, product, root};
 use crate::rows::Rows;
 
 /// Sizes: slow noise of the plate (N), white (N), share of the acceleration, fast share of it, wander (unit).
@@ -27,8 +25,6 @@ const ZERO_N: f64 = 1.5;
 const SLOW_S: f64 = 20.0;
 /// Wander of orientations, rad, and soft tissue, rad per rad.
 const ORIENTATION: (f64, f64) = (0.0122, 0.035);
-/// Blocks that the fit looks at: of poses and of clean work.
-const FIT_MAX: [usize; 2] = [70, 150];
 
 /// Covariance of one force channel over all rows, N².
 pub(crate) fn covariance_n2(rows: &Rows<'_>, axis: usize) -> Option<Mat<f64>> {
@@ -54,61 +50,18 @@ fn fit(rows: &Rows<'_>, axis: usize) -> Option<[f64; COUNT]> {
     if some.len() == 0 {
         return Some(believed);
     }
-    let fixed = fixed_n2(&some, axis);
-    let parts: Vec<Option<Mat<f64>>> =
-        (0..COUNT).map(|part| (part != WHITE).then(|| unit_part(&some, axis, part))).collect();
-    let residual = Mat::from_fn(some.len(), 1, |block, _| some.force_residual_n(block, axis));
-    let most = std::array::from_fn(|i| if i == 4 { 2.5_f64.ln() } else { believed[i] + 3.0 });
-    let curvature = BELIEF_SIGMA.map(|sigma| 1.0 / (sigma * sigma) + 10.0);
-    minimise(believed, LEAST[vertical].map(f64::ln), most, curvature, |sizes| {
-        let (mut value, mut slope) = minus_log_likelihood(&fixed, &parts, &residual, sizes)?;
-        for i in 0..COUNT {
-            let off = (sizes[i] - believed[i]) / BELIEF_SIGMA[i];
-            value += 0.5 * off * off;
-            slope[i] += off / BELIEF_SIGMA[i];
-        }
-        Some((value, slope))
+    let question = Question {
+        fixed: fixed_n2(&some, axis),
+        parts: std::array::from_fn(|part| (part != WHITE).then(|| unit_part(&some, axis, part))),
+        residual: Mat::from_fn(some.len(), 1, |block, _| some.force_residual_n(block, axis)),
+        add_white,
+    };
+    question.likeliest(&Belief {
+        mean: believed,
+        sigma: BELIEF_SIGMA,
+        least: LEAST[vertical].map(f64::ln),
+        most: std::array::from_fn(|i| if i == 4 { 2.5_f64.ln() } else { believed[i] + 3.0 }),
     })
-}
-
-fn chosen(rows: &Rows<'_>) -> Vec<usize> {
-    let mut chosen = Vec::new();
-    for (phase, most) in [Phase::Identify, Phase::Reference].into_iter().zip(FIT_MAX) {
-        let all: Vec<usize> = (0..rows.len()).filter(|&i| rows.blocks[i].phase == phase).collect();
-        let count = all.len().min(most);
-        chosen.extend((0..count).map(|i| all[i * all.len() / count]));
-    }
-    chosen
-}
-
-fn minus_log_likelihood(
-    fixed: &Mat<f64>,
-    parts: &[Option<Mat<f64>>],
-    residual: &Mat<f64>,
-    sizes: &[f64; COUNT],
-) -> Option<(f64, [f64; COUNT])> {
-    let mut covariance = fixed.clone();
-    for (part, &size) in parts.iter().zip(sizes) {
-        if let Some(part) = part {
-            covariance += faer::Scale((2.0 * size).exp()) * part;
-        }
-    }
-    add_white(&mut covariance, sizes);
-    let factor = Factor::of(&covariance)?;
-    let mut weighted = residual.clone();
-    factor.whiten_from(0, &mut weighted);
-    let value = 0.5 * weighted.squared_norm_l2() + factor.half_log_det();
-    factor.back(&mut weighted);
-    let mut inverse = Factor::inverse(&covariance)?;
-    inverse -= outer(weighted.as_ref(), weighted.as_ref());
-    let slope = std::array::from_fn(|part| {
-        let trace = match &parts[part] {
-            Some(shape) => all_products(&inverse, shape),
-            None => (0..inverse.nrows()).map(|i| inverse[(i, i)]).sum(),
-        };
-        (2.0 * sizes[part]).exp() * trace
-    });
-    value.is_finite().then_some((value, slope))
 }
 
 /// A zero that all rows share, and parameters that were identified by poses: each channel has its own copy of their error,
