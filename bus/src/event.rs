@@ -81,6 +81,8 @@ events! {
     NotifierDied = 8,
     /// What is measured is no longer what the model predicts of this worker; the status says where.
     ModelNoLongerExplains = 9,
+    /// An incident began or ended: the service `incidents` says which.
+    IncidentsChanged = 10,
 }
 
 /// The events of one awakening, each however often it came.

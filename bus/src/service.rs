@@ -4,7 +4,7 @@
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Message, Reply, State, SuitSample,
+    AdapterHealth, Command, CycleRecord, GroundSample, Incidents, Message, PickUp, Reply, State, SuitSample,
 };
 use std::fmt;
 use std::time::Duration;
@@ -110,6 +110,8 @@ topics! {
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
     Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;
+    Incidents => "incidents", by 1 "daemon", "1 Hz and on change", deadline ms(2500), depth 1 of 8, 16 subscribers;
+    PickUp => "pickup", by 16 "consumers", "1 Hz", deadline None, depth 16 of 32, 2 subscribers;
 }
 
 /// A station's shared memory stays below this with one writer per service, bytes.

@@ -8,7 +8,9 @@ use common::{join, root};
 use equipoise_bus::root::shared_memory_prefix;
 use equipoise_bus::service::{STATION_MEMORY_MAX, TABLE, Table, station_memory_bytes};
 use equipoise_bus::{BusError, Topic};
-use equipoise_core::message::{AdapterHealth, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::message::{
+    AdapterHealth, CycleRecord, GroundSample, Incidents, PickUp, State, SuitSample,
+};
 
 /// A message whose every byte tells where it stands.
 fn patterned<M: Topic>(salt: u8) -> M {
@@ -41,6 +43,8 @@ fn every_message_comes_through_unchanged() {
     comes_through::<State>();
     comes_through::<CycleRecord>();
     comes_through::<AdapterHealth>();
+    comes_through::<Incidents>();
+    comes_through::<PickUp>();
 }
 
 fn cycle(number: u64) -> CycleRecord {

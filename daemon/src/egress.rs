@@ -14,9 +14,9 @@ use equipoise_latency::hlog::HlogWriter;
 use equipoise_latency::{PathHistograms, Report};
 use tracing::{info, warn};
 
-use crate::housekeeping::ChangedWorker;
 use crate::realtime::now_ns;
 use crate::rings::{Outcome, Rings};
+use crate::saving::ChangedWorker;
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 /// One entry per stage in the interval log this often.
@@ -98,7 +98,8 @@ impl Egress {
         }
     }
 
-    fn publish(&mut self, Outcome { state, mut record }: Outcome) -> Result<(), BusError> {
+    fn publish(&mut self, Outcome { mut state, mut record }: Outcome) -> Result<(), BusError> {
+        state.published_ns = now_ns();
         self.state.send(&state)?;
         record.published_ns = now_ns();
         self.cycle.send(&record)?;
@@ -123,7 +124,7 @@ impl Egress {
     fn publish_checkpoint(&mut self, worker: u64, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
         self.checkpoint.send(&checkpoint)?;
         if let Some(memory) = checkpoint.memory() {
-            // Housekeeping may have ended already; then nothing is saved any more.
+            // Saving may have ended already; then nothing is saved any more.
             let _ = self.worker_changed.send((worker, Box::new(memory.identification)));
         }
         self.events.notify(Event::NewCheckpoint)?;

@@ -1,34 +1,33 @@
-//! What must be done now and then, and may take time: saving the worker, clearing away the dead, feeding the watchdog,
-//! looking whether the model still explains what is measured.
+//! What must be done now and then: clearing away the dead, feeding the watchdog, telling incidents and status, looking
+//! whether the model still explains what is measured. Nothing here waits for a disk: saving has a thread of its own.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Subscriber};
-use equipoise_core::cycle::Identification;
-use equipoise_core::message::State;
-use tracing::{info, warn};
+use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
+use equipoise_core::message::{Incident, Incidents, State};
+use tracing::warn;
 
+use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
-use crate::profile::Profile;
 use crate::rings::Rings;
 use crate::status::StatusFile;
-use crate::workers::Workers;
 
-const INTERVAL: Duration = Duration::from_secs(1);
-
-/// A worker's number and what is known of that worker now.
-pub type ChangedWorker = (u64, Box<Identification>);
+/// How often incidents are looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// All else is done once in so many looks: once a second.
+const LOOKS_PER_TIDYING: u32 = 20;
 
 /// Housekeeping, with its place on the bus.
 pub struct Housekeeping {
     states: Subscriber<State>,
+    incidents: Publisher<Incidents>,
     events: Notifier,
     model: ModelWatch,
     rings: Arc<Rings>,
-    worker_changed: Receiver<ChangedWorker>,
-    workers: Arc<Workers>,
+    board: Arc<IncidentBoard>,
+    /// How many changes of the board were published.
+    told_changes: u64,
     status: StatusFile,
     last_cycle: u64,
     // Ports die before the node they hang on.
@@ -43,58 +42,48 @@ impl Housekeeping {
     pub fn open(
         station: &str,
         rings: Arc<Rings>,
-        worker_changed: Receiver<ChangedWorker>,
-        workers: Arc<Workers>,
+        board: Arc<IncidentBoard>,
         status: StatusFile,
     ) -> Result<Housekeeping, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "housekeeping"))?;
         Ok(Housekeeping {
             states: bus.subscriber(1)?,
+            incidents: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
             model: ModelWatch::default(),
             rings,
-            worker_changed,
-            workers,
+            board,
+            told_changes: 0,
             status,
             last_cycle: 0,
             bus,
         })
     }
 
-    /// Runs until egress, which sends the workers to save, has ended.
+    /// Runs until the loop has ended.
     pub fn run(mut self) {
-        let mut last = Instant::now();
-        loop {
-            match self.worker_changed.recv_timeout(INTERVAL) {
-                Ok(worker) => self.save(worker),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return,
-            }
-            if last.elapsed() >= INTERVAL {
-                last = Instant::now();
+        let mut looks = 0;
+        while !self.rings.has_ended() {
+            std::thread::sleep(LOOK_EVERY);
+            looks += 1;
+            if looks % LOOKS_PER_TIDYING == 0 {
                 self.tidy();
             }
+            self.tell_incidents(looks % LOOKS_PER_TIDYING == 0);
         }
     }
 
-    fn save(&mut self, mut newest: ChangedWorker) {
-        // Several poses may have come while the disk was slow; only the last of each worker counts.
-        while let Ok(later) = self.worker_changed.try_recv() {
-            if later.0 != newest.0 {
-                self.write(&newest);
-            }
-            newest = later;
+    /// On change at once, and once a second for whoever comes late.
+    fn tell_incidents(&mut self, due: bool) {
+        let changes = self.board.changes();
+        let changed = changes != self.told_changes;
+        if changed || due {
+            self.told_changes = changes;
+            // On a broken bus nobody is told, and its other users say so.
+            let _ = self.incidents.send(&self.board.message());
         }
-        self.write(&newest);
-    }
-
-    fn write(&self, (number, worker): &ChangedWorker) {
-        let Some(saving) = self.workers.get(*number).filter(|saving| saving.refusal.is_none()) else {
-            return;
-        };
-        let Some(profile) = Profile::of(&saving.subject, saving.build, worker) else { return };
-        if let Err(error) = profile.write(&saving.path) {
-            warn!("{error}; the worker is kept in memory and saved again after the next pose");
+        if changed {
+            let _ = self.events.notify(Event::IncidentsChanged);
         }
     }
 
@@ -102,17 +91,24 @@ impl Housekeeping {
     fn watch_the_model(&mut self) {
         let Ok(Some(state)) = self.states.latest() else { return };
         if let Some(suspicion) = self.model.look(&state) {
-            warn!("{suspicion}");
+            self.board.begin(Incident::ModelNoLongerExplains, &suspicion.to_string());
             // Nobody is woken on a broken bus, and its other users say so.
             let _ = self.events.notify(Event::ModelNoLongerExplains);
         }
-        self.status.suspect(self.model.suspected().map(|suspicion| suspicion.to_string()));
+        let suspected = self.model.suspected().map(|suspicion| suspicion.to_string());
+        if suspected.is_none() {
+            self.board.end(Incident::ModelNoLongerExplains);
+        }
+        self.status.suspect(suspected);
     }
 
     fn tidy(&mut self) {
         let dead = self.bus.clean_up_dead_nodes();
         if dead > 0 {
-            info!(dead, "cleared away what dead participants of the bus left behind");
+            self.board.happened(
+                Incident::ParticipantDied,
+                &format!("{dead} participants of the bus had died; what they left behind is cleared away"),
+            );
         }
         // The watchdog is fed with completed cycles, not with this thread being alive.
         let cycle = self.rings.last_cycle();

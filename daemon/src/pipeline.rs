@@ -1,12 +1,13 @@
 //! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
 
+mod remembered;
+mod threads;
+
 use std::sync::Arc;
 use std::sync::mpsc;
-use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
-use equipoise_core::cycle::Memory;
 use equipoise_latency::Report;
 use equipoise_view::page::Page;
 use tracing::{info, warn};
@@ -15,19 +16,20 @@ use crate::commands::Commands;
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
+use crate::incidents::IncidentBoard;
 use crate::page_feed;
-use crate::profile::{self, Profile};
+use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
 use crate::status::{Status, StatusFile, ThreadStatus};
 use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
-use crate::workers::{self, Saving, Workers};
-use crate::{ingress, sensors};
+use crate::workers::{Saving, Workers};
+use crate::{ingress, saving, sensors};
+
+use self::threads::{Other, Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
 const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
-/// Stack of every thread; the loop's is prefaulted, and locked memory counts each.
-const STACK_BYTES: usize = 2 << 20;
 /// The role under which the daemon itself is found on the bus.
 const DAEMON_ROLE: &str = "daemon";
 
@@ -38,50 +40,6 @@ pub struct Pipeline {
     page: Option<Page>,
     status: StatusFile,
     threads: Vec<ThreadReport>,
-}
-
-/// The threads that were started so far.
-#[derive(Default)]
-struct Running {
-    looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
-    egress: Option<JoinHandle<anyhow::Result<Report>>>,
-    others: Vec<Other>,
-    /// Takes states off the bus for the page; if it ends, the page says so and all else goes on.
-    page_feed: Option<JoinHandle<()>>,
-}
-
-impl Running {
-    fn is_whole(&self) -> bool {
-        fn runs<T>(thread: &Option<JoinHandle<T>>) -> bool {
-            thread.as_ref().is_some_and(|thread| !thread.is_finished())
-        }
-        runs(&self.looping)
-            && runs(&self.egress)
-            && self.others.iter().all(|(_, thread)| !thread.is_finished())
-    }
-
-    /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with.
-    fn join(self) -> anyhow::Result<(LoopSummary, Report)> {
-        let cycles = self.looping.map(|thread| joined("loop", thread));
-        let latency = self.egress.map(|thread| joined("egress", thread));
-        let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
-        if let Some(feed) = self.page_feed {
-            // A panic was printed by its own thread.
-            let _ = feed.join();
-        }
-        others.into_iter().collect::<anyhow::Result<()>>()?;
-        match (cycles, latency) {
-            (Some(cycles), Some(latency)) => Ok((cycles?, latency?)),
-            _ => bail!("the pipeline was not started whole"),
-        }
-    }
-}
-
-fn joined<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyhow::Result<T> {
-    match thread.join() {
-        Ok(outcome) => outcome.with_context(|| format!("thread {name}")),
-        Err(_) => Err(anyhow!("thread {name} panicked")),
-    }
 }
 
 /// How a daemon fared.
@@ -133,7 +91,8 @@ impl Pipeline {
         })?;
         // From here on threads run: a failure must end them, and wait until they have left the bus.
         let mut running = Running { others: vec![("commands", commands)], ..Running::default() };
-        let start = Start { config, rings: &rings, workers, memory_lock, observer };
+        let board = Arc::new(IncidentBoard::default());
+        let start = Start { config, rings: &rings, board, workers, memory_lock, observer };
         match start.the_rest(settings, &mut running) {
             Ok((page, status, threads)) => Ok(Pipeline { rings, running, page, status, threads }),
             Err(error) => {
@@ -186,12 +145,11 @@ impl Pipeline {
 struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
+    board: Arc<IncidentBoard>,
     workers: Arc<Workers>,
     memory_lock: String,
     observer: Box<dyn Observer>,
 }
-
-type Other = (&'static str, JoinHandle<anyhow::Result<()>>);
 
 impl Start<'_> {
     fn the_rest(
@@ -215,6 +173,13 @@ impl Start<'_> {
         };
 
         let (worker_changed, changed_workers) = mpsc::channel();
+        let (workers, board) = (Arc::clone(&self.workers), Arc::clone(&self.board));
+        let (saver, ()) = started("saving", move |ready| {
+            let _ = ready.send(());
+            saving::run(&changed_workers, &workers, &board);
+            Ok(())
+        })?;
+        running.others.push(("saving", saver));
         let (rings, station, hlog) =
             (Arc::clone(self.rings), config.station.clone(), config.latency.hlog.clone());
         let ask = asked(BELOW_LOOP[1].1);
@@ -227,7 +192,7 @@ impl Start<'_> {
         running.egress = Some(egress);
         threads.push(report);
 
-        let memory = remembered(&settings, &self.workers);
+        let memory = remembered::remembered(&settings, &self.workers);
         let (rings, cpu) = (Arc::clone(self.rings), config.tick.cpu);
         let (asked_loop, period_ns) =
             (Asked { fifo_priority: config.tick.priority, cpu }, config.period_ns());
@@ -268,10 +233,10 @@ impl Start<'_> {
             threads: threads.iter().map(ThreadStatus::from).collect(),
         });
         status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
-        let (rings, station, file) = (Arc::clone(self.rings), config.station.clone(), status.clone());
-        let workers = self.workers;
+        let (rings, board) = (Arc::clone(self.rings), self.board);
+        let (station, file) = (config.station.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", move |ready| {
-            let housekeeping = Housekeeping::open(&station, rings, changed_workers, workers, file)?;
+            let housekeeping = Housekeeping::open(&station, rings, board, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
@@ -279,23 +244,6 @@ impl Start<'_> {
         .inspect_err(|_| status.remove())?;
         running.others.push(("housekeeping", housekeeping));
         Ok((page, status, threads))
-    }
-}
-
-/// Starts a thread and waits until it says that it is ready; if it ends before, that is the error.
-fn started<Ready: Send + 'static, T: Send + 'static>(
-    name: &'static str,
-    body: impl FnOnce(mpsc::Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
-) -> anyhow::Result<(JoinHandle<anyhow::Result<T>>, Ready)> {
-    let (sender, receiver) = mpsc::channel();
-    let thread =
-        std::thread::Builder::new().name(name.into()).stack_size(STACK_BYTES).spawn(move || body(sender))?;
-    match receiver.recv() {
-        Ok(ready) => Ok((thread, ready)),
-        Err(_) => match thread.join() {
-            Ok(Err(error)) => Err(error),
-            _ => Err(anyhow!("thread {name} ended before it began")),
-        },
     }
 }
 
@@ -328,39 +276,6 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
             Ok(format!("not locked: {why}"))
         }
     }
-}
-
-/// The loop's memory, with what is known of the configured worker. A profile that cannot be used is left alone.
-fn remembered(settings: &equipoise_core::cycle::Settings, workers: &Workers) -> Box<Memory> {
-    let mut memory = bytemuck::zeroed_box::<Memory>();
-    memory.start(settings);
-    let Some(saving) = workers.get(workers::CONFIGURED).filter(|saving| saving.remember) else {
-        return memory;
-    };
-    let known = Profile::read(&saving.path).map_err(|error| error.to_string()).and_then(|profile| {
-        let Some(profile) = profile else { return Ok(None) };
-        let worker = profile.worker(settings).map_err(|why| {
-            format!("the profile {} is not used: {why}; it is left as it is", saving.path.display())
-        })?;
-        Ok(Some((profile, worker)))
-    });
-    match known {
-        Ok(None) => {}
-        Ok(Some((profile, worker))) => {
-            let (poses, identified) = (profile.poses_used, profile.identified);
-            info!(poses, identified, "profile {} is in use", profile.subject);
-            memory.identification = *worker;
-            // What the configuration says of the mass is newer than the profile.
-            if let Some(mass_kg) = settings.mass_kg {
-                memory.identification.mass_kg = mass_kg;
-            }
-        }
-        Err(why) => {
-            warn!("{why}; what is learnt now is not saved");
-            workers.refuse(workers::CONFIGURED, format!("{why} (not overwritten; move it away and restart)"));
-        }
-    }
-    memory
 }
 
 fn start_adapters(config: &Config, rings: &Arc<Rings>, adapters: &mut Vec<Other>) -> anyhow::Result<()> {

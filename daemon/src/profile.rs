@@ -3,9 +3,7 @@
 //! Written whole or not at all (temporary file, fsync, rename), readable by its owner and group only. A file that
 //! cannot be understood is refused and never overwritten.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::Write;
-use std::os::unix::fs::OpenOptionsExt;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::body::SEGMENTS;
@@ -14,6 +12,7 @@ use equipoise_core::cycle::{Identification, Settings};
 use serde::{Deserialize, Serialize};
 
 use crate::config::method::SexConfig;
+use crate::whole_file::write_whole;
 
 /// Grows with every change of the file's layout or meaning.
 const FORMAT: u32 = 2;
@@ -195,32 +194,6 @@ impl Profile {
     }
 }
 
-/// Writes a file so that a crash at any instant leaves either the old content or the new.
-///
-/// # Errors
-/// What the system said; the old content is then still there.
-pub fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
-    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(directory)?;
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(".new");
-    let temporary = PathBuf::from(temporary);
-    let written = OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(0o640)
-        .open(&temporary)
-        .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()));
-    if let Err(error) = written {
-        let _ = fs::remove_file(&temporary);
-        return Err(error);
-    }
-    fs::rename(&temporary, path)?;
-    // The rename itself lies in the directory.
-    File::open(directory)?.sync_all()
-}
-
 /// Where state lives: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else `~/.local/state/equipoise`.
 pub fn state_directory() -> PathBuf {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
@@ -253,16 +226,6 @@ pub fn path_of(subject: &str) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_file_is_replaced_whole() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("deep").join("a.toml");
-        write_whole(&path, b"one").unwrap();
-        write_whole(&path, b"two").unwrap();
-        assert_eq!(fs::read(&path).unwrap(), b"two");
-        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
-    }
 
     #[test]
     fn a_broken_profile_is_refused_and_left_alone() {

@@ -4,7 +4,7 @@
 //! a blank one and sends it off, and a thread that may touch the heap brings it back.
 
 use std::os::fd::{AsFd, OwnedFd};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use crossbeam_queue::ArrayQueue;
@@ -53,6 +53,8 @@ pub struct Rings {
     /// Loop to egress.
     pub outcome: ArrayQueue<Outcome>,
     outcome_ready: OwnedFd,
+    /// Egress sleeps, or is about to: whoever clears it owes the awakening.
+    egress_sleeps: AtomicBool,
     input_dropped: AtomicU64,
     output_dropped: AtomicU64,
     last_cycle: AtomicU64,
@@ -80,6 +82,7 @@ impl Rings {
             taken: ArrayQueue::new(CHECKPOINTS),
             outcome: ArrayQueue::new(OUTCOME_RING),
             outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
+            egress_sleeps: AtomicBool::new(false),
             input_dropped: AtomicU64::new(0),
             output_dropped: AtomicU64::new(0),
             last_cycle: AtomicU64::new(0),
@@ -102,18 +105,32 @@ impl Rings {
         }
     }
 
-    /// Hands a cycle's outcome to egress and wakes it; a full ring loses its oldest. One system call, no memory.
+    /// Hands a cycle's outcome to egress and wakes it if it sleeps; a full ring loses its oldest. No memory, and a
+    /// system call for a sleeper only.
     pub fn push_outcome(&self, outcome: Outcome) {
         self.last_cycle.store(outcome.state.cycle, Ordering::Relaxed);
         if self.outcome.force_push(outcome).is_some() {
             self.output_dropped.fetch_add(1, Ordering::Relaxed);
         }
-        // The counter can only be full if egress has slept for ever; then it is awake all the more.
-        let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
+        // Before or after: either we see that egress goes to sleep, or it sees the outcome.
+        fence(Ordering::SeqCst);
+        if self.egress_sleeps.swap(false, Ordering::Relaxed) {
+            // The counter can only be full if egress has slept for ever; then it is awake all the more.
+            let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
+        }
     }
 
-    /// Waits until the loop has something to say, or the time is over.
+    /// Sleeps until the loop has something to say, or the time is over.
     pub fn wait_for_outcome(&self, timeout: Duration) {
+        self.egress_sleeps.store(true, Ordering::Relaxed);
+        fence(Ordering::SeqCst);
+        if self.outcome.is_empty() {
+            self.sleep_for_outcome(timeout);
+        }
+        self.egress_sleeps.store(false, Ordering::Relaxed);
+    }
+
+    fn sleep_for_outcome(&self, timeout: Duration) {
         let timeout = rustix::time::Timespec {
             tv_sec: timeout.as_secs() as i64,
             tv_nsec: i64::from(timeout.subsec_nanos()),
@@ -121,6 +138,14 @@ impl Rings {
         let mut descriptors = [PollFd::from_borrowed_fd(self.outcome_ready.as_fd(), PollFlags::IN)];
         if poll(&mut descriptors, Some(&timeout)).is_ok_and(|ready| ready > 0) {
             let _ = rustix::io::read(&self.outcome_ready, &mut [0_u8; 8]);
+        }
+    }
+
+    /// Looks for something to say without ever sleeping, at most until the time is over. Costs a core.
+    pub fn poll_for_outcome(&self, timeout: Duration) {
+        let started = std::time::Instant::now();
+        while self.outcome.is_empty() && started.elapsed() < timeout {
+            std::hint::spin_loop();
         }
     }
 
@@ -164,5 +189,53 @@ impl Rings {
     /// Whether threads shall end.
     pub fn is_stopping(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn outcome(cycle: u64) -> Outcome {
+        Outcome { state: State { cycle, ..State::zeroed() }, record: CycleRecord::zeroed() }
+    }
+
+    #[test]
+    fn no_awakening_is_lost_and_none_is_paid_for_an_egress_that_is_awake() {
+        let rings = std::sync::Arc::new(Rings::new().unwrap());
+        let pending = || {
+            let mut descriptors = [PollFd::from_borrowed_fd(rings.outcome_ready.as_fd(), PollFlags::IN)];
+            poll(&mut descriptors, Some(&rustix::time::Timespec { tv_sec: 0, tv_nsec: 0 })).unwrap()
+        };
+        rings.push_outcome(outcome(1));
+        assert_eq!(pending(), 0, "egress was awake");
+        assert!(rings.outcome.pop().is_some());
+
+        const CYCLES: u64 = 20_000;
+        let egress = std::thread::spawn({
+            let rings = std::sync::Arc::clone(&rings);
+            move || {
+                let mut seen = 0;
+                while seen < CYCLES {
+                    // Were an awakening lost, the sleep would last for ever.
+                    rings.wait_for_outcome(Duration::from_secs(3600));
+                    while rings.outcome.pop().is_some() {
+                        seen += 1;
+                    }
+                }
+            }
+        });
+        for cycle in 1..=CYCLES {
+            while rings.outcome.is_full() {
+                std::thread::yield_now();
+            }
+            rings.push_outcome(outcome(cycle));
+            if cycle % 7 == 0 {
+                std::thread::yield_now();
+            }
+        }
+        egress.join().unwrap();
+        assert_eq!(rings.output_dropped(), 0);
     }
 }

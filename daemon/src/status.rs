@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::profile::write_whole;
 use crate::realtime::ThreadReport;
+use crate::whole_file::write_whole;
 
 /// The facts of one daemon.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -12,7 +12,7 @@ message! {
     ///
     /// Everything measured belongs to one time, `suit_sample_time_ns`. Compensating inertia needs samples from both
     /// sides of that time, so it lies `group_delay_ns` behind the newest suit sample; the ages say the whole truth.
-    as "equipoise/State/2", 2176 bytes,
+    as "equipoise/State/3", 2176 bytes,
     pub struct State {
         /// The cycle's number in this daemon's life, from 1.
         pub cycle: u64,
@@ -121,8 +121,11 @@ message! {
         pub torque_limit_nm: [f64; JOINTS],
         /// Overloading fatigue of each joint, in [0, 1] (Lorenzini et al. 2019).
         pub fatigue: [f64; JOINTS],
+        /// When egress handed the state to the bus, CLOCK_MONOTONIC; 0 while the loop has it. The one field that a replay
+        /// does not repeat.
+        pub published_ns: u64,
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 4],
+        pub reserved_tail: [u64; 3],
     }
 }
 

@@ -1,0 +1,118 @@
+//! When a consumer had the state in hand: what it reports back, so that the path is measured to its end.
+
+use super::layout::{ZeroCopySend, message};
+
+/// Sub-buckets of one octave: times are told apart to 6 %.
+pub const SUB_BUCKETS: u64 = 16;
+/// Buckets of a histogram; the last takes in everything from 2³⁴ ns (17 s) on.
+pub const BUCKETS: usize = 512;
+
+message! {
+    /// How late one consumer picks states up: three histograms of ns since its start, published once a second.
+    ///
+    /// Every consumer may report, none must. Bucket of a time t: t itself below 16 ns; else, with e = ⌊log₂ t⌋,
+    /// `16 (e − 3) + (t >> (e − 4)) mod 16` ([`bucket`]). Cumulative, so a reader that misses a report loses nothing.
+    as "equipoise/PickUp/1", 12416 bytes,
+    pub struct PickUp {
+        /// When it was published, CLOCK_MONOTONIC.
+        pub time_ns: u64,
+        /// When the consumer began to count, CLOCK_MONOTONIC.
+        pub since_ns: u64,
+        /// The consumer's name, UTF-8, zero-filled: letters, digits, '-' and '_'.
+        pub consumer: [u8; 32],
+        /// Its process.
+        pub process_id: u32,
+        /// Always zero.
+        pub reserved: u32,
+        /// States picked up.
+        pub states: u64,
+        /// States that it never saw, by the gaps in `State::cycle`.
+        pub states_missed: u64,
+        /// Largest time of each of the three histograms, ns.
+        pub max_ns: [u64; 3],
+        /// Always zero; aligns the histograms to 64 bytes.
+        pub reserved_head: [u64; 4],
+        /// From `State::published_ns` to the consumer: the bus and the consumer's own awakening.
+        pub published_to_consumer: [u64; BUCKETS],
+        /// From `State::time_ns`, when the cycle was due, to the consumer.
+        pub due_to_consumer: [u64; BUCKETS],
+        /// From the newest suit sample's own time to the consumer; one value for each new suit sample.
+        pub suit_to_consumer: [u64; BUCKETS],
+    }
+}
+
+/// The bucket of a time.
+pub const fn bucket(time_ns: u64) -> usize {
+    if time_ns < SUB_BUCKETS {
+        return time_ns as usize;
+    }
+    let octave = 63 - time_ns.leading_zeros() as u64;
+    let index = (SUB_BUCKETS * (octave - 3) + ((time_ns >> (octave - 4)) & (SUB_BUCKETS - 1))) as usize;
+    if index < BUCKETS { index } else { BUCKETS - 1 }
+}
+
+/// The shortest time of a bucket, ns.
+pub const fn shortest_ns(bucket: usize) -> u64 {
+    let (bucket, sub_buckets) = (bucket as u64, SUB_BUCKETS);
+    if bucket < sub_buckets {
+        return bucket;
+    }
+    let octave = bucket / sub_buckets + 3;
+    (sub_buckets + bucket % sub_buckets) << (octave - 4)
+}
+
+impl PickUp {
+    /// Enters one state that was picked up at `now_ns`; `missed` states before it were not seen.
+    ///
+    /// `suit_sample_time_ns` is the newest suit sample's own time, if this state is the first with it.
+    pub fn enter(
+        &mut self,
+        now_ns: u64,
+        state: &super::State,
+        missed: u64,
+        suit_sample_time_ns: Option<u64>,
+    ) {
+        self.states += 1;
+        self.states_missed += missed;
+        let froms = [Some(state.published_ns), Some(state.time_ns), suit_sample_time_ns];
+        let histograms =
+            [&mut self.published_to_consumer, &mut self.due_to_consumer, &mut self.suit_to_consumer];
+        for ((from_ns, histogram), max_ns) in froms.into_iter().zip(histograms).zip(&mut self.max_ns) {
+            // A stamp of 0 was never taken, and a later one than now belongs to another clock.
+            if let Some(time_ns) = from_ns.filter(|from| *from > 0).and_then(|from| now_ns.checked_sub(from))
+            {
+                histogram[bucket(time_ns)] += 1;
+                *max_ns = time_ns.max(*max_ns);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_time_lies_in_its_bucket_and_buckets_follow_each_other() {
+        for index in 1..BUCKETS {
+            let (from, before) = (shortest_ns(index), shortest_ns(index - 1));
+            assert!(from > before);
+            assert_eq!((bucket(from), bucket(from - 1)), (index, index - 1));
+            // 16 sub-buckets an octave.
+            assert!(from - before <= 1.max(before / 16));
+        }
+        assert_eq!(bucket(u64::MAX), BUCKETS - 1);
+    }
+
+    #[test]
+    fn what_has_no_stamp_or_lies_ahead_is_not_entered() {
+        let mut report: PickUp = bytemuck::Zeroable::zeroed();
+        let mut state: super::super::State = bytemuck::Zeroable::zeroed();
+        (state.time_ns, state.published_ns) = (1_000, 0);
+        report.enter(1_500, &state, 2, Some(2_000));
+        assert_eq!((report.states, report.states_missed), (1, 2));
+        assert_eq!(report.due_to_consumer[bucket(500)], 1);
+        assert_eq!(report.published_to_consumer.iter().chain(&report.suit_to_consumer).sum::<u64>(), 0);
+        assert_eq!(report.max_ns, [0, 500, 0]);
+    }
+}
