@@ -4,8 +4,11 @@
 #[path = "../tests/report/sample.rs"]
 mod sample;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::{fs, io};
+
+use equipoise_discrepancy::report::Pages;
 
 fn main() -> ExitCode {
     let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) else {
@@ -21,8 +24,8 @@ fn main() -> ExitCode {
     ];
     for (name, sample) in samples {
         let pages = sample.report().pages();
-        if let Err(error) = pages.write_to(&folder.join(name)) {
-            eprintln!("{error}");
+        if let Err(error) = write(&folder.join(name), &pages) {
+            eprintln!("cannot write to {}: {error}", folder.join(name).display());
             return ExitCode::FAILURE;
         }
         let page =
@@ -30,4 +33,9 @@ fn main() -> ExitCode {
         println!("{}: {} files, report.html {page} bytes", folder.join(name).display(), pages.files.len());
     }
     ExitCode::SUCCESS
+}
+
+fn write(folder: &Path, pages: &Pages) -> io::Result<()> {
+    fs::create_dir_all(folder)?;
+    pages.files.iter().try_for_each(|(name, text)| fs::write(folder.join(name), text))
 }

@@ -24,7 +24,6 @@
 mod ask;
 mod check;
 mod text;
-mod write;
 
 use std::path::{Path, PathBuf};
 
@@ -113,14 +112,6 @@ pub enum ModelFileError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// It cannot be written; an older one is still there.
-    #[error("cannot write the model {path}: {source}")]
-    Write {
-        /// Which file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
     /// It is not what it should be.
     #[error("{place}: {what}")]
     Wrong {
@@ -154,18 +145,6 @@ impl ModelFile {
     /// The file as TOML.
     pub fn to_toml(&self) -> String {
         text::of(self)
-    }
-
-    /// Writes it whole or not at all, readable by its owner and group only.
-    ///
-    /// # Errors
-    /// What the system said; an older file is then still there. A model that [`ModelFile::parse`] would refuse is
-    /// refused here.
-    pub fn write(&self, path: &Path) -> Result<(), ModelFileError> {
-        let text = self.to_toml();
-        ModelFile::parse(&text, &path.display().to_string())?;
-        write::whole(path, text.as_bytes())
-            .map_err(|source| ModelFileError::Write { path: path.to_owned(), source })
     }
 
     /// What the loop runs, and which effects that leaves out.

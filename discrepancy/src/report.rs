@@ -15,9 +15,6 @@ mod story;
 mod svg;
 mod words;
 
-use std::path::{Path, PathBuf};
-use std::{fs, io};
-
 use crate::finding::Finding;
 use crate::picture::Picture;
 use document::{Document, Piece};
@@ -68,14 +65,6 @@ pub struct Pages {
     pub files: Vec<(String, String)>,
 }
 
-/// The report could not be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {path}: {source}; is there room, and may this user write there?", path = path.display())]
-pub struct WriteError {
-    path: PathBuf,
-    source: io::Error,
-}
-
 impl Report<'_> {
     /// Tells the story, in both forms.
     pub fn pages(&self) -> Pages {
@@ -96,30 +85,4 @@ fn drawings(document: &Document) -> impl Iterator<Item = (String, String)> {
         _ => None,
     });
     figures.flatten().map(|figure| (format!("{}.svg", figure.drawing.name), figure.drawing.standalone()))
-}
-
-impl Pages {
-    /// Writes all files into a folder, which is made if need be. Each is there whole or not at all; the page comes last.
-    pub fn write_to(&self, folder: &Path) -> Result<(), WriteError> {
-        let failed = |path: &Path| {
-            let path = path.to_owned();
-            move |source| WriteError { path, source }
-        };
-        fs::create_dir_all(folder).map_err(failed(folder))?;
-        let begun: Vec<(PathBuf, PathBuf)> = (self.files.iter())
-            .map(|(name, _)| (folder.join(format!(".{name}.part")), folder.join(name)))
-            .collect();
-        let written = begun
-            .iter()
-            .zip(&self.files)
-            .try_for_each(|((part, _), (_, text))| fs::write(part, text).map_err(failed(part)));
-        let moved = written.and_then(|()| {
-            begun.iter().rev().try_for_each(|(part, path)| fs::rename(part, path).map_err(failed(path)))
-        });
-        if moved.is_err() {
-            // The first failure is the one to tell; parts that cannot be taken away either are only litter.
-            begun.iter().for_each(|(part, _)| drop(fs::remove_file(part)));
-        }
-        moved
-    }
 }

@@ -7,8 +7,6 @@ mod sample;
 mod text;
 
 use std::collections::BTreeSet;
-use std::fs;
-use std::path::PathBuf;
 
 use equipoise_discrepancy::report::Pages;
 use sample::Sample;
@@ -27,12 +25,6 @@ fn samples() -> [(&'static str, Sample); 4] {
 
 fn file<'a>(pages: &'a Pages, name: &str) -> &'a str {
     &pages.files.iter().find(|(file, _)| file == name).unwrap().1
-}
-
-fn scratch(name: &str) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("equipoise-report-{name}-{}", std::process::id()));
-    drop(fs::remove_dir_all(&folder));
-    folder
 }
 
 #[test]
@@ -241,37 +233,4 @@ fn what_weighs_more_than_all_names_is_told_before_them() {
     assert!(words.contains("do not run this model"));
     let markdown = file(&pages, "report.md");
     assert!(markdown.contains("**Do this next:** "), "{markdown}");
-}
-
-#[test]
-fn files_are_written_whole_and_nothing_else() {
-    let folder = scratch("whole");
-    let pages = sample::named(WORK_S).report().pages();
-    for _ in 0..2 {
-        pages.write_to(&folder.join("below")).unwrap();
-        let there: BTreeSet<String> = fs::read_dir(folder.join("below"))
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        assert_eq!(there, pages.files.iter().map(|(name, _)| name.clone()).collect());
-    }
-    for (name, text) in &pages.files {
-        assert_eq!(&fs::read_to_string(folder.join("below").join(name)).unwrap(), text);
-    }
-    fs::remove_dir_all(folder).unwrap();
-}
-
-#[test]
-fn what_cannot_be_written_is_a_sentence_and_leaves_nothing() {
-    let folder = scratch("half");
-    fs::create_dir_all(folder.join("report.md")).unwrap();
-    let pages = sample::none(WORK_S).report().pages();
-    let error = pages.write_to(&folder).unwrap_err().to_string();
-    assert!(error.starts_with("cannot write ") && error.contains("report.md"), "{error}");
-    let parts = fs::read_dir(&folder)
-        .unwrap()
-        .filter(|entry| entry.as_ref().unwrap().file_name().into_string().unwrap().ends_with(".part"));
-    assert_eq!(parts.count(), 0);
-    assert!(!folder.join("report.html").exists(), "the page comes last");
-    fs::remove_dir_all(folder).unwrap();
 }
