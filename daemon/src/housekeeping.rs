@@ -11,6 +11,7 @@ use tracing::warn;
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
 use crate::rings::Rings;
+use crate::roster::Roster;
 use crate::status::StatusFile;
 
 /// How often incidents are looked at.
@@ -26,6 +27,7 @@ pub struct Housekeeping {
     model: ModelWatch,
     rings: Arc<Rings>,
     board: Arc<IncidentBoard>,
+    roster: Arc<Roster>,
     /// How many changes of the board were published.
     told_changes: u64,
     status: StatusFile,
@@ -43,6 +45,7 @@ impl Housekeeping {
         station: &str,
         rings: Arc<Rings>,
         board: Arc<IncidentBoard>,
+        roster: Arc<Roster>,
         status: StatusFile,
     ) -> Result<Housekeeping, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "housekeeping"))?;
@@ -53,6 +56,7 @@ impl Housekeeping {
             model: ModelWatch::default(),
             rings,
             board,
+            roster,
             told_changes: 0,
             status,
             last_cycle: 0,
@@ -117,6 +121,7 @@ impl Housekeeping {
             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
         }
         self.watch_the_model();
+        self.status.note_threads(&self.roster, cycle);
         if let Err(error) = self.status.write() {
             warn!("cannot write {}: {error}", self.status.path.display());
         }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel};
 use equipoise_core::message::{GroundSample, SuitSample};
 
+use crate::realtime::now_ns;
 use crate::rings::Rings;
 
 /// Wakes at least this often, to see whether it shall end.
@@ -27,11 +28,51 @@ pub fn run(station: &str, rings: &Arc<Rings>, ready: impl FnOnce()) -> Result<()
     while !rings.is_stopping() {
         listener.wait(WAKE_AT_LEAST)?;
         while let Some(sample) = ground.receive()? {
-            rings.push_ground(sample);
+            if Stamps::of_ground(&sample).are_past(now_ns()) {
+                rings.push_ground(sample);
+            } else {
+                rings.refuse_input();
+            }
         }
         while let Some(sample) = suit.receive()? {
-            rings.push_suit(sample);
+            if Stamps::of_suit(&sample).are_past(now_ns()) {
+                rings.push_suit(sample);
+            } else {
+                rings.refuse_input();
+            }
         }
     }
     Ok(())
+}
+
+/// A sample's own stamps, in the order in which they were taken.
+struct Stamps([u64; 3]);
+
+impl Stamps {
+    fn of_suit(sample: &SuitSample) -> Stamps {
+        Stamps([sample.sample_time_ns, sample.arrival_ns, sample.published_ns])
+    }
+
+    fn of_ground(sample: &GroundSample) -> Stamps {
+        Stamps([sample.sample_time_ns, sample.arrival_ns, sample.published_ns])
+    }
+
+    /// Nothing is received before it was sent. An adapter in another time namespace, or on another clock, says
+    /// otherwise; its samples would be put beside the wrong ones of the other sensor.
+    fn are_past(&self, now_ns: u64) -> bool {
+        self.0.iter().all(|stamp_ns| *stamp_ns <= now_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_dated_after_its_own_arrival_here_is_of_another_clock() {
+        let stamps = |shift_ns: u64| Stamps([100, 200, 300].map(|stamp_ns| stamp_ns + shift_ns));
+        assert!(stamps(0).are_past(300));
+        assert!(!stamps(1).are_past(300));
+        assert!(!Stamps([400, 200, 300]).are_past(350), "dated after it was sent");
+    }
 }

@@ -22,6 +22,7 @@ pub mod reconcile;
 pub mod record;
 pub mod replay;
 pub mod rings;
+pub mod roster;
 pub mod saving;
 pub mod schedule;
 pub mod sensors;

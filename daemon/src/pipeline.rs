@@ -21,8 +21,9 @@ use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
-use crate::status::{Status, StatusFile, ThreadStatus};
-use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
+use crate::roster::{MemoryUse, Roster};
+use crate::status::{Status, StatusFile};
+use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
 use crate::{ingress, saving, sensors};
 
@@ -30,6 +31,8 @@ use self::threads::{Other, Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
 const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
+/// Threads that keep no time ask for the ordinary scheduler.
+const ORDINARY: Asked = Asked { fifo_priority: 0, cpu: None };
 /// The role under which the daemon itself is found on the bus.
 const DAEMON_ROLE: &str = "daemon";
 
@@ -39,7 +42,7 @@ pub struct Pipeline {
     running: Running,
     page: Option<Page>,
     status: StatusFile,
-    threads: Vec<ThreadReport>,
+    roster: Arc<Roster>,
 }
 
 /// How a daemon fared.
@@ -72,6 +75,8 @@ impl Pipeline {
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
         let memory_lock = lock_memory(config)?;
+        let roster = Arc::new(Roster::default());
+        roster.ask("main", ORDINARY);
 
         // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
         // so it is opened there, and this thread waits for the word.
@@ -82,7 +87,7 @@ impl Pipeline {
         ));
         let workers = Arc::new(workers);
         let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
-        let (commands, ()) = started("commands", move |ready| {
+        let (commands, ()) = started("commands", ORDINARY, &roster, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
             let commands = Commands::open(bus, server, commands_rings, settings, commands_workers)?;
@@ -92,9 +97,9 @@ impl Pipeline {
         // From here on threads run: a failure must end them, and wait until they have left the bus.
         let mut running = Running { others: vec![("commands", commands)], ..Running::default() };
         let board = Arc::new(IncidentBoard::default());
-        let start = Start { config, rings: &rings, board, workers, memory_lock, observer };
+        let start = Start { config, rings: &rings, roster: &roster, board, workers, memory_lock, observer };
         match start.the_rest(settings, &mut running) {
-            Ok((page, status, threads)) => Ok(Pipeline { rings, running, page, status, threads }),
+            Ok((page, status)) => Ok(Pipeline { rings, running, page, status, roster }),
             Err(error) => {
                 rings.stop();
                 // The first failure is the one to tell.
@@ -110,8 +115,8 @@ impl Pipeline {
     }
 
     /// What each thread asked for and has.
-    pub fn threads(&self) -> &[ThreadReport] {
-        &self.threads
+    pub fn threads(&self) -> Vec<ThreadReport> {
+        self.roster.reports()
     }
 
     /// The newest cycle.
@@ -137,7 +142,7 @@ impl Pipeline {
         // Housekeeping, which keeps the file in place, has ended.
         self.status.remove();
         let (cycles, latency) = outcome?;
-        Ok(Summary { cycles, latency, threads: self.threads })
+        Ok(Summary { cycles, latency, threads: self.roster.reports() })
     }
 }
 
@@ -145,6 +150,7 @@ impl Pipeline {
 struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
+    roster: &'a Arc<Roster>,
     board: Arc<IncidentBoard>,
     workers: Arc<Workers>,
     memory_lock: String,
@@ -156,9 +162,8 @@ impl Start<'_> {
         self,
         settings: equipoise_core::cycle::Settings,
         running: &mut Running,
-    ) -> anyhow::Result<(Option<Page>, StatusFile, Vec<ThreadReport>)> {
-        let config = self.config;
-        let mut threads = Vec::new();
+    ) -> anyhow::Result<(Option<Page>, StatusFile)> {
+        let (config, roster) = (self.config, self.roster);
         let asked =
             |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
 
@@ -174,7 +179,7 @@ impl Start<'_> {
 
         let (worker_changed, changed_workers) = mpsc::channel();
         let (workers, board) = (Arc::clone(&self.workers), Arc::clone(&self.board));
-        let (saver, ()) = started("saving", move |ready| {
+        let (saver, ()) = started("saving", ORDINARY, roster, move |ready| {
             let _ = ready.send(());
             saving::run(&changed_workers, &workers, &board);
             Ok(())
@@ -182,45 +187,32 @@ impl Start<'_> {
         running.others.push(("saving", saver));
         let (rings, station, hlog) =
             (Arc::clone(self.rings), config.station.clone(), config.latency.hlog.clone());
-        let ask = asked(BELOW_LOOP[1].1);
-        let (egress, report) = started("egress", move |ready| {
-            let report = realtime::ask("egress", ask);
+        let (egress, ()) = started("egress", asked(BELOW_LOOP[1].1), roster, move |ready| {
             let egress = Egress::open(&station, rings, worker_changed, hlog.as_deref())?;
-            let _ = ready.send(report);
+            let _ = ready.send(());
             Ok(egress.run()?)
         })?;
         running.egress = Some(egress);
-        threads.push(report);
 
         let memory = remembered::remembered(&settings, &self.workers);
-        let (rings, cpu) = (Arc::clone(self.rings), config.tick.cpu);
-        let (asked_loop, period_ns) =
-            (Asked { fifo_priority: config.tick.priority, cpu }, config.period_ns());
+        let (rings, period_ns) = (Arc::clone(self.rings), config.period_ns());
+        let asked_loop = Asked { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
         let mut observer = self.observer;
-        let (looping, report) = started("loop", move |ready| {
+        let (looping, ()) = started("loop", asked_loop, roster, move |ready| {
             let _runs = rings.loop_runs();
             realtime::prefault_stack();
-            let _ = ready.send(realtime::ask("loop", asked_loop));
-            Ok(Loop::new(settings, memory, Arc::clone(&rings), period_ns).run(&mut *observer))
+            let _ = ready.send(());
+            let the_loop = Loop::new(settings, memory, Arc::clone(&rings), period_ns);
+            Ok(the_loop.run(&mut Monotonic, &mut *observer))
         })?;
         running.looping = Some(looping);
-        threads.push(report);
 
-        let (rings, station, ask) = (Arc::clone(self.rings), config.station.clone(), asked(BELOW_LOOP[0].1));
-        let (ingress, report) = started("ingress", move |ready| {
-            let report = realtime::ask("ingress", ask);
-            Ok(ingress::run(&station, &rings, || drop(ready.send(report)))?)
+        let (rings, station) = (Arc::clone(self.rings), config.station.clone());
+        let (ingress, ()) = started("ingress", asked(BELOW_LOOP[0].1), roster, move |ready| {
+            Ok(ingress::run(&station, &rings, || ready.send(()).unwrap_or(()))?)
         })?;
-        threads.push(report);
         running.others.push(("ingress", ingress));
-        start_adapters(config, self.rings, &mut running.others)?;
-
-        for missing in threads.iter().filter_map(ThreadReport::missing) {
-            if config.tick.strict {
-                bail!("loop.strict: {missing}");
-            }
-            warn!("{missing}");
-        }
+        start_adapters(config, self.rings, roster, &mut running.others)?;
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
@@ -229,21 +221,26 @@ impl Start<'_> {
             model_toml: config.model_toml(),
             page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock,
+            memory: MemoryUse::default(),
+            loop_faults: None,
             model_suspicion: None,
-            threads: threads.iter().map(ThreadStatus::from).collect(),
+            threads: Vec::new(),
         });
-        status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
-        let (rings, board) = (Arc::clone(self.rings), self.board);
-        let (station, file) = (config.station.clone(), status.clone());
-        let (housekeeping, ()) = started("housekeeping", move |ready| {
-            let housekeeping = Housekeeping::open(&station, rings, board, file)?;
+        let (rings, board, people) = (Arc::clone(self.rings), self.board, Arc::clone(roster));
+        let (station, mut file) = (config.station.clone(), status.clone());
+        let (housekeeping, ()) = started("housekeeping", ORDINARY, roster, move |ready| {
+            file.note_threads(&people, 0);
+            file.write().with_context(|| format!("cannot write {}", file.path.display()))?;
+            let housekeeping = Housekeeping::open(&station, rings, board, people, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
         })
         .inspect_err(|_| status.remove())?;
         running.others.push(("housekeeping", housekeeping));
-        Ok((page, status, threads))
+        // Every thread has asked by now, and all the memory that they begin with is there.
+        must_be_granted(config, roster).inspect_err(|_| status.remove())?;
+        Ok((page, status))
     }
 }
 
@@ -264,6 +261,7 @@ fn second_daemon(bus: &Bus, error: BusError) -> anyhow::Error {
     }
 }
 
+/// Asks for all memory to be locked; in words, how that went. Whether it really is, is read back later.
 fn lock_memory(config: &Config) -> anyhow::Result<String> {
     if !config.tick.lock_memory {
         return Ok("not asked for".to_owned());
@@ -278,17 +276,43 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
     }
 }
 
-fn start_adapters(config: &Config, rings: &Arc<Rings>, adapters: &mut Vec<Other>) -> anyhow::Result<()> {
+/// What was asked and not granted is an error under `loop.strict`, else a warning: of every thread, and of memory.
+fn must_be_granted(config: &Config, roster: &Roster) -> anyhow::Result<()> {
+    let mut missing = roster.missing();
+    let memory = MemoryUse::now();
+    // Without strict, the kernel's own refusal was told already.
+    if config.tick.lock_memory && config.tick.strict && !memory.is_locked() {
+        missing.push(format!(
+            "memory is not locked: {} KiB of {} KiB in memory are; run as root, or under systemd with \
+             LimitMEMLOCK=infinity",
+            memory.locked_kib, memory.resident_kib
+        ));
+    }
+    for missing in missing {
+        if config.tick.strict {
+            bail!("loop.strict: {missing}");
+        }
+        warn!("{missing}");
+    }
+    Ok(())
+}
+
+fn start_adapters(
+    config: &Config,
+    rings: &Arc<Rings>,
+    roster: &Arc<Roster>,
+    adapters: &mut Vec<Other>,
+) -> anyhow::Result<()> {
     if config.suit.source == SuitSourceKind::MvnUdp {
         let (rings, station, suit) = (Arc::clone(rings), config.station.clone(), config.suit.clone());
-        let (thread, ()) = started("suit", move |ready| {
+        let (thread, ()) = started("suit", ORDINARY, roster, move |ready| {
             Ok(sensors::run_suit(&station, &suit, || ready.send(()).unwrap_or(()), &|| rings.is_stopping())?)
         })?;
         adapters.push(("suit", thread));
     }
     if config.ground.source == GroundSourceKind::AtiRdt {
         let (rings, station, ground) = (Arc::clone(rings), config.station.clone(), config.ground.clone());
-        let (thread, ()) = started("ground", move |ready| {
+        let (thread, ()) = started("ground", ORDINARY, roster, move |ready| {
             Ok(sensors::run_ground(&station, &ground, || ready.send(()).unwrap_or(()), &|| {
                 rings.is_stopping()
             })?)

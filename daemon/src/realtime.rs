@@ -4,11 +4,16 @@
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity, set_current_timer_slack};
+use rustix::thread::{
+    CpuSet, current_timer_slack, sched_getaffinity, sched_setaffinity, set_current_timer_slack,
+};
 use serde::Serialize;
 
-/// What a thread asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// Timer slack that every thread asks for, ns: ordinary threads are woken up to 50 µs late by default.
+pub const TIMER_SLACK_NS: u64 = 1;
+
+/// What a thread asks for, beside [`TIMER_SLACK_NS`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Asked {
     /// SCHED_FIFO priority, 1 to 99; 0 for the ordinary scheduler.
     pub fifo_priority: u32,
@@ -19,10 +24,14 @@ pub struct Asked {
 /// What a thread has.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Granted {
-    /// SCHED_FIFO priority; 0 under the ordinary scheduler.
+    /// Name of the scheduling policy: `other`, `fifo`, …
+    pub policy: &'static str,
+    /// SCHED_FIFO priority; 0 under another scheduler.
     pub fifo_priority: u32,
     /// The cores it may run on.
     pub cpus: Vec<usize>,
+    /// Timer slack, ns; 0 for real-time threads of newer kernels, which have none.
+    pub timer_slack_ns: u64,
 }
 
 /// Both, for one thread.
@@ -30,6 +39,8 @@ pub struct Granted {
 pub struct ThreadReport {
     /// The thread's role.
     pub thread: &'static str,
+    /// The kernel's number for it.
+    pub id: i32,
     /// What it asked for.
     pub asked: Asked,
     /// What it has.
@@ -37,19 +48,32 @@ pub struct ThreadReport {
 }
 
 impl ThreadReport {
-    /// What is missing, in words; `None` if all was granted.
+    /// What is not as it was asked for, in words; `None` if all was granted.
     pub fn missing(&self) -> Option<String> {
-        if self.granted.fifo_priority < self.asked.fifo_priority {
+        let (thread, granted) = (self.thread, &self.granted);
+        if granted.fifo_priority < self.asked.fifo_priority {
             return Some(format!(
-                "thread {} asked for SCHED_FIFO {} and has {}; run as root or with CAP_SYS_NICE (systemd: \
+                "thread {thread} asked for SCHED_FIFO {} and has {}; run as root or with CAP_SYS_NICE (systemd: \
                  AmbientCapabilities=CAP_SYS_NICE, LimitRTPRIO=)",
-                self.thread, self.asked.fifo_priority, self.granted.fifo_priority
+                self.asked.fifo_priority, granted.fifo_priority
+            ));
+        }
+        if granted.fifo_priority > self.asked.fifo_priority {
+            return Some(format!(
+                "thread {thread} asked for SCHED_FIFO {} and has {}; nobody but the daemon should set it",
+                self.asked.fifo_priority, granted.fifo_priority
+            ));
+        }
+        if granted.timer_slack_ns > TIMER_SLACK_NS {
+            return Some(format!(
+                "thread {thread} asked for a timer slack of {TIMER_SLACK_NS} ns and has {} ns",
+                granted.timer_slack_ns
             ));
         }
         match self.asked.cpu {
-            Some(cpu) if self.granted.cpus != [cpu] => Some(format!(
-                "thread {} asked for core {cpu} and may run on {:?}",
-                self.thread, self.granted.cpus
+            Some(cpu) if granted.cpus != [cpu] => Some(format!(
+                "thread {thread} asked for core {cpu} and may run on {:?}; set loop.cpu to a core of this machine",
+                granted.cpus
             )),
             _ => None,
         }
@@ -66,35 +90,59 @@ pub fn ask(thread: &'static str, asked: Asked) -> ThreadReport {
             let _ = sched_setaffinity(None, &set);
         }
     }
-    if asked.fifo_priority > 0 {
+    // Who asks for nothing gives back what was inherited: a policy comes from whoever started the thread.
+    if asked.fifo_priority > 0 || policy() == libc::SCHED_FIFO || policy() == libc::SCHED_RR {
         set_fifo(asked.fifo_priority);
     }
-    // Ordinary threads are woken up to 50 µs late by default.
-    let _ = set_current_timer_slack(core::num::NonZeroU64::new(1));
-    ThreadReport { thread, asked, granted: granted() }
+    let _ = set_current_timer_slack(core::num::NonZeroU64::new(TIMER_SLACK_NS));
+    ThreadReport { thread, id: rustix::thread::gettid().as_raw_nonzero().get(), asked, granted: granted() }
 }
 
 fn granted() -> Granted {
     let cpus = sched_getaffinity(None)
         .map(|set| (0..CpuSet::MAX_CPU).filter(|cpu| set.is_set(*cpu)).collect())
         .unwrap_or_default();
-    Granted { fifo_priority: fifo_priority(), cpus }
+    Granted {
+        policy: policy_name(policy()),
+        fifo_priority: fifo_priority(),
+        cpus,
+        timer_slack_ns: current_timer_slack().unwrap_or(u64::MAX),
+    }
+}
+
+/// The kernel's scheduling policies by their numbers (sched(7)).
+pub fn policy_name(policy: i32) -> &'static str {
+    match policy & !libc::SCHED_RESET_ON_FORK {
+        libc::SCHED_OTHER => "other",
+        libc::SCHED_FIFO => "fifo",
+        libc::SCHED_RR => "rr",
+        libc::SCHED_BATCH => "batch",
+        libc::SCHED_IDLE => "idle",
+        libc::SCHED_DEADLINE => "deadline",
+        _ => "unknown",
+    }
 }
 
 #[expect(unsafe_code, reason = "no safe wrapper has sched_setscheduler")]
 fn set_fifo(priority: u32) {
+    let policy = if priority > 0 { libc::SCHED_FIFO } else { libc::SCHED_OTHER };
     let parameter = libc::sched_param { sched_priority: priority.min(99) as i32 };
     // SAFETY: the pointer is to a live sched_param, and 0 is the calling thread. A refusal shows when read back.
-    unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) };
+    unsafe { libc::sched_setscheduler(0, policy, &raw const parameter) };
 }
 
 #[expect(unsafe_code, reason = "no safe wrapper has sched_getscheduler")]
+fn policy() -> i32 {
+    // SAFETY: takes no pointer; 0 is the calling thread.
+    unsafe { libc::sched_getscheduler(0) }
+}
+
+#[expect(unsafe_code, reason = "no safe wrapper has sched_getparam")]
 fn fifo_priority() -> u32 {
     let mut parameter = libc::sched_param { sched_priority: 0 };
     // SAFETY: the pointer is to a live sched_param, and 0 is the calling thread.
-    let (policy, read) =
-        unsafe { (libc::sched_getscheduler(0), libc::sched_getparam(0, &raw mut parameter)) };
-    if policy == libc::SCHED_FIFO && read == 0 { parameter.sched_priority as u32 } else { 0 }
+    let read = unsafe { libc::sched_getparam(0, &raw mut parameter) };
+    if policy() == libc::SCHED_FIFO && read == 0 { parameter.sched_priority as u32 } else { 0 }
 }
 
 /// Locks all memory, now and later, so that the loop takes no page fault.
@@ -123,6 +171,15 @@ pub fn prefault_stack() {
     std::hint::black_box(&mut stack);
 }
 
+/// Touches every page of something that was only asked for, so that nobody waits for it later.
+pub fn touch<T: bytemuck::Pod>(value: &mut T) {
+    for page in bytemuck::bytes_of_mut(value).chunks_mut(4096) {
+        if let Some(byte) = page.first_mut() {
+            *byte = std::hint::black_box(*byte);
+        }
+    }
+}
+
 /// CLOCK_MONOTONIC, read without a system call where the kernel allows it.
 pub fn now_ns() -> u64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
@@ -144,19 +201,36 @@ pub fn sleep_until(due_ns: u64) {
 mod tests {
     use super::*;
 
+    fn report(fifo_priority: u32, cpus: &[usize], timer_slack_ns: u64) -> ThreadReport {
+        ThreadReport {
+            thread: "loop",
+            id: 1,
+            asked: Asked { fifo_priority: 80, cpu: Some(3) },
+            granted: Granted { policy: "fifo", fifo_priority, cpus: cpus.to_vec(), timer_slack_ns },
+        }
+    }
+
     #[test]
     fn what_was_not_granted_is_said() {
-        let report = ThreadReport {
-            thread: "loop",
-            asked: Asked { fifo_priority: 80, cpu: Some(3) },
-            granted: Granted { fifo_priority: 0, cpus: vec![0, 1] },
-        };
-        assert!(report.missing().unwrap().contains("CAP_SYS_NICE"));
+        assert_eq!(report(80, &[3], 0).missing(), None);
+        assert!(report(0, &[3], 0).missing().unwrap().contains("CAP_SYS_NICE"));
+        assert!(report(90, &[3], 0).missing().unwrap().contains("has 90"));
+        assert!(report(80, &[3, 4], 0).missing().unwrap().contains("asked for core 3"));
+        assert!(report(80, &[3], 50_000).missing().unwrap().contains("50000 ns"));
     }
 
     #[test]
     fn nothing_asked_nothing_missing() {
-        assert_eq!(ask("test", Asked { fifo_priority: 0, cpu: None }).missing(), None);
+        let report = ask("test", Asked::default());
+        assert_eq!(report.missing(), None, "{report:?}");
+        assert_eq!(report.granted.fifo_priority, 0);
+        assert!(!report.granted.cpus.is_empty());
+    }
+
+    #[test]
+    fn a_core_that_no_machine_has_is_missing() {
+        let asked = Asked { cpu: Some(4095), ..Asked::default() };
+        assert!(ask("test", asked).missing().unwrap().contains("core 4095"));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
+use crate::realtime::touch;
 use crossbeam_queue::ArrayQueue;
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::Identification;
@@ -56,6 +57,7 @@ pub struct Rings {
     /// Egress sleeps, or is about to: whoever clears it owes the awakening.
     egress_sleeps: AtomicBool,
     input_dropped: AtomicU64,
+    input_refused: AtomicU64,
     output_dropped: AtomicU64,
     last_cycle: AtomicU64,
     stop: AtomicBool,
@@ -70,7 +72,10 @@ impl Rings {
     pub fn new() -> std::io::Result<Rings> {
         let blank = ArrayQueue::new(CHECKPOINTS);
         for _ in 0..CHECKPOINTS {
-            let _ = blank.push(bytemuck::zeroed_box());
+            let mut checkpoint = bytemuck::zeroed_box();
+            // The loop copies into it: its pages shall be there.
+            touch(&mut *checkpoint);
+            let _ = blank.push(checkpoint);
         }
         Ok(Rings {
             suit: ArrayQueue::new(SUIT_RING),
@@ -84,6 +89,7 @@ impl Rings {
             outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
             egress_sleeps: AtomicBool::new(false),
             input_dropped: AtomicU64::new(0),
+            input_refused: AtomicU64::new(0),
             output_dropped: AtomicU64::new(0),
             last_cycle: AtomicU64::new(0),
             stop: AtomicBool::new(false),
@@ -152,6 +158,16 @@ impl Rings {
     /// Input samples lost to full rings.
     pub fn input_dropped(&self) -> u64 {
         self.input_dropped.load(Ordering::Relaxed)
+    }
+
+    /// A sample never reached the loop, because its stamps cannot be of this machine's clock.
+    pub fn refuse_input(&self) {
+        self.input_refused.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Samples refused before they reached the loop.
+    pub fn input_refused(&self) -> u64 {
+        self.input_refused.load(Ordering::Relaxed)
     }
 
     /// Outcomes lost to a full ring.

@@ -18,6 +18,11 @@ impl Schedule {
         Schedule { start_ns, period_ns: period_ns.max(1), slot: 0, slots_skipped: 0 }
     }
 
+    /// When the first slot was due.
+    pub fn start_ns(&self) -> u64 {
+        self.start_ns
+    }
+
     /// When the current slot is due, CLOCK_MONOTONIC.
     pub fn due_ns(&self) -> u64 {
         self.start_ns + self.slot * self.period_ns

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::realtime::ThreadReport;
-use crate::whole_file::write_whole;
+use crate::roster::{FaultWatch, MemoryUse, Roster};
+
+pub use crate::roster::ThreadStatus;
 
 /// The facts of one daemon.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -25,35 +26,17 @@ pub struct Status {
     pub page: Option<String>,
     /// Whether memory is locked, or why not.
     pub memory_lock: String,
+    /// How much memory there is, and how much of it is locked, as read back.
+    #[serde(default)]
+    pub memory: MemoryUse,
+    /// Minor and major page faults of the loop since its warm-up; nothing before it is over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loop_faults: Option<[u64; 2]>,
     /// Where the model does not explain what is measured, now; nothing while it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_suspicion: Option<String>,
-    /// What each thread asked for and has, in words.
+    /// What each thread asked for, has, and suffered.
     pub threads: Vec<ThreadStatus>,
-}
-
-/// One thread's real-time settings.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct ThreadStatus {
-    /// Role.
-    pub thread: String,
-    /// SCHED_FIFO priority asked for; 0 for none.
-    pub asked_fifo: u32,
-    /// SCHED_FIFO priority granted.
-    pub granted_fifo: u32,
-    /// Cores it may run on.
-    pub cpus: Vec<usize>,
-}
-
-impl From<&ThreadReport> for ThreadStatus {
-    fn from(report: &ThreadReport) -> ThreadStatus {
-        ThreadStatus {
-            thread: report.thread.to_owned(),
-            asked_fifo: report.asked.fifo_priority,
-            granted_fifo: report.granted.fifo_priority,
-            cpus: report.granted.cpus.clone(),
-        }
-    }
 }
 
 /// The file of a station's daemon; removed when it ends.
@@ -62,33 +45,41 @@ pub struct StatusFile {
     /// Where.
     pub path: PathBuf,
     status: Status,
-    text: String,
+    faults: FaultWatch,
 }
 
 impl StatusFile {
     /// A file for these facts.
     pub fn new(status: Status) -> StatusFile {
-        let text = serde_json::to_string_pretty(&status).unwrap_or_default();
-        StatusFile { path: path_of(&status.station), status, text }
+        StatusFile { path: path_of(&status.station), status, faults: FaultWatch::default() }
     }
 
     /// Says where the model does not explain what is measured; written with the next [`StatusFile::write`].
     pub fn suspect(&mut self, suspicion: Option<String>) {
-        if self.status.model_suspicion != suspicion {
-            self.status.model_suspicion = suspicion;
-            self.text = serde_json::to_string_pretty(&self.status).unwrap_or_default();
-        }
+        self.status.model_suspicion = suspicion;
     }
 
-    /// Writes it, if it is not there as it should be.
+    /// Reads how every thread and the memory fare while the loop is at `cycle`; to be asked about once a second.
+    pub fn note_threads(&mut self, roster: &Roster, cycle: u64) {
+        self.status.threads = roster.threads();
+        self.status.memory = MemoryUse::now();
+        self.status.loop_faults = self.faults.look(cycle, &self.status.threads);
+    }
+
+    /// Minor and major page faults of the loop since its warm-up; `None` before it is over. A steady loop has none.
+    pub fn loop_faults(&self) -> Option<[u64; 2]> {
+        self.status.loop_faults
+    }
+
+    /// Writes it whole. It is old in a second and dies with the daemon: nobody waits for a disk because of it.
     ///
     /// # Errors
     /// What the system said.
     pub fn write(&self) -> std::io::Result<()> {
-        if std::fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {
-            return Ok(());
-        }
-        write_whole(&self.path, self.text.as_bytes())
+        let text = serde_json::to_string_pretty(&self.status)?;
+        let new = self.path.with_extension("json.new");
+        std::fs::write(&new, text)?;
+        std::fs::rename(&new, &self.path)
     }
 
     /// Removes it.

@@ -2,16 +2,23 @@
 //!
 //! It owns no port of the bus, since peers' joining and leaving would cost it memory and system calls. Once it runs
 //! it touches no heap, takes no lock, formats nothing, and calls the kernel for its sleep and to wake egress only.
+//! All of it is [`Loop::run`].
+
+mod clock;
+mod lateness;
 
 use std::sync::Arc;
 
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 
-use crate::realtime::{now_ns, sleep_until};
+use crate::realtime::touch;
 use crate::rings::{Outcome, Rings};
 use crate::schedule::Schedule;
 use crate::workers;
+
+pub use clock::{Clock, Monotonic};
+pub use lateness::{LoopSummary, Miss, Misses};
 
 /// At most so many samples are taken in by one cycle; the rest wait in the ring.
 const SUIT_TAKEN_MAX: usize = 8;
@@ -30,25 +37,11 @@ pub trait Observer: Send {
 pub struct NoObserver;
 impl Observer for NoObserver {}
 
-/// What the loop did until it ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LoopSummary {
-    /// Cycles begun.
-    pub cycles: u64,
-    /// Slots of the schedule that passed without a cycle.
-    pub slots_skipped: u64,
-    /// Cycles whose state was ready only after the next was due.
-    pub deadlines_missed: u64,
-    /// Whether `elapsed / period == cycles + slots_skipped`.
-    pub adds_up: bool,
-}
-
 /// The loop, before it runs.
 pub struct Loop {
     settings: Settings,
     memory: Box<Memory>,
     rings: Arc<Rings>,
-    period_ns: u64,
     suit: Box<[SuitSample; SUIT_TAKEN_MAX]>,
     ground: Box<[GroundSample; GROUND_TAKEN_MAX]>,
     record: CycleRecord,
@@ -83,65 +76,69 @@ impl Loop {
     /// A loop over a memory that was started or restored.
     pub fn new(settings: Settings, memory: Box<Memory>, rings: Arc<Rings>, period_ns: u64) -> Loop {
         let told = Told::of(&memory.identification);
-        Loop {
+        let record = CycleRecord { period_ns, ..bytemuck::Zeroable::zeroed() };
+        let mut new = Loop {
             settings,
             memory,
             rings,
-            period_ns,
             suit: bytemuck::zeroed_box(),
             ground: bytemuck::zeroed_box(),
-            record: bytemuck::Zeroable::zeroed(),
+            record,
             owes_checkpoint: true,
             told,
             worker: workers::CONFIGURED,
-        }
+        };
+        // Memory that was only asked for is given page by page, at the first touch: that shall not be a cycle's.
+        touch(&mut *new.memory);
+        touch(&mut *new.suit);
+        touch(&mut *new.ground);
+        new
     }
 
     /// Runs until [`Rings::stop`].
-    pub fn run(mut self, observer: &mut dyn Observer) -> LoopSummary {
-        let mut schedule = Schedule::new(now_ns() + self.period_ns, self.period_ns);
-        let mut cycles = 0;
+    pub fn run(mut self, clock: &mut impl Clock, observer: &mut dyn Observer) -> LoopSummary {
+        let period_ns = self.record.period_ns;
+        let mut schedule = Schedule::new(clock.now_ns() + period_ns, period_ns);
+        let (mut cycle, mut ended_ns, mut misses) = (0, 0, Misses::default());
         while !self.rings.is_stopping() {
-            sleep_until(schedule.due_ns());
-            let woken_ns = now_ns();
-            cycles += 1;
-            observer.cycle_begins(cycles);
-            self.cycle(Tick { cycle: cycles, due_ns: schedule.due_ns() }, woken_ns, &schedule);
-            observer.cycle_ends(cycles);
-            schedule.advance(now_ns());
+            clock.sleep_until(schedule.due_ns());
+            let woken_ns = clock.now_ns();
+            cycle += 1;
+            observer.cycle_begins(cycle);
+
+            let command = self.rings.command.pop();
+            self.take_over_worker(command);
+            let (suit, ground) = self.take_samples();
+            let tick = Tick { cycle, due_ns: schedule.due_ns() };
+            let inputs = Inputs { suit: &self.suit[..suit], ground: &self.ground[..ground], command };
+            let compute_start_ns = clock.now_ns();
+            let state = *step(&self.settings, &mut self.memory, tick, inputs);
+            let compute_end_ns = clock.now_ns();
+
+            self.note_stamps(tick, [woken_ns, compute_start_ns, compute_end_ns]);
+            self.note_lateness(&schedule, misses.judge(cycle, compute_end_ns, schedule.deadline_ns()));
+            self.note_inputs(suit, ground, command);
+            self.take_checkpoint(cycle, command);
+            self.rings.push_outcome(Outcome { state, record: self.record });
+
+            observer.cycle_ends(cycle);
+            ended_ns = clock.now_ns();
+            schedule.advance(ended_ns);
         }
-        let slots_skipped = self.record.slots_skipped;
-        let deadlines_missed = self.record.deadlines_missed;
-        // The last advance went on to a slot that was never begun.
-        LoopSummary { cycles, slots_skipped, deadlines_missed, adds_up: schedule.adds_up(cycles + 1) }
+        LoopSummary::of(cycle, misses, &schedule, ended_ns)
     }
 
-    fn cycle(&mut self, tick: Tick, woken_ns: u64, schedule: &Schedule) {
-        let command = self.rings.command.pop();
-        self.take_over_worker(command);
-        let (suit_taken, ground_taken) = self.take_samples();
-        let compute_start_ns = now_ns();
-        let inputs = Inputs { suit: &self.suit[..suit_taken], ground: &self.ground[..ground_taken], command };
-        let state = *step(&self.settings, &mut self.memory, tick, inputs);
-        let compute_end_ns = now_ns();
-
+    fn note_stamps(&mut self, tick: Tick, [woken_ns, compute_start_ns, compute_end_ns]: [u64; 3]) {
         let record = &mut self.record;
-        record.cycle = tick.cycle;
-        record.due_ns = tick.due_ns;
-        record.woken_ns = woken_ns;
-        record.compute_start_ns = compute_start_ns;
-        record.compute_end_ns = compute_end_ns;
-        record.command = command.map_or(0, |command| command as u32);
-        record.slots_skipped = schedule.slots_skipped();
-        record.period_ns = schedule.period_ns();
-        record.deadline_missed = u32::from(compute_end_ns > schedule.deadline_ns());
-        record.deadlines_missed += u64::from(record.deadline_missed);
-        record.input_dropped = self.rings.input_dropped();
-        record.input_refused = self.memory.alignment.refused();
-        record.output_dropped = self.rings.output_dropped();
-        self.note_samples(suit_taken, ground_taken);
-        self.take_checkpoint(tick.cycle, command);
-        self.rings.push_outcome(Outcome { state, record: self.record });
+        (record.cycle, record.due_ns) = (tick.cycle, tick.due_ns);
+        (record.woken_ns, record.compute_start_ns, record.compute_end_ns) =
+            (woken_ns, compute_start_ns, compute_end_ns);
+    }
+
+    fn note_lateness(&mut self, schedule: &Schedule, missed: bool) {
+        self.record.slots_skipped = schedule.slots_skipped();
+        self.record.deadline_missed = u32::from(missed);
+        self.record.deadlines_missed += u64::from(missed);
     }
 
     fn take_samples(&mut self) -> (usize, usize) {
@@ -150,9 +147,13 @@ impl Loop {
         (suit_taken, ground_taken)
     }
 
-    fn note_samples(&mut self, suit_taken: usize, ground_taken: usize) {
+    fn note_inputs(&mut self, suit_taken: usize, ground_taken: usize, command: Option<CommandKind>) {
         let (suit, ground, record) =
             (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
+        record.command = command.map_or(0, |command| command as u32);
+        record.input_dropped = self.rings.input_dropped();
+        record.input_refused = self.memory.alignment.refused() + self.rings.input_refused();
+        record.output_dropped = self.rings.output_dropped();
         record.suit_taken = suit_taken as u32;
         record.ground_taken = ground_taken as u32;
         record.suit_first = suit.first().map_or(0, |sample| sample.sequence);

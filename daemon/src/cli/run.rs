@@ -56,13 +56,26 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Stopping]);
     let summary = pipeline.stop()?;
+    let cycles = summary.cycles;
     info!(
-        cycles = summary.cycles.cycles,
-        slots_skipped = summary.cycles.slots_skipped,
-        deadlines_missed = summary.cycles.deadlines_missed,
-        schedule_adds_up = summary.cycles.adds_up,
+        cycles = cycles.cycles,
+        slots_skipped = cycles.slots_skipped,
+        deadlines_missed = cycles.deadlines_missed,
+        last_miss = cycles.misses.last.map(tracing::field::display),
+        worst_miss = cycles.misses.worst.map(tracing::field::display),
+        schedule_adds_up = cycles.adds_up,
         "ended"
     );
+    if !cycles.adds_up {
+        bail!(
+            "the schedule does not add up: {} ns at {} ns a slot are not the {} cycles and {} skipped slots that were \
+             counted; this is a fault of the program, please report it",
+            cycles.elapsed_ns,
+            cycles.period_ns,
+            cycles.cycles,
+            cycles.slots_skipped
+        );
+    }
     Ok(Outcome::Done)
 }
 

@@ -16,7 +16,7 @@ use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
 use super::{Outcome, StationArgument, client};
 use crate::config::Config;
 use crate::model::suggestion;
-use crate::status::{self, Status};
+use crate::status::{self, Status, ThreadStatus};
 
 /// How long to wait for the adapters' word, which comes once a second.
 const HEALTH_PATIENCE: Duration = Duration::from_millis(1200);
@@ -149,14 +149,35 @@ fn write_adapter(out: &mut impl Write, adapter: &AdapterHealth) -> std::io::Resu
     writeln!(out)
 }
 
+fn write_thread(out: &mut impl Write, thread: &ThreadStatus) -> std::io::Result<()> {
+    let ThreadStatus { thread: name, id, policy, granted_fifo, cpus, .. } = thread;
+    let asked = match (thread.has_asked, thread.asked_fifo) {
+        (false, _) => "nothing".to_owned(),
+        (true, 0) => "other".to_owned(),
+        (true, priority) => format!("fifo {priority}"),
+    };
+    let asked = thread.asked_cpu.map_or(asked.clone(), |cpu| format!("{asked} on core {cpu}"));
+    let granted = if *granted_fifo > 0 { format!("fifo {granted_fifo}") } else { policy.clone() };
+    write!(out, "  thread {name:<12} {id:>7}  asked {asked}, granted {granted}, cores {cpus:?}")?;
+    if let Some(slack_ns) = thread.timer_slack_ns {
+        write!(out, ", slack {slack_ns} ns")?;
+    }
+    writeln!(
+        out,
+        "; {} minor and {} major faults, lost its core {} times",
+        thread.minor_faults, thread.major_faults, thread.involuntary_switches
+    )
+}
+
 fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     writeln!(out, "  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock)?;
+    let memory = facts.memory;
+    writeln!(out, "  memory  {} KiB locked of {} KiB in memory", memory.locked_kib, memory.resident_kib)?;
     for thread in &facts.threads {
-        writeln!(
-            out,
-            "  thread {:<8} SCHED_FIFO asked {} granted {}, cores {:?}",
-            thread.thread, thread.asked_fifo, thread.granted_fifo, thread.cpus
-        )?;
+        write_thread(out, thread)?;
+    }
+    if let Some([minor, major]) = facts.loop_faults {
+        writeln!(out, "  loop    {minor} minor and {major} major page faults since its warm-up")?;
     }
     if let Some(suspicion) = &facts.model_suspicion {
         writeln!(out, "  model   {suspicion}")?;

@@ -1,11 +1,13 @@
 //! Starting threads and waiting for them.
 
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_latency::Report;
 
+use crate::realtime::Asked;
+use crate::roster::Roster;
 use crate::tick::LoopSummary;
 
 /// Stack of every thread; the loop's is prefaulted, and locked memory counts each.
@@ -58,14 +60,21 @@ fn joined<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyho
     }
 }
 
-/// Starts a thread and waits until it says that it is ready; if it ends before, that is the error.
+/// Starts a thread, which asks for its real-time settings before anything else, and waits until it says that it is
+/// ready; if it ends before, that is the error.
 pub(super) fn started<Ready: Send + 'static, T: Send + 'static>(
     name: &'static str,
+    asked: Asked,
+    roster: &Arc<Roster>,
     body: impl FnOnce(mpsc::Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
 ) -> anyhow::Result<(JoinHandle<anyhow::Result<T>>, Ready)> {
     let (sender, receiver) = mpsc::channel();
-    let thread =
-        std::thread::Builder::new().name(name.into()).stack_size(STACK_BYTES).spawn(move || body(sender))?;
+    let roster = Arc::clone(roster);
+    let begin = move || {
+        roster.ask(name, asked);
+        body(sender)
+    };
+    let thread = std::thread::Builder::new().name(name.into()).stack_size(STACK_BYTES).spawn(begin)?;
     match receiver.recv() {
         Ok(ready) => Ok((thread, ready)),
         Err(_) => match thread.join() {

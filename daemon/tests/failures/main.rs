@@ -13,6 +13,7 @@ mod network;
 mod plate;
 mod play;
 mod process;
+mod schedule;
 mod silence;
 mod starting;
 mod station;

@@ -1,0 +1,25 @@
+//! The loop's clock.
+
+use crate::realtime;
+
+/// What the loop reads and sleeps on.
+pub trait Clock {
+    /// The time, ns.
+    fn now_ns(&mut self) -> u64;
+    /// Returns at an absolute time or later.
+    fn sleep_until(&mut self, due_ns: u64);
+}
+
+/// CLOCK_MONOTONIC: the daemon's. Another clock lets a test run the same loop faster than time.
+#[derive(Debug, Clone, Copy)]
+pub struct Monotonic;
+
+impl Clock for Monotonic {
+    fn now_ns(&mut self) -> u64 {
+        realtime::now_ns()
+    }
+
+    fn sleep_until(&mut self, due_ns: u64) {
+        realtime::sleep_until(due_ns);
+    }
+}

@@ -1,0 +1,101 @@
+//! A loop that is held up, and settings that no machine grants: both are told, neither is papered over.
+
+use std::time::Duration;
+
+use equipoise_bus::{Bus, BusSettings};
+use equipoise_core::message::CycleRecord;
+use rustix::process::Signal;
+
+use crate::process::wait_for;
+use crate::station::{NAME, Station};
+
+/// Cycles a second of [`Station::configuration`].
+const RATE_HZ: u64 = 200;
+
+#[test]
+fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
+    let station = Station::new();
+    let mut daemon = station.daemon(&station.configuration());
+    let settings = BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
+    let bus = Bus::join(&settings).expect("the bus");
+    let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for the records");
+    let mut first: Option<CycleRecord> = None;
+    let mut late = Vec::new();
+    let mut see = |late: &mut Vec<CycleRecord>| {
+        let mut newest = None;
+        while let Some(record) = records.receive().expect("the bus") {
+            let first = *first.get_or_insert(record);
+            // At every cycle, not only at the end.
+            let slots = (record.due_ns - first.due_ns) / record.period_ns;
+            let skipped = record.slots_skipped - first.slots_skipped;
+            assert_eq!(slots, record.cycle - first.cycle + skipped, "{record:?}");
+            if record.deadline_missed == 1 {
+                late.push(record);
+            }
+            newest = Some(record);
+        }
+        newest
+    };
+    wait_for("records", || see(&mut late));
+    daemon.send(Signal::STOP);
+    std::thread::sleep(Duration::from_secs(1));
+    daemon.send(Signal::CONT);
+    let skipped = wait_for("the skipped slots", || {
+        see(&mut late).map(|record| record.slots_skipped).filter(|skipped| *skipped >= RATE_HZ * 9 / 10)
+    });
+    let worst = late.iter().max_by_key(|record| record.compute_end_ns - record.due_ns).expect("a late cycle");
+    // The cycle that was held up says itself that it was, by number.
+    assert!(worst.compute_end_ns - worst.due_ns > 900_000_000, "{worst:?}");
+
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+    let said = daemon.stderr();
+    assert!(said.contains("schedule_adds_up=true"), "{said}");
+    assert!(said.contains(&format!("worst_miss=cycle {}, ", worst.cycle)), "{skipped} slots: {said}");
+}
+
+#[test]
+fn strict_refuses_what_nobody_is_granted_and_names_it() {
+    let station = Station::new();
+    let strict = |key: &str| station.configuration().replace("[loop]\n", &format!("[loop]\n{key}\n"));
+    let mut refused = station.try_daemon(&strict("cpu = 4095\nstrict = true"));
+    assert_eq!(refused.wait().code(), Some(1));
+    let said = refused.stderr();
+    assert!(said.contains("loop.strict: thread loop asked for core 4095"), "{said}");
+
+    // Without strict it runs, and says so.
+    let mut daemon = station.daemon(&strict("cpu = 4095"));
+    assert!(daemon.stderr().contains("WARN") && daemon.stderr().contains("core 4095"), "{}", daemon.stderr());
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
+
+#[test]
+fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
+    let station = Station::new();
+    let _person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    // Counts come with housekeeping's first round.
+    let status = wait_for("the counts", || {
+        station
+            .status()
+            .filter(|status| status["daemon"]["threads"].as_array().is_some_and(|all| all.len() > 8))
+    });
+    let threads = status["daemon"]["threads"].as_array().expect("a list");
+    for name in ["main", "commands", "saving", "egress", "loop", "ingress", "suit", "ground", "housekeeping"]
+    {
+        let thread = threads.iter().find(|thread| thread["thread"] == name);
+        let thread = thread.unwrap_or_else(|| panic!("no {name} in {threads:?}"));
+        assert!(thread["has_asked"] == true && thread["policy"] == "other", "{thread}");
+        assert!(thread["cpus"].as_array().is_some_and(|cores| !cores.is_empty()), "{thread}");
+        assert!(thread["timer_slack_ns"].as_u64() <= Some(1), "{thread}");
+        let task = format!("/proc/{}/task/{}", daemon.id(), thread["id"]);
+        assert!(std::path::Path::new(&task).exists(), "{task}");
+        assert!(thread["minor_faults"].as_u64() > Some(0), "{thread}");
+    }
+    // Every thread that the kernel knows is there, whether it has asked or not.
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("a living daemon").count();
+    assert_eq!(threads.len(), tasks);
+    assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");
+    let told = station.run(&["status"]);
+    assert!(told.done().contains("asked other, granted other"), "{}", told.stdout);
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
