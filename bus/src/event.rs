@@ -12,7 +12,9 @@ use std::fmt;
 use std::time::Duration;
 
 /// The highest event number that a later version may use.
-const EVENT_NUMBER_MAX: usize = 63;
+pub const EVENT_NUMBER_MAX: usize = 63;
+/// The schema of both event services: what the numbers mean.
+pub const EVENTS_SCHEMA: &str = "events/1";
 
 /// Which event service: whom to wake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +116,7 @@ impl Events {
 
 fn open_channel(bus: &Bus, channel: Channel) -> Result<(String, PortFactory<ipc::Service>), BusError> {
     let name = full_name(&bus.station, channel.suffix());
-    let factory = open_or_create(bus, &name, MessagingPattern::Event, "events/1", |name, attributes| {
+    let factory = open_or_create(bus, &name, MessagingPattern::Event, EVENTS_SCHEMA, |name, attributes| {
         bus.node
             .service_builder(name)
             .event()

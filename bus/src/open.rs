@@ -2,6 +2,7 @@
 
 use crate::error::BusError;
 use crate::node::Bus;
+use crate::service::SCHEMA_KEY;
 use iceoryx2::prelude::{AttributeSet, AttributeVerifier, MessagingPattern, Service as _, ServiceName, ipc};
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
@@ -14,8 +15,6 @@ use iceoryx2::service::builder::request_response::{
 use std::thread;
 use std::time::Duration;
 
-/// The service attribute that holds the schema. iceoryx2 itself compares type names and sizes only.
-const SCHEMA_KEY: &str = "equipoise.schema";
 /// Somebody else may be creating or removing the service at this moment: how often to try again, and after what.
 const ATTEMPTS: usize = 20;
 const PAUSE: Duration = Duration::from_millis(5);

@@ -11,8 +11,8 @@ use std::time::Duration;
 
 /// Processes and threads that may take part in one service.
 pub const NODES_MAX: usize = 64;
-/// Writers of one publish-subscribe service: one by rule, and one more while a process replaces another.
-pub const PUBLISHERS_MAX: usize = 2;
+/// Places for writers beyond a row's own: one, while a process replaces another.
+pub const HAND_OVER: usize = 1;
 /// Messages that a subscriber may hold while it reads.
 pub const BORROWED_MAX: usize = 2;
 /// Clients of the command service.
@@ -20,7 +20,9 @@ pub const CLIENTS_MAX: usize = 16;
 /// Notifiers of one event service: every client is one, and the adapters.
 pub const NOTIFIERS_MAX: usize = 32;
 /// Listeners of one event service; each costs a notifier 4 to 10 µs while it sleeps.
-pub const LISTENERS_MAX: usize = 16;
+pub const LISTENERS_MAX: usize = 24;
+/// The service attribute that holds the schema. iceoryx2 itself compares type names and sizes only.
+pub const SCHEMA_KEY: &str = "equipoise.schema";
 /// Bytes that iceoryx2 may put before each payload, with alignment; generous.
 const HEADER_BYTES: usize = 64;
 
@@ -55,6 +57,11 @@ impl Service {
     /// The service's full name on a station.
     pub fn name(&self, station: &str) -> String {
         full_name(station, self.suffix)
+    }
+
+    /// How many publishers it takes: its writers, and one more that replaces one of them.
+    pub const fn publishers_max(&self) -> usize {
+        self.writers + HAND_OVER
     }
 
     /// Upper bound of the shared memory of all its regular writers, bytes.
@@ -106,7 +113,7 @@ const fn ms(milliseconds: u64) -> Option<Duration> {
 topics! {
     SuitSample => "suit", by 1 "suit adapter", "60-240 Hz", deadline ms(40), depth 64 of 128, 16 subscribers;
     GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers;
-    State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 16 subscribers;
+    State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 24 subscribers;
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
     Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;
@@ -115,7 +122,7 @@ topics! {
 }
 
 /// A station's shared memory stays below this with one writer per service, bytes.
-pub const STATION_MEMORY_MAX: usize = 80_000_000;
+pub const STATION_MEMORY_MAX: usize = 100_000_000;
 const _: () = assert!(station_memory_bytes() < STATION_MEMORY_MAX);
 
 /// Upper bound of the shared memory of one station, bytes.

@@ -16,6 +16,7 @@ pub struct Subscriber<M: Topic> {
     factory: Factory<M>,
     name: String,
     depth: usize,
+    writer: u128,
 }
 
 impl<M: Topic> fmt::Debug for Subscriber<M> {
@@ -39,7 +40,7 @@ impl<M: Topic> Subscriber<M> {
         let port = take(bus, &name, place, SubscriberCreateError::ExceedsMaxSupportedSubscribers, || {
             factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
         })?;
-        Ok(Subscriber { port, factory, name, depth })
+        Ok(Subscriber { port, factory, name, depth, writer: 0 })
     }
 
     /// The oldest message not yet read, copied out; `None` when there is none.
@@ -74,12 +75,22 @@ impl<M: Topic> Subscriber<M> {
         Ok(newest.map(|sample| *sample.payload()))
     }
 
+    /// Who wrote the message received last: the same number is the same publisher, and one started anew has another. 0
+    /// before the first.
+    pub fn writer(&self) -> u128 {
+        self.writer
+    }
+
     /// How many publishers there are; one that was killed counts until it is cleaned up.
     pub fn publisher_count(&self) -> usize {
         self.factory.dynamic_config().number_of_publishers()
     }
 
-    fn next(&self) -> Result<Option<Sample<ipc::Service, M, ()>>, BusError> {
-        self.port.receive().map_err(BusError::failed("receive", &self.name))
+    fn next(&mut self) -> Result<Option<Sample<ipc::Service, M, ()>>, BusError> {
+        let sample = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
+        if let Some(sample) = &sample {
+            self.writer = sample.header().publisher_id().value();
+        }
+        Ok(sample)
     }
 }

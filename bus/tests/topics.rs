@@ -141,3 +141,26 @@ fn the_table_does_not_understate_the_memory() {
     let told = State::SERVICE.memory_bytes();
     assert!(largest <= told && largest > told * 9 / 10, "{largest} of {told} bytes");
 }
+
+#[test]
+fn every_service_has_a_place_more_than_writers_and_who_wrote_is_told() {
+    let root = root();
+    let bus = join(root.path(), "both");
+    let mut reader = bus.subscriber::<PickUp>(32).unwrap();
+    assert_eq!(reader.writer(), 0);
+    let most = PickUp::SERVICE.publishers_max();
+    assert_eq!(most, PickUp::SERVICE.writers + 1);
+    let writers: Vec<_> = (0..most).map(|_| bus.publisher::<PickUp>().unwrap()).collect();
+    let error = bus.publisher::<PickUp>().unwrap_err();
+    assert_eq!(
+        error,
+        BusError::Full { service: "equipoise/test/pickup".to_owned(), what: "publisher", most }
+    );
+    let mut told = std::collections::BTreeSet::new();
+    for writer in &writers {
+        writer.send(&patterned(1)).unwrap();
+        reader.receive().unwrap().unwrap();
+        told.insert(reader.writer());
+    }
+    assert_eq!(told.len(), most);
+}

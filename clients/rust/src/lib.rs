@@ -1,0 +1,40 @@
+//! Reads a station's states, and tells how late they came.
+//!
+//! ```no_run
+//! use equipoise_client::{Consumer, NoReading};
+//! use equipoise_core::message::Validity;
+//! use std::time::Duration;
+//!
+//! let mut consumer = Consumer::join("station-1", "controller")?;
+//! loop {
+//!     match consumer.next(Duration::from_millis(20)) {
+//!         Ok(reading) => match reading.state.unless(Validity::SPOILS_TORQUES, reading.state.torque_nm) {
+//!             Some(torque_nm) => println!("{torque_nm:?}, {} ns after its cycle was due", reading.age_ns),
+//!             None => println!("withheld: {:?}", reading.validity().names().collect::<Vec<_>>()),
+//!         },
+//!         Err(NoReading::Bus(error)) => eprintln!("{error}"), // it joins anew by itself
+//!         Err(nothing) => println!("no value: {nothing}"),    // now the robot goes to its safe speed
+//!     }
+//! }
+//! # #[expect(unreachable_code, reason = "the example never ends, but must have a type")]
+//! # Ok::<(), equipoise_bus::BusError>(())
+//! ```
+//!
+//! A [`Reading`] is a state that may be believed to be current: it is not older than
+//! [`ConsumerSettings::stale_after`], and none was given out before it that is later. Everything else is a reason
+//! ([`NoReading`]). What a state says may still be withheld: that is `valid` ([`equipoise_core::message::Validity`]).
+//!
+//! A consumer survives the daemon's end and finds the next daemon by itself. Once a second it publishes how late states
+//! came ([`equipoise_core::message::PickUp`]), which `equipoise latency` shows as the end of the path.
+//!
+//! Floors, ground first: [`clock`] → `sequence` → [`reading`] → `reporting` → [`consumer`]
+#![forbid(unsafe_code)]
+
+pub mod clock;
+pub mod consumer;
+pub mod reading;
+mod reporting;
+mod sequence;
+
+pub use consumer::{Consumer, ConsumerSettings};
+pub use reading::{NoReading, Reading};

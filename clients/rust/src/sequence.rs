@@ -1,0 +1,113 @@
+//! Which states are new, which were never seen, and when the daemon was started anew.
+
+use equipoise_core::message::State;
+
+/// What a state is to those before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// A state as late or later was taken before: left over from a daemon that died, or doubled.
+    Old,
+    /// Later than all before.
+    New {
+        /// States between the one before and this one, by `State::cycle`.
+        missed: u64,
+        /// The daemon began to count anew.
+        restarted: bool,
+        /// The newest suit sample's own time, if this state is the first with it.
+        suit_sample_time_ns: Option<u64>,
+    },
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    cycle: u64,
+    time_ns: u64,
+    writer: u128,
+}
+
+/// What was taken last.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Sequence {
+    last: Option<Last>,
+    suit_sample_time_ns: u64,
+}
+
+impl Sequence {
+    /// Takes in one state of a writer.
+    ///
+    /// Time orders them, since it goes on over the daemon's restart while cycles are counted anew.
+    pub(crate) fn take(&mut self, state: &State, writer: u128) -> Place {
+        let (missed, restarted) = match self.last {
+            None => (0, false),
+            Some(last) if state.time_ns <= last.time_ns => return Place::Old,
+            Some(last) if writer != last.writer || state.cycle <= last.cycle => {
+                (state.cycle.saturating_sub(1), true)
+            }
+            Some(last) => (state.cycle - last.cycle - 1, false),
+        };
+        self.last = Some(Last { cycle: state.cycle, time_ns: state.time_ns, writer });
+        Place::New { missed, restarted, suit_sample_time_ns: self.new_suit_sample(state) }
+    }
+
+    fn new_suit_sample(&mut self, state: &State) -> Option<u64> {
+        // An age of 0 is a sample from ahead of the cycle, whose own time a state does not tell; u64::MAX is none yet.
+        let time_ns = state.time_ns.checked_sub(state.suit_age_ns).filter(|_| state.suit_age_ns > 0)?;
+        if time_ns <= self.suit_sample_time_ns {
+            return None;
+        }
+        self.suit_sample_time_ns = time_ns;
+        Some(time_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn state(cycle: u64, time_ns: u64) -> State {
+        State { cycle, time_ns, suit_age_ns: u64::MAX, ..State::zeroed() }
+    }
+
+    fn new(missed: u64, restarted: bool) -> Place {
+        Place::New { missed, restarted, suit_sample_time_ns: None }
+    }
+
+    #[test]
+    fn gaps_are_counted_and_what_is_not_later_is_old() {
+        let mut sequence = Sequence::default();
+        assert_eq!(sequence.take(&state(7, 100), 1), new(0, false), "what was before is not missed");
+        assert_eq!(sequence.take(&state(8, 101), 1), new(0, false));
+        assert_eq!(sequence.take(&state(8, 101), 1), Place::Old);
+        assert_eq!(sequence.take(&state(7, 100), 1), Place::Old);
+        assert_eq!(sequence.take(&state(12, 105), 1), new(3, false));
+    }
+
+    #[test]
+    fn a_daemon_started_anew_counts_from_one_and_what_the_old_one_left_is_old() {
+        let mut sequence = Sequence::default();
+        sequence.take(&state(1000, 5000), 1);
+        assert_eq!(sequence.take(&state(3, 9000), 2), new(2, true));
+        // Its predecessor's last words lay in another buffer.
+        assert_eq!(sequence.take(&state(1001, 5001), 1), Place::Old);
+        assert_eq!(sequence.take(&state(4, 9001), 2), new(0, false));
+        // Its successor had counted on before it was first heard.
+        assert_eq!(sequence.take(&state(2000, 20_000), 3), new(1999, true));
+    }
+
+    #[test]
+    fn each_suit_sample_is_told_once() {
+        let mut sequence = Sequence::default();
+        let mut suit_of = |time_ns, suit_age_ns| match sequence
+            .take(&State { suit_age_ns, ..state(time_ns, time_ns) }, 1)
+        {
+            Place::New { suit_sample_time_ns, .. } => suit_sample_time_ns,
+            Place::Old => panic!("time goes on"),
+        };
+        assert_eq!(suit_of(100, u64::MAX), None, "no sample yet");
+        assert_eq!(suit_of(101, 0), None, "a sample from ahead");
+        assert_eq!(suit_of(102, 2), Some(100));
+        assert_eq!(suit_of(103, 3), None);
+        assert_eq!(suit_of(104, 1), Some(103));
+    }
+}

@@ -1,0 +1,223 @@
+//! A consumer against a process that publishes: counts, death, restart, and what it tells of itself.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+mod common;
+
+use bytemuck::Zeroable;
+use common::{PERIOD, Root, Station, root, until};
+use equipoise_bus::{BusError, Channel, Event, Topic};
+use equipoise_client::clock::now_ns;
+use equipoise_client::{Consumer, ConsumerSettings, NoReading, Reading};
+use equipoise_core::message::pick_up::BUCKETS;
+use equipoise_core::message::{PickUp, State};
+use std::thread::sleep;
+use std::time::Duration;
+
+const SHORT: Duration = Duration::from_millis(20);
+
+/// Not a test: the life of a child, until it is killed or forgotten.
+#[test]
+fn child_publishes() {
+    common::publish_until_killed();
+}
+
+fn station(root: &Root) -> Station {
+    Station::start(root, "child_publishes")
+}
+
+fn next(consumer: &mut Consumer) -> Reading {
+    until("a state is read", || consumer.next(SHORT).ok())
+}
+
+fn entries(histogram: &[u64; BUCKETS]) -> u64 {
+    histogram.iter().sum()
+}
+
+#[test]
+fn states_and_missed_add_up_to_the_cycles() {
+    let root = root();
+    let _station = station(&root);
+    let mut consumer = root.consumer("slow");
+    let first = next(&mut consumer);
+    let (mut readings, mut missed, mut last) = (1, 0, first);
+    for round in 0..200 {
+        if round % 40 == 39 {
+            sleep(40 * PERIOD); // More than wait for a reader.
+        }
+        let reading = next(&mut consumer);
+        assert!(reading.is_new && !reading.restarted);
+        assert!(reading.state.time_ns > last.state.time_ns);
+        assert_eq!(reading.state.cycle, last.state.cycle + 1 + reading.missed);
+        (readings, missed, last) = (readings + 1, missed + reading.missed, reading);
+    }
+    let cycles = last.state.cycle - first.state.cycle + 1;
+    assert_eq!(readings + missed, cycles);
+    assert!(missed > 0, "the pauses were not long enough to lose anything");
+    let report = consumer.pick_up_report();
+    // Before the first that was handed out there may have been states that were too old.
+    assert!(report.states + report.states_missed >= cycles);
+    assert_eq!(entries(&report.published_to_consumer), report.states);
+    assert_eq!(entries(&report.due_to_consumer), report.states);
+    assert!((1..=report.states).contains(&entries(&report.suit_to_consumer)));
+}
+
+#[test]
+fn nothing_is_handed_out_past_its_age() {
+    let root = root();
+    let _station = station(&root);
+    let settings = root.settings("aged");
+    let mut consumer = Consumer::join_with(settings.clone()).unwrap();
+    for round in 0..100 {
+        if round % 20 == 19 {
+            sleep(settings.stale_after);
+        }
+        let reading = next(&mut consumer);
+        assert!(Duration::from_nanos(reading.age_ns) <= settings.stale_after);
+        assert_eq!(reading.age_ns, reading.picked_up_ns - reading.state.time_ns);
+        assert_eq!(reading.moment_age_ns, Some(reading.age_ns + 70_000_000));
+        if let Ok(latest) = consumer.latest() {
+            assert!(Duration::from_nanos(latest.age_ns) <= settings.stale_after);
+            assert!(latest.state.time_ns >= reading.state.time_ns);
+            assert_eq!(latest.is_new, latest.state.time_ns > reading.state.time_ns);
+        }
+    }
+}
+
+#[test]
+fn a_dead_daemon_is_silence_and_the_next_one_is_found() {
+    let root = root();
+    let mut consumer = root.consumer("patient");
+    let mut latest_ns = 0;
+    for life in 0..3 {
+        assert!(matches!(consumer.next(Duration::ZERO), Err(NoReading::Silent { .. })));
+        let station = station(&root);
+        let first = next(&mut consumer);
+        assert!(first.state.time_ns > latest_ns, "an old state as new");
+        assert_eq!(first.restarted, life > 0);
+        if life > 0 {
+            assert!(first.missed >= first.state.cycle - 1, "the new daemon's first states are missed");
+        }
+        for _ in 0..20 {
+            let reading = next(&mut consumer);
+            assert!(!reading.restarted);
+            latest_ns = reading.state.time_ns;
+        }
+        drop(station);
+        // What was on its way when it died may come; nothing twice, and then nothing.
+        until("it is silent", || match consumer.next(SHORT) {
+            Ok(reading) => {
+                assert!(reading.state.time_ns > latest_ns, "an old state as new");
+                latest_ns = reading.state.time_ns;
+                None
+            }
+            Err(_) => Some(()),
+        });
+        sleep(ConsumerSettings::new("any", "any").stale_after);
+        for _ in 0..10 {
+            assert!(consumer.next(Duration::from_millis(1)).is_err());
+            assert!(matches!(consumer.latest(), Err(NoReading::Silent { .. })));
+        }
+    }
+}
+
+#[test]
+fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
+    let root = root();
+    let mut consumer = root.consumer("late");
+    let station = station(&root);
+    next(&mut consumer);
+    sleep(20 * PERIOD);
+    drop(station);
+    sleep(3 * ConsumerSettings::new("any", "any").stale_after);
+    // It was not asleep on its own account, so the buffer is full.
+    assert!(matches!(consumer.next(SHORT), Err(NoReading::Stale { .. })));
+    assert!(matches!(consumer.next(SHORT), Err(NoReading::Silent { .. })));
+    assert!(matches!(consumer.latest(), Err(NoReading::Silent { .. })));
+    // They were picked up, and count.
+    let report = consumer.pick_up_report();
+    assert!(report.states > State::SERVICE.depth as u64, "{}", report.states);
+}
+
+#[test]
+fn a_daemon_with_another_clock_is_refused_with_the_reason() {
+    let root = root();
+    let (bus, mut consumer) = (root.bus("daemon"), root.consumer("elsewhere"));
+    let publisher = bus.publisher::<State>().unwrap();
+    let events = bus.notifier(Channel::Results).unwrap();
+    let time_ns = now_ns() + 3_600_000_000_000;
+    publisher.send(&State { cycle: 1, time_ns, ..State::zeroed() }).unwrap();
+    events.notify(Event::NewState).unwrap();
+    let error = consumer.next(SHORT).unwrap_err();
+    assert!(matches!(error, NoReading::OtherClock { .. }), "{error}");
+    assert!(consumer.latest().is_err());
+}
+
+#[test]
+fn a_bus_that_was_removed_and_made_again_is_joined_anew() {
+    let root = root();
+    let mut consumer = root.consumer("stayer");
+    let first = station(&root);
+    next(&mut consumer);
+    let before = consumer.pick_up_report().states;
+    drop(first);
+    root.remove_the_bus();
+    let _second = station(&root);
+    let found = until("the new bus is found", || consumer.next(Duration::from_millis(200)).ok());
+    assert!(found.restarted);
+    assert!(consumer.pick_up_report().states > before, "the report goes on");
+}
+
+#[test]
+fn the_report_is_published_and_the_last_word_too() {
+    let root = root();
+    let bus = root.bus("latency");
+    let mut reports = bus.subscriber::<PickUp>(16).unwrap();
+    let _station = station(&root);
+    let mut consumer = root.consumer("reporter");
+    let first: PickUp = until("a report comes", || {
+        let _ = consumer.next(SHORT);
+        reports.receive().unwrap()
+    });
+    assert_eq!(&first.consumer[..9], b"reporter\0");
+    assert_eq!(first.process_id, std::process::id());
+    assert!(first.time_ns >= first.since_ns && first.states > 0);
+    next(&mut consumer);
+    let mut counted = *consumer.pick_up_report();
+    drop(consumer);
+    let last = until("the last report comes", || reports.latest().unwrap());
+    counted.time_ns = last.time_ns;
+    assert!(last == counted, "{} states told, {} counted", last.states, counted.states);
+
+    let silent = ConsumerSettings { report: false, ..root.settings("modest") };
+    let mut consumer = Consumer::join_with(silent).unwrap();
+    next(&mut consumer);
+    drop(consumer);
+    assert!(reports.receive().unwrap().is_none(), "it was asked not to report");
+}
+
+#[test]
+fn who_finds_no_place_for_its_report_reads_all_the_same() {
+    let root = root();
+    let _station = station(&root);
+    let places = PickUp::SERVICE.publishers_max();
+    let reporting: Vec<Consumer> =
+        (0..places).map(|index| root.consumer(&format!("consumer-{index}"))).collect();
+    assert!(reporting.iter().all(|consumer| consumer.report_refusal().is_none()));
+    let mut one_more = root.consumer("one-more");
+    assert_eq!(
+        one_more.report_refusal().unwrap(),
+        &BusError::Full { service: "equipoise/test/pickup".to_owned(), what: "publisher", most: places }
+    );
+    let reading = next(&mut one_more);
+    assert!(next(&mut one_more).state.cycle > reading.state.cycle);
+    assert!(one_more.pick_up_report().states >= 2, "it counts for itself");
+}
+
+#[test]
+fn a_name_or_depth_that_cannot_be_is_refused() {
+    let root = root();
+    let error = Consumer::join_with(root.settings("a b")).unwrap_err();
+    assert!(matches!(error, BusError::Name { what: "role", .. }), "{error}");
+    let error = Consumer::join_with(ConsumerSettings { depth: 0, ..root.settings("deep") }).unwrap_err();
+    assert!(matches!(error, BusError::Depth { asked: 0, .. }), "{error}");
+}
