@@ -9,6 +9,6 @@ pub mod suggested_pose;
 pub mod terminal;
 pub mod words;
 
-pub use page::{Page, PageError, PageFrame};
+pub use page::{Page, PageError, PageFrame, Token, TokenError};
 pub use state_json::StateJson;
 pub use suggested_pose::SuggestedPose;

@@ -3,13 +3,16 @@
 //! It tells and does not listen: `GET` only, no command path. `/` is the page, `/events` the state as Server-Sent
 //! Events, `/api/state` the newest state once ([`crate::state_json`]), `/healthz` says that the page is served.
 //!
-//! A browser anywhere can be tricked into asking `127.0.0.1`; so a request must name loopback in its `Host`, answers
-//! carry no permission for other origins, and addresses beyond loopback are refused.
+//! A browser anywhere can be tricked into asking `127.0.0.1`; so a request must name loopback in its `Host`, and answers
+//! carry no permission for other origins. Addresses beyond loopback are served with a [`Token`] only, which every
+//! request must bring. What a connection may cost is bounded (`connections.rs`, `guard.rs`).
 
+mod connections;
 mod frame;
 mod guard;
 mod newest;
 mod server;
+mod token;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -18,6 +21,7 @@ use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
 pub use frame::PageFrame;
+pub use token::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN, Token, TokenError};
 
 /// How often the feed is asked, and so how often the page is told.
 pub const FRAME_RATE_HZ: u32 = 30;
@@ -27,8 +31,8 @@ pub const FRAME_RATE_HZ: u32 = 30;
 pub enum PageError {
     /// The address can be reached from other machines.
     #[error(
-        "the page may only listen on this machine, but {listen} can be reached from others: \
-         use 127.0.0.1:{} or [::1]:{} (a remote screen goes through an SSH tunnel)",
+        "the page may only listen on this machine without a token, but {listen} can be reached from others: \
+         use 127.0.0.1:{} or [::1]:{} (a remote screen goes through an SSH tunnel), or give it a token",
         listen.port(), listen.port()
     )]
     NotLoopback {
@@ -66,7 +70,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Serves the page on a loopback address; port 0 takes any free port.
+    /// Serves the page on a loopback address to everybody on this machine; port 0 takes any free port.
     ///
     /// `feed` is called [`FRAME_RATE_HZ`] times a second on the page's thread and gives the newest frame, or `None`
     /// when there is nothing new. It must not block. A frame of the same cycle as before counts as nothing new;
@@ -77,7 +81,16 @@ impl Page {
     where
         F: FnMut() -> Option<PageFrame> + Send + 'static,
     {
-        if !listen.ip().is_loopback() {
+        Page::start_for(listen, None, feed)
+    }
+
+    /// The same, on any address, to those who bring the token; without one on loopback only.
+    pub fn start_for<F>(listen: SocketAddr, token: Option<Token>, feed: F) -> Result<Page, PageError>
+    where
+        F: FnMut() -> Option<PageFrame> + Send + 'static,
+    {
+        let loopback_only = listen.ip().is_loopback();
+        if !loopback_only && token.is_none() {
             return Err(PageError::NotLoopback { listen });
         }
         let listener = TcpListener::bind(listen).map_err(|source| match source.kind() {
@@ -88,11 +101,12 @@ impl Page {
         let address = listener.local_addr().map_err(PageError::Start)?;
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(PageError::Start)?;
+        let access = guard::Access { loopback_only, token, port: address.port() };
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()
             .name("page".to_owned())
             .spawn(move || {
-                runtime.block_on(server::serve(listener, feed, stopped));
+                runtime.block_on(server::serve(listener, access, feed, stopped));
                 runtime.shutdown_background();
             })
             .map_err(PageError::Start)?;

@@ -2,11 +2,16 @@
 
 use std::net::IpAddr;
 
-use axum::extract::Request;
+use axum::extract::{Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
 use axum::http::{StatusCode, Uri};
 use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use axum::response::{Html, IntoResponse, Response};
+
+use super::token::Token;
+
+/// Path and query of a request; the longest that the page asks for has a token in it.
+const TARGET_BYTES_MAX: usize = 1024;
 
 /// Everything the page needs comes from here, and nothing on it may be framed, posted or evaluated.
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
@@ -21,16 +26,106 @@ const ANSWER_HEADERS: [(HeaderName, HeaderValue); 6] = [
     (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
 ];
 
-/// Answers only requests that name loopback as their host: a name that an attacker's DNS points here is refused.
-pub(super) async fn loopback_only(request: Request, next: Next) -> Response {
-    let mut response = if names_loopback(request.headers(), request.uri()) {
-        next.run(request).await
-    } else {
-        let sentence = "This page answers only to localhost, 127.0.0.1 or [::1].\n";
-        (StatusCode::FORBIDDEN, sentence).into_response()
+/// Whom the page answers.
+#[derive(Debug, Clone)]
+pub(super) struct Access {
+    /// Only requests that name loopback as their host: a name that an attacker's DNS points here is refused.
+    pub(super) loopback_only: bool,
+    /// Only requests that bring it.
+    pub(super) token: Option<Token>,
+    /// Cookies know no ports; two pages of one PC have cookies of two names.
+    pub(super) port: u16,
+}
+
+/// Answers those who may ask, and tells browsers what they may do with any answer.
+pub(super) async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
+    let mut response = match access.refusal(&request) {
+        Some(refusal) => refusal,
+        None => next.run(request).await,
     };
     response.headers_mut().extend(ANSWER_HEADERS);
     response
+}
+
+impl Access {
+    /// What to answer in place of what was asked for; `None` if it may be answered.
+    fn refusal(&self, request: &Request) -> Option<Response> {
+        let refused = |status: StatusCode, sentence: &'static str| Some((status, sentence).into_response());
+        if target_bytes(request.uri()) > TARGET_BYTES_MAX {
+            return refused(StatusCode::URI_TOO_LONG, "No address of this page is that long.\n");
+        }
+        if has_body(request.headers()) {
+            return refused(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "This page tells and does not listen: send no body.\n",
+            );
+        }
+        if self.loopback_only && !names_loopback(request.headers(), request.uri()) {
+            return refused(
+                StatusCode::FORBIDDEN,
+                "This page answers only to localhost, 127.0.0.1 or [::1].\n",
+            );
+        }
+        let token = self.token.as_ref()?;
+        if self.brings(token, request.headers()) {
+            return None;
+        }
+        match token_of(request.uri()) {
+            Some(given) if token.is_secret(given) => Some(self.welcome(token)),
+            _ => Some(wanting()),
+        }
+    }
+
+    fn brings(&self, token: &Token, headers: &HeaderMap) -> bool {
+        let bearer = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
+        if bearer.and_then(|value| value.strip_prefix("Bearer ")).is_some_and(|given| token.is_secret(given))
+        {
+            return true;
+        }
+        let name = self.cookie_name();
+        let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
+        cookies
+            .flat_map(|cookies| cookies.split(';'))
+            .filter_map(|cookie| cookie.trim().split_once('='))
+            .any(|(cookie, value)| cookie == name && token.is_cookie(value))
+    }
+
+    fn cookie_name(&self) -> String {
+        format!("equipoise_page_{}", self.port)
+    }
+
+    /// Has the browser keep the cookie and go on without the token in its address.
+    ///
+    /// A page that goes on by itself rather than a redirection: after a click in a mail, a redirection would still
+    /// count as coming from there, and a cookie of the same site only would not be sent along.
+    fn welcome(&self, token: &Token) -> Response {
+        let cookie =
+            format!("{}={}; Path=/; HttpOnly; SameSite=Strict", self.cookie_name(), token.cookie_value());
+        let page = "<!doctype html><title>Equipoise</title><meta http-equiv=\"refresh\" content=\"0; url=/\">\
+                    <p><a href=\"/\">To the page</a>";
+        ([(header::SET_COOKIE, cookie)], Html(page)).into_response()
+    }
+}
+
+fn wanting() -> Response {
+    let sentence = "This page needs its token: open it once with ?token=TOKEN at the end of its address, or send \
+                    Authorization: Bearer TOKEN.\n";
+    (StatusCode::UNAUTHORIZED, [(header::WWW_AUTHENTICATE, "Bearer realm=\"equipoise\"")], sentence)
+        .into_response()
+}
+
+/// The token in an address: only the front door takes it.
+fn token_of(uri: &Uri) -> Option<&str> {
+    uri.query().filter(|_| uri.path() == "/")?.split('&').find_map(|pair| pair.strip_prefix("token="))
+}
+
+fn target_bytes(uri: &Uri) -> usize {
+    uri.path_and_query().map_or(0, |target| target.as_str().len())
+}
+
+fn has_body(headers: &HeaderMap) -> bool {
+    let length = headers.get(header::CONTENT_LENGTH);
+    headers.contains_key(header::TRANSFER_ENCODING) || length.is_some_and(|length| length != "0")
 }
 
 fn names_loopback(headers: &HeaderMap, uri: &Uri) -> bool {
