@@ -100,6 +100,7 @@ impl Egress {
 
     fn publish(&mut self, Outcome { mut state, mut record }: Outcome) -> Result<(), BusError> {
         state.published_ns = now_ns();
+        record.publish_start_ns = state.published_ns;
         self.state.send(&state)?;
         record.published_ns = now_ns();
         self.cycle.send(&record)?;

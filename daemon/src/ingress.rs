@@ -6,6 +6,7 @@ use std::time::Duration;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel};
 use equipoise_core::message::{GroundSample, SuitSample};
 
+use crate::realtime::now_ns;
 use crate::rings::Rings;
 
 /// Wakes at least this often, to see whether it shall end.
@@ -27,10 +28,10 @@ pub fn run(station: &str, rings: &Arc<Rings>, ready: impl FnOnce()) -> Result<()
     while !rings.is_stopping() {
         listener.wait(WAKE_AT_LEAST)?;
         while let Some(sample) = ground.receive()? {
-            rings.push_ground(sample);
+            rings.push_ground(sample, now_ns());
         }
         while let Some(sample) = suit.receive()? {
-            rings.push_suit(sample);
+            rings.push_suit(sample, now_ns());
         }
     }
     Ok(())
