@@ -45,6 +45,23 @@ fn read(bytes: &[u8]) -> Vec<TimedEntry> {
     recording.entries().map(Result::unwrap).collect()
 }
 
+#[test]
+fn a_recording_made_in_memory_has_the_bytes_of_one_on_disk() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.mcap");
+    let mut on_disk = Recorder::create(&path, &header()).unwrap();
+    let mut in_memory = Recorder::in_memory(&path, &header()).unwrap();
+    for cycle in 1..=1000 {
+        let record = CycleRecord { cycle, ..Zeroable::zeroed() };
+        on_disk.write(cycle * 10 * MS, &record).unwrap();
+        in_memory.write(cycle * 10 * MS, &record).unwrap();
+    }
+    on_disk.finish().unwrap();
+    let bytes = in_memory.into_bytes().unwrap();
+    assert!(bytes == std::fs::read(path).unwrap());
+    assert_eq!(read(&bytes).len(), 1000);
+}
+
 /// A recording of `cycles` cycles, one every 250 ms, so four to a chunk.
 fn recorded(cycles: u64) -> Vec<u8> {
     let directory = tempfile::tempdir().unwrap();

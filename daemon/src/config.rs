@@ -98,12 +98,20 @@ pub struct PageConfig {
 }
 
 /// `[latency]`
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LatencyConfig {
     /// Interval log in the HdrHistogram format, one entry per stage each ten seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hlog: Option<PathBuf>,
+    /// Cycles kept before each missed deadline, and a quarter as many after it, 0 to 2048; 0 keeps none.
+    pub flight_cycles: u32,
+}
+
+impl Default for LatencyConfig {
+    fn default() -> Self {
+        LatencyConfig { hlog: None, flight_cycles: 256 }
+    }
 }
 
 /// Why a configuration cannot be used. The text names file, line, field, and what to do.
@@ -170,6 +178,7 @@ impl Config {
         }
         method::between("loop.rate_hz", f64::from(self.tick.rate_hz), 100.0, 4000.0)?;
         method::between("loop.priority", f64::from(self.tick.priority), 0.0, 90.0)?;
+        method::between("latency.flight_cycles", f64::from(self.latency.flight_cycles), 0.0, 2048.0)?;
         self.suit.check()?;
         self.ground.check()?;
         sensors::check_latencies(&self.suit, &self.ground)?;

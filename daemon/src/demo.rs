@@ -145,6 +145,8 @@ height_m = 1.77
 mass_kg = 72.0
 sex = "male"
 remember = false
+[latency]
+flight_cycles = 0
 {page}"#,
         settings.station
     );

@@ -1,26 +1,20 @@
-//! From the loop to the bus: publishes, stamps, wakes consumers, keeps the histograms.
+//! From the loop to the bus: publishes, stamps, wakes consumers, hands every outcome to the latency log.
 
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{CycleRecord, State};
-use equipoise_latency::hlog::HlogWriter;
-use equipoise_latency::{PathHistograms, Report};
-use tracing::{info, warn};
+use tracing::info;
 
+use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
 use crate::rings::{Outcome, Rings};
 use crate::saving::ChangedWorker;
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
-/// One entry per stage in the interval log this often.
-const HLOG_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Egress, with its ports open.
 pub struct Egress {
@@ -32,8 +26,7 @@ pub struct Egress {
     worker_changed: Sender<ChangedWorker>,
     phase: u32,
     deadlines_missed: u64,
-    latency: PathHistograms,
-    hlog: Option<Hlog>,
+    latency_log: Feed,
     last_checkpoint_service: Instant,
     // Ports die before the node they hang on.
     _bus: Bus,
@@ -48,7 +41,7 @@ impl Egress {
         station: &str,
         rings: Arc<Rings>,
         worker_changed: Sender<ChangedWorker>,
-        hlog: Option<&Path>,
+        latency_log: Feed,
     ) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
@@ -60,8 +53,7 @@ impl Egress {
             worker_changed,
             phase: u32::MAX,
             deadlines_missed: 0,
-            latency: PathHistograms::new(),
-            hlog: hlog.and_then(Hlog::create),
+            latency_log,
             last_checkpoint_service: Instant::now(),
             _bus: bus,
         })
@@ -71,7 +63,7 @@ impl Egress {
     ///
     /// # Errors
     /// The bus breaks.
-    pub fn run(mut self) -> Result<Report, BusError> {
+    pub fn run(mut self) -> Result<(), BusError> {
         loop {
             // Asked before the rings are emptied: what the loop said last is in them then.
             let ended = self.rings.has_ended();
@@ -86,20 +78,15 @@ impl Egress {
                 self.checkpoint.serve_late_subscribers()?;
                 self.last_checkpoint_service = Instant::now();
             }
-            if let Some(hlog) = &mut self.hlog {
-                hlog.write_if_due(false);
-            }
             if ended {
-                if let Some(hlog) = &mut self.hlog {
-                    hlog.write_if_due(true);
-                }
-                return Ok(Report::of(&self.latency));
+                return Ok(());
             }
         }
     }
 
     fn publish(&mut self, Outcome { mut state, mut record }: Outcome) -> Result<(), BusError> {
         state.published_ns = now_ns();
+        record.publish_start_ns = state.published_ns;
         self.state.send(&state)?;
         record.published_ns = now_ns();
         self.cycle.send(&record)?;
@@ -114,10 +101,7 @@ impl Egress {
             self.events.notify(Event::DeadlineMissed)?;
         }
         self.events.notify(Event::NewState)?;
-        self.latency.record(&record);
-        if let Some(hlog) = &mut self.hlog {
-            hlog.interval.record(&record);
-        }
+        self.latency_log.hand_over(Outcome { state, record });
         Ok(())
     }
 
@@ -131,49 +115,5 @@ impl Egress {
         // There are as many places as boxes.
         let _ = self.rings.blank.push(checkpoint);
         Ok(())
-    }
-}
-
-/// The interval log.
-struct Hlog {
-    path: PathBuf,
-    writer: Option<HlogWriter<BufWriter<File>>>,
-    interval: PathHistograms,
-    started: Instant,
-    since: Instant,
-}
-
-impl Hlog {
-    fn create(path: &Path) -> Option<Hlog> {
-        let writer = File::create(path).map_err(|error| error.to_string()).and_then(|file| {
-            HlogWriter::new(BufWriter::new(file), SystemTime::now()).map_err(|error| error.to_string())
-        });
-        match writer {
-            Ok(writer) => Some(Hlog {
-                path: path.to_owned(),
-                writer: Some(writer),
-                interval: PathHistograms::new(),
-                started: Instant::now(),
-                since: Instant::now(),
-            }),
-            Err(error) => {
-                warn!("no latency log: cannot write {}: {error}", path.display());
-                None
-            }
-        }
-    }
-
-    fn write_if_due(&mut self, at_once: bool) {
-        if !at_once && self.since.elapsed() < HLOG_INTERVAL {
-            return;
-        }
-        let Some(writer) = &mut self.writer else { return };
-        let since_start = self.since.duration_since(self.started);
-        if let Err(error) = writer.write_interval(since_start, self.since.elapsed(), &self.interval) {
-            warn!("the latency log ends: cannot write {}: {error}", self.path.display());
-            self.writer = None;
-        }
-        self.since = Instant::now();
-        self.interval.start_interval();
     }
 }

@@ -28,15 +28,17 @@ pub fn run(station: &str, rings: &Arc<Rings>, ready: impl FnOnce()) -> Result<()
     while !rings.is_stopping() {
         listener.wait(WAKE_AT_LEAST)?;
         while let Some(sample) = ground.receive()? {
-            if Stamps::of_ground(&sample).are_past(now_ns()) {
-                rings.push_ground(sample);
+            let now_ns = now_ns();
+            if Stamps::of_ground(&sample).are_past(now_ns) {
+                rings.push_ground(sample, now_ns);
             } else {
                 rings.refuse_input();
             }
         }
         while let Some(sample) = suit.receive()? {
-            if Stamps::of_suit(&sample).are_past(now_ns()) {
-                rings.push_suit(sample);
+            let now_ns = now_ns();
+            if Stamps::of_suit(&sample).are_past(now_ns) {
+                rings.push_suit(sample, now_ns);
             } else {
                 rings.refuse_input();
             }

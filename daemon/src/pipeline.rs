@@ -17,6 +17,7 @@ use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
+use crate::latency_log::{self, LatencyLog};
 use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
@@ -185,14 +186,20 @@ impl Start<'_> {
             Ok(())
         })?;
         running.others.push(("saving", saver));
-        let (rings, station, hlog) =
-            (Arc::clone(self.rings), config.station.clone(), config.latency.hlog.clone());
+        let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::PLACES);
+        let log = LatencyLog::new(config, drain, Arc::clone(&self.board));
+        let (latency_log, ()) = started("latency log", ORDINARY, roster, move |ready| {
+            let _ = ready.send(());
+            Ok(log.run())
+        })?;
+        running.latency_log = Some(latency_log);
+        let (rings, station) = (Arc::clone(self.rings), config.station.clone());
         let (egress, ()) = started("egress", asked(BELOW_LOOP[1].1), roster, move |ready| {
-            let egress = Egress::open(&station, rings, worker_changed, hlog.as_deref())?;
+            let egress = Egress::open(&station, rings, worker_changed, latency_feed)?;
             let _ = ready.send(());
             Ok(egress.run()?)
         })?;
-        running.egress = Some(egress);
+        running.others.push(("egress", egress));
 
         let memory = remembered::remembered(&settings, &self.workers);
         let (rings, period_ns) = (Arc::clone(self.rings), config.period_ns());

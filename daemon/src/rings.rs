@@ -25,6 +25,16 @@ const COMMAND_RING: usize = 16;
 const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
 
+/// A sample, and when ingress took it off the bus: the stamp is for the cycle record and no part of the input, so that
+/// a replay, which has no ingress, comes to the same.
+#[derive(Debug, Clone, Copy)]
+pub struct TakenIn<S> {
+    /// The sample as it was published.
+    pub sample: S,
+    /// When ingress had it, CLOCK_MONOTONIC.
+    pub ingress_ns: u64,
+}
+
 /// What one cycle has to say.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
@@ -38,9 +48,9 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Rings {
     /// Ingress to loop.
-    pub suit: ArrayQueue<SuitSample>,
+    pub suit: ArrayQueue<TakenIn<SuitSample>>,
     /// Ingress to loop.
-    pub ground: ArrayQueue<GroundSample>,
+    pub ground: ArrayQueue<TakenIn<GroundSample>>,
     /// Commands to the loop, one a cycle.
     pub command: ArrayQueue<CommandKind>,
     /// A worker to take over and its number, with the command that says so.
@@ -98,15 +108,15 @@ impl Rings {
     }
 
     /// Hands a suit sample to the loop; a full ring loses its oldest.
-    pub fn push_suit(&self, sample: SuitSample) {
-        if self.suit.force_push(sample).is_some() {
+    pub fn push_suit(&self, sample: SuitSample, ingress_ns: u64) {
+        if self.suit.force_push(TakenIn { sample, ingress_ns }).is_some() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Hands a ground sample to the loop; a full ring loses its oldest.
-    pub fn push_ground(&self, sample: GroundSample) {
-        if self.ground.force_push(sample).is_some() {
+    pub fn push_ground(&self, sample: GroundSample, ingress_ns: u64) {
+        if self.ground.force_push(TakenIn { sample, ingress_ns }).is_some() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }

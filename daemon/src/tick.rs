@@ -13,7 +13,7 @@ use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, Tick, step
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 
 use crate::realtime::touch;
-use crate::rings::{Outcome, Rings};
+use crate::rings::{Outcome, Rings, TakenIn};
 use crate::schedule::Schedule;
 use crate::workers;
 
@@ -142,8 +142,9 @@ impl Loop {
     }
 
     fn take_samples(&mut self) -> (usize, usize) {
-        let suit_taken = take(&mut self.suit[..], || self.rings.suit.pop());
-        let ground_taken = take(&mut self.ground[..], || self.rings.ground.pop());
+        let (suit, ground) = (&mut self.suit[..], &mut self.ground[..]);
+        let suit_taken = take(suit, &mut self.record.suit_ingress_ns, || self.rings.suit.pop());
+        let ground_taken = take(ground, &mut self.record.ground_ingress_ns, || self.rings.ground.pop());
         (suit_taken, ground_taken)
     }
 
@@ -198,12 +199,14 @@ impl Loop {
     }
 }
 
-fn take<T>(places: &mut [T], mut next: impl FnMut() -> Option<T>) -> usize {
+/// How many samples there were; `ingress_ns` is then the stamp of the last.
+fn take<S>(places: &mut [S], ingress_ns: &mut u64, mut next: impl FnMut() -> Option<TakenIn<S>>) -> usize {
     let mut taken = 0;
     while taken < places.len()
-        && let Some(sample) = next()
+        && let Some(next) = next()
     {
-        places[taken] = sample;
+        places[taken] = next.sample;
+        *ingress_ns = next.ingress_ns;
         taken += 1;
     }
     taken

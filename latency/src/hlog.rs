@@ -8,7 +8,10 @@ use hdrhistogram::serialization::interval_log::{IntervalLogWriterBuilder, Interv
 use hdrhistogram::serialization::{V2DeflateSerializeError, V2DeflateSerializer};
 use thiserror::Error;
 
+use hdrhistogram::Histogram;
+
 use crate::histograms::PathHistograms;
+use crate::pick_up::{ConsumerTimes, PICK_UP_STAGES};
 use crate::stage::Stage;
 
 /// Why an interval log could not be written.
@@ -21,13 +24,13 @@ pub enum HlogError {
     #[error("cannot encode the histogram of stage {stage} for the interval log: {reason}")]
     Encode {
         /// The stage's name.
-        stage: &'static str,
+        stage: String,
         /// hdrhistogram's reason.
         reason: V2DeflateSerializeError,
     },
 }
 
-/// Writes an interval log. Allocates: for the egress or a consumer, never for the loop.
+/// Writes an interval log. Allocates: for the latency log or a consumer, never for the loop or egress.
 pub struct HlogWriter<W: Write> {
     writer: W,
     serializer: V2DeflateSerializer,
@@ -44,6 +47,9 @@ impl<W: Write> HlogWriter<W> {
         builder.add_comment("[Histogram log format version 1.3]");
         for stage in Stage::ALL {
             builder.add_comment(&format!("Tag {}, ns: {}", stage.name(), stage.definition()));
+        }
+        for (name, definition) in PICK_UP_STAGES {
+            builder.add_comment(&format!("Tag CONSUMER.{name}, ns: {definition}"));
         }
         builder.with_start_time(start).with_base_time(start);
         builder.begin_log_with(&mut writer, &mut serializer)?;
@@ -67,24 +73,56 @@ impl<W: Write> HlogWriter<W> {
         length: Duration,
         histograms: &PathHistograms,
     ) -> Result<(), HlogError> {
-        // A builder without comments and times writes no head, so it serves for every interval.
-        let mut log =
-            IntervalLogWriterBuilder::new().begin_log_with(&mut self.writer, &mut self.serializer)?;
         for stage in Stage::ALL {
-            let times_ns = &histograms.stage(stage).times_ns;
-            if !times_ns.is_empty() {
-                log.write_histogram(times_ns, since_start, length, Tag::new(stage.name())).map_err(
-                    |error| match error {
-                        IntervalLogWriterError::IoError(error) => HlogError::Io(error),
-                        IntervalLogWriterError::SerializeError(reason) => {
-                            HlogError::Encode { stage: stage.name(), reason }
-                        }
-                    },
-                )?;
+            self.write_one(since_start, length, stage.name(), &histograms.stage(stage).times_ns)?;
+        }
+        self.writer.flush()?;
+        Ok(())
+    }
+
+    /// Writes what consumers saw in an interval and flushes it: `CONSUMER.pick_up` and the others as tags.
+    ///
+    /// # Errors
+    /// As [`HlogWriter::write_interval`].
+    pub fn write_consumers(
+        &mut self,
+        since_start: Duration,
+        length: Duration,
+        consumers: &[ConsumerTimes],
+    ) -> Result<(), HlogError> {
+        for consumer in consumers {
+            for ((name, _), times_ns) in PICK_UP_STAGES.iter().zip(&consumer.times_ns) {
+                self.write_one(since_start, length, &format!("{}.{name}", consumer.name), times_ns)?;
             }
         }
         self.writer.flush()?;
         Ok(())
+    }
+
+    fn write_one(
+        &mut self,
+        since_start: Duration,
+        length: Duration,
+        tag: &str,
+        times_ns: &Histogram<u64>,
+    ) -> Result<(), HlogError> {
+        if times_ns.is_empty() {
+            return Ok(());
+        }
+        // A builder without comments and times writes no head, so it serves for every line.
+        let mut log =
+            IntervalLogWriterBuilder::new().begin_log_with(&mut self.writer, &mut self.serializer)?;
+        log.write_histogram(times_ns, since_start, length, Tag::new(tag)).map_err(|error| match error {
+            IntervalLogWriterError::IoError(error) => HlogError::Io(error),
+            IntervalLogWriterError::SerializeError(reason) => {
+                HlogError::Encode { stage: tag.to_owned(), reason }
+            }
+        })
+    }
+
+    /// The writer beneath.
+    pub fn writer_mut(&mut self) -> &mut W {
+        &mut self.writer
     }
 
     /// The writer beneath.

@@ -67,8 +67,10 @@ stages! {
     SuitTransport = "suit.transport", SuitTaken: suit_sample_time_ns => suit_arrival_ns;
     /// The suit adapter: from the kernel's receive stamp to the bus.
     SuitAdapter = "suit.adapter", SuitTaken: suit_arrival_ns => suit_published_ns;
-    /// The bus, the ring and the wait for the next cycle.
-    SuitWait = "suit.wait", SuitTaken: suit_published_ns => compute_start_ns;
+    /// The bus and ingress's awakening.
+    SuitIngress = "suit.ingress", SuitTaken: suit_published_ns => suit_ingress_ns;
+    /// The ring and the wait for the next cycle.
+    SuitWait = "suit.wait", SuitTaken: suit_ingress_ns => compute_start_ns;
     /// The whole path: the age of the newest suit sample when the cycle that took it was published. What that state tells
     /// lies `group_delay_ns` further back, for compensation of motion waits for a moment's future.
     SuitToState = "suit.to_state", SuitTaken: suit_sample_time_ns => published_ns;
@@ -76,8 +78,10 @@ stages! {
     GroundTransport = "ground.transport", GroundTaken: ground_sample_time_ns => ground_arrival_ns;
     /// The ground adapter: from the kernel's receive stamp to the bus.
     GroundAdapter = "ground.adapter", GroundTaken: ground_arrival_ns => ground_published_ns;
-    /// The bus, the ring and the wait for the next cycle.
-    GroundWait = "ground.wait", GroundTaken: ground_published_ns => compute_start_ns;
+    /// The bus and ingress's awakening.
+    GroundIngress = "ground.ingress", GroundTaken: ground_published_ns => ground_ingress_ns;
+    /// The ring and the wait for the next cycle.
+    GroundWait = "ground.wait", GroundTaken: ground_ingress_ns => compute_start_ns;
     /// The whole path: the age of the newest ground sample when its state was published.
     GroundToState = "ground.to_state", GroundTaken: ground_sample_time_ns => published_ns;
     /// Wake-up lateness, against the scheduled time and not against the wake-up before.
@@ -86,8 +90,10 @@ stages! {
     LoopIntake = "loop.intake", Always: woken_ns => compute_start_ns;
     /// `core::cycle` itself.
     LoopCompute = "loop.compute", Always: compute_start_ns => compute_end_ns;
-    /// The ring to egress and the bus.
-    LoopPublish = "loop.publish", Always: compute_end_ns => published_ns;
+    /// The ring to egress and egress's awakening.
+    EgressWake = "egress.wake", Always: compute_end_ns => publish_start_ns;
+    /// Handing the state to the bus.
+    EgressPublish = "egress.publish", Always: publish_start_ns => published_ns;
     /// From the scheduled time to the published state.
     LoopToState = "loop.to_state", Always: due_ns => published_ns;
 }
@@ -139,16 +145,19 @@ mod tests {
             suit_sample_time_ns: 100,
             suit_arrival_ns: 170,
             suit_published_ns: 190,
+            suit_ingress_ns: 200,
             compute_start_ns: 1_020,
             compute_end_ns: 1_050,
+            publish_start_ns: 1_075,
             published_ns: 1_080,
             suit_taken: 1,
             ..Zeroable::zeroed()
         };
         let ns = |stage: Stage| stage.time_ns(&record).unwrap().unwrap();
-        let parts = [Stage::SuitTransport, Stage::SuitAdapter, Stage::SuitWait, Stage::LoopCompute];
-        let sum: u64 = parts.into_iter().map(ns).sum();
-        assert_eq!(sum + ns(Stage::LoopPublish), ns(Stage::SuitToState));
+        let sensor = [Stage::SuitTransport, Stage::SuitAdapter, Stage::SuitIngress, Stage::SuitWait];
+        let cycle = [Stage::LoopCompute, Stage::EgressWake, Stage::EgressPublish];
+        let sum: u64 = sensor.into_iter().chain(cycle).map(ns).sum();
+        assert_eq!(sum, ns(Stage::SuitToState));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
-use std::io::BufWriter;
+use std::io::{BufWriter, Cursor, Seek, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
@@ -54,9 +54,9 @@ struct Channel {
 /// Writes one recording: zstd chunks of about a second, so a crash or a full disk costs at most the last of them.
 ///
 /// Call [`Recorder::finish`] at the end; a recorder that is dropped finishes too, but cannot say whether it could.
-pub struct Recorder {
+pub struct Recorder<W: Write + Seek = BufWriter<File>> {
     path: PathBuf,
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<W>,
     channels: Vec<Channel>,
     chunk_start_ns: Option<u64>,
     failed: bool,
@@ -75,12 +75,46 @@ impl Recorder {
             .mode(FILE_MODE)
             .open(&path)
             .map_err(|source| WriteError::Create { path: path.clone(), source })?;
-        Recorder::on(path, file, header)
+        Recorder::on(path, BufWriter::new(file), header)
     }
 
-    fn on(path: PathBuf, file: File, header: &RecordingHeader) -> Result<Recorder, WriteError> {
+    /// Writes the index and the foot, and waits until all of it lies on the disk.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`] if something of it cannot be written.
+    pub fn finish(mut self) -> Result<(), WriteError> {
+        let path = self.path.clone();
+        let failed = |source| WriteError::Write { path: path.clone(), source };
+        self.writer.finish().map_err(failed)?;
+        let file = self.writer.into_inner();
+        let file = file.into_inner().map_err(|error| failed(McapError::Io(error.into_error())))?;
+        file.sync_all().map_err(|error| failed(McapError::Io(error)))
+    }
+}
+
+impl Recorder<Cursor<Vec<u8>>> {
+    /// A recording in memory, for a file that must be there whole or not at all; `path` is what errors call it.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`] if the head cannot be encoded.
+    pub fn in_memory(path: impl AsRef<Path>, header: &RecordingHeader) -> Result<Self, WriteError> {
+        Recorder::on(path.as_ref().to_owned(), Cursor::new(Vec::new()), header)
+    }
+
+    /// Writes the index and the foot; the bytes of the file.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`] if they cannot be encoded.
+    pub fn into_bytes(mut self) -> Result<Vec<u8>, WriteError> {
+        self.writer.finish().map_err(|source| WriteError::Write { path: self.path.clone(), source })?;
+        Ok(self.writer.into_inner().into_inner())
+    }
+}
+
+impl<W: Write + Seek> Recorder<W> {
+    fn on(path: PathBuf, sink: W, header: &RecordingHeader) -> Result<Self, WriteError> {
         let writer =
-            start(file, header).map_err(|source| WriteError::Write { path: path.clone(), source })?;
+            start(sink, header).map_err(|source| WriteError::Write { path: path.clone(), source })?;
         let mut recorder =
             Recorder { path, writer, channels: Vec::new(), chunk_start_ns: None, failed: false };
         recorder.add_channels().map_err(|source| recorder.failed(source))?;
@@ -138,26 +172,13 @@ impl Recorder {
         self.writer.flush().map_err(|source| self.failed(source))
     }
 
-    /// Writes the index and the foot, and waits until all of it lies on the disk.
-    ///
-    /// # Errors
-    /// [`WriteError::Write`] if something of it cannot be written.
-    pub fn finish(mut self) -> Result<(), WriteError> {
-        let path = self.path.clone();
-        let failed = |source| WriteError::Write { path: path.clone(), source };
-        self.writer.finish().map_err(failed)?;
-        let file = self.writer.into_inner();
-        let file = file.into_inner().map_err(|error| failed(McapError::Io(error.into_error())))?;
-        file.sync_all().map_err(|error| failed(McapError::Io(error)))
-    }
-
     fn failed(&mut self, source: McapError) -> WriteError {
         self.failed = true;
         WriteError::Write { path: self.path.clone(), source }
     }
 }
 
-fn start(file: File, header: &RecordingHeader) -> Result<Writer<BufWriter<File>>, McapError> {
+fn start<W: Write + Seek>(sink: W, header: &RecordingHeader) -> Result<Writer<W>, McapError> {
     let options = WriteOptions::new()
         .library(concat!("equipoise ", env!("CARGO_PKG_VERSION")))
         .chunk_size(Some(CHUNK_BYTES))
@@ -167,7 +188,7 @@ fn start(file: File, header: &RecordingHeader) -> Result<Writer<BufWriter<File>>
         .compression_level(ZSTD_LEVEL)
         // In the caller's thread: the loop needs the other cores.
         .compression_threads(0);
-    let mut writer = Writer::with_options(BufWriter::new(file), options)?;
+    let mut writer = Writer::with_options(sink, options)?;
     writer.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.metadata() })?;
     for (name, text) in header.attachments() {
         writer.attach(&Attachment {
@@ -193,7 +214,8 @@ mod tests {
             println!("skipped: there is no /dev/full here");
             return;
         };
-        let error = Recorder::on(path, file, &RecordingHeader::default()).err().unwrap().to_string();
+        let error =
+            Recorder::on(path, BufWriter::new(file), &RecordingHeader::default()).err().unwrap().to_string();
         assert!(error.contains("/dev/full") && error.contains("stays readable"), "{error}");
     }
 }

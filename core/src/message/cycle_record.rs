@@ -6,7 +6,7 @@ message! {
     /// Stamps and inputs of one cycle. All stamps CLOCK_MONOTONIC; 0 where nothing has happened yet.
     ///
     /// With the samples it names, the record drives `core::cycle` again to the same state, byte for byte.
-    as "equipoise/Cycle/1", 256 bytes,
+    as "equipoise/Cycle/2", 256 bytes,
     pub struct CycleRecord {
         /// The cycle's number, as in `State::cycle`.
         pub cycle: u64,
@@ -18,6 +18,8 @@ message! {
         pub compute_start_ns: u64,
         /// When it returned.
         pub compute_end_ns: u64,
+        /// When egress began to publish the state: `State::published_ns`.
+        pub publish_start_ns: u64,
         /// When egress had published the state.
         pub published_ns: u64,
         /// Newest suit sample in use: sample time.
@@ -26,12 +28,16 @@ message! {
         pub suit_arrival_ns: u64,
         /// … when the adapter published it.
         pub suit_published_ns: u64,
+        /// … when ingress took it off the bus.
+        pub suit_ingress_ns: u64,
         /// Newest ground sample in use: sample time.
         pub ground_sample_time_ns: u64,
         /// … kernel receive stamp.
         pub ground_arrival_ns: u64,
         /// … when the adapter published it.
         pub ground_published_ns: u64,
+        /// … when ingress took it off the bus.
+        pub ground_ingress_ns: u64,
         /// First suit sample taken in by this cycle (`SuitSample::sequence`); 0 if none was.
         pub suit_first: u64,
         /// Last suit sample taken in by this cycle; 0 if none was.
@@ -63,6 +69,6 @@ message! {
         /// Length of one period.
         pub period_ns: u64,
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 4],
+        pub reserved_tail: u64,
     }
 }

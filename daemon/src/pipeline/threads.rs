@@ -20,7 +20,8 @@ pub(super) type Other = (&'static str, JoinHandle<anyhow::Result<()>>);
 #[derive(Default)]
 pub(super) struct Running {
     pub(super) looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
-    pub(super) egress: Option<JoinHandle<anyhow::Result<Report>>>,
+    /// Its death costs figures and nothing else, so that all goes on.
+    pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
     pub(super) others: Vec<Other>,
     /// Takes states off the bus for the page; if it ends, the page says so and all else goes on.
     pub(super) page_feed: Option<JoinHandle<()>>,
@@ -31,15 +32,13 @@ impl Running {
         fn runs<T>(thread: &Option<JoinHandle<T>>) -> bool {
             thread.as_ref().is_some_and(|thread| !thread.is_finished())
         }
-        runs(&self.looping)
-            && runs(&self.egress)
-            && self.others.iter().all(|(_, thread)| !thread.is_finished())
+        runs(&self.looping) && self.others.iter().all(|(_, thread)| !thread.is_finished())
     }
 
     /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with.
     pub(super) fn join(self) -> anyhow::Result<(LoopSummary, Report)> {
         let cycles = self.looping.map(|thread| joined("loop", thread));
-        let latency = self.egress.map(|thread| joined("egress", thread));
+        let latency = self.latency_log.map(|thread| joined("latency log", thread));
         let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
         if let Some(feed) = self.page_feed {
             // A panic was printed by its own thread.

@@ -1,0 +1,166 @@
+//! The latency log: histograms, interval log and flight recorder, on an ordinary thread of its own.
+//!
+//! Egress is real-time and must never wait for a disk, so it only copies each outcome into a ring ([`feed`]). A log that
+//! falls behind loses cycles, and says how many; a disk that cannot be written is the incident `latency_not_logged`, and
+//! nothing else suffers.
+
+pub mod feed;
+pub mod flight;
+pub mod flight_files;
+pub mod hlog_file;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use equipoise_core::message::Incident;
+use equipoise_latency::{PathHistograms, Report};
+use tracing::{info, warn};
+
+use self::feed::Drain;
+use self::flight::{Flight, FlightRecorder};
+use self::flight_files::FlightFiles;
+use self::hlog_file::HlogFile;
+use crate::config::Config;
+use crate::incidents::IncidentBoard;
+use crate::profile;
+use crate::rings::Outcome;
+
+/// How often the ring is emptied: a small part of what it holds. Nobody wakes us, since that would cost egress a call.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Losses and cycles left out are told this often at the most.
+const TELL_EVERY: Duration = Duration::from_secs(10);
+
+/// The latency log, before it runs.
+pub struct LatencyLog {
+    drain: Drain,
+    board: Arc<IncidentBoard>,
+    total: PathHistograms,
+    hlog: Option<HlogFile>,
+    flight: Option<(FlightRecorder, FlightFiles)>,
+    hlog_failed: bool,
+    flight_failed: bool,
+    dropped_told: u64,
+    told: Instant,
+}
+
+impl LatencyLog {
+    /// What the configuration asks for, of a station's outcomes.
+    pub fn new(config: &Config, drain: Drain, board: Arc<IncidentBoard>) -> LatencyLog {
+        let cycles = config.latency.flight_cycles as usize;
+        let flight = (cycles > 0).then(|| {
+            let files = FlightFiles::new(&profile::state_directory().join("flight"), config);
+            (FlightRecorder::new(cycles), files)
+        });
+        LatencyLog {
+            drain,
+            board,
+            total: PathHistograms::new(),
+            hlog: config.latency.hlog.as_deref().map(HlogFile::new),
+            flight,
+            hlog_failed: false,
+            flight_failed: false,
+            dropped_told: 0,
+            told: Instant::now(),
+        }
+    }
+
+    /// Runs until egress has ended; all that it handed over is then in the report.
+    pub fn run(mut self) -> Report {
+        if let Some((_, files)) = &self.flight {
+            files.clear_unfinished();
+        }
+        loop {
+            // Asked before the ring is emptied: what egress handed over last is in it then.
+            let ended = self.drain.is_closed();
+            while let Some(outcome) = self.drain.pop() {
+                self.enter(&outcome);
+            }
+            self.write_hlog(ended);
+            if ended {
+                let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
+                self.keep(last);
+                self.tell();
+                return Report::of(&self.total);
+            }
+            if self.told.elapsed() >= TELL_EVERY {
+                self.tell();
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    fn enter(&mut self, outcome: &Outcome) {
+        self.total.record(&outcome.record);
+        if let Some(hlog) = &mut self.hlog {
+            hlog.record(&outcome.record);
+        }
+        let flight = self.flight.as_mut().and_then(|(recorder, _)| recorder.enter(outcome));
+        self.keep(flight);
+    }
+
+    fn write_hlog(&mut self, at_once: bool) {
+        let Some(hlog) = &mut self.hlog else { return };
+        let Some(written) = hlog.write_if_due(at_once) else { return };
+        let failed = written.as_ref().err().map(|error| {
+            format!(
+                "cannot write the latency log {}: {error}; it is tried again every ten seconds, and what is measured \
+                 meanwhile is kept: make room, or see to `[latency] hlog`",
+                hlog.path().display()
+            )
+        });
+        let before = std::mem::replace(&mut self.hlog_failed, failed.is_some());
+        self.set_incident(before, failed);
+    }
+
+    fn keep(&mut self, flight: Option<Flight>) {
+        let (Some(flight), Some((_, files))) = (flight, &self.flight) else { return };
+        let failed = match files.write(&flight) {
+            Ok(path) => {
+                info!(cycle = flight.cycle, cycles = flight.outcomes.len(), "kept {}", path.display());
+                None
+            }
+            Err(error) => Some(format!(
+                "cannot keep the cycles around the deadline missed by cycle {}: {error}; make room in the state \
+                 directory or mend its rights, or set `[latency] flight_cycles = 0`",
+                flight.cycle
+            )),
+        };
+        let before = std::mem::replace(&mut self.flight_failed, failed.is_some());
+        self.set_incident(before, failed);
+    }
+
+    /// One incident for both kinds of file; each failure is told when it begins, each end when nothing fails any more.
+    fn set_incident(&self, failed_before: bool, failed: Option<String>) {
+        match failed {
+            Some(what) if !failed_before && self.board.is_active(Incident::LatencyNotLogged) => {
+                warn!("{what}")
+            }
+            Some(what) => self.board.begin(Incident::LatencyNotLogged, &what),
+            None if !self.hlog_failed && !self.flight_failed => self.board.end(Incident::LatencyNotLogged),
+            None => {}
+        }
+    }
+
+    /// Says what is not in log and files, if something is not.
+    fn tell(&mut self) {
+        self.told = Instant::now();
+        let dropped = self.drain.dropped();
+        let new = dropped - std::mem::replace(&mut self.dropped_told, dropped);
+        if new > 0 {
+            self.board.happened(
+                Incident::LatencyNotLogged,
+                &format!(
+                    "the latency log fell behind: {new} cycles are neither in it nor in flight records, {dropped} since \
+                     the start; they were published all the same"
+                ),
+            );
+        }
+        let left_out = self.flight.as_mut().map_or(0, |(recorder, _)| recorder.take_left_out());
+        if left_out > 0 {
+            warn!(
+                "{left_out} missed deadlines have no flight record: one is kept in {} s",
+                flight::PAUSE_NS / equipoise_core::time::NS_PER_S
+            );
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! From egress to the latency log: a ring of fixed size that never makes egress wait, allocate or call the system.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crossbeam_queue::ArrayQueue;
+
+use crate::rings::Outcome;
+
+/// A second of cycles at 1 kHz: a disk may take so long to write a file.
+pub const PLACES: usize = 1024;
+
+#[derive(Debug)]
+struct Ring {
+    outcomes: ArrayQueue<Outcome>,
+    dropped: AtomicU64,
+    closed: AtomicBool,
+}
+
+/// Egress's end. Dropped, it closes the ring.
+#[derive(Debug)]
+pub struct Feed(Arc<Ring>);
+
+/// The latency log's end.
+#[derive(Debug)]
+pub struct Drain(Arc<Ring>);
+
+/// Both ends of a new ring.
+pub fn feed(places: usize) -> (Feed, Drain) {
+    let ring = Arc::new(Ring {
+        outcomes: ArrayQueue::new(places),
+        dropped: AtomicU64::new(0),
+        closed: AtomicBool::new(false),
+    });
+    (Feed(Arc::clone(&ring)), Drain(ring))
+}
+
+impl Feed {
+    /// Hands an outcome over. A full ring keeps what it has, since a gap at the end can be told by its number; the outcome
+    /// is counted as dropped.
+    pub fn hand_over(&self, outcome: Outcome) {
+        if self.0.outcomes.push(outcome).is_err() {
+            self.0.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        self.0.closed.store(true, Ordering::Release);
+    }
+}
+
+impl Drain {
+    /// The oldest outcome not yet taken.
+    pub fn pop(&self) -> Option<Outcome> {
+        self.0.outcomes.pop()
+    }
+
+    /// Outcomes that found the ring full, since the start.
+    pub fn dropped(&self) -> u64 {
+        self.0.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Whether nothing more will come beside what is in the ring.
+    pub fn is_closed(&self) -> bool {
+        self.0.closed.load(Ordering::Acquire)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equipoise_core::message::{CycleRecord, State};
+
+    #[test]
+    fn a_full_ring_drops_counts_and_keeps_the_order_of_the_rest() {
+        let (feed, drain) = feed(4);
+        for cycle in 1..=10 {
+            feed.hand_over(Outcome {
+                state: State::zeroed(),
+                record: CycleRecord { cycle, ..CycleRecord::zeroed() },
+            });
+        }
+        assert_eq!(drain.dropped(), 6);
+        assert!(!drain.is_closed());
+        drop(feed);
+        assert!(drain.is_closed());
+        let left: Vec<u64> = std::iter::from_fn(|| drain.pop()).map(|outcome| outcome.record.cycle).collect();
+        assert_eq!(left, [1, 2, 3, 4]);
+    }
+}

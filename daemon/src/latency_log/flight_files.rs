@@ -1,0 +1,214 @@
+//! Flight records on disk: recordings in `flight/` under the state directory, each there whole or not at all.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::Context;
+use equipoise_adapters::recording::{Recorder, RecordingHeader};
+
+use super::flight::Flight;
+use crate::config::Config;
+use crate::realtime::now_ns;
+use crate::whole_file::write_whole;
+
+/// So many records of a station are kept; then the oldest goes.
+pub const FILES_MAX: usize = 32;
+
+/// The records of one station.
+#[derive(Debug)]
+pub struct FlightFiles {
+    directory: PathBuf,
+    station: String,
+    header: RecordingHeader,
+}
+
+impl FlightFiles {
+    /// The records of the configuration's station, in a directory that is made when it is needed.
+    pub fn new(directory: &Path, config: &Config) -> FlightFiles {
+        FlightFiles {
+            directory: directory.to_owned(),
+            station: config.station.clone(),
+            header: RecordingHeader {
+                software_version: env!("CARGO_PKG_VERSION").to_owned(),
+                config_toml: config.to_toml(),
+                model_toml: config.model_toml(),
+                ..RecordingHeader::default()
+            },
+        }
+    }
+
+    /// Writes a record as `STATION-cycle-N.mcap`, and removes the oldest if there are too many.
+    ///
+    /// # Errors
+    /// What could not be written, and why.
+    pub fn write(&self, flight: &Flight) -> anyhow::Result<PathBuf> {
+        let path = self.free_path(flight.cycle);
+        let bytes = self.recording(&path, flight)?;
+        write_whole(&path, &bytes).with_context(|| path.display().to_string())?;
+        self.remove_oldest().with_context(|| self.directory.display().to_string())?;
+        Ok(path)
+    }
+
+    /// Removes what a daemon that was killed while it wrote has left.
+    pub fn clear_unfinished(&self) {
+        for entry in fs::read_dir(&self.directory).into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if name.strip_suffix(".new").is_some_and(|name| self.cycle_of(name).is_some()) {
+                // If it cannot be removed, it is in nobody's way.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+
+    fn recording(&self, path: &Path, flight: &Flight) -> anyhow::Result<Vec<u8>> {
+        let started_ns = flight.outcomes.first().map_or(0, |outcome| outcome.record.due_ns);
+        let header = RecordingHeader {
+            started_monotonic_ns: started_ns,
+            started_unix_ns: unix_ns().saturating_sub(now_ns().saturating_sub(started_ns)),
+            ..self.header.clone()
+        };
+        let mut recorder = Recorder::in_memory(path, &header)?;
+        for outcome in &flight.outcomes {
+            recorder.write(outcome.record.due_ns, &outcome.record)?;
+            recorder.write(outcome.state.time_ns, &outcome.state)?;
+        }
+        Ok(recorder.into_bytes()?)
+    }
+
+    /// Cycles count from each start of the daemon, so a number may come again; the older record stays.
+    fn free_path(&self, cycle: u64) -> PathBuf {
+        let name = |life: u32| match life {
+            1 => format!("{}-cycle-{cycle}.mcap", self.station),
+            life => format!("{}-cycle-{cycle}-{life}.mcap", self.station),
+        };
+        let path = |life| self.directory.join(name(life));
+        // There are never more files than are kept.
+        (1..=FILES_MAX as u32 + 1).map(path).find(|path| !path.exists()).unwrap_or_else(|| path(1))
+    }
+
+    /// The cycle that a file of this station is named after; `None` for anybody else's file.
+    fn cycle_of(&self, name: &str) -> Option<u64> {
+        let numbers = name.strip_prefix(&self.station)?.strip_prefix("-cycle-")?.strip_suffix(".mcap")?;
+        let (cycle, life) = numbers.split_once('-').unwrap_or((numbers, "1"));
+        life.parse::<u32>().ok()?;
+        cycle.parse().ok()
+    }
+
+    fn remove_oldest(&self) -> io::Result<()> {
+        let mut records: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
+        for entry in fs::read_dir(&self.directory)? {
+            let entry = entry?;
+            if let Some(cycle) = self.cycle_of(&entry.file_name().to_string_lossy()) {
+                records.push((entry.metadata()?.modified()?, cycle, entry.path()));
+            }
+        }
+        records.sort();
+        let too_many = records.len().saturating_sub(FILES_MAX);
+        records.iter().take(too_many).try_for_each(|(_, _, path)| fs::remove_file(path))
+    }
+}
+
+fn unix_ns() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    use bytemuck::Zeroable;
+    use equipoise_adapters::recording::{Entry, Recording};
+    use equipoise_core::message::{CycleRecord, State};
+
+    use crate::rings::Outcome;
+
+    fn files(directory: &Path) -> FlightFiles {
+        let text = "station = \"s-1\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\nid = \
+                    \"a\"\nheight_m = 1.77\n";
+        FlightFiles::new(directory, &Config::parse(text, "the test's").unwrap())
+    }
+
+    fn flight(cycle: u64) -> Flight {
+        let outcome = |cycle: u64| Outcome {
+            state: State { cycle, time_ns: cycle * 1000, ..State::zeroed() },
+            record: CycleRecord { cycle, due_ns: cycle * 1000, ..CycleRecord::zeroed() },
+        };
+        Flight { cycle, outcomes: (cycle - 2..cycle + 2).map(outcome).collect() }
+    }
+
+    fn names(directory: &Path) -> Vec<String> {
+        let entries = fs::read_dir(directory).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_record_is_a_recording_with_every_cycle_and_its_state() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = files(&directory.path().join("flight")).write(&flight(70)).unwrap();
+        assert!(path.ends_with("flight/s-1-cycle-70.mcap"), "{}", path.display());
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+        let recording = Recording::open(&path).unwrap();
+        assert!(!recording.truncated());
+        assert!(recording.header().config_toml.contains("s-1"));
+        assert_eq!(recording.header().started_monotonic_ns, 68_000);
+        let (mut cycles, mut states) = (Vec::new(), Vec::new());
+        for entry in recording.entries() {
+            match entry.unwrap().entry {
+                Entry::Cycle(record) => cycles.push(record.cycle),
+                Entry::State(state) => states.push(state.cycle),
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!((cycles, states), (vec![68, 69, 70, 71], vec![68, 69, 70, 71]));
+    }
+
+    #[test]
+    fn the_oldest_goes_when_there_are_too_many_and_nobody_elses_file_does() {
+        let directory = tempfile::tempdir().unwrap();
+        let foreign = ["s-10-cycle-5.mcap", "s-1-cycle-x.mcap", "s-1-cycle-5.mcap.txt", "note"];
+        for name in foreign {
+            fs::write(directory.path().join(name), "").unwrap();
+        }
+        let files = files(directory.path());
+        let last = 10 + FILES_MAX as u64 + 7;
+        for cycle in 10..=last {
+            files.write(&flight(cycle)).unwrap();
+        }
+        let ours = |name: &String| files.cycle_of(name);
+        let mut cycles: Vec<u64> = names(directory.path()).iter().filter_map(ours).collect();
+        cycles.sort_unstable();
+        assert_eq!(cycles, (last - FILES_MAX as u64 + 1..=last).collect::<Vec<_>>());
+        for name in foreign {
+            assert!(directory.path().join(name).exists(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_cycle_of_another_life_is_not_overwritten_and_half_a_file_is_cleared_away() {
+        let directory = tempfile::tempdir().unwrap();
+        let files = files(directory.path());
+        for _ in 0..3 {
+            files.write(&flight(9)).unwrap();
+        }
+        fs::write(directory.path().join("s-1-cycle-4.mcap.new"), "half").unwrap();
+        files.clear_unfinished();
+        let expected = ["s-1-cycle-9-2.mcap", "s-1-cycle-9-3.mcap", "s-1-cycle-9.mcap"];
+        assert_eq!(names(directory.path()), expected);
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_named() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("file");
+        fs::write(&file, "no directory").unwrap();
+        let said = format!("{:#}", files(&file.join("flight")).write(&flight(9)).unwrap_err());
+        assert!(said.contains("s-1-cycle-9.mcap"), "{said}");
+    }
+}
