@@ -234,9 +234,9 @@ impl Start<'_> {
         });
         status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
         let (rings, board) = (Arc::clone(self.rings), self.board);
-        let (station, file) = (config.station.clone(), status.clone());
+        let (config, file) = (config.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", move |ready| {
-            let housekeeping = Housekeeping::open(&station, rings, board, file)?;
+            let housekeeping = Housekeeping::open(&config, rings, board, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
