@@ -8,11 +8,13 @@ use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publis
 use equipoise_core::message::{Incident, Incidents, State};
 use tracing::warn;
 
+use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
 use crate::rings::Rings;
 use crate::roster::Roster;
 use crate::status::StatusFile;
+use crate::supervision::Supervision;
 
 /// How often incidents are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -22,6 +24,9 @@ const LOOKS_PER_TIDYING: u32 = 20;
 /// Housekeeping, with its place on the bus.
 pub struct Housekeeping {
     states: Subscriber<State>,
+    /// The newest state so far.
+    newest: Option<State>,
+    supervision: Supervision,
     incidents: Publisher<Incidents>,
     events: Notifier,
     model: ModelWatch,
@@ -42,15 +47,17 @@ impl Housekeeping {
     /// # Errors
     /// The bus cannot be joined.
     pub fn open(
-        station: &str,
+        config: &Config,
         rings: Arc<Rings>,
         board: Arc<IncidentBoard>,
         roster: Arc<Roster>,
         status: StatusFile,
     ) -> Result<Housekeeping, BusError> {
-        let bus = Bus::join(&BusSettings::new(station, "housekeeping"))?;
+        let bus = Bus::join(&BusSettings::new(&config.station, "housekeeping"))?;
         Ok(Housekeeping {
             states: bus.subscriber(1)?,
+            newest: None,
+            supervision: Supervision::open(&bus, config)?,
             incidents: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
             model: ModelWatch::default(),
@@ -70,11 +77,20 @@ impl Housekeeping {
         while !self.rings.has_ended() {
             std::thread::sleep(LOOK_EVERY);
             looks += 1;
+            self.supervise();
             if looks % LOOKS_PER_TIDYING == 0 {
                 self.tidy();
             }
             self.tell_incidents(looks % LOOKS_PER_TIDYING == 0);
         }
+    }
+
+    /// A broken bus shows nothing, and its other users say so.
+    fn supervise(&mut self) {
+        if let Ok(Some(state)) = self.states.latest() {
+            self.newest = Some(state);
+        }
+        let _ = self.supervision.look(self.newest.as_ref(), &self.board);
     }
 
     /// On change at once, and once a second for whoever comes late.
@@ -93,7 +109,7 @@ impl Housekeeping {
 
     /// The model is never changed by it: a person decides what to make of it.
     fn watch_the_model(&mut self) {
-        let Ok(Some(state)) = self.states.latest() else { return };
+        let Some(state) = self.newest else { return };
         if let Some(suspicion) = self.model.look(&state) {
             self.board.begin(Incident::ModelNoLongerExplains, &suspicion.to_string());
             // Nobody is woken on a broken bus, and its other users say so.
@@ -107,6 +123,7 @@ impl Housekeeping {
     }
 
     fn tidy(&mut self) {
+        self.supervision.tidy(&self.bus, &self.board);
         let dead = self.bus.clean_up_dead_nodes();
         if dead > 0 {
             self.board.happened(

@@ -29,6 +29,7 @@ pub mod schedule;
 pub mod sensors;
 pub mod similar;
 pub mod status;
+pub mod supervision;
 pub mod tick;
 pub mod whole_file;
 pub mod workers;

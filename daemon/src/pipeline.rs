@@ -234,11 +234,11 @@ impl Start<'_> {
             threads: Vec::new(),
         });
         let (rings, board, people) = (Arc::clone(self.rings), self.board, Arc::clone(roster));
-        let (station, mut file) = (config.station.clone(), status.clone());
+        let (settled, mut file) = (config.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", ORDINARY, roster, move |ready| {
             file.note_threads(&people, 0);
             file.write().with_context(|| format!("cannot write {}", file.path.display()))?;
-            let housekeeping = Housekeeping::open(&station, rings, board, people, file)?;
+            let housekeeping = Housekeeping::open(&settled, rings, board, people, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())

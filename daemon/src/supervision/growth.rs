@@ -1,0 +1,45 @@
+//! A count that should not grow: an incident from its first growth until it has rested for a while.
+
+/// A count that has not grown for so long has come to rest. Long enough that trouble which comes every second is one
+/// incident in the journal, not one a second.
+const RESTS_AFTER_NS: u64 = 10_000_000_000;
+
+/// Watches one count.
+#[derive(Debug, Default)]
+pub(super) struct Growth {
+    count: u64,
+    active: bool,
+    quiet_ns: u64,
+}
+
+impl Growth {
+    /// Takes in the count, `gap_ns` after the last time; whether it grew lately.
+    pub(super) fn goes_on(&mut self, count: u64, gap_ns: u64) -> bool {
+        if count > self.count {
+            (self.active, self.quiet_ns) = (true, 0);
+        } else {
+            self.quiet_ns += gap_ns;
+            self.active &= self.quiet_ns < RESTS_AFTER_NS;
+        }
+        self.count = count;
+        self.active
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_goes_on_from_the_first_growth_until_ten_seconds_of_rest() {
+        let mut growth = Growth::default();
+        assert!(!growth.goes_on(0, 1_000_000_000));
+        for second in 0..50 {
+            // Once in five seconds: one incident, not ten.
+            assert!(growth.goes_on(1 + second / 5, 1_000_000_000), "second {second}");
+        }
+        let ended = (0..20).take_while(|_| growth.goes_on(10, 1_000_000_000)).count();
+        assert!((5..10).contains(&ended), "{ended}");
+        assert!(growth.goes_on(11, 1), "and anew");
+    }
+}

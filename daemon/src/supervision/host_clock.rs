@@ -1,0 +1,229 @@
+//! Whether the clocks can be trusted: the computer slept, its clock source was changed, samples bear another clock's
+//! stamps, or a device's counter is not tied to the host's time.
+
+use equipoise_core::message::CycleRecord;
+use equipoise_core::time::seconds;
+use rustix::time::{ClockId, clock_gettime};
+
+/// CLOCK_BOOTTIME goes on while the computer sleeps, CLOCK_MONOTONIC does not. Between two readings one after the other
+/// they differ by microseconds, or by a lost time slice: this much is sleep.
+const SLEPT_NS: u64 = 200_000_000;
+/// A clock fit is there after eight samples; so long without one, while samples come, is no beginning.
+const UNSYNCHRONISED_AFTER_NS: u64 = 10_000_000_000;
+/// A sample cannot arrive after the cycle that took it in; this much may be the jitter between two cores' counters.
+const AHEAD_NS: u64 = 10_000_000;
+/// Rings and sockets hold less than this of any stream, so that a sample of this age was stamped by another clock …
+const OLD_NS: u64 = 5_000_000_000;
+/// … unless this process stood still; then the stamps are right again after a moment.
+const STAMPS_OFF_AFTER_NS: u64 = 2_000_000_000;
+
+/// The host's clocks at one moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct HostClock {
+    /// CLOCK_MONOTONIC.
+    pub(super) monotonic_ns: u64,
+    /// CLOCK_BOOTTIME.
+    pub(super) boottime_ns: u64,
+}
+
+impl HostClock {
+    pub(super) fn read() -> HostClock {
+        let ns = |clock| {
+            let time = clock_gettime(clock);
+            time.tv_sec as u64 * equipoise_core::time::NS_PER_S + time.tv_nsec as u64
+        };
+        HostClock { monotonic_ns: ns(ClockId::Monotonic), boottime_ns: ns(ClockId::Boottime) }
+    }
+}
+
+/// The kernel's clock source, for example `tsc`; `None` where it is not told.
+pub(super) fn source() -> Option<String> {
+    let text =
+        std::fs::read_to_string("/sys/devices/system/clocksource/clocksource0/current_clocksource").ok()?;
+    Some(text.trim().to_owned())
+}
+
+/// Arrival stamps against the cycles that took the samples in, over one look.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Stamped {
+    /// Samples whose stamps are possible.
+    right: u32,
+    /// How far off the last impossible one was: positive ahead, negative behind.
+    off_ns: Option<i64>,
+}
+
+impl Stamped {
+    /// One cycle's record.
+    pub(super) fn see(&mut self, record: &CycleRecord) {
+        let streams =
+            [(record.suit_taken, record.suit_arrival_ns), (record.ground_taken, record.ground_arrival_ns)];
+        for (_, arrival_ns) in streams.into_iter().filter(|(taken, _)| *taken > 0) {
+            let (ahead_ns, age_ns) = (
+                arrival_ns.saturating_sub(record.compute_end_ns),
+                record.compute_start_ns.saturating_sub(arrival_ns),
+            );
+            if ahead_ns > AHEAD_NS {
+                self.off_ns = Some(ahead_ns.min(i64::MAX as u64) as i64);
+            } else if age_ns > OLD_NS {
+                self.off_ns = Some(-(age_ns.min(i64::MAX as u64) as i64));
+            } else {
+                self.right += 1;
+            }
+        }
+    }
+}
+
+/// Watches the clocks.
+#[derive(Debug, Default)]
+pub(super) struct ClockWatch {
+    /// CLOCK_BOOTTIME less CLOCK_MONOTONIC.
+    asleep_ns: Option<u64>,
+    first_source: Option<String>,
+    source: Option<String>,
+    unsynchronised_ns: u64,
+    off_since_ns: u64,
+    off_ns: i64,
+}
+
+impl ClockWatch {
+    /// The clocks now; how long the computer has slept since the last call, if it has.
+    pub(super) fn tick(&mut self, clock: HostClock) -> Option<u64> {
+        let asleep_ns = clock.boottime_ns.saturating_sub(clock.monotonic_ns);
+        let slept_ns = asleep_ns.saturating_sub(self.asleep_ns.unwrap_or(asleep_ns));
+        if slept_ns < SLEPT_NS && self.asleep_ns.is_some() {
+            return None;
+        }
+        self.asleep_ns = Some(asleep_ns);
+        (slept_ns > 0).then_some(slept_ns)
+    }
+
+    /// The kernel's clock source now.
+    pub(super) fn name_source(&mut self, source: Option<String>) {
+        if self.first_source.is_none() {
+            self.first_source.clone_from(&source);
+        }
+        self.source = source;
+    }
+
+    /// What a look has shown of the streams.
+    pub(super) fn see(&mut self, unsynchronised: bool, samples_come: bool, stamped: Stamped, gap_ns: u64) {
+        match (samples_come, unsynchronised) {
+            (true, true) => self.unsynchronised_ns += gap_ns,
+            (true, false) => self.unsynchronised_ns = 0,
+            // Between two samples, and in silence, nothing is learnt.
+            (false, _) => {}
+        }
+        match stamped {
+            Stamped { off_ns: Some(off_ns), right: _ } => {
+                self.off_ns = off_ns;
+                self.off_since_ns += gap_ns;
+            }
+            Stamped { right: 1.., .. } => self.off_since_ns = 0,
+            Stamped { .. } => {}
+        }
+    }
+
+    /// What is wrong with the clocks now, and what to do.
+    pub(super) fn trouble(&self) -> Option<String> {
+        if let (Some(first), Some(now)) = (&self.first_source, &self.source)
+            && first != now
+        {
+            return Some(format!(
+                "the kernel's clock source was {first} and is {now} now: the kernel does not trust the first any more \
+                 (dmesg says why); times are right but coarse and slow to read: restart the computer"
+            ));
+        }
+        if self.off_since_ns >= STAMPS_OFF_AFTER_NS {
+            let seconds = seconds(self.off_ns.unsigned_abs());
+            let where_to = if self.off_ns > 0 { "in the future" } else { "ago" };
+            return Some(format!(
+                "samples bear the arrival of {seconds:.1} s {where_to}: their adapter runs on another clock (another \
+                 time namespace or container); run it beside the daemon"
+            ));
+        }
+        (self.unsynchronised_ns >= UNSYNCHRONISED_AFTER_NS).then(|| {
+            "samples come, but the device's counter has not been tied to this computer's time for ten seconds: its rate \
+             wanders or its counter leaps; start the device's stream anew"
+                .to_owned()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    const GAP_NS: u64 = 50_000_000;
+
+    fn stamped(arrival_ns: u64) -> Stamped {
+        let mut stamped = Stamped::default();
+        stamped.see(&CycleRecord {
+            suit_taken: 1,
+            suit_arrival_ns: arrival_ns,
+            compute_start_ns: 20_000_000_000,
+            compute_end_ns: 20_000_100_000,
+            ..CycleRecord::zeroed()
+        });
+        stamped
+    }
+
+    #[test]
+    fn sleep_is_what_boottime_has_more_than_monotonic() {
+        let mut watch = ClockWatch::default();
+        let at = |monotonic_s: u64, asleep_ns: u64| HostClock {
+            monotonic_ns: monotonic_s * 1_000_000_000,
+            boottime_ns: monotonic_s * 1_000_000_000 + asleep_ns,
+        };
+        assert_eq!(watch.tick(at(100, 7_000_000_000)), None, "sleep before the start is nobody's business");
+        assert_eq!(watch.tick(at(101, 7_000_030_000)), None);
+        assert_eq!(watch.tick(at(102, 67_000_000_000)), Some(60_000_000_000));
+        assert_eq!(watch.tick(at(103, 67_000_000_000)), None, "told once");
+    }
+
+    #[test]
+    fn a_clock_source_that_changes_is_told_until_it_is_back() {
+        let mut watch = ClockWatch::default();
+        watch.name_source(Some("tsc".to_owned()));
+        assert_eq!(watch.trouble(), None);
+        watch.name_source(Some("hpet".to_owned()));
+        assert!(watch.trouble().unwrap().contains("was tsc and is hpet"));
+        watch.name_source(None);
+        assert_eq!(watch.trouble(), None, "not told is not changed");
+        watch.name_source(Some("tsc".to_owned()));
+        assert_eq!(watch.trouble(), None);
+    }
+
+    #[test]
+    fn stamps_of_another_clock_must_last() {
+        for (arrival_ns, word) in [(90_000_000_000, "in the future"), (1_000_000_000, "ago")] {
+            let mut watch = ClockWatch::default();
+            for _ in 0..39 {
+                watch.see(false, true, stamped(arrival_ns), GAP_NS);
+                // A look without a sample says nothing.
+                watch.see(false, false, Stamped::default(), GAP_NS);
+            }
+            assert_eq!(watch.trouble(), None, "a process that stood still catches up");
+            watch.see(false, true, stamped(arrival_ns), GAP_NS);
+            assert!(watch.trouble().unwrap().contains(word), "{:?}", watch.trouble());
+            watch.see(false, true, stamped(19_990_000_000), GAP_NS);
+            assert_eq!(watch.trouble(), None);
+        }
+    }
+
+    #[test]
+    fn a_counter_that_is_never_tied_is_told_after_ten_seconds_of_samples() {
+        let mut watch = ClockWatch::default();
+        let looks = (0..1000)
+            .take_while(|_| {
+                watch.see(true, true, stamped(19_990_000_000), GAP_NS);
+                watch.trouble().is_none()
+            })
+            .count();
+        assert_eq!(looks, 199);
+        watch.see(true, false, Stamped::default(), GAP_NS);
+        assert!(watch.trouble().is_some(), "silence mends nothing");
+        watch.see(false, true, stamped(19_990_000_000), GAP_NS);
+        assert_eq!(watch.trouble(), None);
+    }
+}

@@ -1,0 +1,108 @@
+//! Whether the loop keeps going: slots that it skipped at once, and whether it stands now.
+
+use std::fmt;
+
+use equipoise_core::message::CycleRecord;
+use equipoise_core::time::seconds;
+
+/// Skipping so much of the schedule at once is no hiccup: both streams are stale by then, and a controller has noticed.
+pub(super) const STALL_NS: u64 = 50_000_000;
+/// No cycle for so long, and the loop is said to stand now. Longer than any stall that ends by itself on a busy
+/// machine, shorter than the watchdog's five seconds.
+const STANDS_AFTER_NS: u64 = 1_000_000_000;
+
+/// The longest stall between two consecutive cycles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Stall {
+    /// The cycle after it.
+    pub(super) cycle: u64,
+    /// How many slots it cost.
+    pub(super) slots: u64,
+    /// How long that is.
+    pub(super) span_ns: u64,
+}
+
+impl fmt::Display for Stall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the loop stood still for {:.0} ms before cycle {} ({} slots skipped): the machine was busy, stopped or \
+             throttled; see `equipoise doctor`",
+            1e3 * seconds(self.span_ns),
+            self.cycle,
+            self.slots
+        )
+    }
+}
+
+/// Watches the records of the cycles.
+#[derive(Debug, Default)]
+pub(super) struct LoopTime {
+    /// Number of the last cycle seen, and the slots skipped until then.
+    last: Option<(u64, u64)>,
+    stall: Option<Stall>,
+    quiet_ns: u64,
+}
+
+impl LoopTime {
+    /// One record, in the order of the cycles. Records that were lost on the way hide what happened between them.
+    pub(super) fn see(&mut self, record: &CycleRecord) {
+        let before = self.last.replace((record.cycle, record.slots_skipped));
+        let Some((cycle, slots_skipped)) = before else { return };
+        if record.cycle != cycle + 1 {
+            return;
+        }
+        let slots = record.slots_skipped.saturating_sub(slots_skipped);
+        let stall = Stall { cycle: record.cycle, slots, span_ns: slots * record.period_ns };
+        if stall.span_ns >= STALL_NS && self.stall.is_none_or(|longest| longest.span_ns < stall.span_ns) {
+            self.stall = Some(stall);
+        }
+    }
+
+    /// The longest stall since the last call.
+    pub(super) fn take_stall(&mut self) -> Option<Stall> {
+        self.stall.take()
+    }
+
+    /// Whether no cycle has come for long, `gap_ns` after the last call.
+    pub(super) fn stands(&mut self, came: bool, gap_ns: u64) -> bool {
+        self.quiet_ns = if came { 0 } else { self.quiet_ns + gap_ns };
+        self.quiet_ns >= STANDS_AFTER_NS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn record(cycle: u64, slots_skipped: u64) -> CycleRecord {
+        CycleRecord { cycle, slots_skipped, period_ns: 1_000_000, ..CycleRecord::zeroed() }
+    }
+
+    #[test]
+    fn only_slots_that_were_skipped_at_once_are_a_stall() {
+        let mut time = LoopTime::default();
+        // One slot in each of a hundred cycles is late, not still.
+        for cycle in 1..=100 {
+            time.see(&record(cycle, cycle));
+        }
+        assert_eq!(time.take_stall(), None);
+        time.see(&record(101, 149));
+        assert_eq!(time.take_stall(), None, "49 ms");
+        time.see(&record(102, 199));
+        assert_eq!(time.take_stall(), Some(Stall { cycle: 102, slots: 50, span_ns: 50_000_000 }));
+        assert_eq!(time.take_stall(), None, "told once");
+        time.see(&record(500, 999));
+        assert_eq!(time.take_stall(), None, "cycles between them were not seen");
+    }
+
+    #[test]
+    fn a_loop_that_hangs_is_told_after_a_second_of_looking() {
+        let mut time = LoopTime::default();
+        assert!(!time.stands(true, 50_000_000));
+        let looks = (0..100).take_while(|_| !time.stands(false, 50_000_000)).count();
+        assert_eq!(looks, 19);
+        assert!(!time.stands(true, 50_000_000));
+    }
+}
