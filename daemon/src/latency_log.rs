@@ -131,13 +131,14 @@ impl LatencyLog {
 
     /// One incident for both kinds of file; each failure is told when it begins, each end when nothing fails any more.
     fn set_incident(&self, failed_before: bool, failed: Option<String>) {
-        match failed {
-            Some(what) if !failed_before && self.board.is_active(Incident::LatencyNotLogged) => {
-                warn!("{what}")
+        if let Some(what) = failed {
+            // Begun by the other kind of file: the board has been told and says nothing.
+            if !failed_before && self.board.is_active(Incident::LatencyNotLogged) {
+                warn!("{what}");
             }
-            Some(what) => self.board.begin(Incident::LatencyNotLogged, &what),
-            None if !self.hlog_failed && !self.flight_failed => self.board.end(Incident::LatencyNotLogged),
-            None => {}
+            self.board.begin(Incident::LatencyNotLogged, &what);
+        } else if !self.hlog_failed && !self.flight_failed {
+            self.board.end(Incident::LatencyNotLogged);
         }
     }
 

@@ -1,21 +1,37 @@
-//! `equipoise latency`: a consumer that measures the path, stage by stage.
+//! `equipoise latency`: a consumer that measures the path, stage by stage, its own pick-up and the others' included.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::BufWriter;
-use std::path::PathBuf;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
-use equipoise_bus::Channel;
-use equipoise_core::message::CycleRecord;
-use equipoise_latency::{HlogWriter, PathHistograms, Report};
+use bytemuck::Zeroable;
+use equipoise_bus::{Bus, BusError, Channel, Listener, Subscriber, Topic};
+use equipoise_core::message::{CycleRecord, PickUp, State};
+use equipoise_latency::pick_up::{since_its_start, tell_apart};
+use equipoise_latency::{ConsumerTimes, HlogWriter, PathHistograms, PickUps, Report};
 
 use super::{Outcome, StationArgument, client};
+use crate::realtime::now_ns;
 
-/// Measure the path from sensor to published state and print percentiles per stage
+/// What this consumer is called among the others.
+const OWN_NAME: &[u8] = b"self";
+/// Owner writes, group reads, nobody else.
+const MODE: u32 = 0o640;
+
+/// Measure the path from sensor to consumer and print percentiles per stage
+///
+/// Stages up to the published state come from the cycles' own stamps; pick_up, from_due and from_suit of every consumer
+/// that reports its pick-up follow, and of this command as `self`. Consumers report once a second, so of theirs the
+/// last second or less is missing. docs/latency.md says how to read it.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: equipoise latency --for 60 --hlog path.hlog")]
+#[command(
+    after_help = "Example: equipoise latency --for 60 --hlog path.hlog\n\nExit code 3: cycles were not seen; \
+                        the last lines say how many."
+)]
 pub(super) struct Arguments {
     #[command(flatten)]
     station: StationArgument,
@@ -32,28 +48,24 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let stop = super::run::stop_on_signals()?;
+    // Before the measurement: who has waited for a minute does not want to hear then that the disk is full.
+    let hlog = arguments.hlog.as_deref().map(create).transpose()?;
     let bus = client::join(&arguments.station.station, "latency")?;
     client::newest_state(&bus)?;
-    let mut records = bus.subscriber::<CycleRecord>(1024)?;
-    let listener = bus.listener(Channel::Results)?;
-    let (mut histograms, started, since) = (PathHistograms::new(), Instant::now(), SystemTime::now());
+    let mut eyes = Eyes::open(&bus)?;
+    let (started, since) = (Instant::now(), SystemTime::now());
     while started.elapsed().as_secs_f64() < arguments.seconds && !stop.load(Ordering::Relaxed) {
-        listener.wait(Duration::from_millis(100))?;
-        while let Some(record) = records.receive()? {
-            histograms.record(&record);
-        }
+        eyes.look()?;
     }
-    let report = Report::of(&histograms);
+    let (length, consumers) = (started.elapsed(), eyes.consumers());
+    let report = Report::of(&eyes.path).with_consumers(&consumers);
     if report.cycles == 0 {
-        bail!("the daemon published no cycle in {:.1} s", started.elapsed().as_secs_f64());
+        bail!("the daemon published no cycle in {:.1} s", length.as_secs_f64());
     }
-    if let Some(path) = &arguments.hlog {
-        let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
-        HlogWriter::new(BufWriter::new(file), since)?.write_interval(
-            Duration::ZERO,
-            started.elapsed(),
-            &histograms,
-        )?;
+    if let Some(file) = hlog {
+        let mut hlog = HlogWriter::new(BufWriter::new(file), since)?;
+        hlog.write_interval(Duration::ZERO, length, &eyes.path)?;
+        hlog.write_consumers(Duration::ZERO, length, &consumers)?;
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
@@ -61,4 +73,87 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         print!("{report}");
     }
     Ok(if report.cycles_lost > 0 { Outcome::PartRejected } else { Outcome::Done })
+}
+
+fn create(path: &Path) -> anyhow::Result<File> {
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(MODE);
+    options.open(path).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Everything subscribed, and what was seen.
+struct Eyes {
+    listener: Listener,
+    records: Subscriber<CycleRecord>,
+    states: Subscriber<State>,
+    reports: Option<Subscriber<PickUp>>,
+    path: PathHistograms,
+    others: PickUps,
+    own: Box<PickUp>,
+    last: Option<Last>,
+}
+
+/// What of the state before is needed to see a gap and a new suit sample.
+#[derive(Clone, Copy)]
+struct Last {
+    cycle: u64,
+    suit_sample_time_ns: Option<u64>,
+}
+
+impl Eyes {
+    fn open(bus: &Bus) -> anyhow::Result<Eyes> {
+        let reports = match bus.subscriber(PickUp::SERVICE.depth_max) {
+            Ok(reports) => Some(reports),
+            Err(full @ BusError::Full { .. }) => {
+                eprintln!("equipoise: what consumers report is not shown: {full}");
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let (records, states) = (bus.subscriber(CycleRecord::SERVICE.depth_max)?, bus.subscriber(1024)?);
+        let listener = bus.listener(Channel::Results)?;
+        let since_ns = now_ns();
+        let mut own: Box<PickUp> =
+            Box::new(PickUp { since_ns, process_id: std::process::id(), ..PickUp::zeroed() });
+        own.consumer[..OWN_NAME.len()].copy_from_slice(OWN_NAME);
+        let (path, others) = (PathHistograms::new(), PickUps::new(since_ns));
+        Ok(Eyes { listener, records, states, reports, path, others, own, last: None })
+    }
+
+    /// Sleeps until something is published and takes it in, the states first: they are what a consumer waits for.
+    fn look(&mut self) -> Result<(), BusError> {
+        self.listener.wait(Duration::from_millis(100))?;
+        while let Some(state) = self.states.receive()? {
+            self.pick_up(&state, now_ns());
+        }
+        while let Some(record) = self.records.receive()? {
+            self.path.record(&record);
+        }
+        if let Some(reports) = &mut self.reports {
+            while reports.receive_with(|report| self.others.see(report))?.is_some() {}
+        }
+        Ok(())
+    }
+
+    fn pick_up(&mut self, state: &State, now_ns: u64) {
+        // What was published before we looked waited for us, and tells nothing.
+        if state.published_ns < self.own.since_ns {
+            return;
+        }
+        // An age of zero may stand for a sample after the cycle was due; the next state tells its time.
+        let sample_ns = state.time_ns.checked_sub(state.suit_age_ns).filter(|_| state.suit_age_ns > 0);
+        let now = Last { cycle: state.cycle, suit_sample_time_ns: sample_ns };
+        let last = self.last.replace(now);
+        let missed = last.map_or(0, |last| state.cycle.saturating_sub(last.cycle + 1));
+        let is_new = last.is_some_and(|last| last.suit_sample_time_ns != sample_ns);
+        self.own.enter(now_ns, state, missed, sample_ns.filter(|_| is_new));
+    }
+
+    /// Every consumer, this one last.
+    fn consumers(&self) -> Vec<ConsumerTimes> {
+        let mut all = self.others.consumers();
+        all.extend((self.own.states > 0).then(|| since_its_start(&self.own)));
+        tell_apart(&mut all);
+        all
+    }
 }
