@@ -102,8 +102,10 @@ impl Tally {
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let (Some(station), Some(name)) = (arguments.next(), arguments.next()) else {
-        return Err("usage: controller STATION NAME".into());
+        return Err("usage: controller STATION NAME [SECONDS]".into());
     };
+    let seconds = arguments.next().map(|text| text.parse::<f64>()).transpose()?;
+    let end_ns = seconds.map_or(u64::MAX, |seconds| now_ns() + (1e9 * seconds) as u64);
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
@@ -113,7 +115,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         eprintln!("{refusal}; reading goes on");
     }
     let (mut tally, mut due_ns) = (Tally::default(), now_ns() + PRINT_EVERY_NS);
-    while !stop.load(Ordering::Relaxed) {
+    while !stop.load(Ordering::Relaxed) && now_ns() < end_ns {
         let situation = match consumer.next(TIMEOUT) {
             Ok(reading) => {
                 if !tally.enter(&reading) {

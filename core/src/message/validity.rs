@@ -77,6 +77,19 @@ impl Validity {
         .and(Validity::CLOCK_UNSYNCHRONISED)
         .and(Validity::LOAD_NOT_AT_HANDS);
 
+    /// The sets above by name, for other languages.
+    pub const SPOILERS: &'static [(Validity, &'static str)] = &[
+        (Validity::SPOILS_GROUND_FORCE, "ground_force"),
+        (Validity::SPOILS_COP_MEASURED, "cop_measured"),
+        (Validity::SPOILS_COM, "com"),
+        (Validity::SPOILS_COP_ESTIMATED, "cop_estimated"),
+        (Validity::SPOILS_DELTA_F, "delta_f"),
+        (Validity::SPOILS_RESIDUAL, "residual"),
+        (Validity::SPOILS_LIFTED_MASS, "lifted_mass"),
+        (Validity::SPOILS_BACK, "back"),
+        (Validity::SPOILS_TORQUES, "torques"),
+    ];
+
     /// Both sets together.
     #[must_use]
     pub const fn and(self, other: Validity) -> Validity {

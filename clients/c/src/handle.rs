@@ -1,0 +1,107 @@
+//! `equipoise_consumer`: a consumer that knows whose it is.
+
+use crate::outcome::{Refusal, c_text};
+use crate::reading::Reading;
+use equipoise_client::{Consumer, ConsumerSettings, NoReading};
+use equipoise_core::message::{Message, State, Validity};
+use std::ffi::{CStr, CString};
+use std::sync::OnceLock;
+use std::thread::{self, ThreadId};
+use std::time::Duration;
+
+/// `equipoise_options` of the header.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// The schema that the header was made for.
+    pub state_schema: u64,
+    /// How old a state may be that is handed out; 0 for the table's 25 ms.
+    pub stale_after_ns: u64,
+    /// States that wait while the program is busy; 0 for the table's 8.
+    pub depth: u32,
+    /// 1 to publish nothing about how late states come.
+    pub no_report: u32,
+}
+
+impl Options {
+    fn settings(&self, station: &str, name: &str) -> Result<ConsumerSettings, Refusal> {
+        if self.state_schema != State::SCHEMA_HASH {
+            return Err(Refusal::wrong_use(&format!(
+                "this program was compiled with another equipoise.h (schema 0x{:016x}, the library's is 0x{:016x}): \
+                 compile it anew with the header beside this library",
+                self.state_schema,
+                State::SCHEMA_HASH
+            )));
+        }
+        let mut settings = ConsumerSettings::new(station, name);
+        if self.stale_after_ns > 0 {
+            settings.stale_after = Duration::from_nanos(self.stale_after_ns);
+        }
+        if self.depth > 0 {
+            settings.depth = self.depth as usize;
+        }
+        settings.report = self.no_report == 0;
+        Ok(settings)
+    }
+}
+
+/// A consumer, and the thread that it belongs to.
+#[derive(Debug)]
+pub struct Handle {
+    consumer: Consumer,
+    owner: ThreadId,
+    report_refusal: CString,
+}
+
+impl Handle {
+    /// Joins the station.
+    ///
+    /// # Errors
+    /// Texts that are no UTF-8, another header, or a station that cannot be joined.
+    pub fn open(station: &CStr, name: &CStr, options: &Options) -> Result<Handle, Refusal> {
+        let utf8 = |text: &'_ CStr| text.to_str().map(str::to_owned);
+        let (Ok(station), Ok(name)) = (utf8(station), utf8(name)) else {
+            return Err(Refusal::wrong_use("station and name must be UTF-8"));
+        };
+        let consumer = Consumer::join_with(options.settings(&station, &name)?)?;
+        Ok(Handle { consumer, owner: thread::current().id(), report_refusal: CString::default() })
+    }
+
+    /// What `read` reads.
+    ///
+    /// # Errors
+    /// Another thread's handle, or the reason why there is no current state.
+    pub fn read(
+        &mut self,
+        read: impl FnOnce(&mut Consumer) -> Result<equipoise_client::Reading, NoReading>,
+    ) -> Result<Reading, Refusal> {
+        self.check_owner()?;
+        Ok(read(&mut self.consumer)?.into())
+    }
+
+    /// That the calling thread is the one that opened it.
+    ///
+    /// # Errors
+    /// It is another.
+    pub fn check_owner(&self) -> Result<(), Refusal> {
+        if thread::current().id() == self.owner {
+            return Ok(());
+        }
+        Err(Refusal::wrong_use("a consumer belongs to the thread that opened it: open one in each thread"))
+    }
+
+    /// Why nothing is published about how late states come; empty if it is, or if it was asked not to be.
+    pub fn report_refusal(&mut self) -> &CStr {
+        let text = self.consumer.report_refusal().map(ToString::to_string);
+        self.report_refusal = c_text(text.as_deref().unwrap_or_default());
+        &self.report_refusal
+    }
+}
+
+/// The public name of a bit of `State::valid`; `None` for a bit that has none.
+pub fn reason_name(bit: u32) -> Option<&'static CStr> {
+    static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
+    let names = NAMES.get_or_init(|| Validity::NAMES.iter().map(|(_, name)| c_text(name)).collect());
+    let at = Validity::NAMES.iter().position(|(reason, _)| reason.0.trailing_zeros() == bit)?;
+    names.get(at).map(CString::as_c_str)
+}

@@ -1,0 +1,128 @@
+//! How a call ended: a number for the program, a sentence for people. No panic gets out.
+
+use equipoise_bus::BusError;
+use equipoise_client::NoReading;
+use std::cell::RefCell;
+use std::ffi::{CStr, CString, c_int};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// The numbers of `enum equipoise_outcome`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Outcome {
+    /// It was done.
+    Ok = 0,
+    /// No state came in time.
+    Silent = 1,
+    /// States came, but all too old.
+    Stale = 2,
+    /// The daemon's clock is another one.
+    OtherClock = 3,
+    /// The bus could not be joined or read.
+    Bus = 4,
+    /// The call itself is wrong: a null pointer, another thread, another header.
+    WrongUse = 5,
+    /// A defect of this library.
+    Defect = 6,
+}
+
+impl Outcome {
+    /// All, with their names in the header.
+    pub const ALL: [(Outcome, &'static str); 7] = [
+        (Outcome::Ok, "EQUIPOISE_OK"),
+        (Outcome::Silent, "EQUIPOISE_SILENT"),
+        (Outcome::Stale, "EQUIPOISE_STALE"),
+        (Outcome::OtherClock, "EQUIPOISE_OTHER_CLOCK"),
+        (Outcome::Bus, "EQUIPOISE_BUS"),
+        (Outcome::WrongUse, "EQUIPOISE_WRONG_USE"),
+        (Outcome::Defect, "EQUIPOISE_DEFECT"),
+    ];
+}
+
+/// Why a call did not do what it was asked to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// The number.
+    pub outcome: Outcome,
+    /// The sentence.
+    pub text: String,
+}
+
+impl Refusal {
+    /// A call that is wrong.
+    pub fn wrong_use(text: &str) -> Refusal {
+        Refusal { outcome: Outcome::WrongUse, text: text.to_owned() }
+    }
+}
+
+impl From<BusError> for Refusal {
+    fn from(error: BusError) -> Refusal {
+        Refusal { outcome: Outcome::Bus, text: error.to_string() }
+    }
+}
+
+impl From<NoReading> for Refusal {
+    fn from(reason: NoReading) -> Refusal {
+        let outcome = match &reason {
+            NoReading::Silent { .. } => Outcome::Silent,
+            NoReading::Stale { .. } => Outcome::Stale,
+            NoReading::OtherClock { .. } => Outcome::OtherClock,
+            NoReading::Bus(_) => Outcome::Bus,
+        };
+        Refusal { outcome, text: reason.to_string() }
+    }
+}
+
+thread_local! {
+    static LAST_ERROR: RefCell<CString> = RefCell::default();
+}
+
+/// Runs one call of C, keeps its sentence for [`last_error`], and turns a panic into [`Outcome::Defect`].
+pub fn guard(call: impl FnOnce() -> Result<(), Refusal>) -> c_int {
+    let ended = catch_unwind(AssertUnwindSafe(call));
+    let (outcome, text) = match ended {
+        Ok(Ok(())) => return Outcome::Ok as c_int,
+        Ok(Err(Refusal { outcome, text })) => (outcome, text),
+        Err(_) => {
+            let text = "a defect of the library; standard error has its place".to_owned();
+            (Outcome::Defect, text)
+        }
+    };
+    LAST_ERROR.with_borrow_mut(|last| *last = c_text(&text));
+    outcome as c_int
+}
+
+/// Lets `look` see the sentence of the last call of this thread that was refused; empty if none was.
+pub fn last_error<R>(look: impl FnOnce(&CStr) -> R) -> R {
+    LAST_ERROR.with_borrow(|last| look(last))
+}
+
+/// A text for C: it ends where a zero byte stands.
+pub(crate) fn c_text(text: &str) -> CString {
+    let bytes: Vec<u8> = text.bytes().take_while(|byte| *byte != 0).collect();
+    CString::new(bytes).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told() -> String {
+        last_error(|text| text.to_string_lossy().into_owned())
+    }
+
+    #[test]
+    fn a_panic_stays_inside_and_is_told() {
+        assert_eq!(guard(|| panic!("meant")), Outcome::Defect as c_int);
+        assert!(told().contains("defect"), "{}", told());
+    }
+
+    #[test]
+    fn a_refusal_is_told_until_the_next_one() {
+        assert_eq!(guard(|| Err(Refusal::wrong_use("so not"))), Outcome::WrongUse as c_int);
+        assert_eq!(guard(|| Ok(())), Outcome::Ok as c_int);
+        assert_eq!(told(), "so not");
+        assert_eq!(guard(|| Err(Refusal::wrong_use("cut\0off"))), Outcome::WrongUse as c_int);
+        assert_eq!(told(), "cut");
+    }
+}

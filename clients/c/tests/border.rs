@@ -1,0 +1,70 @@
+//! C programs on a real bus.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "../../rust/tests/common/mod.rs"]
+mod common;
+mod compiler;
+
+use common::{PERIOD, Station, root, until};
+use compiler::{Link, compile, said};
+use equipoise_bus::root::ROOT_VARIABLE;
+use equipoise_core::message::PickUp;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+
+const CONTROLLER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/controller.c");
+const WRONG_USE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/wrong_use.c");
+
+/// Not a test: the life of a child, until it is killed or forgotten.
+#[test]
+fn child_publishes() {
+    common::publish_until_killed();
+}
+
+fn number(line: &str, key: &str) -> u64 {
+    let value = line.split_whitespace().find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
+    value.unwrap_or_else(|| panic!("no {key} in: {line}")).parse().unwrap()
+}
+
+#[test]
+fn wrong_calls_are_refused_with_a_sentence() {
+    for link in [Link::Static, Link::Shared] {
+        let root = root();
+        let scratch = tempfile::tempdir().unwrap();
+        let program = compile(Path::new(WRONG_USE), link, scratch.path());
+        let ended = Command::new(program).env(ROOT_VARIABLE, root.path()).output().unwrap();
+        assert_eq!(said(&ended), "all refused\n");
+    }
+}
+
+#[test]
+fn the_controller_reads_a_station_and_reports() {
+    let root = root();
+    let bus = root.bus("latency");
+    let mut reports = bus.subscriber::<PickUp>(16).unwrap();
+    let _station = Station::start(&root, "child_publishes");
+    let scratch = tempfile::tempdir().unwrap();
+    let program = compile(Path::new(CONTROLLER), Link::Shared, scratch.path());
+    let mut command = Command::new(program);
+    command.args(["test", "arm", "2.5"]).env(ROOT_VARIABLE, root.path());
+    let mut controller = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // A reader joins a writer by reading, so it reads while the writer is there.
+    let mut last: Option<PickUp> = None;
+    until("the controller ends", || {
+        last = reports.latest().unwrap().or(last);
+        sleep(PERIOD);
+        controller.try_wait().unwrap()
+    });
+    let last = reports.latest().unwrap().or(last).expect("it reported");
+    let printed = said(&controller.wait_with_output().unwrap());
+    let lines: Vec<&str> = printed.lines().collect();
+    let current = lines.iter().filter(|line| line.contains(" state=current ")).count();
+    assert!(current > 0, "{printed}");
+    let end = lines.last().unwrap();
+    let (states, missed) = (number(end, "states"), number(end, "missed"));
+    assert_eq!(&last.consumer[..4], b"arm\0");
+    // What it missed before its first state that was young enough, the report has too.
+    assert!(last.states >= states && last.states + last.states_missed >= states + missed, "{printed}");
+    assert!(states > 0);
+}
