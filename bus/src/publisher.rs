@@ -3,7 +3,7 @@
 use crate::error::BusError;
 use crate::node::Bus;
 use crate::open::{Place, open_or_create, take};
-use crate::service::{BORROWED_MAX, NODES_MAX, PUBLISHERS_MAX, Topic};
+use crate::service::{BORROWED_MAX, NODES_MAX, Topic};
 use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern, PortFactory as _, ipc};
@@ -26,7 +26,7 @@ pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), Bu
                 .history_size(row.history)
                 .subscriber_max_buffer_size(row.depth_max)
                 .subscriber_max_borrowed_samples(BORROWED_MAX)
-                .max_publishers(PUBLISHERS_MAX.max(row.writers))
+                .max_publishers(row.publishers_max())
                 .max_subscribers(row.subscribers_max)
                 .max_nodes(NODES_MAX)
                 .open_or_create_with_attributes(attributes)
@@ -50,7 +50,7 @@ impl<M: Topic> fmt::Debug for Publisher<M> {
 impl<M: Topic> Publisher<M> {
     pub(crate) fn open(bus: &Bus) -> Result<Publisher<M>, BusError> {
         let (name, factory) = open_topic::<M>(bus)?;
-        let place = Place { what: "publisher", most: PUBLISHERS_MAX.max(M::SERVICE.writers) };
+        let place = Place { what: "publisher", most: M::SERVICE.publishers_max() };
         let port = take(bus, &name, place, PublisherCreateError::ExceedsMaxSupportedPublishers, || {
             factory
                 .publisher_builder()

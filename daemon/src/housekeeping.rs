@@ -100,6 +100,8 @@ impl Housekeeping {
         }
         if changed {
             let _ = self.events.notify(Event::IncidentsChanged);
+            self.status.tell_incidents(self.board.sentences());
+            self.write_status();
         }
     }
 
@@ -134,6 +136,10 @@ impl Housekeeping {
             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
         }
         self.watch_the_model();
+        self.write_status();
+    }
+
+    fn write_status(&self) {
         if let Err(error) = self.status.write() {
             warn!("cannot write {}: {error}", self.status.path.display());
         }

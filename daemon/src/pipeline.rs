@@ -1,5 +1,6 @@
 //! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
 
+mod adapters;
 mod remembered;
 mod threads;
 
@@ -8,12 +9,13 @@ use std::sync::mpsc;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_core::message::Incident;
 use equipoise_latency::Report;
 use equipoise_view::page::Page;
-use tracing::{info, warn};
+use tracing::info;
 
 use crate::commands::Commands;
-use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
@@ -24,12 +26,14 @@ use crate::rings::Rings;
 use crate::status::{Status, StatusFile, ThreadStatus};
 use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
-use crate::{ingress, saving, sensors};
+use crate::{ingress, saving};
 
-use self::threads::{Other, Running, started};
+use self::threads::{Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
 const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
+/// How a refused lock of the memory is told.
+const NOT_LOCKED: &str = "not locked";
 /// The role under which the daemon itself is found on the bus.
 const DAEMON_ROLE: &str = "daemon";
 
@@ -213,14 +217,9 @@ impl Start<'_> {
         })?;
         threads.push(report);
         running.others.push(("ingress", ingress));
-        start_adapters(config, self.rings, &mut running.others)?;
+        threads.extend(adapters::start(config, self.rings, &self.board, &mut running.others)?);
 
-        for missing in threads.iter().filter_map(ThreadReport::missing) {
-            if config.tick.strict {
-                bail!("loop.strict: {missing}");
-            }
-            warn!("{missing}");
-        }
+        refuse_or_tell(config, &self.board, &self.memory_lock, &threads)?;
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
@@ -230,6 +229,7 @@ impl Start<'_> {
             page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock,
             model_suspicion: None,
+            incidents: self.board.sentences(),
             threads: threads.iter().map(ThreadStatus::from).collect(),
         });
         status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
@@ -245,6 +245,29 @@ impl Start<'_> {
         running.others.push(("housekeeping", housekeeping));
         Ok((page, status, threads))
     }
+}
+
+/// Whatever was asked and not granted: refused under `strict`, else an incident that lasts as long as the daemon.
+fn refuse_or_tell(
+    config: &Config,
+    board: &IncidentBoard,
+    memory_lock: &str,
+    threads: &[ThreadReport],
+) -> anyhow::Result<()> {
+    let mut missing: Vec<String> = threads.iter().filter_map(ThreadReport::missing).collect();
+    if memory_lock.starts_with(NOT_LOCKED) {
+        missing.push(format!("memory is {memory_lock}"));
+    }
+    let Some(first) = missing.first() else { return Ok(()) };
+    if config.tick.strict {
+        bail!("loop.strict: {first}");
+    }
+    let others = match missing.len() - 1 {
+        0 => String::new(),
+        others => format!(" (and {others} more; `equipoise status` shows all)"),
+    };
+    board.begin(Incident::RealTimeRefused, &format!("{first}{others}"));
+    Ok(())
 }
 
 /// Names the daemon that is there already.
@@ -273,27 +296,7 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
         Err(why) if config.tick.strict => bail!("loop.strict: memory is not locked: {why}"),
         Err(why) => {
             info!("memory is not locked: {why}");
-            Ok(format!("not locked: {why}"))
+            Ok(format!("{NOT_LOCKED}: {why}"))
         }
     }
-}
-
-fn start_adapters(config: &Config, rings: &Arc<Rings>, adapters: &mut Vec<Other>) -> anyhow::Result<()> {
-    if config.suit.source == SuitSourceKind::MvnUdp {
-        let (rings, station, suit) = (Arc::clone(rings), config.station.clone(), config.suit.clone());
-        let (thread, ()) = started("suit", move |ready| {
-            Ok(sensors::run_suit(&station, &suit, || ready.send(()).unwrap_or(()), &|| rings.is_stopping())?)
-        })?;
-        adapters.push(("suit", thread));
-    }
-    if config.ground.source == GroundSourceKind::AtiRdt {
-        let (rings, station, ground) = (Arc::clone(rings), config.station.clone(), config.ground.clone());
-        let (thread, ()) = started("ground", move |ready| {
-            Ok(sensors::run_ground(&station, &ground, || ready.send(()).unwrap_or(()), &|| {
-                rings.is_stopping()
-            })?)
-        })?;
-        adapters.push(("ground", thread));
-    }
-    Ok(())
 }

@@ -1,5 +1,6 @@
 //! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,9 @@ pub struct Status {
     /// Where the model does not explain what is measured, now; nothing while it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_suspicion: Option<String>,
+    /// What goes wrong now: the daemon's own sentence on each incident, by name.
+    #[serde(default)]
+    pub incidents: BTreeMap<String, String>,
     /// What each thread asked for and has, in words.
     pub threads: Vec<ThreadStatus>,
 }
@@ -76,6 +80,14 @@ impl StatusFile {
     pub fn suspect(&mut self, suspicion: Option<String>) {
         if self.status.model_suspicion != suspicion {
             self.status.model_suspicion = suspicion;
+            self.text = serde_json::to_string_pretty(&self.status).unwrap_or_default();
+        }
+    }
+
+    /// Says which incidents go on; written with the next [`StatusFile::write`].
+    pub fn tell_incidents(&mut self, incidents: BTreeMap<String, String>) {
+        if self.status.incidents != incidents {
+            self.status.incidents = incidents;
             self.text = serde_json::to_string_pretty(&self.status).unwrap_or_default();
         }
     }
