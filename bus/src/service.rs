@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Processes and threads that may take part in one service.
 pub const NODES_MAX: usize = 64;
-/// Places for writers beyond a row's own: one, while a process replaces another.
+/// Places for writers beyond a row's own: one, while a process replaces another. An exclusive service has none.
 pub const HAND_OVER: usize = 1;
 /// Messages that a subscriber may hold while it reads.
 pub const BORROWED_MAX: usize = 2;
@@ -39,6 +39,8 @@ pub struct Service {
     pub writer: &'static str,
     /// How many write at once, hand-over apart.
     pub writers: usize,
+    /// Whether more are refused even for a hand-over: while one lives, nobody else may say the same thing.
+    pub exclusive: bool,
     /// How often, in words.
     pub rate: &'static str,
     /// Silence after which a reader must call the stream stale; `None`: it may be silent for ever.
@@ -61,7 +63,7 @@ impl Service {
 
     /// How many publishers it takes: its writers, and one more that replaces one of them.
     pub const fn publishers_max(&self) -> usize {
-        self.writers + HAND_OVER
+        if self.exclusive { self.writers } else { self.writers + HAND_OVER }
     }
 
     /// Upper bound of the shared memory of all its regular writers, bytes.
@@ -84,7 +86,7 @@ pub trait Topic: Message {
 
 macro_rules! topics {
     ($($Message:ty => $suffix:literal, by $writers:literal $writer:literal, $rate:literal, deadline $deadline:expr,
-       depth $depth:literal of $depth_max:literal, $subscribers:literal subscribers;)*) => {
+       depth $depth:literal of $depth_max:literal, $subscribers:literal subscribers $(, $exclusive:ident)?;)*) => {
         $(impl Topic for $Message {
             const SERVICE: Service = Service {
                 suffix: $suffix,
@@ -92,6 +94,7 @@ macro_rules! topics {
                 payload_bytes: size_of::<$Message>(),
                 writer: $writer,
                 writers: $writers,
+                exclusive: topics!(@ $($exclusive)?),
                 rate: $rate,
                 deadline: $deadline,
                 depth: $depth,
@@ -104,6 +107,8 @@ macro_rules! topics {
         /// Every publish-subscribe service of a station.
         pub const TABLE: &[Service] = &[$(<$Message as Topic>::SERVICE),*];
     };
+    (@ exclusive) => { true };
+    (@) => { false };
 }
 
 const fn ms(milliseconds: u64) -> Option<Duration> {
@@ -111,8 +116,8 @@ const fn ms(milliseconds: u64) -> Option<Duration> {
 }
 
 topics! {
-    SuitSample => "suit", by 1 "suit adapter", "60-240 Hz", deadline ms(40), depth 64 of 128, 16 subscribers;
-    GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers;
+    SuitSample => "suit", by 1 "suit adapter", "60-240 Hz", deadline ms(40), depth 64 of 128, 16 subscribers, exclusive;
+    GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers, exclusive;
     State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 24 subscribers;
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
     Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;

@@ -120,6 +120,18 @@ fn a_third_writer_is_refused_by_name() {
 }
 
 #[test]
+fn a_sensor_s_stream_has_one_writer_and_no_second_while_it_lives() {
+    let root = root();
+    let bus = join(root.path(), "writer");
+    let first = bus.publisher::<SuitSample>().unwrap();
+    let other = join(root.path(), "other");
+    let error = other.publisher::<SuitSample>().unwrap_err();
+    assert!(matches!(error, BusError::Full { most: 1, .. }), "{error}");
+    drop(first);
+    other.publisher::<SuitSample>().unwrap();
+}
+
+#[test]
 fn the_table_tells_every_service_and_fits_into_memory() {
     let text = Table.to_string();
     for row in TABLE {

@@ -104,6 +104,8 @@ impl Housekeeping {
         }
         if changed {
             let _ = self.events.notify(Event::IncidentsChanged);
+            self.status.tell_incidents(self.board.sentences());
+            self.write_status();
         }
     }
 
@@ -139,6 +141,10 @@ impl Housekeeping {
         }
         self.watch_the_model();
         self.status.note_threads(&self.roster, cycle);
+        self.write_status();
+    }
+
+    fn write_status(&self) {
         if let Err(error) = self.status.write() {
             warn!("cannot write {}: {error}", self.status.path.display());
         }

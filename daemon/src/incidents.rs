@@ -2,7 +2,9 @@
 //!
 //! Nothing here is for the loop: it counts in its cycle records, and housekeeping makes incidents of the counts.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Zeroable;
 use equipoise_core::message::incident::KINDS_MAX;
@@ -20,12 +22,15 @@ pub struct IncidentBoard {
     last_ended_ns: [AtomicU64; KINDS_MAX],
     /// Grows with every beginning and end.
     changes: AtomicU64,
+    /// What was said of those that go on, by name.
+    said: Mutex<BTreeMap<&'static str, String>>,
 }
 
 impl IncidentBoard {
     /// An incident begins; `what` tells where and what to do. Said once: while it goes on, nothing happens.
     pub fn begin(&self, kind: Incident, what: &str) {
         if self.active.fetch_or(bit(kind), Ordering::Relaxed) & bit(kind) == 0 {
+            self.with_said(|said| said.insert(kind.name(), what.to_owned()));
             self.enter(kind, what);
         }
     }
@@ -35,6 +40,7 @@ impl IncidentBoard {
         if self.active.fetch_and(!bit(kind), Ordering::Relaxed) & bit(kind) != 0 {
             self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
             self.changes.fetch_add(1, Ordering::Relaxed);
+            self.with_said(|said| said.remove(kind.name()));
             info!(incident = kind.name(), "ended");
         }
     }
@@ -64,6 +70,11 @@ impl IncidentBoard {
         self.changes.load(Ordering::Relaxed)
     }
 
+    /// What was said of those that go on, by name.
+    pub fn sentences(&self) -> BTreeMap<String, String> {
+        self.with_said(|said| said.iter().map(|(name, what)| ((*name).to_owned(), what.clone())).collect())
+    }
+
     /// The board as the bus has it.
     pub fn message(&self) -> Incidents {
         let read = |places: &[AtomicU64; KINDS_MAX]| {
@@ -77,6 +88,11 @@ impl IncidentBoard {
             last_ended_ns: read(&self.last_ended_ns),
             ..Incidents::zeroed()
         }
+    }
+
+    fn with_said<T>(&self, look: impl FnOnce(&mut BTreeMap<&'static str, String>) -> T) -> T {
+        // A map is never half changed.
+        look(&mut self.said.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn enter(&self, kind: Incident, what: &str) {

@@ -12,6 +12,7 @@ pub mod housekeeping;
 pub mod import;
 pub mod incidents;
 pub mod ingress;
+pub mod keeper;
 pub mod latency_log;
 pub mod model;
 pub mod model_watch;

@@ -1,5 +1,6 @@
 //! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
 
+mod adapters;
 mod remembered;
 mod threads;
 
@@ -8,12 +9,13 @@ use std::sync::mpsc;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_core::message::Incident;
 use equipoise_latency::Report;
 use equipoise_view::page::Page;
-use tracing::{info, warn};
+use tracing::info;
 
 use crate::commands::Commands;
-use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
@@ -26,14 +28,16 @@ use crate::roster::{MemoryUse, Roster};
 use crate::status::{Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
-use crate::{ingress, saving, sensors};
+use crate::{ingress, saving};
 
-use self::threads::{Other, Running, started};
+use self::threads::{Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
 const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
 /// Threads that keep no time ask for the ordinary scheduler.
 const ORDINARY: Asked = Asked { fifo_priority: 0, cpu: None };
+/// How a refused lock of the memory is told.
+const NOT_LOCKED: &str = "not locked";
 /// The role under which the daemon itself is found on the bus.
 const DAEMON_ROLE: &str = "daemon";
 
@@ -219,7 +223,7 @@ impl Start<'_> {
             Ok(ingress::run(&station, &rings, || ready.send(()).unwrap_or(()))?)
         })?;
         running.others.push(("ingress", ingress));
-        start_adapters(config, self.rings, roster, &mut running.others)?;
+        adapters::start(config, self.rings, roster, &self.board, &mut running.others)?;
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
@@ -227,13 +231,14 @@ impl Start<'_> {
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
             page: page.as_ref().map(Page::url),
-            memory_lock: self.memory_lock,
+            memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
             loop_faults: None,
             model_suspicion: None,
+            incidents: self.board.sentences(),
             threads: Vec::new(),
         });
-        let (rings, board, people) = (Arc::clone(self.rings), self.board, Arc::clone(roster));
+        let (rings, board, people) = (Arc::clone(self.rings), Arc::clone(&self.board), Arc::clone(roster));
         let (settled, mut file) = (config.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", ORDINARY, roster, move |ready| {
             file.note_threads(&people, 0);
@@ -246,7 +251,7 @@ impl Start<'_> {
         .inspect_err(|_| status.remove())?;
         running.others.push(("housekeeping", housekeeping));
         // Every thread has asked by now, and all the memory that they begin with is there.
-        must_be_granted(config, roster).inspect_err(|_| status.remove())?;
+        refuse_or_tell(config, &self.board, &self.memory_lock, roster).inspect_err(|_| status.remove())?;
         Ok((page, status))
     }
 }
@@ -278,53 +283,38 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
         Err(why) if config.tick.strict => bail!("loop.strict: memory is not locked: {why}"),
         Err(why) => {
             info!("memory is not locked: {why}");
-            Ok(format!("not locked: {why}"))
+            Ok(format!("{NOT_LOCKED}: {why}"))
         }
     }
 }
 
-/// What was asked and not granted is an error under `loop.strict`, else a warning: of every thread, and of memory.
-fn must_be_granted(config: &Config, roster: &Roster) -> anyhow::Result<()> {
+/// Whatever was asked and not granted, of threads and of memory: refused under `loop.strict`, else an incident that
+/// lasts as long as the daemon.
+fn refuse_or_tell(
+    config: &Config,
+    board: &IncidentBoard,
+    memory_lock: &str,
+    roster: &Roster,
+) -> anyhow::Result<()> {
     let mut missing = roster.missing();
     let memory = MemoryUse::now();
-    // Without strict, the kernel's own refusal was told already.
-    if config.tick.lock_memory && config.tick.strict && !memory.is_locked() {
+    if memory_lock.starts_with(NOT_LOCKED) {
+        missing.push(format!("memory is {memory_lock}"));
+    } else if config.tick.lock_memory && !memory.is_locked() {
         missing.push(format!(
             "memory is not locked: {} KiB of {} KiB in memory are; run as root, or under systemd with \
              LimitMEMLOCK=infinity",
             memory.locked_kib, memory.resident_kib
         ));
     }
-    for missing in missing {
-        if config.tick.strict {
-            bail!("loop.strict: {missing}");
-        }
-        warn!("{missing}");
+    let Some(first) = missing.first() else { return Ok(()) };
+    if config.tick.strict {
+        bail!("loop.strict: {first}");
     }
-    Ok(())
-}
-
-fn start_adapters(
-    config: &Config,
-    rings: &Arc<Rings>,
-    roster: &Arc<Roster>,
-    adapters: &mut Vec<Other>,
-) -> anyhow::Result<()> {
-    if config.suit.source == SuitSourceKind::MvnUdp {
-        let (rings, station, suit) = (Arc::clone(rings), config.station.clone(), config.suit.clone());
-        let (thread, ()) = started("suit", ORDINARY, roster, move |ready| {
-            Ok(sensors::run_suit(&station, &suit, || ready.send(()).unwrap_or(()), &|| rings.is_stopping())?)
-        })?;
-        adapters.push(("suit", thread));
-    }
-    if config.ground.source == GroundSourceKind::AtiRdt {
-        let (rings, station, ground) = (Arc::clone(rings), config.station.clone(), config.ground.clone());
-        let (thread, ()) = started("ground", ORDINARY, roster, move |ready| {
-            Ok(sensors::run_ground(&station, &ground, || ready.send(()).unwrap_or(()), &|| {
-                rings.is_stopping()
-            })?)
-        })?;
-        adapters.push(("ground", thread));
-    }
+    let others = match missing.len() - 1 {
+        0 => String::new(),
+        others => format!(" (and {others} more; `equipoise status` shows all)"),
+    };
+    board.begin(Incident::RealTimeRefused, &format!("{first}{others}"));
     Ok(())
 }

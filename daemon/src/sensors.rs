@@ -1,4 +1,6 @@
 //! Adapters: from a source's samples to the bus. The same code runs as a thread of the daemon or as its own process.
+//!
+//! An adapter that fails ends with the reason: the daemon's keeper or systemd starts it again.
 
 use std::time::{Duration, Instant};
 
@@ -6,17 +8,26 @@ use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::ground::{GroundFrame, Measures, RdtSettings};
 use equipoise_adapters::source::{MvnUdpSettings, MvnUdpSource, RdtSource, RdtSourceSettings, SourceError};
 use equipoise_adapters::suit::SuitSettings;
-use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event};
-use equipoise_core::message::{AdapterHealth, GroundSample};
-use tracing::warn;
+use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Publisher, Topic};
+use equipoise_core::message::{AdapterHealth, GroundSample, SuitSample};
 
 use crate::config::sensors::Measures as MeasuresConfig;
-use crate::config::{GroundConfig, SuitConfig};
+use crate::config::{Config, GroundConfig, SuitConfig};
+use crate::realtime::Asked;
 
 /// How often an adapter says how it fares.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
-/// How long a broken source rests before it is opened anew.
-const REST: Duration = Duration::from_secs(1);
+/// The roles under which adapters are found on the bus.
+pub const SUIT_ROLE: &str = "suit";
+/// As [`SUIT_ROLE`].
+pub const GROUND_ROLE: &str = "ground";
+/// SCHED_FIFO priority of an adapter, below the loop, above ingress, which has nothing to do before it.
+const BELOW_LOOP: u32 = 5;
+
+/// What an adapter's thread asks for, inside the daemon or as a process of its own.
+pub fn asked(config: &Config) -> Asked {
+    Asked { fifo_priority: config.tick.priority.saturating_sub(BELOW_LOOP), cpu: None }
+}
 
 /// Why an adapter cannot run at all.
 #[derive(Debug, thiserror::Error)]
@@ -27,18 +38,49 @@ pub enum AdapterError {
     /// The bus.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// Somebody else says the same thing.
+    #[error(
+        "the {stream} of station {station} is published by process {process} already; two would contradict each other: \
+         stop that one, or let this one be for another `station` (a daemon beside `equipoise adapter {stream}` says \
+         {stream}.source = \"external\")"
+    )]
+    Taken {
+        /// `suit` or `ground`.
+        stream: &'static str,
+        /// The station.
+        station: String,
+        /// Who publishes.
+        process: u32,
+    },
+}
+
+/// The one publisher of a stream, while nobody else who lives is it; a dead one's place is taken at once.
+fn only_publisher<M: Topic>(bus: &Bus, stream: &'static str) -> Result<Publisher<M>, AdapterError> {
+    let refused = match bus.publisher() {
+        Ok(publisher) => return Ok(publisher),
+        Err(refused) => refused,
+    };
+    if !matches!(refused, BusError::Full { .. }) {
+        return Err(refused.into());
+    }
+    let own = std::process::id();
+    let there = bus.participants()?.into_iter().find(|one| one.role == stream && one.process_id != own);
+    Err(match there {
+        Some(other) => {
+            AdapterError::Taken { stream, station: bus.station().to_owned(), process: other.process_id }
+        }
+        None => refused.into(),
+    })
 }
 
 /// Runs the suit's adapter until `stopping` says so; `ready` is called once it listens.
 ///
-/// The first opening must succeed; later faults are retried.
-///
 /// # Errors
-/// The port is taken, or the bus cannot be joined.
+/// The port is taken, another living process publishes the suit, the socket fails, or the bus does.
 pub fn run_suit(
     station: &str,
     config: &SuitConfig,
-    ready: impl FnOnce(),
+    ready: &mut dyn FnMut(),
     stopping: &dyn Fn() -> bool,
 ) -> Result<(), AdapterError> {
     let settings = MvnUdpSettings {
@@ -47,26 +89,17 @@ pub fn run_suit(
         suit: suit_settings(config),
         ..MvnUdpSettings::default()
     };
-    let bus = Bus::join(&BusSettings::new(station, "suit"))?;
-    let (samples, wake) = (bus.publisher()?, bus.notifier(Channel::Inputs)?);
+    let bus = Bus::join(&BusSettings::new(station, SUIT_ROLE))?;
+    let samples = only_publisher::<SuitSample>(&bus, SUIT_ROLE)?;
+    let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
     let mut source = MvnUdpSource::open(settings)?;
     ready();
     while !stopping() {
-        match source.receive() {
-            Ok(Some(mut sample)) => {
-                sample.published_ns = now_monotonic_ns();
-                samples.send(&sample)?;
-                wake.notify(Event::NewSuit)?;
-            }
-            Ok(None) => {}
-            Err(error) => {
-                warn!("suit: {error}; trying again in {REST:?}");
-                std::thread::sleep(REST);
-                if let Ok(opened) = MvnUdpSource::open(settings) {
-                    source = opened;
-                }
-            }
+        if let Some(mut sample) = source.receive()? {
+            sample.published_ns = now_monotonic_ns();
+            samples.send(&sample)?;
+            wake.notify(Event::NewSuit)?;
         }
         health.tell_if_due(|| source.health())?;
     }
@@ -78,11 +111,11 @@ pub fn run_suit(
 /// A silent device is asked again and again.
 ///
 /// # Errors
-/// No socket can be had, or the bus cannot be joined.
+/// No socket can be had, another living process publishes the ground, the socket fails, or the bus does.
 pub fn run_ground(
     station: &str,
     config: &GroundConfig,
-    ready: impl FnOnce(),
+    ready: &mut dyn FnMut(),
     stopping: &dyn Fn() -> bool,
 ) -> Result<(), AdapterError> {
     let settings = RdtSourceSettings {
@@ -90,21 +123,16 @@ pub fn run_ground(
         rdt: rdt_settings(config),
         ..RdtSourceSettings::default()
     };
-    let bus = Bus::join(&BusSettings::new(station, "ground"))?;
-    let (publisher, wake) = (bus.publisher::<GroundSample>()?, bus.notifier(Channel::Inputs)?);
+    let bus = Bus::join(&BusSettings::new(station, GROUND_ROLE))?;
+    let publisher = only_publisher::<GroundSample>(&bus, GROUND_ROLE)?;
+    let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
     let mut source = RdtSource::open(settings)?;
     ready();
     let mut samples = Vec::with_capacity(64);
     while !stopping() {
         samples.clear();
-        if let Err(error) = source.receive(&mut samples) {
-            warn!("ground: {error}; trying again in {REST:?}");
-            std::thread::sleep(REST);
-            if let Ok(opened) = RdtSource::open(settings) {
-                source = opened;
-            }
-        }
+        source.receive(&mut samples)?;
         for sample in &mut samples {
             sample.published_ns = now_monotonic_ns();
             publisher.send(sample)?;
@@ -143,7 +171,7 @@ pub fn rdt_settings(config: &GroundConfig) -> RdtSettings {
 
 /// Publishes an adapter's counts once a second.
 struct Health {
-    publisher: equipoise_bus::Publisher<AdapterHealth>,
+    publisher: Publisher<AdapterHealth>,
     last: Instant,
 }
 

@@ -1,5 +1,6 @@
 //! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -35,6 +36,9 @@ pub struct Status {
     /// Where the model does not explain what is measured, now; nothing while it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_suspicion: Option<String>,
+    /// What goes wrong now: the daemon's own sentence on each incident, by name.
+    #[serde(default)]
+    pub incidents: BTreeMap<String, String>,
     /// What each thread asked for, has, and suffered.
     pub threads: Vec<ThreadStatus>,
 }
@@ -69,6 +73,11 @@ impl StatusFile {
     /// Minor and major page faults of the loop since its warm-up; `None` before it is over. A steady loop has none.
     pub fn loop_faults(&self) -> Option<[u64; 2]> {
         self.status.loop_faults
+    }
+
+    /// Says which incidents go on; written with the next [`StatusFile::write`].
+    pub fn tell_incidents(&mut self, incidents: BTreeMap<String, String>) {
+        self.status.incidents = incidents;
     }
 
     /// Writes it whole. It is old in a second and dies with the daemon: nobody waits for a disk because of it.

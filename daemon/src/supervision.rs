@@ -23,6 +23,7 @@ use self::streams::{StreamLook, StreamWatch, Verdict, Wire};
 use crate::config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use crate::incidents::IncidentBoard;
 use crate::realtime::now_ns;
+use crate::sensors;
 
 /// Time in which nobody looked (this process was stopped, or had no core) shows no silence: at most this much of the
 /// gap between two looks is counted.
@@ -75,7 +76,7 @@ impl Supervision {
                 silent: Incident::SuitSilent,
                 stale: Incident::SuitStampsStale,
                 down: Incident::SuitAdapterDown,
-                external: (config.suit.source == SuitSourceKind::External).then_some("suit"),
+                external: (config.suit.source == SuitSourceKind::External).then_some(sensors::SUIT_ROLE),
                 was_there: false,
             },
             ground: Stream {
@@ -83,7 +84,8 @@ impl Supervision {
                 silent: Incident::GroundSilent,
                 stale: Incident::GroundStampsStale,
                 down: Incident::GroundAdapterDown,
-                external: (config.ground.source == GroundSourceKind::External).then_some("ground"),
+                external: (config.ground.source == GroundSourceKind::External)
+                    .then_some(sensors::GROUND_ROLE),
                 was_there: false,
             },
             input_overflow: Growth::default(),

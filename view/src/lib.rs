@@ -3,6 +3,7 @@
 //! [`state_json`] is the one place that turns a state into JSON, [`words`] the one place that turns it into plain
 //! English. [`page`] and [`terminal`] only arrange what those two say. Nothing here runs in the loop.
 
+pub mod incident_words;
 pub mod page;
 pub mod state_json;
 pub mod suggested_pose;

@@ -9,7 +9,7 @@ use nix::sys::socket::{
 };
 use nix::sys::time::TimeSpec;
 use std::io::{self, IoSliceMut};
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::os::fd::AsRawFd;
 use std::time::Duration;
 
@@ -175,11 +175,15 @@ impl UdpDoor {
             Err(Errno::EAGAIN | Errno::EINTR | Errno::ECONNREFUSED) => return Ok(None),
             Err(errno) => return Err(SourceError::Receive { address: self.local, error: errno.into() }),
         };
+        let Some(sender) = sender else {
+            // Every datagram has a sender. Nothing from nobody, again and again, is a socket that was shut down.
+            let error = io::Error::new(io::ErrorKind::NotConnected, "the socket was shut down from outside");
+            return Err(SourceError::Receive { address: self.local, error });
+        };
         let arrival_ns = match stamp_ns {
             Some(stamp_ns) => self.stamps.monotonic_ns(stamp_ns),
             None => now_monotonic_ns(),
         };
-        let sender = sender.unwrap_or(SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 0));
         let bytes = self.buffer.get(..length).unwrap_or_default();
         Ok(Some(Received { bytes, sender, admitted: self.senders.admit(sender.ip()), arrival_ns }))
     }
@@ -251,6 +255,16 @@ mod tests {
         let text = error.to_string();
         assert!(text.contains(&format!("port {} is taken", door.local_address().port())), "{text}");
         assert!(text.contains("set suit.listen"), "{text}");
+    }
+
+    #[test]
+    fn a_socket_that_was_shut_down_is_an_error_and_not_an_endless_stream_of_nothing() {
+        let mut door = loopback(Senders::Loopback);
+        use nix::sys::socket::{Shutdown, shutdown};
+        // "Not connected", says the kernel, and shuts it down all the same.
+        let _ = shutdown(door.socket.as_raw_fd(), Shutdown::Both);
+        let error = door.receive().unwrap_err();
+        assert!(error.to_string().contains("was shut down from outside"), "{error}");
     }
 
     #[test]

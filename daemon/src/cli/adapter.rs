@@ -4,11 +4,11 @@ use std::sync::atomic::Ordering;
 
 use anyhow::bail;
 use clap::ValueEnum;
-use tracing::info;
+use tracing::{info, warn};
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
-use crate::sensors;
+use crate::{realtime, sensors};
 
 /// Run one adapter as a process of its own; the daemon's config then says source = "external"
 #[derive(Debug, clap::Args)]
@@ -27,20 +27,41 @@ enum Stream {
     Ground,
 }
 
+impl Stream {
+    fn name(self) -> &'static str {
+        match self {
+            Stream::Suit => "suit",
+            Stream::Ground => "ground",
+        }
+    }
+}
+
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
     let config = Config::read(&arguments.config.config)?;
     let stop = super::run::stop_on_signals()?;
     let stopping = || stop.load(Ordering::Relaxed);
-    let ready = || {
-        info!("station {}: the {:?} adapter runs", config.station, arguments.stream);
+    let report = realtime::ask(arguments.stream.name(), sensors::asked(&config));
+    match report.missing() {
+        Some(missing) if config.tick.strict => bail!("loop.strict: {missing}"),
+        Some(missing) => warn!("{missing}"),
+        None => {}
+    }
+    let mut ready = || {
+        info!(
+            fifo_asked = report.asked.fifo_priority,
+            fifo_granted = report.granted.fifo_priority,
+            "station {}: the {} adapter runs",
+            config.station,
+            arguments.stream.name()
+        );
         let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
     };
     match arguments.stream {
         Stream::Suit if config.suit.source == SuitSourceKind::External => external("suit")?,
         Stream::Ground if config.ground.source == GroundSourceKind::External => external("ground")?,
-        Stream::Suit => sensors::run_suit(&config.station, &config.suit, ready, &stopping)?,
-        Stream::Ground => sensors::run_ground(&config.station, &config.ground, ready, &stopping)?,
+        Stream::Suit => sensors::run_suit(&config.station, &config.suit, &mut ready, &stopping)?,
+        Stream::Ground => sensors::run_ground(&config.station, &config.ground, &mut ready, &stopping)?,
     }
     Ok(Outcome::Done)
 }

@@ -1,25 +1,30 @@
 //! `equipoise status` and `equipoise watch`: what a running daemon says now, once or again and again.
 
+mod incidents;
+
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use equipoise_adapters::ground::RdtRefusal;
 use equipoise_adapters::suit::SuitRefusal;
-use equipoise_core::message::{AdapterHealth, State};
+use equipoise_core::message::{AdapterHealth, Incidents, State};
 use equipoise_core::time::seconds;
 use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFile;
+use equipoise_view::incident_words;
 use equipoise_view::state_json::StateJson;
 use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
 
+use self::incidents::Told;
 use super::{Outcome, StationArgument, client};
 use crate::config::Config;
 use crate::model::suggestion;
+use crate::realtime::now_ns;
 use crate::status::{self, Status, ThreadStatus};
 
-/// How long to wait for the adapters' word, which comes once a second.
-const HEALTH_PATIENCE: Duration = Duration::from_millis(1200);
+/// How long to wait for the adapters' word and the incidents, which come once a second.
+const TOLD_PATIENCE: Duration = Duration::from_millis(1200);
 
 /// Show what a running daemon says, once
 #[derive(Debug, clap::Args)]
@@ -36,9 +41,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let station = &arguments.station.station;
     let bus = client::join(station, "status")?;
     let mut health = bus.subscriber::<AdapterHealth>(8)?;
+    let mut board = bus.subscriber::<Incidents>(1)?;
     let state = client::newest_state(&bus)?;
     let (mut adapters, started): (Vec<AdapterHealth>, _) = (Vec::new(), Instant::now());
-    while started.elapsed() < HEALTH_PATIENCE && adapters.len() < 2 {
+    let mut incidents = None;
+    while started.elapsed() < TOLD_PATIENCE && (adapters.len() < 2 || incidents.is_none()) {
+        incidents = board.latest()?.or(incidents);
         while let Some(told) = health.receive()? {
             adapters.retain(|other| other.stream != told.stream);
             adapters.push(told);
@@ -47,17 +55,26 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     adapters.sort_by_key(|adapter| adapter.stream);
     let facts = status::read(station);
+    let incidents = incidents.map(|incidents| {
+        let sentences = facts.as_ref().map(|facts| facts.incidents.clone()).unwrap_or_default();
+        Told::new(&incidents, &sentences, now_ns())
+    });
     let mut out = std::io::stdout().lock();
     if arguments.json {
         let state = serde_json::to_value(StateJson::new(&state, seconds(state.time_ns)))?;
         let adapters: Vec<_> = adapters.iter().map(adapter_json).collect();
-        let text = serde_json::json!({ "daemon": facts, "state": state, "adapters": adapters });
+        let text = serde_json::json!({
+            "daemon": facts, "state": state, "adapters": adapters, "incidents": incidents
+        });
         writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
         let pose = suggestion(&state, asked(facts.as_ref()).as_ref());
         write!(out, "{}", dashboard(&state, station, pose.as_deref()))?;
         for adapter in &adapters {
             write_adapter(&mut out, adapter)?;
+        }
+        if let Some(incidents) = &incidents {
+            incidents.write(&mut out)?;
         }
         if let Some(line) = skew(&state, facts.as_ref().and_then(latencies_ms)) {
             writeln!(out, "  time    {line}")?;
@@ -205,6 +222,7 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
     let bus = client::join(station, "watch")?;
     let mut state = client::newest_state(&bus)?;
     let mut states = bus.subscriber::<State>(1)?;
+    let (mut board, mut incidents) = (bus.subscriber::<Incidents>(1)?, None);
     let mut out = std::io::stdout().lock();
     let (started, terminal) = (Instant::now(), out.is_terminal());
     let pause = Duration::from_millis(if terminal { 100 } else { 1000 });
@@ -216,20 +234,27 @@ pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
         if let Some(newer) = states.latest()? {
             (state, seen) = (newer, Instant::now());
         }
+        incidents = board.latest()?.or(incidents);
         let silent = seen.elapsed() > Duration::from_secs(1);
+        let wrong = incidents.as_ref().and_then(|incidents| incident_words::line(incidents, now_ns()));
         let pose = suggestion(&state, ask.as_ref());
         if terminal {
             // Back to the block's first line; each line is cleared to its end.
             let up = if drawn { format!("\x1b[{}A", DASHBOARD_LINES + 1) } else { String::new() };
             let block = dashboard(&state, station, pose.as_deref()).replace('\n', "\x1b[K\n");
-            let note = if silent { "  the daemon is silent; what stands here is old" } else { "" };
+            let note = match wrong {
+                _ if silent => "  the daemon is silent; what stands here is old".to_owned(),
+                Some(wrong) => format!("  {wrong}").chars().take(80).collect(),
+                None => String::new(),
+            };
             writeln!(out, "{up}{block}{note}\x1b[K")?;
             out.flush()?;
             drawn = true;
         } else if silent {
             writeln!(out, "the daemon is silent")?;
         } else {
-            writeln!(out, "{}", live_line(&state, pose.as_deref()))?;
+            let wrong = wrong.map_or_else(String::new, |wrong| format!(" | {wrong}"));
+            writeln!(out, "{}{wrong}", live_line(&state, pose.as_deref()))?;
         }
         std::thread::sleep(pause);
     }

@@ -9,11 +9,11 @@ use crate::process::{Process, wait_for};
 use crate::station::Station;
 
 /// The same station for the daemon: both sources come from elsewhere.
-fn external(station: &Station) -> String {
+pub(crate) fn external(station: &Station) -> String {
     station.configuration().replace("\"mvn-udp\"", "\"external\"").replace("\"ati-rdt\"", "\"external\"")
 }
 
-fn adapter(station: &Station, stream: &str) -> Process {
+pub(crate) fn adapter(station: &Station, stream: &str) -> Process {
     let path = station.write("adapters.toml", &station.configuration()).display().to_string();
     let mut process = station.spawn(&["adapter", stream, "--config", &path]);
     wait_for("the adapter to run", || {

@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use equipoise_adapters::ground::RdtRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusSettings, Subscriber};
-use equipoise_core::message::{AdapterHealth, State, Validity};
+use equipoise_core::message::{AdapterHealth, Incident, Incidents, State, Validity};
 use equipoise_simulator::simulation::SimulationHandle;
 
 use crate::process::PATIENCE;
@@ -18,6 +18,8 @@ const HOLD: Duration = Duration::from_secs(8);
 pub(crate) struct Eyes {
     states: Subscriber<State>,
     health: Subscriber<AdapterHealth>,
+    incidents: Subscriber<Incidents>,
+    board: Incidents,
     pub(crate) state: State,
     /// The newest word of suit and ground.
     adapters: [AdapterHealth; 2],
@@ -32,6 +34,8 @@ impl Eyes {
         Eyes {
             states: bus.subscriber(256).expect("a place for the states"),
             health: bus.subscriber(16).expect("a place for the counts"),
+            incidents: bus.subscriber(1).expect("a place for the incidents"),
+            board: Incidents::zeroed(),
             state: State::zeroed(),
             adapters: [AdapterHealth::zeroed(); 2],
             bus,
@@ -52,6 +56,9 @@ impl Eyes {
         while let Some(told) = self.health.receive().expect("the bus") {
             self.adapters[told.stream as usize - 1] = told;
         }
+        if let Some(board) = self.incidents.latest().expect("the bus") {
+            self.board = board;
+        }
         &self.state
     }
 
@@ -66,10 +73,11 @@ impl Eyes {
             }
             assert!(
                 started.elapsed() < PATIENCE,
-                "waited in vain for {what}: {} {:?}, {} poses; suit {:?}, ground {:?}",
+                "waited in vain for {what}: {} {:?}, {} poses, {:?}; suit {:?}, ground {:?}",
                 self.state.phase_name(),
                 self.reasons(),
                 self.state.poses_used,
+                self.board.active().map(Incident::name).collect::<Vec<_>>(),
                 self.adapters[0],
                 self.adapters[1]
             );
@@ -94,6 +102,16 @@ impl Eyes {
 
     pub(crate) fn has(&self, reason: Validity) -> bool {
         self.state.validity().any_of(reason)
+    }
+
+    /// Whether an incident goes on.
+    pub(crate) fn goes_on(&self, kind: Incident) -> bool {
+        self.board.active().any(|active| active == kind)
+    }
+
+    /// How often an incident has begun in this daemon's life.
+    pub(crate) fn begun(&self, kind: Incident) -> u64 {
+        self.board.begun[kind as usize]
     }
 
     pub(crate) fn both_fresh(&self) -> bool {

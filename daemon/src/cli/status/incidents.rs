@@ -1,0 +1,104 @@
+//! The station's incidents as `status` tells them: what goes on first, then how often what was.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+
+use equipoise_core::message::{Incident, Incidents};
+use equipoise_core::time::seconds;
+use equipoise_view::incident_words::{span, words};
+use serde::Serialize;
+
+/// All that is told of a station's incidents.
+#[derive(Debug, Serialize)]
+pub(super) struct Told {
+    active: Vec<Active>,
+    past: Vec<Past>,
+}
+
+#[derive(Debug, Serialize)]
+struct Active {
+    name: &'static str,
+    /// How long it has gone on, s.
+    for_s: f64,
+    /// How often it has begun since the daemon's start.
+    begun: u64,
+    /// Where, and why, as the journal has it.
+    what: String,
+    to_do: &'static str,
+}
+
+#[derive(Debug, Serialize)]
+struct Past {
+    name: &'static str,
+    begun: u64,
+    /// How long ago it last ended, s.
+    ended_s_ago: f64,
+}
+
+impl Told {
+    /// `sentences` are the daemon's own words on what goes on, by name; `now_ns` is CLOCK_MONOTONIC.
+    pub(super) fn new(incidents: &Incidents, sentences: &BTreeMap<String, String>, now_ns: u64) -> Told {
+        let since_s = |then_ns: u64| seconds(now_ns.saturating_sub(then_ns));
+        let is_active = |kind: Incident| incidents.active().any(|active| active == kind);
+        let active = incidents.active().map(|kind| Active {
+            name: kind.name(),
+            for_s: since_s(incidents.last_begun_ns[kind as usize]),
+            begun: incidents.begun[kind as usize],
+            what: sentences.get(kind.name()).cloned().unwrap_or_else(|| words(kind).meaning.to_owned()),
+            to_do: words(kind).to_do,
+        });
+        let was = |kind: &Incident| incidents.begun[*kind as usize] > 0 && !is_active(*kind);
+        let past = Incident::ALL.iter().copied().filter(was).map(|kind| Past {
+            name: kind.name(),
+            begun: incidents.begun[kind as usize],
+            ended_s_ago: since_s(incidents.last_ended_ns[kind as usize]),
+        });
+        Told { active: active.collect(), past: past.collect() }
+    }
+
+    pub(super) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
+        let as_span = |seconds: f64| span((seconds * 1e9) as u64);
+        for Active { name, for_s, what, to_do, .. } in &self.active {
+            writeln!(out, "  INCIDENT {name} for {}: {what}", as_span(*for_s))?;
+            writeln!(out, "           to do: {to_do}")?;
+        }
+        if !self.past.is_empty() {
+            let past = self.past.iter().map(|Past { name, begun, ended_s_ago }| {
+                format!("{name} {begun} times, last {} ago", as_span(*ended_s_ago))
+            });
+            writeln!(out, "  past incidents: {}", past.collect::<Vec<_>>().join("; "))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn what_goes_on_comes_first_with_the_daemon_s_own_words() {
+        let mut incidents = Incidents::zeroed();
+        let (silent, died) = (Incident::SuitSilent as usize, Incident::ParticipantDied as usize);
+        incidents.active = 1 << silent;
+        (incidents.begun[silent], incidents.begun[died]) = (2, 5);
+        (incidents.last_begun_ns[silent], incidents.last_ended_ns[silent]) = (70_000_000_000, 50_000_000_000);
+        incidents.last_ended_ns[died] = 60_000_000_000;
+        let sentences = BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]);
+        let told = Told::new(&incidents, &sentences, 80_000_000_000);
+        let mut text = Vec::new();
+        told.write(&mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert!(
+            text.starts_with("  INCIDENT suit_silent for 10 s: is it on?\n           to do: look at MVN"),
+            "{text}"
+        );
+        assert!(text.ends_with("past incidents: participant_died 5 times, last 20 s ago\n"), "{text}");
+        let json = serde_json::to_value(&told).unwrap();
+        assert_eq!(
+            (&json["active"][0]["begun"], &json["past"][0]["name"]),
+            (&2.into(), &"participant_died".into())
+        );
+    }
+}

@@ -1,0 +1,200 @@
+//! Keeps an adapter running: what dies after its first good start is started again, later and later.
+
+use std::any::Any;
+use std::fmt::Display;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::time::Duration;
+
+use tracing::info;
+
+/// First pause before a new start: a device that only hiccuped is back before anybody looks.
+const PAUSE_MIN: Duration = Duration::from_millis(250);
+/// Longest pause: a port or a network that is gone for minutes is not hammered, and heard soon when it is back.
+const PAUSE_MAX: Duration = Duration::from_secs(8);
+/// Who ran so long is well again: the next pause is the first.
+const GOOD_RUN: Duration = Duration::from_secs(30);
+/// How often a pause looks whether all shall end.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// What a keeper needs of the world; tests have a world of their own.
+pub struct World<'a> {
+    /// Time since some fixed moment.
+    pub now: &'a dyn Fn() -> Duration,
+    /// Waits.
+    pub sleep: &'a dyn Fn(Duration),
+    /// Whether all shall end.
+    pub stopping: &'a dyn Fn() -> bool,
+    /// Told when it goes down, with the reason and what follows, and with `None` when it is up again.
+    pub down: &'a dyn Fn(Option<&str>),
+}
+
+/// Runs `run` until all shall end. It is handed something to call once it works; a first run that ends before is not
+/// tried again. Every later end, by an error, a panic or of itself, is followed by a new run after a pause that doubles
+/// from 0.25 s to 8 s, and begins anew after 30 s of good running.
+///
+/// # Errors
+/// What the first run ended with before it worked.
+pub fn keep<E: Display>(
+    name: &str,
+    world: &World<'_>,
+    mut run: impl FnMut(&mut dyn FnMut()) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut pause = PAUSE_MIN;
+    let mut ever_worked = false;
+    while !(world.stopping)() {
+        let mut worked_since = None;
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            run(&mut || {
+                worked_since = Some((world.now)());
+                (world.down)(None);
+            })
+        }));
+        if (world.stopping)() {
+            return outcome.unwrap_or_else(|panic| resume_unwind(panic));
+        }
+        ever_worked |= worked_since.is_some();
+        let why = match outcome {
+            Err(panic) if !ever_worked => resume_unwind(panic),
+            Err(panic) => format!("it panicked: {}", words_of(&*panic)),
+            Ok(Err(error)) if !ever_worked => return Err(error),
+            Ok(Err(error)) => error.to_string(),
+            Ok(Ok(())) => "it ended of itself".to_owned(),
+        };
+        if worked_since.is_some_and(|since| (world.now)().saturating_sub(since) >= GOOD_RUN) {
+            pause = PAUSE_MIN;
+        }
+        let sentence = format!("the {name} adapter is down: {why}; it is started again in {pause:?}");
+        info!("{sentence}");
+        (world.down)(Some(&sentence));
+        rest(world, pause);
+        pause = (2 * pause).min(PAUSE_MAX);
+    }
+    Ok(())
+}
+
+fn rest(world: &World<'_>, pause: Duration) {
+    let begun = (world.now)();
+    while !(world.stopping)() {
+        let left = (begun + pause).saturating_sub((world.now)());
+        if left.is_zero() {
+            return;
+        }
+        (world.sleep)(left.min(LOOK_EVERY));
+    }
+}
+
+fn words_of(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::{Cell, RefCell};
+
+    /// A world whose time passes only while somebody sleeps.
+    struct Stage {
+        now: Cell<Duration>,
+        ends_at: Duration,
+        told: RefCell<Vec<Option<String>>>,
+        starts: RefCell<Vec<Duration>>,
+    }
+
+    impl Stage {
+        fn until(ends_at: Duration) -> Stage {
+            Stage { now: Cell::default(), ends_at, told: RefCell::default(), starts: RefCell::default() }
+        }
+
+        /// An adapter that at its n-th start does what `act` says.
+        fn keep(
+            &self,
+            mut act: impl FnMut(usize, &mut dyn FnMut()) -> Result<(), String>,
+        ) -> Result<(), String> {
+            let world = World {
+                now: &|| self.now.get(),
+                sleep: &|time| self.now.set(self.now.get() + time),
+                stopping: &|| self.now.get() >= self.ends_at,
+                down: &|why| self.told.borrow_mut().push(why.map(str::to_owned)),
+            };
+            keep("suit", &world, |ready| {
+                let count = self.starts.borrow().len();
+                self.starts.borrow_mut().push(self.now.get());
+                act(count, ready)
+            })
+        }
+
+        fn run_for(&self, time: Duration) {
+            self.now.set(self.now.get() + time);
+        }
+
+        /// Pauses between starts, in which nothing ran.
+        fn pauses_ms(&self) -> Vec<u128> {
+            self.starts.borrow().windows(2).map(|pair| (pair[1] - pair[0]).as_millis()).collect()
+        }
+    }
+
+    #[test]
+    fn a_first_start_that_fails_is_the_caller_s() {
+        let stage = Stage::until(Duration::from_secs(100));
+        assert_eq!(stage.keep(|_, _| Err("port taken".to_owned())), Err("port taken".to_owned()));
+        assert_eq!(stage.starts.borrow().len(), 1);
+        assert!(stage.told.borrow().is_empty());
+    }
+
+    #[test]
+    fn whoever_fails_or_panics_again_and_again_is_started_ever_later() {
+        let stage = Stage::until(Duration::from_secs(40));
+        let outcome = stage.keep(|count, ready| {
+            if count == 0 {
+                ready();
+            }
+            match count % 3 {
+                0 => Err("no socket".to_owned()),
+                1 => panic!("index out of bounds"),
+                _ => Ok(()),
+            }
+        });
+        assert_eq!(outcome, Ok(()));
+        assert_eq!(stage.pauses_ms(), [250, 500, 1000, 2000, 4000, 8000, 8000, 8000, 8000]);
+        let told = stage.told.borrow();
+        let said = |index: usize, words: &str| {
+            let sentence = told[index].as_deref().unwrap();
+            assert!(sentence.contains(words) && sentence.contains("started again"), "{sentence}");
+        };
+        assert_eq!(told[0], None);
+        said(1, "no socket");
+        said(2, "it panicked: index out of bounds");
+        said(3, "it ended of itself");
+    }
+
+    #[test]
+    fn thirty_seconds_of_good_running_and_the_pause_is_the_first_again() {
+        let stage = Stage::until(Duration::from_secs(100));
+        let outcome = stage.keep(|count, ready| {
+            ready();
+            let lasts_s = [0, 0, 0, 29, 30, 0, 100][count];
+            stage.run_for(Duration::from_secs(lasts_s));
+            Err("gone".to_owned())
+        });
+        // Asked to end while it runs: what it says then is handed on.
+        assert_eq!(outcome, Err("gone".to_owned()));
+        let without_running: Vec<u128> =
+            stage.pauses_ms().iter().zip([0, 0, 0, 29_000, 30_000, 0]).map(|(all, ran)| all - ran).collect();
+        assert_eq!(without_running, [250, 500, 1000, 2000, 250, 500]);
+    }
+
+    #[test]
+    fn a_pause_ends_when_all_shall_end() {
+        let stage = Stage::until(Duration::from_millis(700));
+        assert_eq!(
+            stage.keep(|_, ready| {
+                ready();
+                Err("gone".to_owned())
+            }),
+            Ok(())
+        );
+        assert_eq!(stage.starts.borrow().len(), 2);
+        assert!(stage.now.get() < Duration::from_millis(760), "{:?}", stage.now.get());
+    }
+}

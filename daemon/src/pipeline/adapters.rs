@@ -1,0 +1,91 @@
+//! The daemon's own adapters: one thread each, kept running for as long as the daemon runs.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use equipoise_core::message::Incident;
+
+use super::threads::{Other, started};
+use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use crate::incidents::IncidentBoard;
+use crate::keeper::{World, keep};
+use crate::realtime::Asked;
+use crate::rings::Rings;
+use crate::roster::Roster;
+use crate::sensors::{self, AdapterError};
+
+/// Starts the adapters that the configuration gives to the daemon; the first start of each must succeed.
+pub(super) fn start(
+    config: &Config,
+    rings: &Arc<Rings>,
+    roster: &Arc<Roster>,
+    board: &Arc<IncidentBoard>,
+    adapters: &mut Vec<Other>,
+) -> anyhow::Result<()> {
+    let asked = sensors::asked(config);
+    if config.suit.source == SuitSourceKind::MvnUdp {
+        let kept = Kept { name: "suit", down: Incident::SuitAdapterDown, asked };
+        let (station, suit) = (config.station.clone(), config.suit.clone());
+        let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
+            sensors::run_suit(&station, &suit, ready, stopping)
+        };
+        kept.start(rings, roster, board, adapters, run)?;
+    }
+    if config.ground.source == GroundSourceKind::AtiRdt {
+        let kept = Kept { name: "ground", down: Incident::GroundAdapterDown, asked };
+        let (station, ground) = (config.station.clone(), config.ground.clone());
+        let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
+            sensors::run_ground(&station, &ground, ready, stopping)
+        };
+        kept.start(rings, roster, board, adapters, run)?;
+    }
+    Ok(())
+}
+
+/// One adapter of the daemon.
+struct Kept {
+    name: &'static str,
+    down: Incident,
+    asked: Asked,
+}
+
+impl Kept {
+    fn start(
+        self,
+        rings: &Arc<Rings>,
+        roster: &Arc<Roster>,
+        board: &Arc<IncidentBoard>,
+        adapters: &mut Vec<Other>,
+        mut run: impl FnMut(&mut dyn FnMut(), &dyn Fn() -> bool) -> Result<(), AdapterError> + Send + 'static,
+    ) -> anyhow::Result<()> {
+        let (rings, board) = (Arc::clone(rings), Arc::clone(board));
+        let Kept { name, down, asked } = self;
+        // What the thread asks for holds for each of its adapter's lives.
+        let (thread, ()) = started(name, asked, roster, move |ready| {
+            let begun = Instant::now();
+            let stopping = || rings.is_stopping();
+            let world = World {
+                now: &|| begun.elapsed(),
+                sleep: &std::thread::sleep,
+                stopping: &stopping,
+                down: &|why| match why {
+                    Some(why) => board.begin(down, why),
+                    None => board.end(down),
+                },
+            };
+            keep(name, &world, |works| {
+                run(
+                    &mut || {
+                        works();
+                        // Later lives say it too, and nobody listens any more.
+                        let _ = ready.send(());
+                    },
+                    &stopping,
+                )
+            })?;
+            Ok(())
+        })?;
+        adapters.push((name, thread));
+        Ok(())
+    }
+}
