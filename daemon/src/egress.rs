@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant, SystemTime};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher};
@@ -16,7 +15,6 @@ use tracing::{info, warn};
 
 use crate::realtime::now_ns;
 use crate::rings::{Outcome, Rings};
-use crate::saving::ChangedWorker;
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 /// One entry per stage in the interval log this often.
@@ -29,7 +27,6 @@ pub struct Egress {
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
     events: Notifier,
-    worker_changed: Sender<ChangedWorker>,
     phase: u32,
     deadlines_missed: u64,
     latency: PathHistograms,
@@ -44,12 +41,7 @@ impl Egress {
     ///
     /// # Errors
     /// The bus cannot be joined.
-    pub fn open(
-        station: &str,
-        rings: Arc<Rings>,
-        worker_changed: Sender<ChangedWorker>,
-        hlog: Option<&Path>,
-    ) -> Result<Egress, BusError> {
+    pub fn open(station: &str, rings: Arc<Rings>, hlog: Option<&Path>) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
             rings,
@@ -57,7 +49,6 @@ impl Egress {
             cycle: bus.publisher()?,
             checkpoint: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
-            worker_changed,
             phase: u32::MAX,
             deadlines_missed: 0,
             latency: PathHistograms::new(),
@@ -79,8 +70,14 @@ impl Egress {
             while let Some(outcome) = self.rings.outcome.pop() {
                 self.publish(outcome)?;
             }
-            while let Some((worker, checkpoint)) = self.rings.taken.pop() {
-                self.publish_checkpoint(worker, checkpoint)?;
+            while let Some(checkpoint) = self.rings.taken.pop() {
+                self.publish_checkpoint(checkpoint)?;
+            }
+            if let Some(path) = self.rings.hlog.pop() {
+                if let Some(hlog) = &mut self.hlog {
+                    hlog.write_if_due(true);
+                }
+                self.hlog = path.as_deref().and_then(Hlog::create);
             }
             if self.last_checkpoint_service.elapsed() > Duration::from_secs(1) {
                 self.checkpoint.serve_late_subscribers()?;
@@ -121,12 +118,8 @@ impl Egress {
         Ok(())
     }
 
-    fn publish_checkpoint(&mut self, worker: u64, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
+    fn publish_checkpoint(&mut self, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
         self.checkpoint.send(&checkpoint)?;
-        if let Some(memory) = checkpoint.memory() {
-            // Saving may have ended already; then nothing is saved any more.
-            let _ = self.worker_changed.send((worker, Box::new(memory.identification)));
-        }
         self.events.notify(Event::NewCheckpoint)?;
         // There are as many places as boxes.
         let _ = self.rings.blank.push(checkpoint);

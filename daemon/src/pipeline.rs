@@ -1,10 +1,10 @@
 //! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
 
+mod reload;
 mod remembered;
 mod threads;
 
 use std::sync::Arc;
-use std::sync::mpsc;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
@@ -16,16 +16,19 @@ use crate::commands::Commands;
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
+use crate::in_force::{Forced, InForce};
 use crate::incidents::IncidentBoard;
 use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
+use crate::saving::Saver;
 use crate::status::{Status, StatusFile, ThreadStatus};
 use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
 use crate::{ingress, saving, sensors};
 
+use self::remembered::Remembered;
 use self::threads::{Other, Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
@@ -36,6 +39,8 @@ const DAEMON_ROLE: &str = "daemon";
 /// A running daemon.
 pub struct Pipeline {
     rings: Arc<Rings>,
+    in_force: Arc<InForce>,
+    board: Arc<IncidentBoard>,
     running: Running,
     page: Option<Page>,
     status: StatusFile,
@@ -68,7 +73,9 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
-        let settings = config.settings_among(&profile::folder());
+        let (settings, similar) = config.settings_among(&profile::folder());
+        let in_force = Forced { config: config.clone(), settings, similar };
+        let in_force = Arc::new(InForce::new(in_force));
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
         let memory_lock = lock_memory(config)?;
@@ -81,20 +88,34 @@ impl Pipeline {
             config.subject.remember,
         ));
         let workers = Arc::new(workers);
+        // Read before anybody may ask for anything, and written by the station's daemon only, further down.
+        let remembered = Remembered::find(config, &settings, &workers);
         let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
+        let commands_in_force = Arc::clone(&in_force);
         let (commands, ()) = started("commands", move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
-            let commands = Commands::open(bus, server, commands_rings, settings, commands_workers)?;
+            let commands = Commands::open(bus, server, commands_rings, commands_in_force, commands_workers)?;
             let _ = ready.send(());
             Ok(commands.run()?)
         })?;
         // From here on threads run: a failure must end them, and wait until they have left the bus.
         let mut running = Running { others: vec![("commands", commands)], ..Running::default() };
         let board = Arc::new(IncidentBoard::default());
-        let start = Start { config, rings: &rings, board, workers, memory_lock, observer };
+        let start = Start {
+            config,
+            rings: &rings,
+            in_force: &in_force,
+            board: &board,
+            workers,
+            remembered,
+            memory_lock,
+            observer,
+        };
         match start.the_rest(settings, &mut running) {
-            Ok((page, status, threads)) => Ok(Pipeline { rings, running, page, status, threads }),
+            Ok((page, status, threads)) => {
+                Ok(Pipeline { rings, in_force, board, running, page, status, threads })
+            }
             Err(error) => {
                 rings.stop();
                 // The first failure is the one to tell.
@@ -145,8 +166,10 @@ impl Pipeline {
 struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
-    board: Arc<IncidentBoard>,
+    in_force: &'a Arc<InForce>,
+    board: &'a Arc<IncidentBoard>,
     workers: Arc<Workers>,
+    remembered: Remembered,
     memory_lock: String,
     observer: Box<dyn Observer>,
 }
@@ -172,27 +195,19 @@ impl Start<'_> {
             None => None,
         };
 
-        let (worker_changed, changed_workers) = mpsc::channel();
-        let (workers, board) = (Arc::clone(&self.workers), Arc::clone(&self.board));
-        let (saver, ()) = started("saving", move |ready| {
-            let _ = ready.send(());
-            saving::run(&changed_workers, &workers, &board);
-            Ok(())
-        })?;
-        running.others.push(("saving", saver));
         let (rings, station, hlog) =
             (Arc::clone(self.rings), config.station.clone(), config.latency.hlog.clone());
         let ask = asked(BELOW_LOOP[1].1);
         let (egress, report) = started("egress", move |ready| {
             let report = realtime::ask("egress", ask);
-            let egress = Egress::open(&station, rings, worker_changed, hlog.as_deref())?;
+            let egress = Egress::open(&station, rings, hlog.as_deref())?;
             let _ = ready.send(report);
             Ok(egress.run()?)
         })?;
         running.egress = Some(egress);
         threads.push(report);
 
-        let memory = remembered::remembered(&settings, &self.workers);
+        let Remembered { memory, worker, tare, station_refused, told } = self.remembered;
         let (rings, cpu) = (Arc::clone(self.rings), config.tick.cpu);
         let (asked_loop, period_ns) =
             (Asked { fifo_priority: config.tick.priority, cpu }, config.period_ns());
@@ -201,7 +216,7 @@ impl Start<'_> {
             let _runs = rings.loop_runs();
             realtime::prefault_stack();
             let _ = ready.send(realtime::ask("loop", asked_loop));
-            Ok(Loop::new(settings, memory, Arc::clone(&rings), period_ns).run(&mut *observer))
+            Ok(Loop::new(settings, memory, worker, Arc::clone(&rings), period_ns).run(&mut *observer))
         })?;
         running.looping = Some(looping);
         threads.push(report);
@@ -227,13 +242,32 @@ impl Start<'_> {
             station: config.station.clone(),
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
+            subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
+            remembered: told,
+            reload: 0,
             page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock,
             model_suspicion: None,
             threads: threads.iter().map(ThreadStatus::from).collect(),
         });
         status.write().with_context(|| format!("cannot write {}", status.path.display()))?;
-        let (rings, board) = (Arc::clone(self.rings), self.board);
+        let saver = Saver {
+            rings: Arc::clone(self.rings),
+            workers: self.workers,
+            in_force: Arc::clone(self.in_force),
+            board: Arc::clone(self.board),
+            status: status.clone(),
+            station_refused,
+            tare,
+        };
+        let (saver, ()) = started("saving", move |ready| {
+            let _ = ready.send(());
+            saving::run(saver);
+            Ok(())
+        })
+        .inspect_err(|_| status.remove())?;
+        running.others.push(("saving", saver));
+        let (rings, board) = (Arc::clone(self.rings), Arc::clone(self.board));
         let (station, file) = (config.station.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", move |ready| {
             let housekeeping = Housekeeping::open(&station, rings, board, file)?;

@@ -4,12 +4,12 @@
 //! a blank one and sends it off, and a thread that may touch the heap brings it back.
 
 use std::os::fd::{AsFd, OwnedFd};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use crossbeam_queue::ArrayQueue;
-use equipoise_core::cycle::Checkpoint;
-use equipoise_core::cycle::Identification;
+use equipoise_core::cycle::{Checkpoint, Kept, Settings, Worker};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
@@ -23,6 +23,8 @@ const COMMAND_RING: usize = 16;
 /// As many as there may be commands: the loop never finds it full, and so never frees a worker itself.
 const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
+/// One that the disk is busy with, one of the worker before, one of the worker now, one to spare.
+const KEPT: usize = 4;
 
 /// What one cycle has to say.
 #[derive(Debug, Clone, Copy)]
@@ -43,13 +45,23 @@ pub struct Rings {
     /// Commands to the loop, one a cycle.
     pub command: ArrayQueue<CommandKind>,
     /// A worker to take over and its number, with the command that says so.
-    pub worker: ArrayQueue<(u64, Box<Identification>)>,
+    pub worker: ArrayQueue<(u64, Box<Worker>)>,
     /// The worker's empty box on its way back.
-    pub worker_back: ArrayQueue<Box<Identification>>,
+    pub worker_back: ArrayQueue<Box<Worker>>,
+    /// Other settings to the loop, and the number of the reload that brings them.
+    pub settings: ArrayQueue<(u64, Box<Settings>)>,
+    /// The settings before, on their way to who may free them.
+    pub settings_back: ArrayQueue<Box<Settings>>,
+    /// Blank boxes for what is kept.
+    pub keep_blank: ArrayQueue<Box<Kept>>,
+    /// What is kept, to saving, with the number of the worker in it.
+    pub kept: ArrayQueue<(u64, Box<Kept>)>,
     /// Blank checkpoints for the loop.
     pub blank: ArrayQueue<Box<Checkpoint>>,
-    /// Taken checkpoints to egress, with the number of the worker in them.
-    pub taken: ArrayQueue<(u64, Box<Checkpoint>)>,
+    /// Taken checkpoints to egress.
+    pub taken: ArrayQueue<Box<Checkpoint>>,
+    /// To egress: where the latency log goes from now on.
+    pub hlog: ArrayQueue<Option<PathBuf>>,
     /// Loop to egress.
     pub outcome: ArrayQueue<Outcome>,
     outcome_ready: OwnedFd,
@@ -72,12 +84,21 @@ impl Rings {
         for _ in 0..CHECKPOINTS {
             let _ = blank.push(bytemuck::zeroed_box());
         }
+        let keep_blank = ArrayQueue::new(KEPT);
+        for _ in 0..KEPT {
+            let _ = keep_blank.push(bytemuck::zeroed_box());
+        }
         Ok(Rings {
             suit: ArrayQueue::new(SUIT_RING),
             ground: ArrayQueue::new(GROUND_RING),
             command: ArrayQueue::new(COMMAND_RING),
             worker: ArrayQueue::new(1),
             worker_back: ArrayQueue::new(WORKERS_BACK),
+            settings: ArrayQueue::new(1),
+            settings_back: ArrayQueue::new(1),
+            keep_blank,
+            kept: ArrayQueue::new(KEPT),
+            hlog: ArrayQueue::new(1),
             blank,
             taken: ArrayQueue::new(CHECKPOINTS),
             outcome: ArrayQueue::new(OUTCOME_RING),

@@ -1,6 +1,7 @@
 //! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
 
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +22,15 @@ pub struct Status {
     /// The model in use beside the body; empty without one.
     #[serde(default)]
     pub model_toml: String,
+    /// The subject in use; empty if nobody with a name is.
+    #[serde(default)]
+    pub subject: String,
+    /// What was found of the daemon before, and what of it is used or not, in words.
+    #[serde(default)]
+    pub remembered: Vec<String>,
+    /// Number of the reload that brought `config_toml` and `model_toml`; 0 for the start.
+    #[serde(default)]
+    pub reload: u64,
     /// Where the page is, if it is served.
     pub page: Option<String>,
     /// Whether memory is locked, or why not.
@@ -56,28 +66,42 @@ impl From<&ThreadReport> for ThreadStatus {
     }
 }
 
-/// The file of a station's daemon; removed when it ends.
+/// The file of a station's daemon; removed when it ends. Copies of it tell the same.
 #[derive(Debug, Clone)]
 pub struct StatusFile {
     /// Where.
     pub path: PathBuf,
-    status: Status,
-    text: String,
+    facts: Arc<Mutex<(Status, String)>>,
 }
 
 impl StatusFile {
     /// A file for these facts.
     pub fn new(status: Status) -> StatusFile {
         let text = serde_json::to_string_pretty(&status).unwrap_or_default();
-        StatusFile { path: path_of(&status.station), status, text }
+        StatusFile { path: path_of(&status.station), facts: Arc::new(Mutex::new((status, text))) }
     }
 
     /// Says where the model does not explain what is measured; written with the next [`StatusFile::write`].
-    pub fn suspect(&mut self, suspicion: Option<String>) {
-        if self.status.model_suspicion != suspicion {
-            self.status.model_suspicion = suspicion;
-            self.text = serde_json::to_string_pretty(&self.status).unwrap_or_default();
+    pub fn suspect(&self, suspicion: Option<String>) {
+        let same = self.facts.lock().unwrap_or_else(PoisonError::into_inner).0.model_suspicion == suspicion;
+        if !same {
+            self.change(|status| status.model_suspicion = suspicion);
         }
+    }
+
+    /// Says who is in use; written with the next [`StatusFile::write`].
+    pub fn set_subject(&self, subject: &str) {
+        let same = self.facts.lock().unwrap_or_else(PoisonError::into_inner).0.subject == subject;
+        if !same {
+            self.change(|status| subject.clone_into(&mut status.subject));
+        }
+    }
+
+    /// Changes facts; written with the next [`StatusFile::write`].
+    pub fn change(&self, change: impl FnOnce(&mut Status)) {
+        let (status, text) = &mut *self.facts.lock().unwrap_or_else(PoisonError::into_inner);
+        change(status);
+        *text = serde_json::to_string_pretty(status).unwrap_or_default();
     }
 
     /// Writes it, if it is not there as it should be.
@@ -85,10 +109,12 @@ impl StatusFile {
     /// # Errors
     /// What the system said.
     pub fn write(&self) -> std::io::Result<()> {
-        if std::fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {
+        // Held while writing: two threads do it, into one temporary file.
+        let facts = self.facts.lock().unwrap_or_else(PoisonError::into_inner);
+        if std::fs::read_to_string(&self.path).is_ok_and(|text| text == facts.1) {
             return Ok(());
         }
-        write_whole(&self.path, self.text.as_bytes())
+        write_whole(&self.path, facts.1.as_bytes())
     }
 
     /// Removes it.

@@ -7,15 +7,18 @@ use std::sync::Arc;
 
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
+use equipoise_core::time::NS_PER_S;
 
 use crate::realtime::{now_ns, sleep_until};
 use crate::rings::{Outcome, Rings};
 use crate::schedule::Schedule;
-use crate::workers;
 
 /// At most so many samples are taken in by one cycle; the rest wait in the ring.
 const SUIT_TAKEN_MAX: usize = 8;
 const GROUND_TAKEN_MAX: usize = 64;
+/// What outlives the process is copied out this often, and with every command: with the disk's time on top, a kill loses
+/// less than a second.
+const KEEP_EVERY_NS: u64 = NS_PER_S / 2;
 
 /// Told about every cycle from inside the loop: tests arm their counters here.
 pub trait Observer: Send {
@@ -57,6 +60,8 @@ pub struct Loop {
     told: Told,
     /// Number of the worker in `memory`.
     worker: u64,
+    /// When `memory` was last copied out to be kept.
+    kept_ns: u64,
 }
 
 /// What of the worker was last checkpointed.
@@ -81,7 +86,15 @@ impl Told {
 
 impl Loop {
     /// A loop over a memory that was started or restored.
-    pub fn new(settings: Settings, memory: Box<Memory>, rings: Arc<Rings>, period_ns: u64) -> Loop {
+    ///
+    /// `worker` is the number of the worker in it.
+    pub fn new(
+        settings: Settings,
+        memory: Box<Memory>,
+        worker: u64,
+        rings: Arc<Rings>,
+        period_ns: u64,
+    ) -> Loop {
         let told = Told::of(&memory.identification);
         Loop {
             settings,
@@ -93,7 +106,8 @@ impl Loop {
             record: bytemuck::Zeroable::zeroed(),
             owes_checkpoint: true,
             told,
-            worker: workers::CONFIGURED,
+            worker,
+            kept_ns: 0,
         }
     }
 
@@ -110,6 +124,7 @@ impl Loop {
             observer.cycle_ends(cycles);
             schedule.advance(now_ns());
         }
+        self.keep();
         let slots_skipped = self.record.slots_skipped;
         let deadlines_missed = self.record.deadlines_missed;
         // The last advance went on to a slot that was never begun.
@@ -117,8 +132,7 @@ impl Loop {
     }
 
     fn cycle(&mut self, tick: Tick, woken_ns: u64, schedule: &Schedule) {
-        let command = self.rings.command.pop();
-        self.take_over_worker(command);
+        let command = self.command();
         let (suit_taken, ground_taken) = self.take_samples();
         let compute_start_ns = now_ns();
         let inputs = Inputs { suit: &self.suit[..suit_taken], ground: &self.ground[..ground_taken], command };
@@ -141,6 +155,10 @@ impl Loop {
         record.output_dropped = self.rings.output_dropped();
         self.note_samples(suit_taken, ground_taken);
         self.take_checkpoint(tick.cycle, command);
+        if command.is_some() || tick.due_ns.saturating_sub(self.kept_ns) >= KEEP_EVERY_NS {
+            self.kept_ns = tick.due_ns;
+            self.keep();
+        }
         self.rings.push_outcome(Outcome { state, record: self.record });
     }
 
@@ -171,14 +189,37 @@ impl Loop {
         }
     }
 
-    /// Puts a loaded worker in place whole; the emptied box goes back to who may free it.
-    fn take_over_worker(&mut self, command: Option<CommandKind>) {
+    /// The command of this cycle, with what it brings put in place: another worker, or other settings. The emptied box
+    /// goes back to who may free it.
+    fn command(&mut self) -> Option<CommandKind> {
+        self.record.command_argument = [0.0; 4];
+        let command = self.rings.command.pop();
         if command == Some(CommandKind::SubjectLoad)
             && let Some((number, worker)) = self.rings.worker.pop()
         {
-            self.memory.identification = *worker;
+            // The last word of the one before.
+            self.keep();
+            self.memory.put_in_place(&worker);
             self.worker = number;
             let _ = self.rings.worker_back.push(worker);
+        }
+        if command.is_none()
+            && let Some((number, mut settings)) = self.rings.settings.pop()
+        {
+            std::mem::swap(&mut self.settings, &mut *settings);
+            let _ = self.rings.settings_back.push(settings);
+            self.record.command_argument[0] = number as f64;
+            return Some(CommandKind::Reload);
+        }
+        command
+    }
+
+    /// Copies what outlives the process; while the disk is so slow that no box is blank, the next time.
+    fn keep(&mut self) {
+        if let Some(mut kept) = self.rings.keep_blank.pop() {
+            kept.take(&self.memory);
+            // There are as many places as boxes.
+            let _ = self.rings.kept.push((self.worker, kept));
         }
     }
 
@@ -192,7 +233,7 @@ impl Loop {
             self.owes_checkpoint = false;
             self.told = worker;
             // There are as many places as boxes.
-            let _ = self.rings.taken.push((self.worker, checkpoint));
+            let _ = self.rings.taken.push(checkpoint);
         }
     }
 }
