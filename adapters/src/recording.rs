@@ -20,7 +20,7 @@ pub mod topic;
 pub mod writer;
 
 pub use error::ReadError;
-pub use header::RecordingHeader;
+pub use header::{RecordingHeader, Reloaded};
 pub use reader::{Entries, Recording};
 pub use topic::{Entry, Recorded, TimedEntry};
 pub use writer::{Recorder, WriteError};

@@ -54,6 +54,16 @@ impl Anchor {
             && self.stance < 1 << 48
     }
 
+    /// Shift from the suit's to the station's world, m.
+    pub fn station_from_suit_m(&self) -> [f64; 2] {
+        self.station_from_suit_m
+    }
+
+    /// Begins with a shift that was found before, and no feet seen yet: where they are seen next is a new stance.
+    pub fn resume(&mut self, station_from_suit_m: [f64; 2]) {
+        *self = Anchor { station_from_suit_m, started: 1, standing: 0b11, lost: 1, ..Zeroable::zeroed() };
+    }
+
     /// The body was lost from sight: where the feet are seen next is a new stance.
     pub fn lose(&mut self) {
         self.lost = self.started;

@@ -11,6 +11,7 @@ pub mod checkpoint;
 mod exposure;
 mod feet;
 pub mod identification;
+pub mod kept;
 mod loading;
 pub mod memory;
 mod model_terms;
@@ -31,8 +32,10 @@ use crate::time::NS_PER_S;
 
 pub use checkpoint::Checkpoint;
 pub use identification::{Identification, NO_POSE};
-pub use memory::Memory;
+pub use kept::{Kept, Registration};
+pub use memory::{Memory, Worker};
 pub use settings::{Asked, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule};
+pub use tare::Tare;
 
 /// How late a stream may be beyond two of its periods, ns.
 const STALE_TOLERANCE_NS: u64 = 20_000_000;
@@ -138,14 +141,22 @@ impl Memory {
                 }
             }
             // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
-            CommandKind::Checkpoint | CommandKind::SubjectSave => {}
+            CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
+            CommandKind::Reload => {
+                // Filters and the still window hold what another model made of the moments.
+                self.terms.restart();
+                self.asked.begin_anew();
+                self.window.clear();
+                self.history.clear();
+                self.unloaded.forget();
+                self.model_changed_ns = tick.due_ns;
+            }
             CommandKind::SubjectLoad => {
                 self.asked.begin_anew();
                 // What the window holds was another worker's pose.
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
-                self.exposure.start();
                 self.noise = bytemuck::Zeroable::zeroed();
                 self.known.motion_samples_used = 0;
                 self.model_changed_ns = tick.due_ns;

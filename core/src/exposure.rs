@@ -56,7 +56,34 @@ pub struct Exposure {
     last_sample_ns: u64,
 }
 
+/// What of a shift is kept for a later start.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Shift {
+    /// Fatigue of each joint, in [0, 1].
+    pub fatigue: [f64; JOINTS],
+    /// Damage of the low back by the lifts so far.
+    pub damage: f64,
+    /// How many.
+    pub lifts: u64,
+}
+
 impl Exposure {
+    /// What is kept. A lift under way counts with what was seen of it, as before any gap.
+    pub fn shift(&self) -> Shift {
+        let mut dose = self.dose;
+        dose.end_lift();
+        Shift { fatigue: self.fatigue.share, damage: dose.damage, lifts: dose.lifts }
+    }
+
+    /// Goes on with a shift after a gap in which nothing is known: neither fatigue nor rest is invented.
+    pub fn resume(&mut self, shift: &Shift) {
+        self.start();
+        self.fatigue.share = shift.fatigue;
+        self.dose.damage = shift.damage;
+        self.dose.lifts = shift.lifts;
+    }
+
     /// Another worker: nothing has added up yet.
     pub fn start(&mut self) {
         *self = Zeroable::zeroed();

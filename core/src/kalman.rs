@@ -311,6 +311,14 @@ impl Filter {
         true
     }
 
+    /// Copies the rows that are in use of another filter.
+    pub(crate) fn copy_from(&mut self, other: &Filter) {
+        self.count = other.count;
+        self.theta_m = other.theta_m;
+        let states = other.states();
+        self.covariance_m2[..states].copy_from_slice(&other.covariance_m2[..states]);
+    }
+
     /// `P hᵀ`, zero beyond the states there are.
     ///
     /// P is symmetric, so the sum runs over rows: sums along a row would have to be added one after the other, while

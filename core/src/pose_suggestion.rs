@@ -65,9 +65,29 @@ impl Performed {
         self.count
     }
 
-    /// Whether every number is finite; a stored memory is checked before use.
+    /// The poses that are remembered, oldest first.
+    pub fn poses(&self) -> impl Iterator<Item = &Coordinates> {
+        let kept = self.count.min(MEMORY as u64);
+        (self.count - kept..self.count).map(|pose| &self.coordinates_rad[pose as usize % MEMORY])
+    }
+
+    /// A memory of `count` poses, of which these are the last, oldest first; more than it has room for are passed over.
+    pub fn of(count: u64, last: impl Iterator<Item = Coordinates>) -> Performed {
+        let mut performed = Performed { count: count.saturating_sub(MEMORY as u64), ..Zeroable::zeroed() };
+        last.take(count.min(MEMORY as u64) as usize).for_each(|pose| performed.push(pose));
+        performed
+    }
+
+    /// Copies what is in use of another memory.
+    pub(crate) fn copy_from(&mut self, other: &Performed) {
+        let kept = other.count.min(MEMORY as u64) as usize;
+        self.coordinates_rad[..kept].copy_from_slice(&other.coordinates_rad[..kept]);
+        self.count = other.count;
+    }
+
+    /// Whether count and numbers are in range; a stored memory is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.coordinates_rad.iter().flatten().all(|value| value.is_finite())
+        self.count < 1 << 32 && self.coordinates_rad.iter().flatten().all(|value| value.is_finite())
     }
 
     /// Eq. 11 for one candidate: how far it lies from all performed poses, `Σ_j √(Σ_r w_r (x_jr − y_r)²)`, rad, with the

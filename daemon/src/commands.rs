@@ -1,5 +1,7 @@
 //! Answers what people and controllers ask of a running daemon.
 
+mod subjects;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -10,9 +12,9 @@ use equipoise_core::cycle::{Settings, StopRule};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, Reply, State, Validity};
 
-use crate::profile::{self, Profile};
+use crate::in_force::InForce;
 use crate::rings::Rings;
-use crate::workers::{self, Saving};
+use crate::workers::Workers;
 
 /// How often waiting commands are looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
@@ -22,17 +24,11 @@ pub struct Commands {
     server: CommandServer,
     state: Subscriber<State>,
     rings: Arc<Rings>,
-    settings: Settings,
-    workers: Workers,
+    in_force: Arc<InForce>,
+    workers: Arc<Workers>,
     latest: Option<State>,
     // Ports die before the node they hang on.
     _bus: Bus,
-}
-
-/// Whom the daemon knows, and who of them is in use.
-struct Workers {
-    all: Arc<workers::Workers>,
-    in_use: u64,
 }
 
 /// What to answer: the cycle from which it holds and a sentence, or why not.
@@ -47,12 +43,11 @@ impl Commands {
         bus: Bus,
         server: CommandServer,
         rings: Arc<Rings>,
-        settings: Settings,
-        workers: Arc<workers::Workers>,
+        in_force: Arc<InForce>,
+        workers: Arc<Workers>,
     ) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        let workers = Workers { all: workers, in_use: workers::CONFIGURED };
-        Ok(Commands { server, state, rings, settings, workers, latest: None, _bus: bus })
+        Ok(Commands { server, state, rings, in_force, workers, latest: None, _bus: bus })
     }
 
     /// Answers until it shall stop.
@@ -64,10 +59,11 @@ impl Commands {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
             }
-            let (rings, settings, workers, latest) =
-                (&self.rings, &self.settings, &mut self.workers, self.latest.as_ref());
-            while self.server.poll(|command| answer(command, rings, settings, workers, latest))? {}
+            let (rings, in_force, workers, latest) =
+                (&self.rings, &self.in_force, &self.workers, self.latest.as_ref());
+            while self.server.poll(|command| answer(command, rings, in_force, workers, latest))? {}
             while self.rings.worker_back.pop().is_some() {}
+            while self.rings.settings_back.pop().is_some() {}
             std::thread::sleep(LOOK_EVERY);
         }
         Ok(())
@@ -77,20 +73,24 @@ impl Commands {
 fn answer(
     command: &Command,
     rings: &Rings,
-    settings: &Settings,
-    workers: &mut Workers,
+    in_force: &InForce,
+    workers: &Workers,
     latest: Option<&State>,
 ) -> Reply {
     let outcome = match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
         Some(CommandKind::Tare) => tare(rings, latest),
-        Some(CommandKind::SubjectLoad) => load(command, rings, settings, workers),
-        Some(CommandKind::SubjectSave) => save(rings, workers, latest),
+        Some(CommandKind::SubjectLoad) => subjects::load(command, rings, in_force, workers),
+        Some(CommandKind::SubjectSave) => subjects::save(rings, workers, latest),
+        Some(CommandKind::SubjectForget) => subjects::forget(command, rings, in_force, workers),
+        Some(CommandKind::Reload) => {
+            Err("send the daemon SIGHUP (`systemctl reload`): it reads its own configuration".to_owned())
+        }
         Some(kind @ CommandKind::IdentifyStart) => {
             hand_over(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
         }
         Some(kind @ CommandKind::IdentifyStop) => {
-            hand_over(rings, kind).map(|()| how_it_stopped(latest, settings))
+            hand_over(rings, kind).map(|()| in_force.look(|forced| how_it_stopped(latest, &forced.settings)))
         }
         Some(kind @ CommandKind::PoseSkip) => match latest.filter(|state| state.suggested_pose != u32::MAX) {
             Some(state) => {
@@ -143,48 +143,6 @@ fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
         return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
     }
     hand_over(rings, CommandKind::Tare).map(|()| "what the empty plate shows is zero from now on".to_owned())
-}
-
-fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> Answer {
-    let saving = workers.all.get(workers.in_use).ok_or("nobody is in use")?;
-    if let Some(why) = saving.refusal {
-        return Err(format!("{} is not saved: {why}", saving.subject));
-    }
-    // The filter has a variance as soon as it has a body to work on.
-    if latest.is_none_or(|state| state.variance_max_m2 <= 0.0) {
-        return Err("nothing is known of the worker yet; let the suit stream first".to_owned());
-    }
-    hand_over(rings, CommandKind::Checkpoint)
-        .map(|()| format!("the worker is being saved as {}", saving.subject))
-}
-
-fn load(command: &Command, rings: &Rings, settings: &Settings, workers: &mut Workers) -> Answer {
-    let id = text_of(&command.subject);
-    if !profile::is_plain(&id) {
-        return Err("a subject's id is made of letters, digits, '-' and '_'".to_owned());
-    }
-    let path = profile::path_of(&id);
-    let profile = Profile::read(&path)
-        .map_err(|error| error.to_string())?
-        .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
-    let mut worker =
-        profile.worker(settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
-    // Whether anything is remembered is the configuration's word, for every worker.
-    let configured = workers.all.get(workers::CONFIGURED);
-    let remember = configured.as_ref().is_some_and(|saving| saving.remember);
-    // A mass in the configuration is the configured worker's, nobody else's.
-    if let (true, Some(mass_kg)) = (configured.is_some_and(|saving| saving.subject == id), settings.mass_kg) {
-        worker.mass_kg = mass_kg;
-    }
-    let in_use = format!("{id} is in use: {} poses, {:.1} kg", worker.poses_used, worker.mass_kg);
-    while rings.worker_back.pop().is_some() {}
-    // This thread alone fills both rings, so what is free now stays free.
-    if rings.command.is_full() || rings.worker.is_full() {
-        return Err("too many commands at once; ask again".to_owned());
-    }
-    let number = workers.all.add(Saving::of(&id, profile.build(), remember));
-    let _ = rings.worker.push((number, worker));
-    hand_over(rings, CommandKind::SubjectLoad).inspect(|()| workers.in_use = number).map(|()| in_use)
 }
 
 fn reply(cycle: u64, outcome: Answer) -> Reply {

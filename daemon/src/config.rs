@@ -1,5 +1,6 @@
 //! The one configuration file: what every key means, which values it may have, and what to say when it is wrong.
 
+mod live;
 mod message;
 pub mod method;
 pub mod overload;
@@ -217,15 +218,16 @@ impl Config {
         settings
     }
 
-    /// The same, with the similar worker that `prior = "similar-subject"` finds in a folder of profiles; says whom.
-    pub fn settings_among(&self, profiles: &Path) -> Settings {
+    /// The same, with the similar worker that `prior = "similar-subject"` finds in a folder of profiles, and whom.
+    pub fn settings_among(&self, profiles: &Path) -> (Settings, Option<String>) {
         let mut settings = self.settings();
-        if settings.prior == PriorKind::SimilarSubject {
-            let chosen = similar::choose(&self.subject.id, &settings, profiles);
-            tracing::info!("{}", similar::tell(chosen.as_ref()));
-            settings.similar = chosen.map(|chosen| chosen.similar);
+        if settings.prior != PriorKind::SimilarSubject {
+            return (settings, None);
         }
-        settings
+        let chosen = similar::choose(&self.subject.id, &settings, profiles);
+        tracing::info!("{}", similar::tell(chosen.as_ref()));
+        settings.similar = chosen.as_ref().map(|chosen| chosen.similar);
+        (settings, chosen.map(|chosen| chosen.subject))
     }
 
     /// The configuration as TOML, defaults included: what a recording keeps.

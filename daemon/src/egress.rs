@@ -1,7 +1,6 @@
 //! From the loop to the bus: publishes, stamps, wakes consumers, hands every outcome to the latency log.
 
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher};
@@ -12,7 +11,6 @@ use tracing::info;
 use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
 use crate::rings::{Outcome, Rings};
-use crate::saving::ChangedWorker;
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 
@@ -23,7 +21,6 @@ pub struct Egress {
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
     events: Notifier,
-    worker_changed: Sender<ChangedWorker>,
     phase: u32,
     deadlines_missed: u64,
     latency_log: Feed,
@@ -37,12 +34,7 @@ impl Egress {
     ///
     /// # Errors
     /// The bus cannot be joined.
-    pub fn open(
-        station: &str,
-        rings: Arc<Rings>,
-        worker_changed: Sender<ChangedWorker>,
-        latency_log: Feed,
-    ) -> Result<Egress, BusError> {
+    pub fn open(station: &str, rings: Arc<Rings>, latency_log: Feed) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
             rings,
@@ -50,7 +42,6 @@ impl Egress {
             cycle: bus.publisher()?,
             checkpoint: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
-            worker_changed,
             phase: u32::MAX,
             deadlines_missed: 0,
             latency_log,
@@ -71,8 +62,8 @@ impl Egress {
             while let Some(outcome) = self.rings.outcome.pop() {
                 self.publish(outcome)?;
             }
-            while let Some((worker, checkpoint)) = self.rings.taken.pop() {
-                self.publish_checkpoint(worker, checkpoint)?;
+            while let Some(checkpoint) = self.rings.taken.pop() {
+                self.publish_checkpoint(checkpoint)?;
             }
             if self.last_checkpoint_service.elapsed() > Duration::from_secs(1) {
                 self.checkpoint.serve_late_subscribers()?;
@@ -105,12 +96,8 @@ impl Egress {
         Ok(())
     }
 
-    fn publish_checkpoint(&mut self, worker: u64, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
+    fn publish_checkpoint(&mut self, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
         self.checkpoint.send(&checkpoint)?;
-        if let Some(memory) = checkpoint.memory() {
-            // Saving may have ended already; then nothing is saved any more.
-            let _ = self.worker_changed.send((worker, Box::new(memory.identification)));
-        }
         self.events.notify(Event::NewCheckpoint)?;
         // There are as many places as boxes.
         let _ = self.rings.blank.push(checkpoint);

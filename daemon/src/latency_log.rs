@@ -20,7 +20,7 @@ use self::feed::Drain;
 use self::flight::{Flight, FlightRecorder};
 use self::flight_files::FlightFiles;
 use self::hlog_file::HlogFile;
-use crate::config::Config;
+use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
 use crate::profile;
 use crate::rings::Outcome;
@@ -33,6 +33,8 @@ const TELL_EVERY: Duration = Duration::from_secs(10);
 /// The latency log, before it runs.
 pub struct LatencyLog {
     drain: Drain,
+    /// Says where the interval log goes, which may change.
+    in_force: Arc<InForce>,
     board: Arc<IncidentBoard>,
     total: PathHistograms,
     hlog: Option<HlogFile>,
@@ -44,15 +46,17 @@ pub struct LatencyLog {
 }
 
 impl LatencyLog {
-    /// What the configuration asks for, of a station's outcomes.
-    pub fn new(config: &Config, drain: Drain, board: Arc<IncidentBoard>) -> LatencyLog {
+    /// What the configuration in force asks for, of a station's outcomes.
+    pub fn new(drain: Drain, in_force: Arc<InForce>, board: Arc<IncidentBoard>) -> LatencyLog {
+        let config = in_force.now().config;
         let cycles = config.latency.flight_cycles as usize;
         let flight = (cycles > 0).then(|| {
-            let files = FlightFiles::new(&profile::state_directory().join("flight"), config);
+            let files = FlightFiles::new(&profile::state_directory().join("flight"), &config);
             (FlightRecorder::new(cycles), files)
         });
         LatencyLog {
             drain,
+            in_force,
             board,
             total: PathHistograms::new(),
             hlog: config.latency.hlog.as_deref().map(HlogFile::new),
@@ -75,6 +79,7 @@ impl LatencyLog {
             while let Some(outcome) = self.drain.pop() {
                 self.enter(&outcome);
             }
+            self.follow_reload();
             self.write_hlog(ended);
             if ended {
                 let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
@@ -96,6 +101,15 @@ impl LatencyLog {
         }
         let flight = self.flight.as_mut().and_then(|(recorder, _)| recorder.enter(outcome));
         self.keep(flight);
+    }
+
+    /// Goes on with another interval log, or none, when another configuration is in force.
+    fn follow_reload(&mut self) {
+        let wanted = self.in_force.look(|forced| forced.config.latency.hlog.clone());
+        if self.hlog.as_ref().map(HlogFile::path) != wanted.as_deref() {
+            self.write_hlog(true);
+            self.hlog = wanted.as_deref().map(HlogFile::new);
+        }
     }
 
     fn write_hlog(&mut self, at_once: bool) {

@@ -1,11 +1,11 @@
 //! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
 
 mod adapters;
+mod reload;
 mod remembered;
 mod threads;
 
 use std::sync::Arc;
-use std::sync::mpsc;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
@@ -18,6 +18,7 @@ use crate::commands::Commands;
 use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
+use crate::in_force::{Forced, InForce};
 use crate::incidents::IncidentBoard;
 use crate::latency_log::{self, LatencyLog};
 use crate::page_feed;
@@ -25,11 +26,13 @@ use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
 use crate::roster::{MemoryUse, Roster};
+use crate::saving::Saver;
 use crate::status::{Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
 use crate::{ingress, saving};
 
+use self::remembered::Remembered;
 use self::threads::{Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
@@ -44,6 +47,8 @@ const DAEMON_ROLE: &str = "daemon";
 /// A running daemon.
 pub struct Pipeline {
     rings: Arc<Rings>,
+    in_force: Arc<InForce>,
+    board: Arc<IncidentBoard>,
     running: Running,
     page: Option<Page>,
     status: StatusFile,
@@ -76,7 +81,9 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
-        let settings = config.settings_among(&profile::folder());
+        let (settings, similar) = config.settings_among(&profile::folder());
+        let in_force = Forced { config: config.clone(), settings, similar };
+        let in_force = Arc::new(InForce::new(in_force));
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
         let memory_lock = lock_memory(config)?;
@@ -91,20 +98,33 @@ impl Pipeline {
             config.subject.remember,
         ));
         let workers = Arc::new(workers);
+        // Read before anybody may ask for anything, and written by the station's daemon only, further down.
+        let remembered = Remembered::find(config, &settings, &workers);
         let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
+        let commands_in_force = Arc::clone(&in_force);
         let (commands, ()) = started("commands", ORDINARY, &roster, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
-            let commands = Commands::open(bus, server, commands_rings, settings, commands_workers)?;
+            let commands = Commands::open(bus, server, commands_rings, commands_in_force, commands_workers)?;
             let _ = ready.send(());
             Ok(commands.run()?)
         })?;
         // From here on threads run: a failure must end them, and wait until they have left the bus.
         let mut running = Running { others: vec![("commands", commands)], ..Running::default() };
         let board = Arc::new(IncidentBoard::default());
-        let start = Start { config, rings: &rings, roster: &roster, board, workers, memory_lock, observer };
+        let start = Start {
+            config,
+            rings: &rings,
+            roster: &roster,
+            in_force: &in_force,
+            board: &board,
+            workers,
+            remembered,
+            memory_lock,
+            observer,
+        };
         match start.the_rest(settings, &mut running) {
-            Ok((page, status)) => Ok(Pipeline { rings, running, page, status, roster }),
+            Ok((page, status)) => Ok(Pipeline { rings, in_force, board, running, page, status, roster }),
             Err(error) => {
                 rings.stop();
                 // The first failure is the one to tell.
@@ -156,8 +176,10 @@ struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
     roster: &'a Arc<Roster>,
-    board: Arc<IncidentBoard>,
+    in_force: &'a Arc<InForce>,
+    board: &'a Arc<IncidentBoard>,
     workers: Arc<Workers>,
+    remembered: Remembered,
     memory_lock: String,
     observer: Box<dyn Observer>,
 }
@@ -182,16 +204,8 @@ impl Start<'_> {
             None => None,
         };
 
-        let (worker_changed, changed_workers) = mpsc::channel();
-        let (workers, board) = (Arc::clone(&self.workers), Arc::clone(&self.board));
-        let (saver, ()) = started("saving", ORDINARY, roster, move |ready| {
-            let _ = ready.send(());
-            saving::run(&changed_workers, &workers, &board);
-            Ok(())
-        })?;
-        running.others.push(("saving", saver));
         let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::PLACES);
-        let log = LatencyLog::new(config, drain, Arc::clone(&self.board));
+        let log = LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board));
         let (latency_log, ()) = started("latency log", ORDINARY, roster, move |ready| {
             let _ = ready.send(());
             Ok(log.run())
@@ -199,13 +213,13 @@ impl Start<'_> {
         running.latency_log = Some(latency_log);
         let (rings, station) = (Arc::clone(self.rings), config.station.clone());
         let (egress, ()) = started("egress", asked(BELOW_LOOP[1].1), roster, move |ready| {
-            let egress = Egress::open(&station, rings, worker_changed, latency_feed)?;
+            let egress = Egress::open(&station, rings, latency_feed)?;
             let _ = ready.send(());
             Ok(egress.run()?)
         })?;
         running.others.push(("egress", egress));
 
-        let memory = remembered::remembered(&settings, &self.workers);
+        let Remembered { memory, worker, tare, station_refused, told } = self.remembered;
         let (rings, period_ns) = (Arc::clone(self.rings), config.period_ns());
         let asked_loop = Asked { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
         let mut observer = self.observer;
@@ -213,7 +227,7 @@ impl Start<'_> {
             let _runs = rings.loop_runs();
             realtime::prefault_stack();
             let _ = ready.send(());
-            let the_loop = Loop::new(settings, memory, Arc::clone(&rings), period_ns);
+            let the_loop = Loop::new(settings, memory, worker, Arc::clone(&rings), period_ns);
             Ok(the_loop.run(&mut Monotonic, &mut *observer))
         })?;
         running.looping = Some(looping);
@@ -223,13 +237,16 @@ impl Start<'_> {
             Ok(ingress::run(&station, &rings, || ready.send(()).unwrap_or(()))?)
         })?;
         running.others.push(("ingress", ingress));
-        adapters::start(config, self.rings, roster, &self.board, &mut running.others)?;
+        adapters::start(config, self.rings, roster, self.board, &mut running.others)?;
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
             station: config.station.clone(),
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
+            subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
+            remembered: told,
+            reload: 0,
             page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
@@ -238,8 +255,23 @@ impl Start<'_> {
             incidents: self.board.sentences(),
             threads: Vec::new(),
         });
-        let (rings, board, people) = (Arc::clone(self.rings), Arc::clone(&self.board), Arc::clone(roster));
-        let (settled, mut file) = (config.clone(), status.clone());
+        let saver = Saver {
+            rings: Arc::clone(self.rings),
+            workers: self.workers,
+            in_force: Arc::clone(self.in_force),
+            board: Arc::clone(self.board),
+            status: status.clone(),
+            station_refused,
+            tare,
+        };
+        let (saver, ()) = started("saving", ORDINARY, roster, move |ready| {
+            let _ = ready.send(());
+            saving::run(saver);
+            Ok(())
+        })?;
+        running.others.push(("saving", saver));
+        let (rings, board, people) = (Arc::clone(self.rings), Arc::clone(self.board), Arc::clone(roster));
+        let (settled, file) = (config.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", ORDINARY, roster, move |ready| {
             file.note_threads(&people, 0);
             file.write().with_context(|| format!("cannot write {}", file.path.display()))?;
@@ -251,7 +283,7 @@ impl Start<'_> {
         .inspect_err(|_| status.remove())?;
         running.others.push(("housekeeping", housekeeping));
         // Every thread has asked by now, and all the memory that they begin with is there.
-        refuse_or_tell(config, &self.board, &self.memory_lock, roster).inspect_err(|_| status.remove())?;
+        refuse_or_tell(config, self.board, &self.memory_lock, roster).inspect_err(|_| status.remove())?;
         Ok((page, status))
     }
 }

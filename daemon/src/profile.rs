@@ -3,22 +3,28 @@
 //! Written whole or not at all (temporary file, fsync, rename), readable by its owner and group only. A file that
 //! cannot be understood is refused and never overwritten.
 
+mod parts;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::body::SEGMENTS;
-use equipoise_core::cycle::identification::Stored;
-use equipoise_core::cycle::{Identification, Settings};
+use equipoise_core::cycle::identification::{Consistency, KeptWorker};
+use equipoise_core::cycle::{Identification, NO_POSE, Settings};
+use equipoise_core::exposure::Shift;
+use equipoise_core::pose_suggestion::Performed;
+use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
 use crate::config::method::SexConfig;
-use crate::whole_file::write_whole;
 
-/// Grows with every change of the file's layout or meaning.
-const FORMAT: u32 = 2;
+use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
+
+/// Grows with every change of the file's layout or meaning. Format 2 was without the poses themselves, how consistent
+/// they were, and the shift; what such files hold is read.
+const FORMAT: u32 = 3;
 /// Files from before stature and sex were kept; read, but of no use as a similar worker.
 const FORMAT_WITHOUT_BUILD: u32 = 1;
-
 /// How a worker is built, beside the mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Build {
@@ -50,24 +56,46 @@ pub struct Profile {
     pub poses_used: u64,
     /// Whether identification was finished.
     pub identified: bool,
+    /// Whether held poses entered the filter; absent before format 3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    learning: Option<bool>,
+    /// The pose of the library that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    suggested: Option<String>,
+    /// Poses of the library that were asked for already.
+    #[serde(default)]
+    asked: Vec<String>,
+    /// Poses of the library that this worker could not hold.
+    #[serde(default)]
+    unholdable: Vec<String>,
+    /// How many poses were performed since learning began.
+    #[serde(default)]
+    poses_performed: u64,
     /// Bones: each segment's origin in its parent, m.
     skeleton_m: Vec<[f64; 3]>,
     /// The last pose used, `parent_from_segment`, scalar first: it is not used again.
     last_pose_wxyz: Vec<[f64; 4]>,
     /// θ, m.
     theta_m: Vec<f64>,
-    /// P, m², row by row.
+    /// P of θ, m², row by row.
     covariance_m2: Vec<f64>,
+    /// The poses performed, oldest first: a rotation vector per segment, rad.
+    #[serde(default)]
+    performed_rad: Vec<Vec<f64>>,
+    /// Whether what was measured agreed with what was believed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    consistency: Option<ConsistencyPart>,
+    /// What has added up over the worker's shift.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shift: Option<ShiftPart>,
 }
 
-/// Why a profile cannot be used or written.
+/// Why a profile cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
-    /// The file cannot be read or written.
-    #[error("cannot {doing} the profile {path}: {source}")]
+    /// The file cannot be read.
+    #[error("cannot read the profile {path}: {source}")]
     Io {
-        /// "read" or "write".
-        doing: &'static str,
         /// Which file.
         path: PathBuf,
         /// What the system said.
@@ -84,23 +112,40 @@ pub enum ProfileError {
 }
 
 impl Profile {
-    /// The profile of a worker whose bones are known; `None` before that.
-    pub fn of(subject: &str, build: Option<Build>, worker: &Identification) -> Option<Profile> {
-        let stored = worker.stored()?;
-        let count = stored.theta_m.len();
+    /// The profile of a worker whose bones are known; `None` before that. `saved_unix_s` is the time, s since 1970 UTC.
+    pub fn of(
+        subject: &str,
+        build: Option<Build>,
+        worker: &KeptWorker,
+        shift: &Shift,
+        saved_unix_s: u64,
+    ) -> Option<Profile> {
+        if worker.has_body != 1 {
+            return None;
+        }
+        let count = worker.filter.count();
+        let suggested = usize::try_from(worker.suggested).ok().and_then(|index| LIBRARY.get(index));
         Some(Profile {
             format: FORMAT,
             subject: subject.to_owned(),
             parameters: count,
-            mass_kg: stored.mass_kg,
+            mass_kg: worker.mass_kg,
             height_m: build.map(|build| build.height_m),
             sex: build.map(|build| build.sex),
-            poses_used: stored.poses_used,
-            identified: stored.identified,
-            skeleton_m: stored.skeleton_m.to_vec(),
-            last_pose_wxyz: stored.last_pose_wxyz.to_vec(),
-            theta_m: stored.theta_m.to_vec(),
+            poses_used: worker.poses_used,
+            identified: worker.identified == 1,
+            learning: Some(worker.learning == 1),
+            suggested: suggested.map(|posture| posture.name.to_owned()),
+            asked: names_of(worker.asked),
+            unholdable: names_of(worker.unholdable),
+            poses_performed: worker.performed.count(),
+            skeleton_m: worker.skeleton_m.to_vec(),
+            last_pose_wxyz: worker.last_pose_wxyz.to_vec(),
+            theta_m: worker.filter.theta_m()[..count].to_vec(),
             covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
+            performed_rad: worker.performed.poses().map(|pose| pose.to_vec()).collect(),
+            consistency: Some(ConsistencyPart::of(&worker.consistency)),
+            shift: Some(ShiftPart::of(shift, saved_unix_s)),
         })
     }
 
@@ -129,26 +174,8 @@ impl Profile {
     /// # Errors
     /// Why it does not fit, in words.
     pub fn worker(&self, settings: &Settings) -> Result<Box<Identification>, String> {
-        let skeleton_m: [[f64; 3]; SEGMENTS] = self
-            .skeleton_m
-            .clone()
-            .try_into()
-            .map_err(|_| format!("it has {} segments instead of {SEGMENTS}", self.skeleton_m.len()))?;
         let mut worker = bytemuck::zeroed_box::<Identification>();
-        worker.start(settings);
-        let stored = Stored {
-            skeleton_m,
-            mass_kg: self.mass_kg,
-            theta_m: &self.theta_m,
-            poses_used: self.poses_used,
-            identified: self.identified,
-            last_pose_wxyz: self
-                .last_pose_wxyz
-                .clone()
-                .try_into()
-                .map_err(|_| "its last pose has another number of joints".to_owned())?,
-        };
-        if worker.restore(&stored, &self.covariance_m2, settings) {
+        if worker.restore(&*self.kept(settings)?, settings) {
             Ok(worker)
         } else {
             Err(format!(
@@ -156,6 +183,55 @@ impl Profile {
                 self.parameters
             ))
         }
+    }
+
+    fn kept(&self, settings: &Settings) -> Result<Box<KeptWorker>, String> {
+        let mut kept = bytemuck::zeroed_box::<KeptWorker>();
+        kept.has_body = 1;
+        let bones: Result<[[f64; 3]; SEGMENTS], _> = self.skeleton_m.clone().try_into();
+        kept.skeleton_m =
+            bones.map_err(|bones| format!("it has {} segments instead of {SEGMENTS}", bones.len()))?;
+        kept.last_pose_wxyz = self
+            .last_pose_wxyz
+            .clone()
+            .try_into()
+            .map_err(|_| "its last pose has another number of joints".to_owned())?;
+        if !kept.filter.restore(&self.theta_m, &self.covariance_m2) {
+            return Err("a number of θ or P is out of range, or one is missing".to_owned());
+        }
+        kept.mass_kg = self.mass_kg;
+        kept.poses_used = self.poses_used;
+        kept.identified = u64::from(self.identified);
+        let learning = self.learning.unwrap_or(settings.start_identifying);
+        kept.learning = u64::from(learning && !self.identified);
+        // What was performed is not asked for less if the library has another name for it now.
+        kept.asked = set_of(&self.asked);
+        kept.unholdable = set_of(&self.unholdable);
+        kept.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
+        let performed = self.performed_rad.iter().map(|pose| pose.clone().try_into());
+        let performed: Result<Vec<_>, Vec<f64>> = performed.collect();
+        let performed =
+            performed.map_err(|_| "a performed pose has another number of segments".to_owned())?;
+        kept.performed = Performed::of(self.poses_performed, performed.into_iter());
+        kept.consistency = match &self.consistency {
+            Some(part) => part.consistency(),
+            None => {
+                let mut consistency = Consistency::start();
+                if self.poses_used > 0 {
+                    consistency.trust();
+                }
+                consistency
+            }
+        };
+        Ok(kept)
+    }
+
+    /// The shift to go on with at a time, s since 1970 UTC.
+    ///
+    /// # Errors
+    /// Why the worker begins a new one, in words.
+    pub fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
+        self.shift.as_ref().ok_or("the profile is from before it was kept")?.shift(now_unix_s)
     }
 
     /// Reads a profile; `None` if there is none.
@@ -166,32 +242,37 @@ impl Profile {
         let text = match fs::read_to_string(path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(ProfileError::Io { doing: "read", path: path.to_owned(), source }),
+            Err(source) => return Err(ProfileError::Io { path: path.to_owned(), source }),
         };
         let refused = |why: String| ProfileError::Refused { path: path.to_owned(), why };
+        // A later version's fields are not known here: its number is looked at first.
+        let table: toml::Table =
+            text.parse().map_err(|error: toml::de::Error| refused(error.message().to_owned()))?;
+        let format = table.get("format").and_then(toml::Value::as_integer);
+        if let Some(later) = format.filter(|format| *format > i64::from(FORMAT)) {
+            return Err(refused(other_format(later)));
+        }
         let profile: Profile = toml::from_str(&text).map_err(|error| refused(error.message().to_owned()))?;
-        if !(FORMAT_WITHOUT_BUILD..=FORMAT).contains(&profile.format) {
-            let why = format!(
-                "its format is {}, this version reads {FORMAT_WITHOUT_BUILD} to {FORMAT}",
-                profile.format
-            );
-            return Err(refused(why));
+        if profile.format < FORMAT_WITHOUT_BUILD {
+            return Err(refused(other_format(i64::from(profile.format))));
         }
         Ok(Some(profile))
     }
 
-    /// Writes a profile whole or not at all.
-    ///
-    /// # Errors
-    /// [`ProfileError::Io`]; the file before is then still there.
-    pub fn write(&self, path: &Path) -> Result<(), ProfileError> {
-        let text = toml::to_string(self).unwrap_or_default();
-        write_whole(path, text.as_bytes()).map_err(|source| ProfileError::Io {
-            doing: "write",
-            path: path.to_owned(),
-            source,
-        })
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
     }
+}
+
+fn other_format(format: i64) -> String {
+    format!("its format is {format}, this version reads {FORMAT_WITHOUT_BUILD} to {FORMAT}")
+}
+
+/// Now, s since 1970 UTC; 0 if the clock stands before that.
+pub fn unix_s() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_secs())
 }
 
 /// Where state lives: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else `~/.local/state/equipoise`.
@@ -226,6 +307,8 @@ pub fn path_of(subject: &str) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use equipoise_core::body::Skeleton;
+    use equipoise_core::frame::{Pose, rotation};
 
     #[test]
     fn a_broken_profile_is_refused_and_left_alone() {
@@ -250,7 +333,40 @@ mod tests {
         fs::write(&path, &new).unwrap();
         let build = Build { height_m: 1.7, sex: SexConfig::Female };
         assert_eq!(Profile::read(&path).unwrap().unwrap().build(), Some(build));
-        fs::write(&path, new.replace("format = 2", "format = 3")).unwrap();
-        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 2"));
+        fs::write(&path, new.replace("format = 2", "format = 4")).unwrap();
+        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 3"));
+    }
+
+    #[test]
+    fn a_worker_comes_back_as_kept() {
+        let settings = Settings { library: LIBRARY, ..Settings::for_height(1.77) };
+        let mut worker = bytemuck::zeroed_box::<Identification>();
+        worker.start(&settings);
+        let origin = Skeleton::nominal(1.77).t_pose_m().map(Into::into);
+        let pose = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
+        while !worker.has_body() {
+            worker.learn_skeleton(&pose, &settings);
+        }
+        worker.mass_kg = 71.5;
+        let mut kept = bytemuck::zeroed_box::<KeptWorker>();
+        worker.keep(&mut kept);
+        kept.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
+        (kept.asked, kept.unholdable, kept.suggested, kept.learning) = (0b101, 0b10, 2, 0);
+        kept.poses_used = 70;
+        kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
+        let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3 };
+        let written = Profile::of("a", None, &kept, &shift, 1_000_000).unwrap();
+        let read: Profile = toml::from_str(&written.to_toml()).unwrap();
+        assert_eq!(read, written);
+        assert_eq!(read.shift(1_000_060), Ok(shift));
+        let mut again = bytemuck::zeroed_box::<KeptWorker>();
+        read.worker(&settings).unwrap().keep(&mut again);
+        // What P says of the stance is begun anew.
+        let mut expected = bytemuck::zeroed_box::<Identification>();
+        assert!(expected.restore(&kept, &settings));
+        expected.keep(&mut kept);
+        assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*kept));
+        assert_eq!((again.asked, again.unholdable, again.suggested), (0b101, 0b10, 2));
+        assert_eq!((again.learning, again.performed.count()), (0, 70));
     }
 }

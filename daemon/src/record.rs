@@ -6,12 +6,12 @@
 
 pub mod summary;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use bytemuck::Zeroable;
-use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader};
+use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader, Reloaded};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
@@ -62,11 +62,17 @@ pub fn record(
         software_version: facts.version,
         started_unix_ns: unix_ns(),
         started_monotonic_ns: now_ns(),
-        subject_toml: subject_of(&facts.config_toml),
-        config_toml: facts.config_toml,
+        subject_toml: profile_of(&facts.subject),
+        config_toml: recorded_config(&facts.config_toml)?,
         model_toml: facts.model_toml,
+        ..RecordingHeader::default()
     };
-    let mut sink = Sink { recorder: Recorder::create(out, &header)?, newest_ns: header.started_monotonic_ns };
+    let mut sink = Sink {
+        recorder: Recorder::create(out, &header)?,
+        newest_ns: header.started_monotonic_ns,
+        station: station.to_owned(),
+        subject: facts.subject,
+    };
     started();
 
     let mut summary = RecordSummary::default();
@@ -86,10 +92,12 @@ pub fn record(
         }
         if flushed.elapsed() >= FLUSH_EVERY {
             flushed = Instant::now();
+            sink.note_subject()?;
             sink.recorder.flush()?;
         }
     }
     ports.fetch(&mut sink, &mut summary)?;
+    sink.note_subject()?;
     sink.recorder.finish()?;
     Ok(summary)
 }
@@ -105,11 +113,19 @@ fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
 }
 
 /// The worker's profile as it stands on disk, if there is one.
-fn subject_of(config_toml: &str) -> String {
-    Config::parse(config_toml, "the daemon's configuration")
-        .ok()
-        .and_then(|config| std::fs::read_to_string(profile::path_of(&config.subject.id)).ok())
-        .unwrap_or_default()
+fn profile_of(subject: &str) -> String {
+    std::fs::read_to_string(profile::path_of(subject)).unwrap_or_default()
+}
+
+/// A configuration without what says where this machine keeps its files: that may name persons and places.
+fn recorded_config(config_toml: &str) -> anyhow::Result<String> {
+    let mut config = Config::parse(config_toml, "the daemon's configuration")?;
+    let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
+    if let Some(model) = &mut config.model {
+        model.file = name_of(&model.file);
+    }
+    config.latency.hlog = config.latency.hlog.as_deref().map(name_of);
+    Ok(config.to_toml())
 }
 
 fn unix_ns() -> u64 {
@@ -121,12 +137,43 @@ fn unix_ns() -> u64 {
 struct Sink {
     recorder: Recorder,
     newest_ns: u64,
+    station: String,
+    /// Whose profile is in the file already.
+    subject: String,
 }
 
 impl Sink {
     fn write<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
         self.newest_ns = self.newest_ns.max(time_ns);
         Ok(self.recorder.write(time_ns, message)?)
+    }
+
+    /// Keeps the configuration that a reload brought, if the daemon still tells it: it does before the loop has it.
+    fn note_reload(&mut self, record: &CycleRecord) -> anyhow::Result<()> {
+        if record.command != CommandKind::Reload as u32 {
+            return Ok(());
+        }
+        let number = record.command_argument[0] as u64;
+        if let Some(facts) = status::read(&self.station).filter(|facts| facts.reload == number && number > 0)
+        {
+            let reloaded =
+                Reloaded { config_toml: recorded_config(&facts.config_toml)?, model_toml: facts.model_toml };
+            self.recorder.add_reload(record.due_ns, number, &reloaded)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps the profile of whoever has come into use: whose data are in here must be found again.
+    fn note_subject(&mut self) -> anyhow::Result<()> {
+        let Some(facts) = status::read(&self.station).filter(|facts| facts.subject != self.subject) else {
+            return Ok(());
+        };
+        self.subject = facts.subject;
+        let profile = profile_of(&self.subject);
+        if !profile.is_empty() {
+            self.recorder.add_subject(self.newest_ns, &profile)?;
+        }
+        Ok(())
     }
 }
 
@@ -157,6 +204,7 @@ impl Ports {
     fn fetch(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
         take(&mut self.cycle, |record| {
             summary.cycles.see(record.cycle);
+            sink.note_reload(record)?;
             sink.write(record.due_ns, record)
         })?;
         take(&mut self.state, |state| {

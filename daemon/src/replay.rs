@@ -84,7 +84,9 @@ impl Replay<'_> {
                     ),
                     _ => Start::Afresh,
                 };
-                let fidelity = recorded::run(recording, &mut machine, start, |state| {
+                let reloads = self.input.reloads()?;
+                let reloads = self.as_recorded.then_some(&reloads);
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state| {
                     summary.take(state);
                     tell(state)
                 })?;

@@ -9,8 +9,7 @@ use std::time::Duration;
 
 use crate::realtime::touch;
 use crossbeam_queue::ArrayQueue;
-use equipoise_core::cycle::Checkpoint;
-use equipoise_core::cycle::Identification;
+use equipoise_core::cycle::{Checkpoint, Kept, Settings, Worker};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
@@ -24,6 +23,8 @@ const COMMAND_RING: usize = 16;
 /// As many as there may be commands: the loop never finds it full, and so never frees a worker itself.
 const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
+/// One that the disk is busy with, one of the worker before, one of the worker now, one to spare.
+const KEPT: usize = 4;
 
 /// A sample, and when ingress took it off the bus: the stamp is for the cycle record and no part of the input, so that
 /// a replay, which has no ingress, comes to the same.
@@ -54,13 +55,21 @@ pub struct Rings {
     /// Commands to the loop, one a cycle.
     pub command: ArrayQueue<CommandKind>,
     /// A worker to take over and its number, with the command that says so.
-    pub worker: ArrayQueue<(u64, Box<Identification>)>,
+    pub worker: ArrayQueue<(u64, Box<Worker>)>,
     /// The worker's empty box on its way back.
-    pub worker_back: ArrayQueue<Box<Identification>>,
+    pub worker_back: ArrayQueue<Box<Worker>>,
+    /// Other settings to the loop, and the number of the reload that brings them.
+    pub settings: ArrayQueue<(u64, Box<Settings>)>,
+    /// The settings before, on their way to who may free them.
+    pub settings_back: ArrayQueue<Box<Settings>>,
+    /// Blank boxes for what is kept.
+    pub keep_blank: ArrayQueue<Box<Kept>>,
+    /// What is kept, to saving, with the number of the worker in it.
+    pub kept: ArrayQueue<(u64, Box<Kept>)>,
     /// Blank checkpoints for the loop.
     pub blank: ArrayQueue<Box<Checkpoint>>,
-    /// Taken checkpoints to egress, with the number of the worker in them.
-    pub taken: ArrayQueue<(u64, Box<Checkpoint>)>,
+    /// Taken checkpoints to egress.
+    pub taken: ArrayQueue<Box<Checkpoint>>,
     /// Loop to egress.
     pub outcome: ArrayQueue<Outcome>,
     outcome_ready: OwnedFd,
@@ -87,12 +96,20 @@ impl Rings {
             touch(&mut *checkpoint);
             let _ = blank.push(checkpoint);
         }
+        let keep_blank = ArrayQueue::new(KEPT);
+        for _ in 0..KEPT {
+            let _ = keep_blank.push(bytemuck::zeroed_box());
+        }
         Ok(Rings {
             suit: ArrayQueue::new(SUIT_RING),
             ground: ArrayQueue::new(GROUND_RING),
             command: ArrayQueue::new(COMMAND_RING),
             worker: ArrayQueue::new(1),
             worker_back: ArrayQueue::new(WORKERS_BACK),
+            settings: ArrayQueue::new(1),
+            settings_back: ArrayQueue::new(1),
+            keep_blank,
+            kept: ArrayQueue::new(KEPT),
             blank,
             taken: ArrayQueue::new(CHECKPOINTS),
             outcome: ArrayQueue::new(OUTCOME_RING),

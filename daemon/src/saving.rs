@@ -1,49 +1,193 @@
-//! Writes to disk what is learnt of the worker. A thread of its own: a disk may take its time, and nobody waits for it.
+//! Writes to disk what outlives the process. A thread of its own: a disk may take its time, and nobody waits for it.
+//!
+//! The loop hands out a copy twice a second; what differs from the file is written, what cannot be written is tried again
+//! with the next copy. So a full disk costs nothing but the time it is full.
 
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
 
-use equipoise_core::cycle::Identification;
+use equipoise_core::cycle::{Kept, Tare};
 use equipoise_core::message::Incident;
+use tracing::warn;
 
+use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
-use crate::profile::Profile;
+use crate::profile::{Profile, unix_s};
+use crate::rings::Rings;
+use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart, path_of};
+use crate::status::StatusFile;
+use crate::whole_file::write_whole;
 use crate::workers::Workers;
 
-/// A worker's number and what is known of that worker now.
-pub type ChangedWorker = (u64, Box<Identification>);
+/// How often the loop's copies are looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Where the suit's world lies changes with every sample; alone it is written this often.
+const REGISTRATION_EVERY: Duration = Duration::from_millis(900);
+/// A shift in which nothing happens is dated anew this often while the worker is seen.
+const SHIFT_DATED_EVERY: Duration = Duration::from_secs(600);
 
-/// Saves until egress, which sends what there is to save, has ended.
-pub fn run(changed: &Receiver<ChangedWorker>, workers: &Workers, board: &Arc<IncidentBoard>) {
-    let saver = Saver { workers, board };
-    while let Ok(mut newest) = changed.recv() {
-        // Several poses may have come while the disk was slow; only the last of each worker counts.
-        while let Ok(later) = changed.try_recv() {
-            if later.0 != newest.0 {
-                saver.write(&newest);
+/// What saving starts from.
+#[derive(Debug)]
+pub struct Saver {
+    /// The loop's copies.
+    pub rings: Arc<Rings>,
+    /// Whose they are.
+    pub workers: Arc<Workers>,
+    /// The configuration in force.
+    pub in_force: Arc<InForce>,
+    /// Who hears that something cannot be written.
+    pub board: Arc<IncidentBoard>,
+    /// Where people read who is in use.
+    pub status: StatusFile,
+    /// The station's file is not written: nothing is to be remembered, or it is there and cannot be understood.
+    pub station_refused: bool,
+    /// The tare that was found in it, and when it was taken, s since 1970 UTC.
+    pub tare: (Tare, u64),
+}
+
+/// Saves until the loop has ended and its last word is written.
+pub fn run(saver: Saver) {
+    let mut keeper = Keeper {
+        saver,
+        profile: None,
+        profile_dated: Instant::now(),
+        station: None,
+        station_written: None,
+        profiles: BTreeMap::new(),
+        station_text: None,
+    };
+    loop {
+        let ended = keeper.saver.rings.has_ended();
+        keeper.take_all();
+        if ended {
+            if !(keeper.profiles.is_empty() && keeper.station_text.is_none()) {
+                warn!("what was learnt last is lost: it could not be written");
             }
-            newest = later;
+            return;
         }
-        saver.write(&newest);
+        std::thread::sleep(LOOK_EVERY);
     }
 }
 
-struct Saver<'a> {
-    workers: &'a Workers,
-    board: &'a IncidentBoard,
+struct Keeper {
+    saver: Saver,
+    /// The worker's profile as it was last made, dated 0, and whose it is.
+    profile: Option<(u64, Profile)>,
+    profile_dated: Instant,
+    /// The station's file as it was last made, dated 0.
+    station: Option<StationFile>,
+    station_written: Option<Instant>,
+    /// What is to be written of each worker.
+    profiles: BTreeMap<u64, String>,
+    station_text: Option<String>,
 }
 
-impl Saver<'_> {
-    fn write(&self, (number, worker): &ChangedWorker) {
-        let Some(saving) = self.workers.get(*number).filter(|saving| saving.refusal.is_none()) else {
+impl Keeper {
+    /// Takes in every copy there is; of each worker the last one counts.
+    fn take_all(&mut self) {
+        let mut newest: Option<(u64, Box<Kept>)> = None;
+        while let Some((number, kept)) = self.saver.rings.kept.pop() {
+            if let Some((before, kept)) = newest.replace((number, kept)) {
+                if before != number {
+                    self.take_profile(before, &kept);
+                }
+                self.give_back(kept);
+            }
+        }
+        let Some((number, kept)) = newest else { return };
+        self.take_profile(number, &kept);
+        self.take_station(number, &kept);
+        self.give_back(kept);
+        self.write();
+    }
+
+    fn give_back(&self, kept: Box<Kept>) {
+        // There are as many places as boxes.
+        let _ = self.saver.rings.keep_blank.push(kept);
+    }
+
+    fn take_profile(&mut self, number: u64, kept: &Kept) {
+        let Some(saving) = self.saver.workers.get(number).filter(|saving| saving.refusal.is_none()) else {
+            // Nothing of somebody who was forgotten stays here.
+            self.profile = None;
             return;
         };
-        let Some(profile) = Profile::of(&saving.subject, saving.build, worker) else { return };
-        match profile.write(&saving.path) {
-            Ok(()) => self.board.end(Incident::NotSaved),
-            Err(error) => self.board.begin(
+        let of = |saved_unix_s| {
+            Profile::of(&saving.subject, saving.build, &kept.worker, &kept.shift, saved_unix_s)
+        };
+        let Some(undated) = of(0) else { return };
+        let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);
+        if same && self.profile_dated.elapsed() < SHIFT_DATED_EVERY {
+            return;
+        }
+        self.profile_dated = Instant::now();
+        self.profile = Some((number, undated));
+        self.profiles.extend(of(unix_s()).map(|profile| (number, profile.to_toml())));
+    }
+
+    fn take_station(&mut self, number: u64, kept: &Kept) {
+        let subject = self.saver.workers.get(number).map(|saving| saving.subject).unwrap_or_default();
+        self.saver.status.set_subject(&subject);
+        if self.saver.station_refused {
+            return;
+        }
+        if kept.tare != self.saver.tare.0 {
+            self.saver.tare = (kept.tare, unix_s());
+        }
+        let (tare, taken_unix_s) = self.saver.tare;
+        let undated = self.saver.in_force.look(|forced| {
+            let config = &forced.config;
+            let other = !subject.is_empty() && subject != config.subject.id;
+            StationFile {
+                subject: other
+                    .then(|| SubjectPart { in_use: subject.clone(), configured: config.subject.id.clone() }),
+                model: ModelPart::of(config),
+                tare: TarePart::of(&tare, taken_unix_s, config),
+                registration: RegistrationPart::of(kept),
+                ..StationFile::new(&config.station)
+            }
+        });
+        let only_moved = self.station.as_ref().is_some_and(|before| {
+            StationFile { registration: undated.registration.clone(), ..before.clone() } == undated
+        });
+        let recently = self.station_written.is_some_and(|at| at.elapsed() < REGISTRATION_EVERY);
+        if self.station.as_ref() == Some(&undated) || (only_moved && recently) {
+            return;
+        }
+        self.station_written = Some(Instant::now());
+        self.station_text = Some(StationFile { saved_unix_s: unix_s(), ..undated.clone() }.to_toml());
+        self.station = Some(undated);
+    }
+
+    /// Writes all that is to be written; what cannot be stays for the next time.
+    fn write(&mut self) {
+        let mut failed: Option<String> = None;
+        let workers = &self.saver.workers;
+        self.profiles.retain(|number, text| {
+            let mut note = |path: &PathBuf, error: std::io::Error| {
+                failed = Some(format!("cannot write the profile {}: {error}", path.display()));
+            };
+            let written = workers.write(*number, |saving| {
+                write_whole(&saving.path, text.as_bytes()).map_err(|error| note(&saving.path, error))
+            });
+            written.is_err()
+        });
+        if let Some(text) = &self.station_text {
+            let path = path_of(&self.saver.in_force.look(|forced| forced.config.station.clone()));
+            match write_whole(&path, text.as_bytes()) {
+                Ok(()) => self.station_text = None,
+                Err(error) => {
+                    failed = Some(format!("cannot write the station's file {}: {error}", path.display()));
+                }
+            }
+        }
+        match failed {
+            None => self.saver.board.end(Incident::NotSaved),
+            Some(why) => self.saver.board.begin(
                 Incident::NotSaved,
-                &format!("{error}; the worker is kept in memory and saved again after the next pose"),
+                &format!("{why}; all is kept in memory and written as soon as it can be"),
             ),
         }
     }

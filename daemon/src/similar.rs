@@ -134,8 +134,10 @@ mod tests {
             worker.learn_skeleton(&pose, &settings);
         }
         worker.identified = identified;
-        let profile = Profile::of(subject, build, &worker).unwrap();
-        profile.write(&folder.join(format!("{subject}.toml"))).unwrap();
+        let mut kept = bytemuck::zeroed_box();
+        worker.keep(&mut kept);
+        let profile = Profile::of(subject, build, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
+        std::fs::write(folder.join(format!("{subject}.toml")), profile.to_toml()).unwrap();
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +24,15 @@ pub struct Status {
     /// The model in use beside the body; empty without one.
     #[serde(default)]
     pub model_toml: String,
+    /// The subject in use; empty if nobody with a name is.
+    #[serde(default)]
+    pub subject: String,
+    /// What was found of the daemon before, and what of it is used or not, in words.
+    #[serde(default)]
+    pub remembered: Vec<String>,
+    /// Number of the reload that brought `config_toml` and `model_toml`; 0 for the start.
+    #[serde(default)]
+    pub reload: u64,
     /// Where the page is, if it is served.
     pub page: Option<String>,
     /// Whether memory is locked, or why not.
@@ -43,11 +53,16 @@ pub struct Status {
     pub threads: Vec<ThreadStatus>,
 }
 
-/// The file of a station's daemon; removed when it ends.
+/// The file of a station's daemon; removed when it ends. Copies of it tell the same.
 #[derive(Debug, Clone)]
 pub struct StatusFile {
     /// Where.
     pub path: PathBuf,
+    facts: Arc<Mutex<Facts>>,
+}
+
+#[derive(Debug)]
+struct Facts {
     status: Status,
     faults: FaultWatch,
 }
@@ -55,29 +70,45 @@ pub struct StatusFile {
 impl StatusFile {
     /// A file for these facts.
     pub fn new(status: Status) -> StatusFile {
-        StatusFile { path: path_of(&status.station), status, faults: FaultWatch::default() }
+        let facts = Facts { status, faults: FaultWatch::default() };
+        StatusFile { path: path_of(&facts.status.station), facts: Arc::new(Mutex::new(facts)) }
     }
 
     /// Says where the model does not explain what is measured; written with the next [`StatusFile::write`].
-    pub fn suspect(&mut self, suspicion: Option<String>) {
-        self.status.model_suspicion = suspicion;
+    pub fn suspect(&self, suspicion: Option<String>) {
+        self.change(|status| status.model_suspicion = suspicion);
+    }
+
+    /// Says who is in use; written with the next [`StatusFile::write`].
+    pub fn set_subject(&self, subject: &str) {
+        self.change(|status| subject.clone_into(&mut status.subject));
+    }
+
+    /// Says which incidents go on; written with the next [`StatusFile::write`].
+    pub fn tell_incidents(&self, incidents: BTreeMap<String, String>) {
+        self.change(|status| status.incidents = incidents);
     }
 
     /// Reads how every thread and the memory fare while the loop is at `cycle`; to be asked about once a second.
-    pub fn note_threads(&mut self, roster: &Roster, cycle: u64) {
-        self.status.threads = roster.threads();
-        self.status.memory = MemoryUse::now();
-        self.status.loop_faults = self.faults.look(cycle, &self.status.threads);
+    pub fn note_threads(&self, roster: &Roster, cycle: u64) {
+        let Facts { status, faults } = &mut *self.facts();
+        status.threads = roster.threads();
+        status.memory = MemoryUse::now();
+        status.loop_faults = faults.look(cycle, &status.threads);
     }
 
     /// Minor and major page faults of the loop since its warm-up; `None` before it is over. A steady loop has none.
     pub fn loop_faults(&self) -> Option<[u64; 2]> {
-        self.status.loop_faults
+        self.facts().status.loop_faults
     }
 
-    /// Says which incidents go on; written with the next [`StatusFile::write`].
-    pub fn tell_incidents(&mut self, incidents: BTreeMap<String, String>) {
-        self.status.incidents = incidents;
+    /// Changes facts; written with the next [`StatusFile::write`].
+    pub fn change(&self, change: impl FnOnce(&mut Status)) {
+        change(&mut self.facts().status);
+    }
+
+    fn facts(&self) -> MutexGuard<'_, Facts> {
+        self.facts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Writes it whole. It is old in a second and dies with the daemon: nobody waits for a disk because of it.
@@ -85,7 +116,9 @@ impl StatusFile {
     /// # Errors
     /// What the system said.
     pub fn write(&self) -> std::io::Result<()> {
-        let text = serde_json::to_string_pretty(&self.status)?;
+        // Held while writing: two threads do it, into one temporary file.
+        let facts = self.facts();
+        let text = serde_json::to_string_pretty(&facts.status)?;
         let new = self.path.with_extension("json.new");
         std::fs::write(&new, text)?;
         std::fs::rename(&new, &self.path)

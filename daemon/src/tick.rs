@@ -11,11 +11,11 @@ use std::sync::Arc;
 
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
+use equipoise_core::time::NS_PER_S;
 
 use crate::realtime::touch;
 use crate::rings::{Outcome, Rings, TakenIn};
 use crate::schedule::Schedule;
-use crate::workers;
 
 pub use clock::{Clock, Monotonic};
 pub use lateness::{LoopSummary, Miss, Misses};
@@ -23,6 +23,9 @@ pub use lateness::{LoopSummary, Miss, Misses};
 /// At most so many samples are taken in by one cycle; the rest wait in the ring.
 const SUIT_TAKEN_MAX: usize = 8;
 const GROUND_TAKEN_MAX: usize = 64;
+/// What outlives the process is copied out this often, and with every command: with the disk's time on top, a kill loses
+/// less than a second.
+const KEEP_EVERY_NS: u64 = NS_PER_S / 2;
 
 /// Told about every cycle from inside the loop: tests arm their counters here.
 pub trait Observer: Send {
@@ -50,6 +53,8 @@ pub struct Loop {
     told: Told,
     /// Number of the worker in `memory`.
     worker: u64,
+    /// When `memory` was last copied out to be kept.
+    kept_ns: u64,
 }
 
 /// What of the worker was last checkpointed.
@@ -74,7 +79,15 @@ impl Told {
 
 impl Loop {
     /// A loop over a memory that was started or restored.
-    pub fn new(settings: Settings, memory: Box<Memory>, rings: Arc<Rings>, period_ns: u64) -> Loop {
+    ///
+    /// `worker` is the number of the worker in it.
+    pub fn new(
+        settings: Settings,
+        memory: Box<Memory>,
+        worker: u64,
+        rings: Arc<Rings>,
+        period_ns: u64,
+    ) -> Loop {
         let told = Told::of(&memory.identification);
         let record = CycleRecord { period_ns, ..bytemuck::Zeroable::zeroed() };
         let mut new = Loop {
@@ -86,7 +99,8 @@ impl Loop {
             record,
             owes_checkpoint: true,
             told,
-            worker: workers::CONFIGURED,
+            worker,
+            kept_ns: 0,
         };
         // Memory that was only asked for is given page by page, at the first touch: that shall not be a cycle's.
         touch(&mut *new.memory);
@@ -106,8 +120,7 @@ impl Loop {
             cycle += 1;
             observer.cycle_begins(cycle);
 
-            let command = self.rings.command.pop();
-            self.take_over_worker(command);
+            let command = self.command();
             let (suit, ground) = self.take_samples();
             let tick = Tick { cycle, due_ns: schedule.due_ns() };
             let inputs = Inputs { suit: &self.suit[..suit], ground: &self.ground[..ground], command };
@@ -119,12 +132,14 @@ impl Loop {
             self.note_lateness(&schedule, misses.judge(cycle, compute_end_ns, schedule.deadline_ns()));
             self.note_inputs(suit, ground, command);
             self.take_checkpoint(cycle, command);
+            self.keep_if_due(tick.due_ns, command);
             self.rings.push_outcome(Outcome { state, record: self.record });
 
             observer.cycle_ends(cycle);
             ended_ns = clock.now_ns();
             schedule.advance(ended_ns);
         }
+        self.keep();
         LoopSummary::of(cycle, misses, &schedule, ended_ns)
     }
 
@@ -173,14 +188,44 @@ impl Loop {
         }
     }
 
-    /// Puts a loaded worker in place whole; the emptied box goes back to who may free it.
-    fn take_over_worker(&mut self, command: Option<CommandKind>) {
+    /// The command of this cycle, with what it brings put in place: another worker, or other settings. The emptied box
+    /// goes back to who may free it.
+    fn command(&mut self) -> Option<CommandKind> {
+        self.record.command_argument = [0.0; 4];
+        let command = self.rings.command.pop();
         if command == Some(CommandKind::SubjectLoad)
             && let Some((number, worker)) = self.rings.worker.pop()
         {
-            self.memory.identification = *worker;
+            // The last word of the one before.
+            self.keep();
+            self.memory.put_in_place(&worker);
             self.worker = number;
             let _ = self.rings.worker_back.push(worker);
+        }
+        if command.is_none()
+            && let Some((number, mut settings)) = self.rings.settings.pop()
+        {
+            std::mem::swap(&mut self.settings, &mut *settings);
+            let _ = self.rings.settings_back.push(settings);
+            self.record.command_argument[0] = number as f64;
+            return Some(CommandKind::Reload);
+        }
+        command
+    }
+
+    fn keep_if_due(&mut self, due_ns: u64, command: Option<CommandKind>) {
+        if command.is_some() || due_ns.saturating_sub(self.kept_ns) >= KEEP_EVERY_NS {
+            self.kept_ns = due_ns;
+            self.keep();
+        }
+    }
+
+    /// Copies what outlives the process; while the disk is so slow that no box is blank, the next time.
+    fn keep(&mut self) {
+        if let Some(mut kept) = self.rings.keep_blank.pop() {
+            kept.take(&self.memory);
+            // There are as many places as boxes.
+            let _ = self.rings.kept.push((self.worker, kept));
         }
     }
 
@@ -194,7 +239,7 @@ impl Loop {
             self.owes_checkpoint = false;
             self.told = worker;
             // There are as many places as boxes.
-            let _ = self.rings.taken.push((self.worker, checkpoint));
+            let _ = self.rings.taken.push(checkpoint);
         }
     }
 }

@@ -4,6 +4,7 @@
 //! before another worker was loaded still goes to its own profile.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use crate::profile::{self, Build};
@@ -14,7 +15,7 @@ pub const CONFIGURED: u64 = 0;
 /// Where a worker is saved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saving {
-    /// The pseudonym.
+    /// The pseudonym; empty for somebody who has none and is not kept.
     pub subject: String,
     /// The file.
     pub path: PathBuf,
@@ -33,16 +34,36 @@ impl Saving {
             .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
         Saving { subject: subject.to_owned(), path: profile::path_of(subject), build, remember, refusal }
     }
+
+    /// Somebody without a name, of whom nothing is kept.
+    pub fn nobody() -> Saving {
+        Saving {
+            subject: String::new(),
+            path: PathBuf::new(),
+            build: None,
+            remember: false,
+            refusal: Some("the subject that was in use was deleted; load another first".to_owned()),
+        }
+    }
 }
 
 /// All workers so far; the last one loaded is the one in use.
 #[derive(Debug)]
-pub struct Workers(Mutex<Vec<Saving>>);
+pub struct Workers {
+    all: Mutex<Vec<Saving>>,
+    in_use: AtomicU64,
+    /// Held while a profile is written, so that none is written once it is forgotten.
+    disk: Mutex<()>,
+}
 
 impl Workers {
     /// Begins with the configured worker.
     pub fn new(configured: Saving) -> Workers {
-        Workers(Mutex::new(vec![configured]))
+        Workers {
+            all: Mutex::new(vec![configured]),
+            in_use: AtomicU64::new(CONFIGURED),
+            disk: Mutex::new(()),
+        }
     }
 
     /// Takes in one more and gives back its number.
@@ -58,6 +79,16 @@ impl Workers {
         self.with(|all| all.get(number as usize).cloned())
     }
 
+    /// Number of the worker that the loop was last given.
+    pub fn in_use(&self) -> u64 {
+        self.in_use.load(Ordering::Relaxed)
+    }
+
+    /// The loop was given this one.
+    pub fn use_from_now_on(&self, number: u64) {
+        self.in_use.store(number, Ordering::Relaxed);
+    }
+
     /// Says why a worker is not saved.
     pub fn refuse(&self, number: u64, why: String) {
         self.with(|all| {
@@ -67,9 +98,31 @@ impl Workers {
         });
     }
 
+    /// Writes for a worker, unless something forbids it by now.
+    ///
+    /// # Errors
+    /// What `write` returns.
+    pub fn write<E>(&self, number: u64, write: impl FnOnce(&Saving) -> Result<(), E>) -> Result<(), E> {
+        let _disk = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
+        match self.get(number).filter(|saving| saving.refusal.is_none()) {
+            Some(saving) => write(&saving),
+            None => Ok(()),
+        }
+    }
+
+    /// Forgets a subject under whatever numbers it had. When this returns, nothing is written under its name any more.
+    pub fn forget(&self, subject: &str) {
+        self.with(|all| {
+            for saving in all.iter_mut().filter(|saving| saving.subject == subject) {
+                *saving = Saving::nobody();
+            }
+        });
+        drop(self.disk.lock());
+    }
+
     fn with<T>(&self, look: impl FnOnce(&mut Vec<Saving>) -> T) -> T {
         // A list is never half changed.
-        look(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+        look(&mut self.all.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -86,5 +139,23 @@ mod tests {
         assert_eq!(of(second).subject, "b");
         assert!(of(second).refusal.is_some() && of(second).path != of(CONFIGURED).path);
         assert_eq!(workers.get(7), None);
+    }
+
+    #[test]
+    fn who_is_forgotten_is_written_no_more() {
+        let workers = Workers::new(Saving::of("a", None, true));
+        let again = workers.add(Saving::of("a", None, true));
+        let written = |number| {
+            let mut written = false;
+            let _ = workers.write::<()>(number, |_| {
+                written = true;
+                Ok(())
+            });
+            written
+        };
+        assert!(written(CONFIGURED) && written(again));
+        workers.forget("a");
+        assert!(!written(CONFIGURED) && !written(again));
+        assert_eq!(workers.get(again).unwrap().subject, "");
     }
 }

@@ -32,7 +32,34 @@ pub struct RecordingHeader {
     pub subject_toml: String,
     /// The model in use, TOML; empty if none was loaded.
     pub model_toml: String,
+    /// Configurations and models that were in force later, by number.
+    pub reloads: BTreeMap<u64, Reloaded>,
+    /// Profiles of subjects who were in use later, TOML, in order.
+    pub later_subjects_toml: Vec<String>,
 }
+
+/// What a reload brought.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Reloaded {
+    /// The configuration in force from then on, TOML.
+    pub config_toml: String,
+    /// The model in use from then on, TOML; empty if there was none.
+    pub model_toml: String,
+}
+
+impl Reloaded {
+    /// The texts to attach, by file name; `number` is the one that the cycle record bears.
+    pub(super) fn attachments(&self, number: u64) -> [(String, &str); 2] {
+        // Without a model there is an empty one: that of the start is not in use any more.
+        [
+            (format!("config.{number}.toml"), &self.config_toml),
+            (format!("model.{number}.toml"), &self.model_toml),
+        ]
+    }
+}
+
+/// The name of a later subject's attachment.
+pub(super) const LATER_SUBJECT_NAME: &str = "subject.later.toml";
 
 impl RecordingHeader {
     pub(super) fn metadata(&self) -> BTreeMap<String, String> {
@@ -66,12 +93,20 @@ impl RecordingHeader {
 
     /// Takes an attachment in; others than ours are passed over.
     pub(super) fn take_attachment(&mut self, name: &str, data: &[u8]) {
-        let text = match name {
-            CONFIG_NAME => &mut self.config_toml,
-            SUBJECT_NAME => &mut self.subject_toml,
-            MODEL_NAME => &mut self.model_toml,
-            _ => return,
-        };
-        *text = String::from_utf8_lossy(data).into_owned();
+        let text = String::from_utf8_lossy(data).into_owned();
+        let number = |kind: &str| name.strip_prefix(kind)?.strip_suffix(".toml")?.parse::<u64>().ok();
+        match name {
+            CONFIG_NAME => self.config_toml = text,
+            SUBJECT_NAME => self.subject_toml = text,
+            MODEL_NAME => self.model_toml = text,
+            LATER_SUBJECT_NAME => self.later_subjects_toml.push(text),
+            _ => {
+                if let Some(number) = number("config.") {
+                    self.reloads.entry(number).or_default().config_toml = text;
+                } else if let Some(number) = number("model.") {
+                    self.reloads.entry(number).or_default().model_toml = text;
+                }
+            }
+        }
     }
 }

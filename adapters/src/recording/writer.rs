@@ -11,7 +11,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use thiserror::Error;
 
-use super::header::{METADATA_NAME, RecordingHeader, TOML_MEDIA_TYPE};
+use super::header::{LATER_SUBJECT_NAME, METADATA_NAME, RecordingHeader, Reloaded, TOML_MEDIA_TYPE};
 use super::topic::{MESSAGE_ENCODING, Recorded, SCHEMA_ENCODING, TOPICS};
 
 /// A chunk is closed when a message comes this much later than its first one.
@@ -163,6 +163,33 @@ impl<W: Write + Seek> Recorder<W> {
             .map_err(|source| self.failed(source))
     }
 
+    /// Keeps what a reload brought, under the number that its cycle record bears.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`].
+    pub fn add_reload(
+        &mut self,
+        log_time_ns: u64,
+        number: u64,
+        reloaded: &Reloaded,
+    ) -> Result<(), WriteError> {
+        for (name, text) in reloaded.attachments(number) {
+            attach(&mut self.writer, log_time_ns, 0, name, text).map_err(|source| self.failed(source))?;
+        }
+        self.chunk_start_ns = None;
+        Ok(())
+    }
+
+    /// Keeps the profile of a subject who is in use from now on.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`].
+    pub fn add_subject(&mut self, log_time_ns: u64, subject_toml: &str) -> Result<(), WriteError> {
+        self.chunk_start_ns = None;
+        attach(&mut self.writer, log_time_ns, 0, LATER_SUBJECT_NAME.to_owned(), subject_toml)
+            .map_err(|source| self.failed(source))
+    }
+
     /// Closes the current chunk and hands it to the system: what was written so far survives a crash of the process.
     ///
     /// # Errors
@@ -191,16 +218,21 @@ fn start<W: Write + Seek>(sink: W, header: &RecordingHeader) -> Result<Writer<W>
     let mut writer = Writer::with_options(sink, options)?;
     writer.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.metadata() })?;
     for (name, text) in header.attachments() {
-        writer.attach(&Attachment {
-            log_time: header.started_monotonic_ns,
-            create_time: header.started_unix_ns,
-            name: name.to_owned(),
-            media_type: TOML_MEDIA_TYPE.to_owned(),
-            data: Cow::Borrowed(text.as_bytes()),
-        })?;
+        attach(&mut writer, header.started_monotonic_ns, header.started_unix_ns, name.to_owned(), text)?;
     }
     writer.flush()?;
     Ok(writer)
+}
+
+fn attach<W: Write + Seek>(
+    writer: &mut Writer<W>,
+    log_time: u64,
+    create_time: u64,
+    name: String,
+    text: &str,
+) -> Result<(), McapError> {
+    let (media_type, data) = (TOML_MEDIA_TYPE.to_owned(), Cow::Borrowed(text.as_bytes()));
+    writer.attach(&Attachment { log_time, create_time, name, media_type, data })
 }
 
 #[cfg(test)]

@@ -135,6 +135,11 @@ impl Alignment {
         Some(shown)
     }
 
+    /// Believes a period of the suit until samples show another.
+    pub(super) fn expect_suit_period(&mut self, period_ns: u64) {
+        self.suit_period_ns = period_ns.min(PERIOD_MAX_NS);
+    }
+
     /// Learnt period of the suit, ns.
     pub fn suit_period_ns(&self) -> u64 {
         if self.suit_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.suit_period_ns }

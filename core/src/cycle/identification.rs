@@ -13,10 +13,12 @@ use crate::static_pose::{Stillness, Window, largest_joint_angle};
 
 mod belief;
 mod consistency;
+mod kept;
 mod measurement;
 mod planning;
 
-use consistency::Consistency;
+pub use consistency::Consistency;
+pub use kept::KeptWorker;
 
 /// Suit samples averaged for the bones.
 const SKELETON_SAMPLES: u64 = 20;
@@ -60,58 +62,7 @@ pub struct Identification {
     pub predicted_cop_sigma_m: f64,
 }
 
-/// What a profile keeps of a worker, beside the covariance.
-#[derive(Debug, Clone, Copy)]
-pub struct Stored<'a> {
-    /// Bones: each segment's origin in its parent, m.
-    pub skeleton_m: [[f64; 3]; SEGMENTS],
-    /// Body mass, kg; 0 while unknown.
-    pub mass_kg: f64,
-    /// θ, m.
-    pub theta_m: &'a [f64],
-    /// Held poses that entered the filter.
-    pub poses_used: u64,
-    /// Whether identification was finished.
-    pub identified: bool,
-    /// `parent_from_segment` of the last pose used, scalar first: it is not used again.
-    pub last_pose_wxyz: [[f64; 4]; JOINTS],
-}
-
 impl Identification {
-    /// What a profile keeps; `None` before the bones are known.
-    pub fn stored(&self) -> Option<Stored<'_>> {
-        self.has_body().then(|| Stored {
-            skeleton_m: self.skeleton_m,
-            mass_kg: self.mass_kg,
-            theta_m: &self.filter.theta_m()[..self.filter.count()],
-            poses_used: self.poses_used,
-            identified: self.identified == 1,
-            last_pose_wxyz: self.last_pose_wxyz,
-        })
-    }
-
-    /// Puts a stored worker in place. Whether it fits; if not, the worker must not be used.
-    pub fn restore(&mut self, stored: &Stored<'_>, covariance_m2: &[f64], settings: &Settings) -> bool {
-        if !stored.skeleton_m.iter().flatten().all(|metres| metres.is_finite() && metres.abs() < 3.0) {
-            return false;
-        }
-        self.skeleton_m = stored.skeleton_m;
-        self.skeleton_samples = SKELETON_SAMPLES;
-        self.mass_kg = stored.mass_kg;
-        self.return_to_prior(settings);
-        let fits = stored.theta_m.len() == self.reduction.count()
-            && self.filter.restore(stored.theta_m, covariance_m2);
-        self.new_stance(settings);
-        self.poses_used = stored.poses_used;
-        self.last_pose_wxyz = stored.last_pose_wxyz;
-        self.identified = u64::from(stored.identified);
-        self.learning = u64::from(!stored.identified && settings.start_identifying);
-        if stored.poses_used > 0 {
-            self.trust_the_prior();
-        }
-        fits && self.is_sound()
-    }
-
     /// An unknown worker.
     pub fn start(&mut self, settings: &Settings) {
         *self = Zeroable::zeroed();
@@ -238,6 +189,7 @@ impl Identification {
             && self.consistency.is_sound()
             && self.nis.is_finite()
             && self.predicted_cop_sigma_m.is_finite()
+            && self.poses_used < 1 << 32
             && self.last_pose_wxyz.iter().flatten().all(|value| value.is_finite())
     }
 }

@@ -17,7 +17,7 @@ use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 3;
+pub const MEMORY_VERSION: u64 = 4;
 
 /// What the loop remembers from one step to the next. About 460 kB: keep it in a box.
 #[repr(C)]
@@ -45,6 +45,10 @@ pub struct Memory {
     pub(super) worked_ns: u64,
     /// The suit's session of that sample.
     pub(super) session: u64,
+    /// The suit's own counter of that sample.
+    pub(super) suit_counter: u64,
+    /// 1 while the anchor's shift is one from before the start, and no suit sample has said yet whether it still holds.
+    pub(super) shift_unconfirmed: u64,
     /// Time of the last moment in motion that entered the filter.
     pub(super) motion_learnt_ns: u64,
     /// This worker.
@@ -67,6 +71,16 @@ pub struct Memory {
     pub state: State,
 }
 
+/// A worker who is put in place whole.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Worker {
+    /// Body, mass, what was learnt.
+    pub identification: Identification,
+    /// What has added up over this worker's shift.
+    pub exposure: Exposure,
+}
+
 /// With nobody on the plate, noise and drift stay below this, N.
 pub const EMPTY_PLATE_N: f64 = 150.0;
 
@@ -86,6 +100,12 @@ impl Memory {
         self.tare = tare;
     }
 
+    /// Puts another worker in place whole; told to the cycle by [`crate::message::CommandKind::SubjectLoad`].
+    pub fn put_in_place(&mut self, worker: &Worker) {
+        self.identification = worker.identification;
+        self.exposure = worker.exposure;
+    }
+
     /// Whether every index and number is in range. A memory that was stored is checked before it is used: no file
     /// may make the loop panic.
     pub fn is_sound(&self) -> bool {
@@ -102,6 +122,7 @@ impl Memory {
             && self.exposure.is_sound()
             && self.tare.is_sound()
             && self.asked.is_sound()
+            && self.shift_unconfirmed <= 1
     }
 
     /// The reasons found with the newest aligned sample.

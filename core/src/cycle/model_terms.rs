@@ -40,6 +40,11 @@ pub(super) struct ModelTerms {
 }
 
 impl ModelTerms {
+    /// Begins anew with another model; spans still count from the station's first moment.
+    pub(super) fn restart(&mut self) {
+        *self = ModelTerms { first_moment_ns: self.first_moment_ns, ..Zeroable::zeroed() };
+    }
+
     /// Whether every index and number is in range; stored ones are checked before use.
     pub(super) fn is_sound(&self) -> bool {
         let numbers = self.cop_m.iter().chain(&self.force_n).chain(self.recent.iter().flatten());

@@ -34,6 +34,7 @@ impl Memory {
     pub(super) fn take_in(&mut self, settings: &Settings, aligned: &Aligned) {
         let suit = &aligned.suit;
         let in_suit_world = suit.pose();
+        self.confirm_shift(suit);
         self.lose_sight_after_a_gap(suit, settings);
         self.worked_ns = suit.sample_time_ns;
         self.identification.learn_skeleton(&in_suit_world, settings);
@@ -67,6 +68,7 @@ impl Memory {
         let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
         let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || u64::from(suit.session) != self.session);
         self.session = u64::from(suit.session);
+        self.suit_counter = u64::from(suit.device_counter);
         if !anew {
             return;
         }

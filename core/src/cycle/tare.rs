@@ -12,13 +12,13 @@ use crate::message::GroundSample;
 /// then the feet contradict the whole, and are not believed until the next tare.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub(super) struct Tare {
+pub struct Tare {
     /// Force, N.
-    pub(super) force_n: [f64; 3],
+    pub force_n: [f64; 3],
     /// Moment about the world's origin, N m.
-    moment_nm: [f64; 3],
+    pub moment_nm: [f64; 3],
     /// Vertical force of the left and the right foot's plate, N; zero if feet are not measured.
-    foot_vertical_n: [f64; 2],
+    pub foot_vertical_n: [f64; 2],
 }
 
 impl Tare {
@@ -60,7 +60,7 @@ impl Tare {
     }
 
     /// Whether every number is finite; a stored tare is checked before use.
-    pub(super) fn is_sound(&self) -> bool {
+    pub fn is_sound(&self) -> bool {
         self.numbers().all(f64::is_finite)
     }
 

@@ -16,6 +16,7 @@ use crate::pose_suggestion::Posture;
 mod asked;
 mod bench;
 mod exposure;
+mod kept;
 mod latency;
 mod learning;
 mod model_terms;

@@ -54,11 +54,15 @@ pub enum CommandKind {
     Tare = 7,
     /// The worker cannot hold the suggested pose: ask for another.
     PoseSkip = 8,
+    /// Forget a subject by id wherever the daemon knows it; if it is in use, an unknown worker takes its place.
+    SubjectForget = 9,
+    /// Other settings hold from this cycle on. Not asked for over the bus: the daemon reads its configuration again.
+    Reload = 10,
 }
 
 impl CommandKind {
     /// All kinds.
-    pub const ALL: [CommandKind; 8] = [
+    pub const ALL: [CommandKind; 10] = [
         CommandKind::IdentifyStart,
         CommandKind::IdentifyStop,
         CommandKind::IdentifyReset,
@@ -67,6 +71,8 @@ impl CommandKind {
         CommandKind::SubjectLoad,
         CommandKind::Tare,
         CommandKind::PoseSkip,
+        CommandKind::SubjectForget,
+        CommandKind::Reload,
     ];
 
     /// The kind of a message's number, `None` for a number of a later version.

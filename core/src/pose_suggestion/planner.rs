@@ -118,6 +118,16 @@ impl Planner {
         Some(index)
     }
 
+    /// One bit per pose of the library that was asked for already, and that this worker could not hold.
+    pub fn history(&self) -> [u64; 2] {
+        [self.asked, self.unholdable]
+    }
+
+    /// Puts a stored history back.
+    pub fn remember(&mut self, [asked, unholdable]: [u64; 2]) {
+        (self.asked, self.unholdable) = (asked, unholdable);
+    }
+
     /// The worker cannot hold this pose of the library.
     pub fn mark_unholdable(&mut self, index: u64) {
         if index < LIBRARY_MAX as u64 {

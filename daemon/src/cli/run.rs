@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::bail;
-use tracing::info;
+use tracing::{info, warn};
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
-use crate::config::Config;
+use crate::config::{Config, ConfigError};
 use crate::model::LoadedModel;
 use crate::pipeline::Pipeline;
+use crate::realtime::now_ns;
 
 /// Run the pipeline as a service
 #[derive(Debug, clap::Args)]
@@ -26,14 +27,13 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
-    let mut config = Config::read(&arguments.config.config)?;
-    if let Some(path) = &arguments.model {
-        config.loaded_model = Some(LoadedModel::read(path)?);
-    }
+    let config = arguments.read()?;
     if let Some(model) = &config.loaded_model {
         info!("{}", model.tell());
     }
     let stop = stop_on_signals()?;
+    let reload = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
     let pipeline = Pipeline::start(&config)?;
     if let Some(url) = pipeline.page_url() {
         info!("page: {url}");
@@ -51,6 +51,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
                 "a part of the pipeline ended by itself: {}",
                 fault.map_or_else(String::new, |f| format!("{f:#}"))
             );
+        }
+        if reload.swap(false, Ordering::Relaxed) {
+            reread(arguments, &pipeline);
         }
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -77,6 +80,33 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         );
     }
     Ok(Outcome::Done)
+}
+
+impl Arguments {
+    fn read(&self) -> Result<Config, ConfigError> {
+        let mut config = Config::read(&self.config.config)?;
+        if let Some(path) = &self.model {
+            config.loaded_model = Some(LoadedModel::read(path)?);
+        }
+        Ok(config)
+    }
+}
+
+/// Takes up what can change live; what cannot, and what is wrong, is said in the journal.
+fn reread(arguments: &Arguments, pipeline: &Pipeline) {
+    info!("the configuration is read again");
+    let began = [sd_notify::NotifyState::Reloading, monotonic_now()];
+    let _ = sd_notify::notify(&began);
+    // Why it is refused was told with the incident.
+    for sentence in pipeline.reload(arguments.read()).unwrap_or_default() {
+        warn!("{sentence}");
+    }
+    let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
+}
+
+/// When, as systemd wants it with every reload.
+fn monotonic_now() -> sd_notify::NotifyState<'static> {
+    sd_notify::NotifyState::MonotonicUsec(i128::from(now_ns() / 1000))
 }
 
 /// A flag that SIGTERM and SIGINT set.

@@ -1,6 +1,6 @@
 use super::*;
 
-const SMALLEST: &str = r#"
+pub(super) const SMALLEST: &str = r#"
 station = "station-1"
 [suit]
 source = "mvn-udp"

@@ -1,40 +1,155 @@
-//! What the loop starts from: an empty memory, and the worker that was learnt before.
+//! What the loop starts from: what was kept of the worker and of the station, as far as it still holds.
 
-use equipoise_core::cycle::{Memory, Settings};
+use equipoise_core::cycle::{Memory, Settings, Tare};
 use tracing::{info, warn};
 
-use crate::profile::Profile;
-use crate::workers::{self, Workers};
+use crate::config::Config;
+use crate::profile::{Profile, unix_s};
+use crate::realtime::now_ns;
+use crate::station_file::{self, StationFile};
+use crate::workers::{self, Saving, Workers};
 
-/// The loop's memory, with what is known of the configured worker. A profile that cannot be used is left alone.
-pub(super) fn remembered(settings: &Settings, workers: &Workers) -> Box<Memory> {
-    let mut memory = bytemuck::zeroed_box::<Memory>();
-    memory.start(settings);
-    let Some(saving) = workers.get(workers::CONFIGURED).filter(|saving| saving.remember) else {
-        return memory;
-    };
-    let known = Profile::read(&saving.path).map_err(|error| error.to_string()).and_then(|profile| {
-        let Some(profile) = profile else { return Ok(None) };
+/// The loop's memory at its start, and what goes with it.
+pub(super) struct Remembered {
+    pub(super) memory: Box<Memory>,
+    /// Number of the worker in it.
+    pub(super) worker: u64,
+    /// The tare in force and when it was taken, s since 1970 UTC.
+    pub(super) tare: (Tare, u64),
+    /// The station's file is there and must not be overwritten, or nothing is to be remembered.
+    pub(super) station_refused: bool,
+    /// All that was found, and what became of it.
+    pub(super) told: Vec<String>,
+}
+
+impl Remembered {
+    /// An empty memory, filled with what still holds. What cannot be used is left alone, and told.
+    pub(super) fn find(config: &Config, settings: &Settings, workers: &Workers) -> Remembered {
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(settings);
+        let mut found = Remembered {
+            memory,
+            worker: workers::CONFIGURED,
+            tare: (bytemuck::Zeroable::zeroed(), 0),
+            station_refused: true,
+            told: Vec::new(),
+        };
+        if config.subject.remember {
+            let station = found.station(config);
+            found.subject(config, settings, workers, station.as_ref());
+            if let Some(station) = &station {
+                found.of_station(config, settings, station);
+            }
+        }
+        found
+    }
+
+    fn station(&mut self, config: &Config) -> Option<StationFile> {
+        match StationFile::read(&station_file::path_of(&config.station)) {
+            Ok(file) => {
+                self.station_refused = false;
+                file
+            }
+            Err(why) => {
+                self.warn(format!("{why}; tare and registration are not kept (move it away and restart)"));
+                None
+            }
+        }
+    }
+
+    /// Whoever was loaded last; if that is nobody, or cannot be read, the configured worker.
+    fn subject(
+        &mut self,
+        config: &Config,
+        settings: &Settings,
+        workers: &Workers,
+        station: Option<&StationFile>,
+    ) {
+        if let Some(loaded) = station.and_then(|file| file.loaded_subject(config)) {
+            let mut saving = Saving::of(loaded, None, true);
+            match self.read(&saving, settings) {
+                Ok(Some(profile)) => {
+                    saving.build = profile.build();
+                    self.worker = workers.add(saving);
+                    workers.use_from_now_on(self.worker);
+                    return;
+                }
+                Ok(None) => self.warn(format!("{loaded} was in use, and has no profile any more")),
+                Err(why) => self.warn(format!("{loaded} was in use: {why}")),
+            }
+        }
+        let Some(saving) = workers.get(workers::CONFIGURED) else { return };
+        match self.read(&saving, settings) {
+            Ok(None) => {}
+            Ok(Some(_)) => {
+                // What the configuration says of the mass is newer than the profile.
+                if let Some(mass_kg) = settings.mass_kg {
+                    self.memory.identification.mass_kg = mass_kg;
+                }
+            }
+            Err(why) => {
+                self.warn(format!("{why}; what is learnt now is not saved"));
+                workers.refuse(
+                    workers::CONFIGURED,
+                    format!("{why} (not overwritten; move it away and restart)"),
+                );
+            }
+        }
+    }
+
+    /// Puts a stored worker in place.
+    fn read(&mut self, saving: &Saving, settings: &Settings) -> Result<Option<Profile>, String> {
+        let Some(profile) = Profile::read(&saving.path).map_err(|error| error.to_string())? else {
+            return Ok(None);
+        };
         let worker = profile.worker(settings).map_err(|why| {
             format!("the profile {} is not used: {why}; it is left as it is", saving.path.display())
         })?;
-        Ok(Some((profile, worker)))
-    });
-    match known {
-        Ok(None) => {}
-        Ok(Some((profile, worker))) => {
-            let (poses, identified) = (profile.poses_used, profile.identified);
-            info!(poses, identified, "profile {} is in use", profile.subject);
-            memory.identification = *worker;
-            // What the configuration says of the mass is newer than the profile.
-            if let Some(mass_kg) = settings.mass_kg {
-                memory.identification.mass_kg = mass_kg;
+        self.memory.identification = *worker;
+        let known = if profile.identified { "identified" } else { "not finished" };
+        self.tell(format!("profile {} is in use: {} poses, {known}", profile.subject, profile.poses_used));
+        match profile.shift(unix_s()) {
+            Ok(shift) => {
+                self.memory.exposure.resume(&shift);
+                self.tell(format!("the shift goes on: {} lifts so far", shift.lifts));
             }
+            Err(why) => self.tell(format!("a new shift begins: {why}")),
         }
-        Err(why) => {
-            warn!("{why}; what is learnt now is not saved");
-            workers.refuse(workers::CONFIGURED, format!("{why} (not overwritten; move it away and restart)"));
+        Ok(Some(profile))
+    }
+
+    fn of_station(&mut self, config: &Config, settings: &Settings, station: &StationFile) {
+        if let Some(other) = station.other_model(config) {
+            self.warn(format!("{other}; what was learnt with one model need not fit another"));
+        }
+        match station.tare.as_ref().map(|part| (part.taken_unix_s, part.tare(config, unix_s()))) {
+            None => {}
+            Some((taken_unix_s, Ok((tare, told)))) if self.memory.resume_tare(&tare) => {
+                self.tare = (tare, taken_unix_s);
+                self.tell(told);
+            }
+            Some((_, Ok(_))) => self.warn("the tare is not used: a number of it is out of range".to_owned()),
+            Some((_, Err(why))) => self.warn(format!("the tare is not used: {why}")),
+        }
+        match station.registration.as_ref().map(|part| part.registration(now_ns())) {
+            None => {}
+            Some(Ok(registration)) if self.memory.resume_registration(&registration, settings) => {
+                self.tell(
+                    "where the suit's world lies is known, if the suit was not started anew".to_owned(),
+                );
+            }
+            Some(Ok(_)) => self.tell("where the suit's world lay is not used".to_owned()),
+            Some(Err(why)) => self.tell(format!("where the suit's world lies is found anew: {why}")),
         }
     }
-    memory
+
+    fn tell(&mut self, what: String) {
+        info!("{what}");
+        self.told.push(what);
+    }
+
+    fn warn(&mut self, what: String) {
+        warn!("{what}");
+        self.told.push(what);
+    }
 }

@@ -38,6 +38,10 @@ pub struct Fidelity {
     pub uncertain: u64,
     /// The first of them.
     pub uncertain_from: Option<u64>,
+    /// How often other settings came into force.
+    pub reloads: u64,
+    /// The cycle at which settings came into force that the recording lacks: the replay ends there.
+    pub unknown_settings_at: Option<u64>,
     /// What ended the reading before the end of the file.
     pub damage: Option<String>,
 }
@@ -78,6 +82,7 @@ impl Fidelity {
             && self.unknown_commands == 0
             && self.out_of_order == 0
             && self.uncertain == 0
+            && self.unknown_settings_at.is_none()
             && self.damage.is_none()
     }
 }
@@ -102,6 +107,7 @@ impl fmt::Display for Fidelity {
             (self.unknown_commands, "commands are of a later version and were left out"),
             (self.out_of_order, "cycle records stand behind later ones and were left out"),
             (self.restarts, "times the daemon was started anew"),
+            (self.reloads, "times other settings came into force"),
             (self.resumed, "times the replay went on from a later checkpoint"),
         ];
         for (count, what) in findings.into_iter().filter(|(count, _)| *count > 0) {
@@ -112,6 +118,12 @@ impl fmt::Display for Fidelity {
             writeln!(
                 f,
                 "not exact from cycle {cycle}: {count} cycles used what the recording lacks, and are not compared"
+            )?;
+        }
+        if let Some(cycle) = self.unknown_settings_at {
+            writeln!(
+                f,
+                "stopped at cycle {cycle}: the configuration was read again there, and the recording lacks the new one"
             )?;
         }
         if let Some(damage) = &self.damage {

@@ -1,12 +1,13 @@
 //! What is replayed: a recording, or a capture by another program; and the configuration to replay it with.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
-use equipoise_adapters::recording::{Entry, Recording};
-use equipoise_core::cycle::Checkpoint;
+use equipoise_adapters::recording::{Entry, Recording, Reloaded};
 use equipoise_core::cycle::memory::MEMORY_VERSION;
+use equipoise_core::cycle::{Checkpoint, Settings};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::samples::{LeftOut, Sample, Samples};
@@ -159,6 +160,23 @@ impl Input {
         }
         origin += "; name a configuration with --config";
         Ok(Chosen { config, origin })
+    }
+
+    /// What the loop was told by each reload that a recording holds, by number.
+    ///
+    /// # Errors
+    /// This release cannot read one of them.
+    pub fn reloads(&self) -> anyhow::Result<BTreeMap<u64, Settings>> {
+        let Input::Recording(recording) = self else { return Ok(BTreeMap::new()) };
+        let settings = |(number, reloaded): (&u64, &Reloaded)| {
+            let name = format!("the recording's configuration of reload {number}");
+            let mut config = Config::parse(&reloaded.config_toml, &name)?;
+            if !reloaded.model_toml.is_empty() {
+                config.loaded_model = Some(LoadedModel::parse(reloaded.model_toml.clone(), name)?);
+            }
+            Ok((*number, config.settings()))
+        };
+        recording.header().reloads.iter().map(settings).collect()
     }
 
     /// The CSV's layout has motion and forces in one world; so nothing is shifted, unless the configuration says so.

@@ -33,6 +33,11 @@ impl Machine {
         self.table.identification.learning = 0;
     }
 
+    /// Other settings hold from the next step on.
+    pub(super) fn change_settings(&mut self, settings: &Settings) {
+        self.settings = *settings;
+    }
+
     /// The samples that count for the error of the CoP.
     pub(super) fn into_scored(self) -> Vec<Scored> {
         self.scored
@@ -51,7 +56,8 @@ impl Machine {
         let before_ns = self.memory.state.suit_sample_time_ns;
         step(&self.settings, &mut self.memory, tick, inputs);
         // Commands about learning are not for the table.
-        let command = inputs.command.filter(|command| *command == CommandKind::Tare);
+        let command =
+            inputs.command.filter(|command| matches!(command, CommandKind::Tare | CommandKind::Reload));
         step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
         if self.memory.state.suit_sample_time_ns != before_ns {
             self.scored.extend(Scored::of(&self.memory.state, &self.table.state, Judge::QuasiStatic));

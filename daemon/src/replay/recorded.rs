@@ -1,8 +1,10 @@
 //! Replays the cycles that a recording tells of: the same ticks, samples and commands, hence the same states.
 
+use std::collections::BTreeMap;
+
 use equipoise_adapters::recording::Recording;
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::cycle::{Inputs, Memory, Tick};
+use equipoise_core::cycle::{Inputs, Memory, Settings, Tick};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 
 use super::feed::{Cycle, Feed};
@@ -19,7 +21,8 @@ pub(super) enum Start {
     Afresh,
 }
 
-/// Calls `tell` with the state of every cycle replayed.
+/// Calls `tell` with the state of every cycle replayed. `settings` are those of the recording's reloads by number;
+/// `None` goes through all of it with the machine's own.
 ///
 /// # Errors
 /// What `tell` returns.
@@ -27,12 +30,14 @@ pub(super) fn run(
     recording: &Recording,
     machine: &mut Machine,
     start: Start,
+    settings: Option<&BTreeMap<u64, Settings>>,
     mut tell: impl FnMut(&State) -> anyhow::Result<()>,
 ) -> anyhow::Result<Fidelity> {
     let mut feed = Feed::new(recording);
     let mut run = Run {
         machine,
         start,
+        settings,
         certain: false,
         running: false,
         last: None,
@@ -44,6 +49,9 @@ pub(super) fn run(
         if run.cycle(&mut feed, &cycle) {
             tell(run.machine.state())?;
         }
+        if run.fidelity.unknown_settings_at.is_some() {
+            break;
+        }
     }
     run.fidelity.damage = feed.damage;
     Ok(run.fidelity)
@@ -52,6 +60,7 @@ pub(super) fn run(
 struct Run<'a> {
     machine: &'a mut Machine,
     start: Start,
+    settings: Option<&'a BTreeMap<u64, Settings>>,
     /// Whether the memory is the live loop's, byte for byte, as far as the recording goes.
     certain: bool,
     running: bool,
@@ -67,6 +76,9 @@ impl Run<'_> {
         let record = &*cycle.record;
         let tick = Tick { cycle: record.cycle, due_ns: record.due_ns };
         if !self.follows(tick) {
+            return false;
+        }
+        if !self.reload(record) {
             return false;
         }
         let complete = self.take_samples(feed, record);
@@ -129,6 +141,26 @@ impl Run<'_> {
             }
         }
         self.last = Some(tick);
+        true
+    }
+
+    /// Takes over what a reload brought; whether it is known.
+    fn reload(&mut self, record: &CycleRecord) -> bool {
+        let Some(settings) = self.settings.filter(|_| record.command == CommandKind::Reload as u32) else {
+            return true;
+        };
+        // Number 0 took out what another worker had taught, which a replay never had.
+        match (record.command_argument[0] as u64, settings.get(&(record.command_argument[0] as u64))) {
+            (0, _) => {}
+            (_, Some(settings)) => {
+                self.machine.change_settings(settings);
+                self.fidelity.reloads += 1;
+            }
+            (_, None) => {
+                self.fidelity.unknown_settings_at = Some(record.cycle);
+                return false;
+            }
+        }
         true
     }
 

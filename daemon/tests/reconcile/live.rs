@@ -82,9 +82,11 @@ impl Live {
             .replace("[ground]", &format!("[ground]\naddress = \"{}\"", player.plate_address()));
         let options = model.map_or(Vec::new(), |model| vec!["--model", model.to_str().unwrap()]);
         let station = Station::start_with(&config, &options, |state| {
-            let profile = Profile::of("anon-1", None, worker).unwrap();
+            let mut kept = bytemuck::zeroed_box();
+            worker.keep(&mut kept);
+            let profile = Profile::of("anon-1", None, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
             std::fs::create_dir_all(state.join("subjects")).unwrap();
-            profile.write(&state.join("subjects/anon-1.toml")).unwrap();
+            std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml()).unwrap();
         });
         let root = station.file("bus");
         let bus =

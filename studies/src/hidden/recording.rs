@@ -175,8 +175,7 @@ pub fn write(
         started_unix_ns: 0,
         started_monotonic_ns: EPOCH_NS,
         config_toml,
-        subject_toml: String::new(),
-        model_toml: String::new(),
+        ..RecordingHeader::default()
     };
     let mut recorder = Recorder::create(path, &header)?;
     let mut looks: Vec<(f64, Vector2<f64>)> = Vec::new();

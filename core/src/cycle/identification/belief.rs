@@ -47,6 +47,7 @@ impl Identification {
     }
 
     /// What is believed now is no prior any more: poses stand behind it, and no innovation inflates it.
+    #[cfg(test)]
     pub(in crate::cycle) fn trust_the_prior(&mut self) {
         self.consistency.trust();
     }

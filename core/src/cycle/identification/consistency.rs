@@ -14,6 +14,8 @@ const POSES_TESTED: usize = 6;
 const RECENT: usize = 5;
 /// P is never inflated by more than this in all.
 const INFLATION_MAX: f64 = 100.0;
+/// More poses than a working life brings.
+const COUNT_MAX: u64 = 1 << 32;
 
 /// One pose's innovation, both axes: what was seen, and what was expected of each source; m².
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,31 +32,36 @@ pub(super) struct Seen {
 
 /// Innovations so far.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Consistency {
-    /// Poses that were held against the prior, in [0, `POSES_TESTED`].
-    tested: u64,
-    /// Of these, poses since the last inflation, and their sums.
-    since: u64,
-    nis: f64,
-    square_m2: f64,
-    theta_m2: f64,
-    rest_m2: f64,
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Consistency {
+    /// Poses that were held against the prior, in [0, 6].
+    pub tested: u64,
+    /// Of these, poses since the last inflation; the sums that follow are theirs.
+    pub since: u64,
+    /// Normalised innovations squared.
+    pub nis: f64,
+    /// Squared innovations, m².
+    pub square_m2: f64,
+    /// Variances that θ alone lets expect, m².
+    pub theta_m2: f64,
+    /// All other variances, m².
+    pub rest_m2: f64,
     /// How much P was inflated in all.
-    inflation: f64,
-    /// NIS of the last poses, newest at `(recent_count − 1) % RECENT`.
-    recent: [f64; RECENT],
-    recent_count: u64,
+    pub inflation: f64,
+    /// NIS of the last poses, newest at `(recent_count − 1) % 5`.
+    pub recent: [f64; RECENT],
+    /// How many poses were learnt in all.
+    pub recent_count: u64,
 }
 
 impl Consistency {
     /// Before the first pose.
-    pub(super) fn start() -> Consistency {
+    pub fn start() -> Consistency {
         Consistency { inflation: 1.0, ..Zeroable::zeroed() }
     }
 
     /// What was learnt stands; no prior is tested any more.
-    pub(super) fn trust(&mut self) {
+    pub fn trust(&mut self) {
         self.tested = POSES_TESTED as u64;
     }
 
@@ -112,7 +119,7 @@ impl Consistency {
         let sums = [self.nis, self.square_m2, self.theta_m2, self.rest_m2, self.inflation];
         self.tested <= POSES_TESTED as u64
             && self.since <= self.tested
-            && self.recent_count < u64::MAX
+            && self.recent_count < COUNT_MAX
             && sums.iter().chain(&self.recent).all(|value| value.is_finite())
     }
 }

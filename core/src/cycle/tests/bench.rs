@@ -81,6 +81,8 @@ pub(super) struct Bench {
     pub(super) suit_sequence: u64,
     pub(super) ground_silent: bool,
     pub(super) suit_silent: bool,
+    /// How far the suit's own world has drifted, m forward.
+    pub(super) suit_drift_m: f64,
     /// Where each foot presses, if each stands on a plate of its own, m.
     pub(super) feet_m: Option<[[f64; 2]; 2]>,
 }
@@ -101,6 +103,7 @@ impl Bench {
             suit_sequence: 0,
             ground_silent: false,
             suit_silent: false,
+            suit_drift_m: 0.0,
             feet_m: None,
         }
     }
@@ -171,7 +174,8 @@ impl Bench {
             let ground = self.with_feet(ground);
             let mut suit: SuitSample = Zeroable::zeroed();
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
-            suit.position_m = pose.origin.map(Into::into);
+            suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
+            suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
             self.suit_sequence += u64::from(has_suit);

@@ -143,6 +143,9 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     bench.command(CommandKind::IdentifyReset);
     bench.hold(&person, &carrying_pose(), None, 100);
     assert_eq!(bench.state().lifts, 1, "the same worker");
+    let mut another = bytemuck::zeroed_box::<Worker>();
+    another.identification = bench.memory.identification;
+    bench.memory.put_in_place(&another);
     bench.command(CommandKind::SubjectLoad);
     bench.hold(&person, &carrying_pose(), None, 100);
     assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "another worker");

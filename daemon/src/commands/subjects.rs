@@ -1,0 +1,111 @@
+//! Whom the daemon is asked to save, to load, or to forget.
+
+use equipoise_core::cycle::{PriorKind, Worker};
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::{Command, State};
+
+use super::{Answer, hand_over, text_of};
+use crate::in_force::InForce;
+use crate::profile::{self, Profile, unix_s};
+use crate::rings::Rings;
+use crate::workers::{Saving, Workers};
+
+const TOO_MANY: &str = "too many commands at once; ask again";
+
+pub(super) fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> Answer {
+    let saving = workers.get(workers.in_use()).ok_or("nobody is in use")?;
+    if let Some(why) = saving.refusal {
+        return Err(format!("{} is not saved: {why}", saving.subject));
+    }
+    // The filter has a variance as soon as it has a body to work on.
+    if latest.is_none_or(|state| state.variance_max_m2 <= 0.0) {
+        return Err("nothing is known of the worker yet; let the suit stream first".to_owned());
+    }
+    hand_over(rings, CommandKind::SubjectSave)
+        .map(|()| format!("the worker is being saved as {}", saving.subject))
+}
+
+pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
+    let id = id_of(command)?;
+    let settings = in_force.look(|forced| forced.settings);
+    let path = profile::path_of(&id);
+    let profile = Profile::read(&path)
+        .map_err(|error| error.to_string())?
+        .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
+    let mut worker = bytemuck::zeroed_box::<Worker>();
+    worker.identification =
+        *profile.worker(&settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
+    // Whether anything is remembered is the configuration's word, for every worker; so is a mass the configured one's.
+    let (configured, remember) =
+        in_force.look(|forced| (forced.config.subject.id == id, forced.config.subject.remember));
+    if let (true, Some(mass_kg)) = (configured, settings.mass_kg) {
+        worker.identification.mass_kg = mass_kg;
+    }
+    let shift = match profile.shift(unix_s()) {
+        Ok(shift) => {
+            worker.exposure.resume(&shift);
+            format!("the shift goes on, {} lifts", shift.lifts)
+        }
+        Err(_) => "a new shift begins".to_owned(),
+    };
+    let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
+    put_in_place(rings, workers, worker, Saving::of(&id, profile.build(), remember))?;
+    Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
+}
+
+/// Forgets a subject in every place that the daemon has; the files are the asker's affair, and stay deleted.
+pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
+    let id = id_of(command)?;
+    let mut forced = in_force.now();
+    let is_similar = forced.similar.as_deref() == Some(&id);
+    if is_similar && rings.settings.is_full() {
+        return Err(TOO_MANY.to_owned());
+    }
+    let in_use = workers.get(workers.in_use()).is_some_and(|saving| saving.subject == id);
+    if in_use {
+        let mut unknown = bytemuck::zeroed_box::<Worker>();
+        // The configured mass is the configured worker's.
+        let settings = equipoise_core::cycle::Settings { mass_kg: None, ..forced.settings };
+        unknown.identification.start(&settings);
+        put_in_place(rings, workers, unknown, Saving::nobody())?;
+    }
+    workers.forget(&id);
+    if is_similar {
+        (forced.settings.similar, forced.settings.prior, forced.similar) = (None, PriorKind::Table, None);
+        let _ = rings.settings.push((0, Box::new(forced.settings)));
+        in_force.replace(forced.clone());
+    }
+    let mut told = if in_use {
+        format!("{id} was in use: forgotten, an unknown worker is learnt instead and not saved")
+    } else {
+        format!("the daemon keeps nothing of {id}")
+    };
+    if forced.config.subject.id == id {
+        told +=
+            "; its configuration still names it: change subject.id, or the next start begins a new profile";
+    }
+    Ok(told)
+}
+
+fn id_of(command: &Command) -> Result<String, String> {
+    let id = text_of(&command.subject);
+    if profile::is_plain(&id) {
+        Ok(id)
+    } else {
+        Err("a subject's id is made of letters, digits, '-' and '_'".to_owned())
+    }
+}
+
+/// Hands the loop another worker.
+fn put_in_place(rings: &Rings, workers: &Workers, worker: Box<Worker>, saving: Saving) -> Result<(), String> {
+    while rings.worker_back.pop().is_some() {}
+    // This thread alone fills both rings, so what is free now stays free.
+    if rings.command.is_full() || rings.worker.is_full() {
+        return Err(TOO_MANY.to_owned());
+    }
+    let number = workers.add(saving);
+    let _ = rings.worker.push((number, worker));
+    hand_over(rings, CommandKind::SubjectLoad)?;
+    workers.use_from_now_on(number);
+    Ok(())
+}

@@ -1,0 +1,66 @@
+//! What of a configuration can change while the daemon runs.
+
+use std::collections::BTreeSet;
+
+use toml::Value;
+
+use super::Config;
+
+impl Config {
+    /// This configuration with what can change live taken from another: `[overload]`, `[static_pose]`, `[model]` and
+    /// the model itself, `[latency]`, `subject.tau_max_nm`.
+    pub fn with_live_parts_of(&self, other: &Config) -> Config {
+        let mut live = self.clone();
+        live.overload = other.overload.clone();
+        live.static_pose = other.static_pose.clone();
+        live.model = other.model.clone();
+        live.loaded_model = other.loaded_model.clone();
+        live.latency = other.latency.clone();
+        live.subject.tau_max_nm = other.subject.tau_max_nm.clone();
+        live
+    }
+
+    /// Every key whose value differs, as people write it: `loop.rate_hz`.
+    pub fn keys_that_differ(&self, other: &Config) -> Vec<String> {
+        let table = |config: &Config| Value::try_from(config).unwrap_or(Value::Boolean(false));
+        let mut keys = BTreeSet::new();
+        compare("", Some(&table(self)), Some(&table(other)), &mut keys);
+        keys.into_iter().collect()
+    }
+}
+
+fn compare(name: &str, one: Option<&Value>, other: Option<&Value>, keys: &mut BTreeSet<String>) {
+    match (one, other) {
+        (Some(Value::Table(one)), Some(Value::Table(other))) => {
+            for key in one.keys().chain(other.keys()) {
+                let inner = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                compare(&inner, one.get(key), other.get(key), keys);
+            }
+        }
+        _ if one == other => {}
+        _ => {
+            keys.insert(name.to_owned());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_live_is_taken_and_the_rest_is_named() {
+        let parse = |text: &str| {
+            Config::parse(&format!("{}{text}", super::super::tests::SMALLEST), "the test's").unwrap()
+        };
+        let before = parse("");
+        let mut wanted =
+            parse("[overload]\nthreshold_n = 20.0\n[static_pose]\n[page]\nlisten = \"127.0.0.1:1\"\n");
+        wanted.tick.rate_hz = 500;
+        wanted.subject.height_m = 1.6;
+        let after = before.with_live_parts_of(&wanted);
+        assert_eq!(after.keys_that_differ(&wanted), ["loop.rate_hz", "page", "subject.height_m"]);
+        assert_eq!(before.keys_that_differ(&after), ["overload.threshold_n"]);
+        assert_eq!(after.tick, before.tick);
+    }
+}

@@ -1,0 +1,69 @@
+//! The configuration read again while the daemon runs.
+
+use anyhow::{Context, bail};
+use equipoise_core::message::Incident;
+use tracing::info;
+
+use super::Pipeline;
+use crate::config::{Config, ConfigError};
+use crate::in_force::Forced;
+use crate::realtime::now_ns;
+
+impl Pipeline {
+    /// Takes up what of another configuration can change live; gives back what cannot, one sentence for each key.
+    ///
+    /// A configuration that could not be read or is wrong changes nothing, and begins an incident.
+    ///
+    /// # Errors
+    /// Why it was refused.
+    pub fn reload(&self, read: Result<Config, ConfigError>) -> anyhow::Result<Vec<String>> {
+        let outcome = read.map_err(anyhow::Error::from).and_then(|wanted| self.take_up(wanted));
+        match &outcome {
+            Ok(_) => self.board.end(Incident::ReloadRefused),
+            Err(why) => self
+                .board
+                .begin(Incident::ReloadRefused, &format!("{why:#}; the configuration before stays in force")),
+        }
+        outcome
+    }
+
+    fn take_up(&self, wanted: Config) -> anyhow::Result<Vec<String>> {
+        if self.rings.settings.is_full() {
+            bail!("the reload before is not taken up yet; ask again");
+        }
+        let before = self.in_force.now();
+        let config = before.config.with_live_parts_of(&wanted);
+        let not_live = config.keys_that_differ(&wanted);
+        let changed = before.config.keys_that_differ(&config);
+        if changed.is_empty() && before.config.model_toml() == config.model_toml() {
+            info!("the configuration is the one in force");
+            return Ok(told(&not_live));
+        }
+        let mut settings = config.settings();
+        settings.similar = before.settings.similar;
+        // Told before it is so: a recorder that sees the cycle finds the configuration that goes with it.
+        let reload = now_ns() / 1000;
+        self.status.change(|status| {
+            status.config_toml = config.to_toml();
+            status.model_toml = config.model_toml();
+            status.reload = reload;
+        });
+        self.status.write().with_context(|| format!("cannot write {}", self.status.path.display()))?;
+        if let Some(model) =
+            config.loaded_model.as_ref().filter(|_| before.config.loaded_model != config.loaded_model)
+        {
+            info!("{}", model.tell());
+        }
+        self.in_force.replace(Forced { config, settings, similar: before.similar });
+        // It was not full, and this thread and the command server's rare forgetting are the only ones to fill it.
+        let _ = self.rings.settings.force_push((reload, Box::new(settings)));
+        for key in &changed {
+            info!("{key} changed: in force now");
+        }
+        Ok(told(&not_live))
+    }
+}
+
+fn told(keys: &[String]) -> Vec<String> {
+    keys.iter().map(|key| format!("{key} changed: takes effect at the next restart")).collect()
+}

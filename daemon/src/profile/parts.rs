@@ -1,0 +1,158 @@
+//! Parts of a profile that need words of their own: poses by name, consistency, the shift.
+
+use std::collections::BTreeMap;
+
+use equipoise_core::body::{JOINTS, Joint};
+use equipoise_core::cycle::identification::Consistency;
+use equipoise_core::exposure::Shift;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use serde::{Deserialize, Serialize};
+
+/// A pause as long as this ends a shift, s: no break in a day's work is as long, and no night is shorter.
+pub(super) const SHIFT_ENDS_S: u64 = 4 * 3600;
+/// Fatigue is kept to so many parts of one.
+const FATIGUE_STEPS: f64 = 1e4;
+
+/// Names of the poses whose bits are set.
+pub(super) fn names_of(bits: u64) -> Vec<String> {
+    let set = LIBRARY.iter().enumerate().filter(|(index, _)| bits >> index & 1 == 1);
+    set.map(|(_, posture)| posture.name.to_owned()).collect()
+}
+
+/// Where a pose stands in the library.
+pub(super) fn index_of(name: &str) -> Option<usize> {
+    LIBRARY.iter().position(|posture| posture.name == name)
+}
+
+/// The bits of these poses; names that the library no longer has are passed over.
+pub(super) fn set_of(names: &[String]) -> u64 {
+    names.iter().filter_map(|name| index_of(name)).fold(0, |bits, index| bits | 1 << index)
+}
+
+/// [`Consistency`] by its fields.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ConsistencyPart {
+    tested: u64,
+    since: u64,
+    nis: f64,
+    square_m2: f64,
+    theta_m2: f64,
+    rest_m2: f64,
+    inflation: f64,
+    recent: [f64; 5],
+    recent_count: u64,
+}
+
+impl ConsistencyPart {
+    pub(super) fn of(of: &Consistency) -> ConsistencyPart {
+        let &Consistency {
+            tested,
+            since,
+            nis,
+            square_m2,
+            theta_m2,
+            rest_m2,
+            inflation,
+            recent,
+            recent_count,
+        } = of;
+        ConsistencyPart { tested, since, nis, square_m2, theta_m2, rest_m2, inflation, recent, recent_count }
+    }
+
+    pub(super) fn consistency(&self) -> Consistency {
+        let &ConsistencyPart {
+            tested,
+            since,
+            nis,
+            square_m2,
+            theta_m2,
+            rest_m2,
+            inflation,
+            recent,
+            recent_count,
+        } = self;
+        Consistency { tested, since, nis, square_m2, theta_m2, rest_m2, inflation, recent, recent_count }
+    }
+}
+
+/// [`Shift`] with the time at which it was so.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShiftPart {
+    /// s since 1970 UTC.
+    saved_unix_s: u64,
+    /// LiFFT's damage of the low back.
+    damage: f64,
+    lifts: u64,
+    /// By joint; what is not named is not tired.
+    fatigue: BTreeMap<String, f64>,
+}
+
+/// Fatigue as it is kept.
+pub(crate) fn kept_fatigue(share: f64) -> f64 {
+    (share * FATIGUE_STEPS).round() / FATIGUE_STEPS
+}
+
+impl ShiftPart {
+    pub(super) fn of(shift: &Shift, saved_unix_s: u64) -> ShiftPart {
+        let tired = Joint::ALL.iter().map(|joint| (joint.name(), kept_fatigue(shift.fatigue[joint.index()])));
+        let tired = tired.filter(|(_, share)| *share > 0.0);
+        ShiftPart {
+            saved_unix_s,
+            damage: shift.damage,
+            lifts: shift.lifts,
+            fatigue: tired.map(|(name, share)| (name.to_owned(), share)).collect(),
+        }
+    }
+
+    /// The shift to go on with at a time, s since 1970 UTC.
+    ///
+    /// # Errors
+    /// Why it is over, or cannot be believed.
+    pub(super) fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
+        let Some(pause_s) = now_unix_s.checked_sub(self.saved_unix_s) else {
+            return Err("it was saved later than the clock says it is now".to_owned());
+        };
+        if pause_s >= SHIFT_ENDS_S {
+            return Err(format!("the last one ended {:.1} h ago", pause_s as f64 / 3600.0));
+        }
+        let mut fatigue = [0.0; JOINTS];
+        for (name, share) in &self.fatigue {
+            let joint = Joint::named(name).ok_or_else(|| format!("there is no joint {name}"))?;
+            fatigue[joint.index()] = *share;
+        }
+        let sound = self.damage.is_finite()
+            && self.damage >= 0.0
+            && fatigue.iter().all(|share| (0.0..=1.0).contains(share));
+        sound
+            .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts })
+            .ok_or_else(|| "a number of it is out of range".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_are_kept_by_name() {
+        let all = if LIBRARY.len() == 64 { u64::MAX } else { (1 << LIBRARY.len()) - 1 };
+        for bits in [0, 1, 0b1010, all] {
+            assert_eq!(set_of(&names_of(bits)), bits, "two poses of one name?");
+        }
+        assert_eq!(set_of(&["of an older library".to_owned()]), 0);
+    }
+
+    #[test]
+    fn a_shift_goes_on_after_a_break_and_not_after_a_night_or_from_the_future() {
+        let mut shift = Shift { fatigue: [0.0; JOINTS], damage: 0.01, lifts: 7 };
+        shift.fatigue[3] = 0.25;
+        let mut part = ShiftPart::of(&shift, 1_000_000);
+        assert_eq!(part.shift(1_000_000 + 3600), Ok(shift));
+        assert!(part.shift(1_000_000 + 9 * 3600).unwrap_err().contains("9.0 h ago"));
+        assert!(part.shift(999_999).unwrap_err().contains("later than the clock"));
+        part.damage = f64::NAN;
+        assert!(part.shift(1_000_000).unwrap_err().contains("out of range"));
+    }
+}

@@ -1,0 +1,325 @@
+//! What belongs to a station and outlives its daemon: who and which model was in use, tare, registration.
+//!
+//! `stations/<station>.toml` in the state directory, written like a profile: whole or not at all, readable by owner and
+//! group; a file that cannot be understood is refused and never overwritten.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use equipoise_core::cycle::kept::SHIFT_HOLDS_NS;
+use equipoise_core::cycle::{Kept, Registration, Tare};
+use serde::{Deserialize, Serialize};
+
+use crate::config::Config;
+use crate::model::sha256_of_text;
+use crate::profile::state_directory;
+
+/// Grows with every change of the file's layout or meaning.
+const FORMAT: u32 = 1;
+/// A tare older than this is told to be old, s: one shift, in which a plate warms up and cools down.
+const TARE_IS_OLD_S: u64 = 12 * 3600;
+
+/// A station's file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationFile {
+    /// Layout of the file.
+    pub format: u32,
+    /// The station.
+    pub station: String,
+    /// When it was written, s since 1970 UTC.
+    pub saved_unix_s: u64,
+    /// The subject in use, if it is not the configured one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subject: Option<SubjectPart>,
+    /// The model in use.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelPart>,
+    /// What the empty plate showed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tare: Option<TarePart>,
+    /// Where the suit's world lay.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub registration: Option<RegistrationPart>,
+}
+
+/// `[subject]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SubjectPart {
+    /// Who was loaded.
+    pub in_use: String,
+    /// Whom the configuration named then: when it names another, that is the newer word.
+    pub configured: String,
+}
+
+/// `[model]`
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelPart {
+    /// The file as it was named.
+    pub file: String,
+    /// SHA-256 of its content.
+    pub sha256: String,
+}
+
+/// `[tare]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TarePart {
+    /// When it was taken, s since 1970 UTC.
+    pub taken_unix_s: u64,
+    /// SHA-256 of `[ground]`: a tare holds for the plate, place and scale that it was taken with.
+    plate: String,
+    force_n: [f64; 3],
+    moment_nm: [f64; 3],
+    foot_vertical_n: [f64; 2],
+}
+
+/// `[registration]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegistrationPart {
+    /// Which start of the machine the time belongs to.
+    boot: String,
+    station_from_suit_m: [f64; 2],
+    /// CLOCK_MONOTONIC.
+    suit_time_ns: u64,
+    suit_counter: u64,
+    suit_period_ns: u64,
+}
+
+/// Why a station's file cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("the station's file {path} is not used: {why}; it is left as it is", path = .path.display())]
+pub struct Refused {
+    /// Which file.
+    pub path: PathBuf,
+    /// Why.
+    pub why: String,
+}
+
+impl StationFile {
+    /// The file of a station about which nothing is known yet.
+    pub fn new(station: &str) -> StationFile {
+        StationFile {
+            format: FORMAT,
+            station: station.to_owned(),
+            saved_unix_s: 0,
+            subject: None,
+            model: None,
+            tare: None,
+            registration: None,
+        }
+    }
+
+    /// Reads a file; `None` if there is none.
+    ///
+    /// # Errors
+    /// [`Refused`], in words.
+    pub fn read(path: &Path) -> Result<Option<StationFile>, Refused> {
+        let refused = |why: String| Refused { path: path.to_owned(), why };
+        let text = match fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(refused(format!("it cannot be read: {error}"))),
+        };
+        // A later version's fields are not known here: its number is looked at first.
+        let table: toml::Table =
+            text.parse().map_err(|error: toml::de::Error| refused(error.message().to_owned()))?;
+        let format = table.get("format").and_then(toml::Value::as_integer);
+        if format != Some(i64::from(FORMAT)) {
+            let format = format.map_or("missing".to_owned(), |format| format.to_string());
+            return Err(refused(format!("its format is {format}, this version reads {FORMAT}")));
+        }
+        toml::from_str(&text).map(Some).map_err(|error| refused(error.message().to_owned()))
+    }
+
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Who is to be loaded, if the configuration still names whom it named when somebody else was.
+    pub fn loaded_subject(&self, config: &Config) -> Option<&str> {
+        let subject = self.subject.as_ref()?;
+        (subject.configured == config.subject.id && subject.in_use != config.subject.id)
+            .then_some(subject.in_use.as_str())
+    }
+
+    /// What changed in the model since, in words for people; nothing if it is the same.
+    pub fn other_model(&self, config: &Config) -> Option<String> {
+        let now = ModelPart::of(config);
+        match (&self.model, &now) {
+            _ if self.model.as_ref().map(|part| &part.sha256) == now.as_ref().map(|part| &part.sha256) => {
+                None
+            }
+            (Some(before), None) => Some(format!("the model {} is not in use any more", before.file)),
+            (None, Some(now)) => Some(format!("the model {} was not in use before", now.file)),
+            (Some(before), Some(now)) if before.file == now.file => {
+                Some(format!("the content of the model {} is another than before", now.file))
+            }
+            (Some(before), Some(now)) => {
+                Some(format!("the model is {}, before it was {}", now.file, before.file))
+            }
+            (None, None) => None,
+        }
+    }
+}
+
+impl ModelPart {
+    /// The model of a configuration.
+    pub fn of(config: &Config) -> Option<ModelPart> {
+        let model = config.loaded_model.as_ref()?;
+        Some(ModelPart { file: model.name.clone(), sha256: sha256_of_text(&model.text) })
+    }
+}
+
+impl TarePart {
+    /// A tare as it was taken with this configuration; nothing while none was taken.
+    pub fn of(tare: &Tare, taken_unix_s: u64, config: &Config) -> Option<TarePart> {
+        let Tare { force_n, moment_nm, foot_vertical_n } = *tare;
+        let plate = plate_of(config);
+        (*tare != bytemuck::Zeroable::zeroed()).then_some(TarePart {
+            taken_unix_s,
+            plate,
+            force_n,
+            moment_nm,
+            foot_vertical_n,
+        })
+    }
+
+    /// The tare, and what to say of it.
+    ///
+    /// # Errors
+    /// Why it does not hold any more.
+    pub fn tare(&self, config: &Config, now_unix_s: u64) -> Result<(Tare, String), String> {
+        if self.plate != plate_of(config) {
+            return Err("[ground] is another than when it was taken; tare again".to_owned());
+        }
+        let &TarePart { force_n, moment_nm, foot_vertical_n, .. } = self;
+        let age_s = now_unix_s.saturating_sub(self.taken_unix_s);
+        let old = if age_s > TARE_IS_OLD_S { "; tare again as soon as the plate is empty" } else { "" };
+        let told =
+            format!("the tare of {:.1} h ago is in force ({:.1} N){old}", age_s as f64 / 3600.0, force_n[2]);
+        Ok((Tare { force_n, moment_nm, foot_vertical_n }, told))
+    }
+}
+
+impl RegistrationPart {
+    /// A registration that was found; nothing while none was, or where the machine's start cannot be told.
+    pub fn of(kept: &Kept) -> Option<RegistrationPart> {
+        let Registration { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns } =
+            kept.registration;
+        (suit_time_ns > 0).then_some(RegistrationPart {
+            boot: boot()?,
+            station_from_suit_m,
+            suit_time_ns,
+            suit_counter,
+            suit_period_ns,
+        })
+    }
+
+    /// The registration, for the loop to hold against the first suit sample.
+    ///
+    /// # Errors
+    /// Why it does not hold any more.
+    pub fn registration(&self, now_ns: u64) -> Result<Registration, String> {
+        if boot().as_deref() != Some(&self.boot) {
+            return Err("the machine was started anew".to_owned());
+        }
+        let age_ns = now_ns.saturating_sub(self.suit_time_ns);
+        if age_ns > SHIFT_HOLDS_NS {
+            return Err(format!("the worker was last seen {:.0} s ago", age_ns as f64 * 1e-9));
+        }
+        let &RegistrationPart { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns, .. } = self;
+        Ok(Registration { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns })
+    }
+}
+
+fn plate_of(config: &Config) -> String {
+    sha256_of_text(&toml::to_string(&config.ground).unwrap_or_default())
+}
+
+/// Which start of the machine this is; `None` if the kernel does not say.
+fn boot() -> Option<String> {
+    let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
+    Some(id.trim().to_owned())
+}
+
+/// Where the stations' files are kept.
+pub fn folder() -> PathBuf {
+    state_directory().join("stations")
+}
+
+/// The file of a station; the name is checked by the configuration.
+pub fn path_of(station: &str) -> PathBuf {
+    folder().join(format!("{station}.toml"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::realtime::now_ns;
+
+    fn config(change: &str) -> Config {
+        let text = format!(
+            "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n{change}\n[subject]\nid = \"a\"\n\
+             height_m = 1.7\n"
+        );
+        Config::parse(&text, "the test's").unwrap()
+    }
+
+    fn kept() -> Box<Kept> {
+        let mut kept = bytemuck::zeroed_box::<Kept>();
+        kept.tare.force_n = [0.5, -0.25, 41.0];
+        kept.registration = Registration {
+            station_from_suit_m: [0.1, -0.2],
+            suit_time_ns: now_ns(),
+            suit_counter: 77,
+            suit_period_ns: 10_000_000,
+        };
+        kept
+    }
+
+    #[test]
+    fn a_file_comes_back_as_it_was_and_others_are_refused() {
+        let (config, kept) = (config(""), kept());
+        let mut file = StationFile::new("s");
+        file.tare = TarePart::of(&kept.tare, 1000, &config);
+        file.registration = RegistrationPart::of(&kept);
+        file.subject = Some(SubjectPart { in_use: "b".to_owned(), configured: "a".to_owned() });
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("s.toml");
+        assert_eq!(StationFile::read(&path).unwrap(), None);
+        fs::write(&path, file.to_toml()).unwrap();
+        let read = StationFile::read(&path).unwrap().unwrap();
+        assert_eq!(read, file);
+        assert_eq!(read.loaded_subject(&config), Some("b"));
+        assert_eq!(read.registration.unwrap().registration(now_ns()), Ok(kept.registration));
+        for (change, why) in [("format = 1", "format = 2"), ("format", "formats"), ("station", "= =")] {
+            fs::write(&path, file.to_toml().replacen(change, why, 1)).unwrap();
+            assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
+        }
+    }
+
+    #[test]
+    fn a_tare_holds_for_the_plate_it_was_taken_with() {
+        let part = TarePart::of(&kept().tare, 1000, &config("")).unwrap();
+        let (tare, told) = part.tare(&config(""), 1000 + 3600).unwrap();
+        assert_eq!(tare, kept().tare);
+        assert!(told.contains("1.0 h ago") && !told.contains("tare again"), "{told}");
+        assert!(part.tare(&config(""), 1000 + 20 * 3600).unwrap().1.contains("tare again"));
+        let moved = config("[ground.frame]\nyaw_deg = 90.0");
+        assert!(part.tare(&moved, 1000).unwrap_err().contains("tare again"));
+        assert_eq!(TarePart::of(&bytemuck::Zeroable::zeroed(), 1, &config("")), None);
+    }
+
+    #[test]
+    fn a_registration_is_not_of_another_start_of_the_machine_nor_of_long_ago() {
+        let mut part = RegistrationPart::of(&kept()).unwrap();
+        assert!(part.registration(now_ns() + 2 * SHIFT_HOLDS_NS).unwrap_err().contains("last seen"));
+        part.boot.push('x');
+        assert!(part.registration(now_ns()).unwrap_err().contains("machine"));
+    }
+}
