@@ -125,7 +125,7 @@ impl Housekeeping {
     }
 
     fn tidy(&mut self) {
-        self.supervision.tidy(&self.bus, &self.board);
+        self.supervision.tidy(&self.bus, &self.board, self.status.loop_faults());
         let dead = self.bus.clean_up_dead_nodes();
         if dead > 0 {
             self.board.happened(

@@ -143,10 +143,11 @@ impl Supervision {
         Ok(())
     }
 
-    /// What need not be looked at more often than once a second.
-    pub fn tidy(&mut self, bus: &Bus, board: &IncidentBoard) {
+    /// What need not be looked at more often than once a second; with the loop's minor and major page faults since its
+    /// warm-up, once that is over.
+    pub fn tidy(&mut self, bus: &Bus, board: &IncidentBoard, loop_faults: Option<[u64; 2]>) {
         self.clock.name_source(host_clock::source());
-        if let Some(new) = self.page_faults.look(page_faults::of_thread("loop")) {
+        if let Some(new) = self.page_faults.look(loop_faults) {
             board.begin(
                 Incident::PageFaults,
                 &format!(
