@@ -29,5 +29,6 @@ pub mod sensors;
 pub mod similar;
 pub mod status;
 pub mod tick;
+pub mod trace;
 pub mod whole_file;
 pub mod workers;

@@ -9,6 +9,7 @@ mod consumers;
 mod death;
 mod ending;
 mod eyes;
+mod flight;
 mod network;
 mod plate;
 mod play;
