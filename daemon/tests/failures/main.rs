@@ -10,6 +10,7 @@ mod death;
 mod ending;
 mod eyes;
 mod flight;
+mod latency;
 mod network;
 mod plate;
 mod play;
