@@ -14,6 +14,7 @@ mod run;
 mod simulate;
 mod status;
 mod subject;
+mod trace;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -59,6 +60,7 @@ enum Command {
     Replay(replay::Arguments),
     Reconcile(reconcile::Arguments),
     Latency(latency::Arguments),
+    Trace(trace::Arguments),
     Simulate(simulate::Arguments),
 }
 
@@ -96,6 +98,7 @@ pub fn main() -> ExitCode {
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
+        Command::Trace(arguments) => trace::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match outcome {

@@ -34,5 +34,6 @@ pub mod station_file;
 pub mod status;
 pub mod supervision;
 pub mod tick;
+pub mod trace;
 pub mod whole_file;
 pub mod workers;

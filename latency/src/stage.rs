@@ -109,19 +109,29 @@ impl Stage {
         matches!(self, Stage::LoopWake | Stage::LoopToState)
     }
 
-    /// How long the stage took in one cycle, ns.
-    pub fn time_ns(self, record: &CycleRecord) -> StageTime {
+    /// Whether the stage is part of the path, and no sum of others.
+    pub const fn is_part(self) -> bool {
+        !matches!(self, Stage::SuitToState | Stage::GroundToState | Stage::LoopToState)
+    }
+
+    /// When the stage began and ended in one cycle, CLOCK_MONOTONIC ns; `None` where it does not apply to the cycle.
+    pub fn span_ns(self, record: &CycleRecord) -> Option<Result<(u64, u64), NotRecorded>> {
         let (applies, from, to) = self.stamps();
         let applies = match applies {
             Applies::Always => true,
             Applies::SuitTaken => record.suit_taken > 0,
             Applies::GroundTaken => record.ground_taken > 0,
         };
-        let (from_ns, to_ns) = (from(record), to(record));
-        applies.then(|| match (from_ns, to_ns) {
+        applies.then(|| match (from(record), to(record)) {
             (0, _) | (_, 0) => Err(NotRecorded::Missing),
-            _ => to_ns.checked_sub(from_ns).ok_or(NotRecorded::Reversed),
+            (from_ns, to_ns) if to_ns < from_ns => Err(NotRecorded::Reversed),
+            span_ns => Ok(span_ns),
         })
+    }
+
+    /// How long the stage took in one cycle, ns.
+    pub fn time_ns(self, record: &CycleRecord) -> StageTime {
+        self.span_ns(record).map(|span_ns| span_ns.map(|(from_ns, to_ns)| to_ns - from_ns))
     }
 }
 

@@ -127,7 +127,9 @@ impl Eyes {
             self.pick_up(&state, now_ns());
         }
         while let Some(record) = self.records.receive()? {
-            self.path.record(&record);
+            if record.publish_start_ns >= self.own.since_ns {
+                self.path.record(&record);
+            }
         }
         if let Some(reports) = &mut self.reports {
             while reports.receive_with(|report| self.others.see(report))?.is_some() {}

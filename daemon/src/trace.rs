@@ -1,0 +1,113 @@
+//! A recording's cycle records as a trace that Perfetto and chrome://tracing open: the Trace Event Format, JSON.
+//!
+//! What a thread does is a slice of the thread's track; what waits (a datagram for the adapter, a sample for its cycle, a
+//! state for egress) is an asynchronous slice, since the next may wait before the last has had its turn. Every slice is a
+//! stage of `equipoise_latency::Stage` and bears its name. Times are CLOCK_MONOTONIC, like those of other traces of the
+//! same machine.
+
+mod event;
+
+use std::io::{self, Write};
+use std::ops::RangeInclusive;
+
+use equipoise_adapters::recording::{Entry, ReadError, Recording};
+use equipoise_core::message::CycleRecord;
+
+use self::event::{Event, Track, events_of};
+
+/// What a trace holds.
+#[derive(Debug, Default)]
+pub struct TraceSummary {
+    /// Cycles in it.
+    pub cycles: u64,
+    /// Its first and last cycle.
+    pub span: Option<(u64, u64)>,
+    /// Missed deadlines in it.
+    pub deadlines_missed: u64,
+    /// The recording ends with damage; what stood before is in the trace.
+    pub damage: Option<ReadError>,
+}
+
+/// Writes the cycles of a recording, or those of a range, as a trace.
+///
+/// # Errors
+/// The trace cannot be written.
+pub fn write_trace(
+    recording: &Recording,
+    cycles: Option<&RangeInclusive<u64>>,
+    out: &mut impl Write,
+) -> io::Result<TraceSummary> {
+    let mut trace = Trace { out, begun: false };
+    trace.head(recording)?;
+    let mut summary = TraceSummary::default();
+    let mut before: Option<Box<CycleRecord>> = None;
+    for entry in recording.entries() {
+        let record = match entry.map(|timed| timed.entry) {
+            Ok(Entry::Cycle(record)) => record,
+            Ok(_) => continue,
+            Err(damage) => {
+                summary.damage = Some(damage);
+                break;
+            }
+        };
+        if cycles.is_none_or(|cycles| cycles.contains(&record.cycle)) {
+            for event in events_of(&record, before.as_deref()) {
+                trace.event(&event)?;
+            }
+            summary.see(&record);
+        }
+        before = Some(record);
+    }
+    trace.end()?;
+    Ok(summary)
+}
+
+impl TraceSummary {
+    fn see(&mut self, record: &CycleRecord) {
+        self.cycles += 1;
+        self.deadlines_missed += u64::from(record.deadline_missed != 0);
+        let (first, _) = self.span.unwrap_or((record.cycle, record.cycle));
+        self.span = Some((first, record.cycle));
+    }
+}
+
+/// A trace that is being written, event by event: a shift has millions.
+struct Trace<'a, W: Write> {
+    out: &'a mut W,
+    begun: bool,
+}
+
+impl<W: Write> Trace<'_, W> {
+    fn head(&mut self, recording: &Recording) -> io::Result<()> {
+        let header = recording.header();
+        write!(
+            self.out,
+            "{{\"displayTimeUnit\":\"ns\",\"otherData\":{{\"software\":{},\"clock\":\"CLOCK_MONOTONIC\",\
+             \"started_unix_ns\":\"{}\",\"started_monotonic_ns\":\"{}\"}},\n\"traceEvents\":[",
+            serde_json::Value::from(format!("equipoise {}", header.software_version)),
+            header.started_unix_ns,
+            header.started_monotonic_ns,
+        )?;
+        for line in Track::names() {
+            self.line(&line)?;
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> io::Result<()> {
+        self.line(&event.to_string())
+    }
+
+    fn line(&mut self, line: &str) -> io::Result<()> {
+        let comma = if std::mem::replace(&mut self.begun, true) { "," } else { "" };
+        write!(self.out, "{comma}\n{line}")
+    }
+
+    fn end(&mut self) -> io::Result<()> {
+        writeln!(self.out, "\n]}}")?;
+        self.out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests;
