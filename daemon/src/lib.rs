@@ -13,6 +13,7 @@ pub mod import;
 pub mod incidents;
 pub mod ingress;
 pub mod keeper;
+pub mod metrics_feed;
 pub mod model;
 pub mod model_watch;
 pub mod page_feed;

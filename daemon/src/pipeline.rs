@@ -19,6 +19,7 @@ use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
+use crate::metrics_feed;
 use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
@@ -175,6 +176,15 @@ impl Start<'_> {
             }
             None => None,
         };
+
+        if let Some(metrics) = &config.metrics {
+            let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
+            let (thread, address) = started("metrics-feed", move |ready| {
+                metrics_feed::run(&station, listen, &ready, &|| rings.is_stopping())
+            })?;
+            info!("metrics: http://{address}/metrics");
+            running.metrics = Some(thread);
+        }
 
         let (worker_changed, changed_workers) = mpsc::channel();
         let (workers, board) = (Arc::clone(&self.workers), Arc::clone(&self.board));

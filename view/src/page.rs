@@ -7,7 +7,7 @@
 //! carry no permission for other origins, and addresses beyond loopback are refused.
 
 mod frame;
-mod guard;
+pub(crate) mod guard;
 mod newest;
 mod server;
 

@@ -10,6 +10,7 @@ mod death;
 mod ending;
 mod eyes;
 mod incidents;
+mod metrics;
 mod network;
 mod plate;
 mod play;

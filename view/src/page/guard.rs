@@ -22,7 +22,7 @@ const ANSWER_HEADERS: [(HeaderName, HeaderValue); 6] = [
 ];
 
 /// Answers only requests that name loopback as their host: a name that an attacker's DNS points here is refused.
-pub(super) async fn loopback_only(request: Request, next: Next) -> Response {
+pub(crate) async fn loopback_only(request: Request, next: Next) -> Response {
     let mut response = if names_loopback(request.headers(), request.uri()) {
         next.run(request).await
     } else {
