@@ -36,7 +36,7 @@ const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
 /// How a refused lock of the memory is told.
 const NOT_LOCKED: &str = "not locked";
 /// The role under which the daemon itself is found on the bus.
-const DAEMON_ROLE: &str = "daemon";
+pub(crate) const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
 pub struct Pipeline {

@@ -7,6 +7,7 @@ mod adapters;
 mod commands;
 mod consumers;
 mod death;
+mod doctor;
 mod ending;
 mod eyes;
 mod incidents;
