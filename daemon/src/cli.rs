@@ -4,6 +4,7 @@ mod adapter;
 mod check;
 mod client;
 mod demo;
+mod doctor;
 mod identify;
 mod import;
 mod latency;
@@ -47,6 +48,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::Arguments),
+    Doctor(doctor::Arguments),
     Run(run::Arguments),
     Adapter(adapter::Arguments),
     Check(check::Arguments),
@@ -85,6 +87,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match cli.command {
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Run(arguments) => run::run(&arguments),
         Command::Adapter(arguments) => adapter::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

@@ -51,6 +51,9 @@ pub struct Config {
     /// The page; not served without this section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub page: Option<PageConfig>,
+    /// Metrics for Prometheus; not served without this section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metrics: Option<MetricsConfig>,
     /// Latency figures.
     #[serde(default)]
     pub latency: LatencyConfig,
@@ -95,6 +98,14 @@ pub struct ModelConfig {
 #[serde(deny_unknown_fields)]
 pub struct PageConfig {
     /// Loopback address to serve the page on.
+    pub listen: SocketAddr,
+}
+
+/// `[metrics]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MetricsConfig {
+    /// Loopback address to serve `GET /metrics` on.
     pub listen: SocketAddr,
 }
 
@@ -192,6 +203,14 @@ impl Config {
                 "page.listen",
                 "the page is served on loopback only, for example 127.0.0.1:8080; reach it from elsewhere through an \
                  SSH tunnel"
+                    .to_owned(),
+            ));
+        }
+        if self.metrics.as_ref().is_some_and(|metrics| !metrics.listen.ip().is_loopback()) {
+            return Err((
+                "metrics.listen",
+                "metrics are served on loopback only, for example 127.0.0.1:9187; a Prometheus elsewhere asks through \
+                 an agent on this machine, or an SSH tunnel"
                     .to_owned(),
             ));
         }

@@ -21,6 +21,7 @@ use crate::housekeeping::Housekeeping;
 use crate::in_force::{Forced, InForce};
 use crate::incidents::IncidentBoard;
 use crate::latency_log::{self, LatencyLog};
+use crate::metrics_feed;
 use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
@@ -42,7 +43,7 @@ const ORDINARY: Asked = Asked { fifo_priority: 0, cpu: None };
 /// How a refused lock of the memory is told.
 const NOT_LOCKED: &str = "not locked";
 /// The role under which the daemon itself is found on the bus.
-const DAEMON_ROLE: &str = "daemon";
+pub(crate) const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
 pub struct Pipeline {
@@ -203,6 +204,15 @@ impl Start<'_> {
             }
             None => None,
         };
+
+        if let Some(metrics) = &config.metrics {
+            let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
+            let (thread, address) = started("metrics-feed", ORDINARY, roster, move |ready| {
+                metrics_feed::run(&station, listen, &ready, &|| rings.is_stopping())
+            })?;
+            info!("metrics: http://{address}/metrics");
+            running.metrics = Some(thread);
+        }
 
         let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::PLACES);
         let log = LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board));

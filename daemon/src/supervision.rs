@@ -191,8 +191,8 @@ impl Supervision {
         let missed = self.deadlines.goes_on(record.deadlines_missed, gap_ns);
         board.set(Incident::DeadlineMissed, missed, || {
             format!(
-                "{} cycles so far were ready only after the next was due (now at cycle {}); see `equipoise latency` \
-                 and `equipoise doctor`",
+                "a cycle was ready only after the next was due: {} so far, now at cycle {}; see `equipoise latency` and \
+                 `equipoise doctor`",
                 record.deadlines_missed, record.cycle
             )
         });

@@ -4,6 +4,7 @@
 //! English. [`page`] and [`terminal`] only arrange what those two say. Nothing here runs in the loop.
 
 pub mod incident_words;
+pub mod metrics;
 pub mod page;
 pub mod state_json;
 pub mod suggested_pose;

@@ -7,9 +7,9 @@
 //! carry no permission for other origins. Addresses beyond loopback are served with a [`Token`] only, which every
 //! request must bring. What a connection may cost is bounded (`connections.rs`, `guard.rs`).
 
-mod connections;
+pub(crate) mod connections;
 mod frame;
-mod guard;
+pub(crate) mod guard;
 mod newest;
 mod server;
 mod token;

@@ -25,6 +25,8 @@ pub(super) struct Running {
     pub(super) others: Vec<Other>,
     /// Takes states off the bus for the page; if it ends, the page says so and all else goes on.
     pub(super) page_feed: Option<JoinHandle<()>>,
+    /// The same for the metrics.
+    pub(super) metrics: Option<JoinHandle<anyhow::Result<()>>>,
 }
 
 impl Running {
@@ -43,6 +45,9 @@ impl Running {
         if let Some(feed) = self.page_feed {
             // A panic was printed by its own thread.
             let _ = feed.join();
+        }
+        if let Some(Err(error)) = self.metrics.map(|thread| joined("metrics", thread)) {
+            tracing::warn!("{error:#}; nothing else was touched by it");
         }
         others.into_iter().collect::<anyhow::Result<()>>()?;
         match (cycles, latency) {

@@ -177,6 +177,8 @@ fn command_name(kind: CommandKind) -> &'static str {
         CommandKind::SubjectLoad => "subject load",
         CommandKind::Tare => "tare",
         CommandKind::PoseSkip => "identify skip",
+        CommandKind::SubjectForget => "subject delete",
+        CommandKind::Reload => "reload",
     }
 }
 

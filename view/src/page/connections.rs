@@ -37,7 +37,7 @@ const TOO_MANY: &[u8] =
 
 /// Serves `routes` until `stopped` says so (or its sender is gone); then calls `farewell`, which is to end what would
 /// never end by itself.
-pub(super) async fn serve(
+pub(crate) async fn serve(
     listener: TcpListener,
     routes: Router,
     stopped: oneshot::Receiver<()>,

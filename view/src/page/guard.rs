@@ -28,17 +28,17 @@ const ANSWER_HEADERS: [(HeaderName, HeaderValue); 6] = [
 
 /// Whom the page answers.
 #[derive(Debug, Clone)]
-pub(super) struct Access {
+pub(crate) struct Access {
     /// Only requests that name loopback as their host: a name that an attacker's DNS points here is refused.
-    pub(super) loopback_only: bool,
+    pub(crate) loopback_only: bool,
     /// Only requests that bring it.
-    pub(super) token: Option<Token>,
+    pub(crate) token: Option<Token>,
     /// Cookies know no ports; two pages of one PC have cookies of two names.
-    pub(super) port: u16,
+    pub(crate) port: u16,
 }
 
 /// Answers those who may ask, and tells browsers what they may do with any answer.
-pub(super) async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
+pub(crate) async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
     let mut response = match access.refusal(&request) {
         Some(refusal) => refusal,
         None => next.run(request).await,

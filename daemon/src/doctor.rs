@@ -1,0 +1,85 @@
+//! `equipoise doctor`: what on this computer stands in the way of real time, and how to mend it.
+//!
+//! [`facts`] reads the computer, [`station`] the station; everything else judges what they found and reads nothing.
+
+mod capacity;
+pub mod facts;
+mod machine;
+mod network;
+mod place;
+pub mod station;
+
+use serde::Serialize;
+
+pub use facts::Facts;
+pub use station::StationFacts;
+
+use crate::config::Config;
+
+/// How a check came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// As it should be.
+    Ok,
+    /// It works, but not as well as it could.
+    Warn,
+    /// It will not work.
+    Fail,
+}
+
+/// One line of the report.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Check {
+    /// What was looked at.
+    pub name: &'static str,
+    /// How it came out.
+    pub verdict: Verdict,
+    /// What was found.
+    pub found: String,
+    /// What to do, if it is not as it should be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mend: Option<String>,
+}
+
+impl Check {
+    fn ok(name: &'static str, found: impl Into<String>) -> Check {
+        Check { name, verdict: Verdict::Ok, found: found.into(), mend: None }
+    }
+
+    fn warn(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Check {
+        Check { name, verdict: Verdict::Warn, found: found.into(), mend: Some(mend.into()) }
+    }
+
+    fn fail(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Check {
+        Check { name, verdict: Verdict::Fail, found: found.into(), mend: Some(mend.into()) }
+    }
+}
+
+/// Every check, in the order in which a person would mend things. Without a configuration the computer alone is judged,
+/// for the defaults.
+pub fn judge(facts: &Facts, config: Option<&Config>, station: Option<&StationFacts>) -> Vec<Check> {
+    let tick = config.map(|config| config.tick.clone()).unwrap_or_default();
+    let runs = station.is_some_and(|station| station.daemon.is_some());
+    let mut checks = vec![
+        machine::user(facts),
+        machine::real_time(facts, &tick),
+        machine::throttling(facts),
+        machine::memory_lock(facts, &tick),
+        machine::governor(facts),
+        machine::core(facts, &tick),
+        machine::preemption(facts),
+        machine::clock_source(facts),
+        place::bus_root(facts),
+        place::shared_memory(facts, runs),
+        place::remove_ipc(facts),
+        place::state_directory(facts),
+        network::receive_buffer(facts),
+    ];
+    if let (Some(config), Some(station)) = (config, station) {
+        checks.extend(network::ports(config, station));
+        checks.push(capacity::suit(config, station));
+        checks.push(capacity::plate(config, station));
+    }
+    checks
+}

@@ -1,0 +1,148 @@
+//! What suit and plate bring: the stream's types and rate, and whether the empty plate shows nothing.
+
+use super::Check;
+use super::station::{StationFacts, Streamed};
+use crate::config::{Config, SuitSourceKind};
+
+/// Accelerations of a body at work need this many samples a second.
+const SUIT_RATE_MIN_HZ: f64 = 55.0;
+/// More than this on an empty plate shifts the centre of pressure of a light worker by a centimetre.
+const EMPTY_SHOWS_MAX_N: f64 = 5.0;
+
+pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
+    const NAME: &str = "MVN stream";
+    let Some(streamed) = &station.streamed else {
+        return match (config.suit.source, station.daemon) {
+            (SuitSourceKind::External, None) => {
+                Check::ok(NAME, "not looked at: the suit comes from another process")
+            }
+            _ => Check::warn(
+                NAME,
+                "nothing was heard",
+                format!(
+                    "in MVN's Network Streamer: Host this computer, Port {}, Protocol UDP, the box of the pose \
+                     quaternion (02) ticked, the stream on",
+                    config.suit.listen.port()
+                ),
+            ),
+        };
+    };
+    let Streamed { rate_hz, quaternions, euler, others, avatars, refused, .. } = streamed;
+    let avatar = config.suit.avatar;
+    let mut found = format!("{rate_hz:.0} samples a second");
+    if !others.is_empty() {
+        found.push_str(&format!(", with {}", others.join(", ")));
+    }
+    if !avatars.is_empty() && !avatars.contains(&avatar) {
+        let seen: Vec<String> = avatars.iter().map(u8::to_string).collect();
+        return Check::fail(
+            NAME,
+            format!("character {avatar} is not among those sent: {}", seen.join(", ")),
+            format!(
+                "suit.avatar = {}, or another Avatar in the Network Streamer",
+                seen.first().map_or("0", |s| s)
+            ),
+        );
+    }
+    if !quaternions && !euler {
+        return Check::fail(
+            NAME,
+            format!("no pose is sent{}", refusals(refused)),
+            "tick the box of the pose quaternion (02) in the Network Streamer",
+        );
+    }
+    if !quaternions {
+        return Check::warn(
+            NAME,
+            format!("{found}; poses as Euler angles (01), rounded to centimetres and degrees"),
+            "tick the box of the pose quaternion (02) in the Network Streamer, and take the tick off 01",
+        );
+    }
+    if *rate_hz < SUIT_RATE_MIN_HZ {
+        return Check::warn(NAME, found, "raise the Stream rate in the Network Streamer: 60 Hz at the least");
+    }
+    if !refused.is_empty() {
+        let mend = "`equipoise status` tells the reasons; docs/operation.md what they mean";
+        return Check::warn(NAME, format!("{found}{}", refusals(refused)), mend);
+    }
+    Check::ok(NAME, found)
+}
+
+fn refusals(refused: &[(String, u64)]) -> String {
+    let told: Vec<String> = refused.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+    if told.is_empty() { String::new() } else { format!("; refused: {}", told.join(", ")) }
+}
+
+pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
+    const NAME: &str = "plate";
+    if station.daemon.is_none() {
+        return Check::ok(NAME, "not looked at: no daemon runs");
+    }
+    match station.plate_shows_n {
+        None => Check::warn(
+            NAME,
+            "nothing is heard of it, or it reports a fault",
+            format!(
+                "is it on, and is ground.address = {} right? `equipoise status` says more",
+                config.ground.address
+            ),
+        ),
+        Some(newtons) if newtons.abs() >= equipoise_core::cycle::memory::EMPTY_PLATE_N => {
+            Check::ok(NAME, format!("{newtons:.0} N: somebody stands on it, so its zero was not judged"))
+        }
+        Some(newtons) if newtons.abs() > EMPTY_SHOWS_MAX_N => Check::warn(
+            NAME,
+            format!("empty, it shows {newtons:.1} N"),
+            "with nobody on it: `equipoise tare`",
+        ),
+        Some(newtons) => Check::ok(NAME, format!("empty, it shows {newtons:.1} N")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict::{self, Fail, Ok, Warn};
+    use super::*;
+
+    fn config() -> Config {
+        let text = "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"external\"\n[subject]\nid = \
+                    \"a\"\nheight_m = 1.7\n";
+        Config::parse(text, "test").unwrap()
+    }
+
+    fn of(streamed: Option<Streamed>) -> Check {
+        suit(&config(), &StationFacts { streamed, ..StationFacts::default() })
+    }
+
+    fn sound() -> Streamed {
+        Streamed { rate_hz: 60.0, quaternions: true, avatars: vec![0], ..Streamed::default() }
+    }
+
+    #[test]
+    fn a_stream_is_judged_by_what_arrives() {
+        assert_eq!(of(Some(sound())).verdict, Ok);
+        assert_eq!(of(None).verdict, Warn);
+        let slow = of(Some(Streamed { rate_hz: 30.0, ..sound() }));
+        assert!(slow.verdict == Warn && slow.mend.unwrap().contains("Stream rate"));
+        let euler = of(Some(Streamed { quaternions: false, euler: true, ..sound() }));
+        assert!(euler.verdict == Warn && euler.mend.unwrap().contains("(02)"));
+        let none = of(Some(Streamed { quaternions: false, ..sound() }));
+        assert!(none.verdict == Fail && none.mend.unwrap().contains("tick the box"));
+        let other = of(Some(Streamed { avatars: vec![2], ..sound() }));
+        assert!(other.verdict == Fail && other.mend.unwrap().contains("suit.avatar = 2"));
+        let refused = of(Some(Streamed { refused: vec![("length".to_owned(), 3)], ..sound() }));
+        assert!(refused.verdict == Warn && refused.found.contains("3 length"));
+    }
+
+    #[test]
+    fn an_empty_plate_shows_nothing_or_is_tared() {
+        let of = |daemon, plate_shows_n| -> Verdict {
+            plate(&config(), &StationFacts { daemon, plate_shows_n, ..StationFacts::default() }).verdict
+        };
+        assert_eq!(of(Some(7), Some(1.0)), Ok);
+        assert_eq!(of(Some(7), Some(-30.0)), Warn);
+        assert_eq!(of(Some(7), Some(706.0)), Ok);
+        assert_eq!(of(Some(7), None), Warn);
+        assert_eq!(of(None, None), Ok);
+    }
+}

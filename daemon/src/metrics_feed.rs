@@ -1,0 +1,108 @@
+//! Feeds the metrics: one more consumer of the bus, that keeps the newest of everything and counts levels.
+
+use std::net::SocketAddr;
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::Context;
+use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::suit::SuitRefusal;
+use equipoise_bus::{Bus, BusError, BusSettings, Subscriber};
+use equipoise_core::body::JOINTS;
+use equipoise_core::message::{AdapterHealth, CycleRecord, Incidents, State};
+use equipoise_view::metrics::{Metrics, Snapshot, Stream};
+use rustix::process::setpriority_process;
+
+use crate::realtime::now_ns;
+
+/// How often the bus is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// States of several looks at the highest rate: every one is counted.
+const STATES: usize = 1024;
+/// Nice value of both threads: whatever else the machine has to do comes first.
+const NICE: i32 = 10;
+
+/// Serves until it shall stop; says through `ready` where it listens.
+///
+/// # Errors
+/// The port is taken, or the bus cannot be joined; later, the bus breaks.
+pub fn run(
+    station: &str,
+    listen: SocketAddr,
+    ready: &Sender<SocketAddr>,
+    stopping: &dyn Fn() -> bool,
+) -> anyhow::Result<()> {
+    // On Linux it is this thread's alone, and that of the server's thread, which it starts. A refusal costs little.
+    let _ = setpriority_process(None, NICE);
+    let mut feed = Feed::open(station)?;
+    let shown = Arc::new(Mutex::new(feed.snapshot.clone()));
+    let served = Arc::clone(&shown);
+    let metrics = Metrics::start(listen, move || {
+        let snapshot = served.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Snapshot { now_ns: now_ns(), ..snapshot }
+    })
+    .context("metrics.listen")?;
+    let _ = ready.send(metrics.address());
+    while !stopping() {
+        feed.look()?;
+        shown.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&feed.snapshot);
+        std::thread::sleep(LOOK_EVERY);
+    }
+    Ok(())
+}
+
+struct Feed {
+    states: Subscriber<State>,
+    cycles: Subscriber<CycleRecord>,
+    health: Subscriber<AdapterHealth>,
+    incidents: Subscriber<Incidents>,
+    snapshot: Snapshot,
+    // Ports die before the node they hang on.
+    _bus: Bus,
+}
+
+impl Feed {
+    fn open(station: &str) -> Result<Feed, BusError> {
+        let bus = Bus::join(&BusSettings::new(station, "metrics"))?;
+        let stream = |name, reasons| Stream { name, health: None, reasons };
+        let snapshot = Snapshot {
+            now_ns: now_ns(),
+            station: station.to_owned(),
+            version: env!("CARGO_PKG_VERSION"),
+            state: None,
+            record: None,
+            streams: [stream("suit", SuitRefusal::NAMES), stream("ground", RdtRefusal::NAMES)],
+            incidents: None,
+            joint_cycles: [[0; _]; JOINTS],
+        };
+        Ok(Feed {
+            states: bus.subscriber(STATES)?,
+            cycles: bus.subscriber(1)?,
+            health: bus.subscriber(8)?,
+            incidents: bus.subscriber(1)?,
+            snapshot,
+            _bus: bus,
+        })
+    }
+
+    fn look(&mut self) -> Result<(), BusError> {
+        let known = &mut self.snapshot;
+        while let Some(state) = self.states.receive()? {
+            for (levels, level) in known.joint_cycles.iter_mut().zip(state.joint_level) {
+                if let Some(count) = levels.get_mut(level as usize) {
+                    *count += 1;
+                }
+            }
+            known.state = Some(state);
+        }
+        known.record = self.cycles.latest()?.or(known.record);
+        known.incidents = self.incidents.latest()?.or(known.incidents);
+        while let Some(health) = self.health.receive()? {
+            if let Some(stream) = known.streams.get_mut((health.stream as usize).wrapping_sub(1)) {
+                stream.health = Some(health);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,84 @@
+//! `doctor` against real ports, a real daemon and real streams.
+
+use std::net::UdpSocket;
+
+use serde_json::Value;
+
+use crate::eyes::Eyes;
+use crate::station::{Ended, Station, free_tcp_port};
+use crate::streams;
+
+fn check<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let checks = report["checks"].as_array().expect("a list of checks");
+    checks.iter().find(|check| check["name"] == name).unwrap_or_else(|| panic!("no {name} in {report}"))
+}
+
+fn report(ended: &Ended) -> Value {
+    serde_json::from_str(&ended.stdout).unwrap_or_else(|error| panic!("{error}: {}", ended.stdout))
+}
+
+#[test]
+fn a_port_of_somebody_else_fails_with_what_to_do_and_a_free_one_is_listened_on() {
+    let station = Station::new();
+    let metrics = free_tcp_port();
+    let text = format!("{}[metrics]\nlisten = \"{metrics}\"\n", station.configuration());
+    let path = station.write("doctor.toml", &text).display().to_string();
+    let command = ["doctor", "--json", "--config", &path];
+
+    let taken = UdpSocket::bind(station.suit).expect("the port");
+    let ended = station.run(&command);
+    ended.failed_with(1, &["checks failed"]);
+    let told = report(&ended);
+    let port = check(&told, "suit.listen");
+    assert_eq!(port["verdict"], "fail", "{port}");
+    assert!(port["mend"].as_str().is_some_and(|mend| mend.contains("ss -ulpn")), "{port}");
+    assert_eq!(check(&told, "metrics.listen")["verdict"], "ok");
+    drop(taken);
+
+    let _suit = streams::suit(station.suit);
+    let told = report(&station.run(&command));
+    assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
+    let heard = check(&told, "MVN stream");
+    // How many samples a second a busy machine lets through is not this test's affair.
+    assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
+    let other =
+        station.write("other.toml", &text.replace("[suit]", "[suit]\navatar = 5")).display().to_string();
+    let ended = station.run(&["doctor", "--config", &other]);
+    assert!(
+        ended.stdout.contains("character 5 is not among those sent: 0 -> suit.avatar = 0"),
+        "{}",
+        ended.stdout
+    );
+}
+
+#[test]
+fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
+    let station = Station::new();
+    let _person = station.person();
+    let _daemon = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    // No file is named: the daemon's own configuration is taken.
+    let told = report(&station.run(&["doctor", "--json"]));
+    assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
+    let plate = check(&told, "plate");
+    assert!(plate["found"].as_str().is_some_and(|found| found.contains("somebody stands on it")), "{plate}");
+    let heard = check(&told, "MVN stream");
+    assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
+    assert_eq!(check(&told, "bus root")["verdict"], "ok", "{told}");
+    assert_eq!(told["note"], Value::Null);
+}
+
+#[test]
+fn without_a_configuration_the_computer_alone_is_looked_at() {
+    let station = Station::new();
+    let ended = station.run(&["doctor"]);
+    assert!(ended.stdout.contains("name the configuration with --config"), "{}", ended.stdout);
+    for name in ["user", "real-time priority", "CPU governor", "/dev/shm", "clock source", "socket buffers"] {
+        assert!(ended.stdout.contains(name), "{name}: {}", ended.stdout);
+    }
+    std::fs::write(station.root(), "a file where a directory should be").expect("a file");
+    let ended = station.run(&["doctor"]);
+    ended.failed_with(1, &["checks failed"]);
+    assert!(ended.stdout.contains("FAIL  bus root"), "{}", ended.stdout);
+}

@@ -1,0 +1,94 @@
+//! Metrics over real HTTP.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use crate::eyes::Eyes;
+use crate::process::wait_for;
+use crate::station::{Station, free_tcp_port};
+
+/// Head and body of an answer.
+fn ask(address: SocketAddr, head: &str) -> Option<(String, String)> {
+    let mut connection = TcpStream::connect(address).ok()?;
+    connection.set_read_timeout(Some(Duration::from_secs(10))).expect("a socket");
+    write!(connection, "GET {head}\r\nConnection: close\r\n\r\n").ok()?;
+    let mut answer = String::new();
+    connection.read_to_string(&mut answer).ok()?;
+    let (head, body) = answer.split_once("\r\n\r\n")?;
+    Some((head.to_owned(), body.to_owned()))
+}
+
+fn scrape(address: SocketAddr) -> Option<(String, String)> {
+    ask(address, &format!("/metrics HTTP/1.1\r\nHost: {address}"))
+}
+
+/// The value of the sample that begins so.
+fn value(body: &str, begins: &str) -> Option<f64> {
+    let line = body.lines().find(|line| line.starts_with(begins))?;
+    line.rsplit(' ').next()?.parse().ok()
+}
+
+#[test]
+fn a_scrape_shows_counts_that_grow_incidents_by_name_and_no_motion() {
+    let station = Station::new();
+    let person = station.person();
+    let address = free_tcp_port();
+    let configuration = format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
+    let mut daemon = station.daemon(&configuration);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    person.silence_suit(true);
+    let silent = "equipoise_incident_active{station=\"bench\",incident=\"suit_silent\"}";
+    let received = "equipoise_adapter_received_total{station=\"bench\",stream=\"ground\"}";
+    let (head, body) = wait_for("the silence in the metrics, and the adapters' counts", || {
+        scrape(address)
+            .filter(|(_, body)| value(body, silent) == Some(1.0) && value(body, received) > Some(0.0))
+    });
+    assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/plain; version=0.0.4"), "{head}");
+    person.silence_suit(false);
+    let of = |body: &str, name: &str| value(body, name).unwrap_or_else(|| panic!("no {name} in\n{body}"));
+    assert!(of(&body, "equipoise_incidents_total{station=\"bench\",incident=\"suit_silent\"}") > 0.0);
+    assert_eq!(of(&body, "equipoise_publishing"), 1.0);
+    assert!(body.contains("# TYPE equipoise_cycles_total counter"), "{body}");
+    for private in ["anon-1", "torque", "segment_origin", "position", "com_m"] {
+        assert!(!body.contains(private), "{private} is nobody's business: {body}");
+    }
+    let before = of(&body, "equipoise_cycles_total");
+    wait_for("more cycles and the end of the silence", || {
+        let (_, body) = scrape(address)?;
+        (value(&body, silent) == Some(0.0) && value(&body, "equipoise_cycles_total")? > before).then_some(())
+    });
+    // OpenMetrics for who asks for it.
+    let accept = format!("/metrics HTTP/1.1\r\nHost: {address}\r\nAccept: application/openmetrics-text");
+    let (head, body) = ask(address, &accept).expect("an answer");
+    assert!(head.contains("application/openmetrics-text; version=1.0.0"), "{head}");
+    assert!(body.trim_end().ends_with("# EOF"), "{body}");
+    // A name that somebody's DNS points here is refused.
+    let (head, _) = ask(address, "/metrics HTTP/1.1\r\nHost: evil.example").expect("an answer");
+    assert!(head.starts_with("HTTP/1.1 403"), "{head}");
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+    assert!(scrape(address).is_none(), "it ends with the daemon");
+}
+
+#[test]
+fn metrics_for_the_whole_network_or_on_a_taken_port_are_refused() {
+    let station = Station::new();
+    let with = |address: &str| format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
+    let path = station.write("metrics.toml", &with("0.0.0.0:9187")).display().to_string();
+    for arguments in [&["check", &path][..], &["run", "--config", &path]] {
+        station.run(arguments).failed_with(1, &["metrics.listen", "loopback only"]);
+    }
+    let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = taken.local_addr().expect("its address").to_string();
+    let mut daemon = station.try_daemon(&with(&address));
+    assert_eq!(daemon.wait().code(), Some(1));
+    let said = daemon.stderr();
+    assert!(
+        said.contains("metrics.listen") && said.contains(&address) && !said.contains("panicked"),
+        "{said}"
+    );
+    crate::ending::assert_nothing_left(&station);
+}
