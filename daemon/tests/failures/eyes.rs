@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use equipoise_adapters::ground::RdtRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusSettings, Subscriber};
-use equipoise_core::message::{AdapterHealth, State, Validity};
+use equipoise_core::message::{AdapterHealth, Incident, Incidents, State, Validity};
 use equipoise_simulator::simulation::SimulationHandle;
 
 use crate::process::PATIENCE;
@@ -18,6 +18,8 @@ const HOLD: Duration = Duration::from_secs(8);
 pub(crate) struct Eyes {
     states: Subscriber<State>,
     health: Subscriber<AdapterHealth>,
+    incidents: Subscriber<Incidents>,
+    told: Incidents,
     pub(crate) state: State,
     /// The newest word of suit and ground.
     adapters: [AdapterHealth; 2],
@@ -32,6 +34,8 @@ impl Eyes {
         Eyes {
             states: bus.subscriber(256).expect("a place for the states"),
             health: bus.subscriber(16).expect("a place for the counts"),
+            incidents: bus.subscriber(8).expect("a place for the incidents"),
+            told: Incidents::zeroed(),
             state: State::zeroed(),
             adapters: [AdapterHealth::zeroed(); 2],
             bus,
@@ -48,6 +52,9 @@ impl Eyes {
         while let Some(state) = self.states.receive().expect("the bus") {
             assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
             self.state = state;
+        }
+        while let Some(told) = self.incidents.receive().expect("the bus") {
+            self.told = told;
         }
         while let Some(told) = self.health.receive().expect("the bus") {
             self.adapters[told.stream as usize - 1] = told;
@@ -98,6 +105,11 @@ impl Eyes {
 
     pub(crate) fn both_fresh(&self) -> bool {
         self.state.cycle > 0 && !self.has(Validity::SUIT_STALE.and(Validity::GROUND_STALE))
+    }
+
+    /// Whether an incident goes on, by the newest word.
+    pub(crate) fn goes_on(&self, incident: Incident) -> bool {
+        self.told.active().any(|one| one == incident)
     }
 
     pub(crate) fn suit(&self) -> &AdapterHealth {
