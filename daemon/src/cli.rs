@@ -84,6 +84,8 @@ struct ConfigArgument {
 
 /// Runs the command that the arguments ask for.
 pub fn main() -> ExitCode {
+    // How a person moves is for owner and group, whatever is written: recordings, results, logs.
+    rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o027));
     let cli = Cli::parse();
     let outcome = match cli.command {
         Command::Demo(arguments) => demo::run(&arguments),

@@ -6,6 +6,7 @@
 pub mod cli;
 pub mod commands;
 pub mod config;
+pub mod deletion;
 pub mod demo;
 pub mod doctor;
 pub mod egress;

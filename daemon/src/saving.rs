@@ -139,10 +139,8 @@ impl Keeper {
         let (tare, taken_unix_s) = self.saver.tare;
         let undated = self.saver.in_force.look(|forced| {
             let config = &forced.config;
-            let other = !subject.is_empty() && subject != config.subject.id;
             StationFile {
-                subject: other
-                    .then(|| SubjectPart { in_use: subject.clone(), configured: config.subject.id.clone() }),
+                subject: SubjectPart::of(&subject, config),
                 model: ModelPart::of(config),
                 tare: TarePart::of(&tare, taken_unix_s, config),
                 registration: RegistrationPart::of(kept),

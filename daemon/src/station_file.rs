@@ -49,8 +49,23 @@ pub struct StationFile {
 pub struct SubjectPart {
     /// Who was loaded.
     pub in_use: String,
-    /// Whom the configuration named then: when it names another, that is the newer word.
-    pub configured: String,
+    /// Fingerprint of whom the configuration named then: when it names another, that is the newer word. No id, which
+    /// would stay here when that subject is deleted.
+    configured: String,
+}
+
+impl SubjectPart {
+    /// Who is in use, unless it is the configured subject or nobody.
+    pub fn of(in_use: &str, config: &Config) -> Option<SubjectPart> {
+        (!in_use.is_empty() && in_use != config.subject.id)
+            .then(|| SubjectPart { in_use: in_use.to_owned(), configured: fingerprint(config) })
+    }
+}
+
+fn fingerprint(config: &Config) -> String {
+    let mut hash = sha256_of_text(&format!("{}/{}", config.station, config.subject.id));
+    hash.truncate(16);
+    hash
 }
 
 /// `[model]`
@@ -143,7 +158,7 @@ impl StationFile {
     /// Who is to be loaded, if the configuration still names whom it named when somebody else was.
     pub fn loaded_subject(&self, config: &Config) -> Option<&str> {
         let subject = self.subject.as_ref()?;
-        (subject.configured == config.subject.id && subject.in_use != config.subject.id)
+        (subject.configured == fingerprint(config) && subject.in_use != config.subject.id)
             .then_some(subject.in_use.as_str())
     }
 
@@ -288,7 +303,7 @@ mod tests {
         let mut file = StationFile::new("s");
         file.tare = TarePart::of(&kept.tare, 1000, &config);
         file.registration = RegistrationPart::of(&kept);
-        file.subject = Some(SubjectPart { in_use: "b".to_owned(), configured: "a".to_owned() });
+        file.subject = SubjectPart::of("b", &config);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");
         assert_eq!(StationFile::read(&path).unwrap(), None);
@@ -296,6 +311,9 @@ mod tests {
         let read = StationFile::read(&path).unwrap().unwrap();
         assert_eq!(read, file);
         assert_eq!(read.loaded_subject(&config), Some("b"));
+        let mut other = config.clone();
+        other.subject.id = "c".to_owned();
+        assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
         assert_eq!(read.registration.unwrap().registration(now_ns()), Ok(kept.registration));
         for (change, why) in [("format = 1", "format = 2"), ("format", "formats"), ("station", "= =")] {
             fs::write(&path, file.to_toml().replacen(change, why, 1)).unwrap();

@@ -136,6 +136,16 @@ pub fn read(station: &str) -> Option<Status> {
     serde_json::from_str(&text).ok()
 }
 
+/// The facts of all daemons on this bus, also of such as were killed.
+pub fn all() -> Vec<Status> {
+    let files = std::fs::read_dir(equipoise_bus::root::root_of_environment()).into_iter().flatten().flatten();
+    let is_ours = |name: &str| name.starts_with("equipoise-") && name.ends_with(".json");
+    files
+        .filter(|file| is_ours(&file.file_name().to_string_lossy()))
+        .filter_map(|file| serde_json::from_str(&std::fs::read_to_string(file.path()).ok()?).ok())
+        .collect()
+}
+
 /// Beside the files of the bus, so that whoever finds the one finds the other.
 fn path_of(station: &str) -> PathBuf {
     equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}.json"))

@@ -31,6 +31,15 @@ height_m = 1.77
     )
 }
 
+const MODEL: &str = r#"version = 1
+[[effect]]
+name = "plate_offset"
+span_s = [0.0, 1.0]
+open_ended = true
+log_odds = 9.0
+parameters = { dx_m = { value = 0.003, sigma = 0.001, unit = "m" } }
+"#;
+
 #[test]
 fn a_live_recording_and_its_replay_give_the_same_states() {
     let suit = free_address();
@@ -38,7 +47,9 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     settings.suit.target = suit;
     settings.plate.address = "127.0.0.1:0".parse().unwrap();
     let simulation = Simulation::start(settings).unwrap();
-    let station = Station::start(&config(suit, simulation.plate_address()));
+    let text = config(suit, simulation.plate_address());
+    let station = Station::start(&text);
+    std::fs::write(station.file("model.toml"), MODEL).unwrap();
 
     let out = station.file("live.mcap");
     let recorder = station.command("record").arg(&out).args(["--for", "6"]).spawn().unwrap();
@@ -50,8 +61,11 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     std::thread::sleep(Duration::from_millis(2500));
     ask("stop");
     std::thread::sleep(Duration::from_millis(800));
+    station.reload(&(text.clone() + "[overload]\nmotion_window_ms = 50.0\n[model]\nfile = \"model.toml\"\n"));
     simulation.take_pose(7).unwrap();
     ask("start");
+    std::thread::sleep(Duration::from_millis(600));
+    station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nleave_deg = 8.0\n"));
     let recorded = recorder.wait_with_output().unwrap();
     // On a machine that is too busy messages may be lost; that is told, and all the rest must still come again.
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));
@@ -71,6 +85,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     // One checkpoint for each of the two commands.
     assert!(fidelity.memories_compared + fidelity.resumed >= 2, "{summary}");
     if recorded.status.code() == Some(0) {
+        assert_eq!(fidelity.reloads, 2, "{summary}");
         assert!(summary.is_whole(), "{summary}");
         let lines = station.file("live.jsonl");
         let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();

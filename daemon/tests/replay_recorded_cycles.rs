@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
-use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_adapters::recording::{Recorder, RecordingHeader, Reloaded};
 use equipoise_core::body::{SEGMENTS, Skeleton};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
@@ -38,6 +38,16 @@ struct Live {
     suit: Vec<SuitSample>,
     ground: Vec<GroundSample>,
     format: u64,
+    /// What the recorder knew of reloads.
+    reloads: Vec<(u64, Reloaded)>,
+}
+
+/// The number of a reload in cycle 900.
+const RELOAD: u64 = 123_456_789;
+
+/// What it brings: a shorter window, and so other states.
+fn reloaded_toml() -> String {
+    format!("{CONFIG}[overload]\nmotion_window_ms = 50.0\n")
 }
 
 fn config() -> Config {
@@ -46,7 +56,7 @@ fn config() -> Config {
 
 /// A worker who sways a little. Checkpoints are taken after the cycles named, commands given before them.
 fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
-    let settings = config().settings();
+    let mut settings = config().settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&settings);
     let mut live = Live {
@@ -56,6 +66,7 @@ fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
         suit: Vec::new(),
         ground: Vec::new(),
         format: MEMORY_VERSION,
+        reloads: Vec::new(),
     };
     let t_pose_m = Skeleton::nominal(1.77).t_pose_m();
     for cycle in 1..=CYCLES {
@@ -103,6 +114,10 @@ fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
             // What the live loop does: another worker is put in place whole.
             memory.identification.mass_kg = 81.5;
         }
+        if command == Some(CommandKind::Reload) {
+            settings = Config::parse(&reloaded_toml(), "test").unwrap().settings();
+            record.command_argument[0] = RELOAD as f64;
+        }
         let inputs = Inputs { suit: &suit, ground: &ground, command };
         live.states.push(*step(&settings, &mut memory, Tick { cycle, due_ns }, inputs));
         live.cycles.push(record);
@@ -129,6 +144,9 @@ impl Live {
             ..RecordingHeader::default()
         };
         let mut recorder = Recorder::create(&path, &header).unwrap();
+        for (number, reloaded) in &self.reloads {
+            recorder.add_reload(START_NS, *number, reloaded).unwrap();
+        }
         for burst in 0..CYCLES / 10 {
             let of_burst = |time_ns: u64| (time_ns - START_NS) / 10_000_000 == burst;
             for record in self.cycles.iter().filter(|record| of_burst(record.due_ns)) {
@@ -232,6 +250,26 @@ fn a_loaded_worker_is_taken_from_the_checkpoint_of_the_same_cycle() {
     let without = live(&[101], &[(800, CommandKind::SubjectLoad)]);
     let (summary, _) = without.replay().unwrap();
     assert_eq!(summary.fidelity.unwrap().uncertain_from, Some(800));
+}
+
+#[test]
+fn a_reload_is_replayed_with_what_it_brought_and_without_it_the_replay_stops_there() {
+    let mut live = live(&[101, 1200], &[(900, CommandKind::Reload)]);
+    let reloaded = Reloaded { config_toml: reloaded_toml(), ..Reloaded::default() };
+    live.reloads.push((RELOAD, reloaded.clone()));
+    let (summary, states) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert!(summary.is_whole() && fidelity.is_exact(), "{summary}");
+    assert_eq!((fidelity.reloads, fidelity.memories_compared), (1, 1));
+    assert_eq!(states.last().unwrap().group_delay_ns, live.states.last().unwrap().group_delay_ns);
+    assert_ne!(states[500].group_delay_ns, states[1390].group_delay_ns, "the reload changed something");
+
+    live.reloads = vec![(RELOAD + 1, reloaded)];
+    let (summary, states) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
+    assert_eq!(states.last().unwrap().cycle, 899);
+    assert!(!summary.is_whole() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
 }
 
 #[test]

@@ -1,15 +1,19 @@
 //! `equipoise subject`: the stored profiles, and which one a running daemon uses.
 
+use std::path::{Path, PathBuf};
+
 use anyhow::{Context, bail};
 use clap::Subcommand;
 use equipoise_core::message::command::CommandKind;
 
 use super::{Outcome, StationArgument, client};
+use crate::deletion::Deletion;
 use crate::profile::{self, Profile};
 
 /// List, load, save or delete workers' profiles
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  equipoise subject list\n  equipoise subject load anon-1")]
+#[command(after_help = "Examples:\n  equipoise subject list\n  equipoise subject load anon-1\n  equipoise \
+                        subject delete anon-1 --recordings ~/recordings --with-recordings")]
 pub(super) struct Arguments {
     #[command(subcommand)]
     action: Action,
@@ -31,10 +35,19 @@ enum Action {
         #[command(flatten)]
         station: StationArgument,
     },
-    /// Delete a stored profile for good
+    /// Delete a subject for good
+    ///
+    /// Profile, mentions in stations' files, and what running daemons on this bus know; one that has the subject in use
+    /// goes on with an unknown worker. Says what is not deleted.
     Delete {
         /// Pseudonymous id
         id: String,
+        /// Look for recordings of the subject in this folder and below
+        #[arg(long, value_name = "DIR")]
+        recordings: Option<PathBuf>,
+        /// Delete those recordings too
+        #[arg(long, requires = "recordings")]
+        with_recordings: bool,
     },
 }
 
@@ -49,7 +62,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             println!("{}", client::ask(&station.station, CommandKind::SubjectSave, "")?);
             Ok(Outcome::Done)
         }
-        Action::Delete { id } => delete(id),
+        Action::Delete { id, recordings, with_recordings } => {
+            delete(id, recordings.as_deref(), *with_recordings)
+        }
     }
 }
 
@@ -86,12 +101,41 @@ fn list() -> anyhow::Result<Outcome> {
     Ok(if refused { Outcome::PartRejected } else { Outcome::Done })
 }
 
-fn delete(id: &str) -> anyhow::Result<Outcome> {
+fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow::Result<Outcome> {
     if !profile::is_plain(id) {
         bail!("a subject's id is made of letters, digits, '-' and '_'");
     }
-    let path = profile::path_of(id);
-    std::fs::remove_file(&path).with_context(|| format!("cannot delete {}", path.display()))?;
-    println!("{} is deleted", path.display());
-    Ok(Outcome::Done)
+    let mut deletion = Deletion::default();
+    // Daemons first: what none of them writes any more stays deleted.
+    deletion.from_daemons(|station| client::ask(station, CommandKind::SubjectForget, id))?;
+    deletion.from_state(id)?;
+    if let Some(folder) = recordings {
+        deletion.from_recordings(id, folder, with_recordings)?;
+    }
+    for told in &deletion.daemons {
+        println!("{told}");
+    }
+    for path in &deletion.deleted {
+        println!("{} is deleted", path.display());
+    }
+    for path in &deletion.changed {
+        println!("{} does not name {id} any more", path.display());
+    }
+    for path in &deletion.recordings {
+        println!("NOT deleted: {} holds data of {id}; --with-recordings deletes it too", path.display());
+    }
+    for why in &deletion.unknown {
+        println!("NOT looked into: {why}");
+    }
+    if !deletion.found() {
+        bail!("there is no profile {id} in {}", profile::folder().display());
+    }
+    match recordings {
+        Some(_) => println!("NOT looked for: reports, model files and replays made from recordings; backups"),
+        None => println!(
+            "NOT looked for: recordings (name their folder with --recordings DIR); reports, model files and replays \
+             made from them; backups"
+        ),
+    }
+    Ok(if deletion.unknown.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }

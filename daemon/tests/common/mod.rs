@@ -95,6 +95,20 @@ impl Station {
         command
     }
 
+    /// Has the daemon read another configuration, and waits until it is in force.
+    pub(crate) fn reload(&self, config: &str) {
+        let status = self.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
+        let before = std::fs::read_to_string(&status).unwrap();
+        std::fs::write(self.file("config.toml"), config).unwrap();
+        let id = rustix::process::Pid::from_child(&self.daemon);
+        rustix::process::kill_process(id, rustix::process::Signal::HUP).unwrap();
+        let started = Instant::now();
+        while std::fs::read_to_string(&status).unwrap_or_default() == before {
+            assert!(started.elapsed() < Duration::from_secs(60), "the configuration is not taken up");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
     /// A file of this station.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)

@@ -27,7 +27,7 @@ fn without_a_daemon_every_command_says_so() {
         no_daemon(arguments);
     }
     assert!(station.run(&["subject", "list"]).done().contains("no profiles in"));
-    station.run(&["subject", "delete", "anon-1"]).failed_with(1, &["anon-1", "No such file"]);
+    station.run(&["subject", "delete", "anon-1"]).failed_with(1, &["there is no profile anon-1"]);
     station.run(&["status", "--station", "a/b"]).failed_with(1, &["is no name for a station"]);
 }
 

@@ -145,6 +145,20 @@ poses_min = 1000
         ready(self.try_daemon(configuration))
     }
 
+    /// A daemon of the configuration that lies in this file of the test, with more in its environment.
+    pub(crate) fn daemon_of(&self, name: &str, environment: &[(&str, &std::ffi::OsStr)]) -> Process {
+        let path = self.file(name).to_string_lossy().into_owned();
+        ready(self.spawn_with(&["run", "--config", &path], environment))
+    }
+
+    /// Starts a command with more in its environment.
+    pub(crate) fn spawn_with(&self, arguments: &[&str], environment: &[(&str, &std::ffi::OsStr)]) -> Process {
+        let number = self.processes.replace(self.processes.get() + 1);
+        let mut command = self.command(arguments);
+        command.envs(environment.iter().copied());
+        Process::start(command, self.file(&format!("{number}.out")), self.file(&format!("{number}.err")))
+    }
+
     /// A daemon that keeps its state elsewhere.
     pub(crate) fn daemon_keeping_state_in(&self, state_directory: &Path) -> Process {
         let path = self.write("elsewhere.toml", &self.configuration());

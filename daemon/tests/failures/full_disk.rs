@@ -1,0 +1,72 @@
+//! A disk that is full: `EQUIPOISE_SMALL_DISK` names a folder on a small file system of its own. `.ci/run survive` makes one.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use equipoise_core::message::Incident;
+use equipoise_daemon::profile::Profile;
+use rustix::process::Signal;
+
+use crate::eyes::Eyes;
+use crate::process::wait_for;
+use crate::station::Station;
+
+/// Writes until nothing more fits.
+fn fill(disk: &Path) -> PathBuf {
+    let path = disk.join("filler");
+    let mut file = std::fs::File::create(&path).expect("a file");
+    let mut size = 1 << 16;
+    while size > 0 {
+        if file.write_all(&vec![0x5a; size]).is_err() {
+            size /= 2;
+        }
+    }
+    path
+}
+
+#[test]
+fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room() {
+    let Some(disk) = std::env::var_os("EQUIPOISE_SMALL_DISK").map(PathBuf::from) else {
+        println!("skipped: EQUIPOISE_SMALL_DISK names no small file system; .ci/run survive makes one");
+        return;
+    };
+    let station = Station::new();
+    let person = station.person();
+    let state = disk.join("state");
+    let mut daemon = station.daemon_keeping_state_in(&state);
+    let mut eyes = Eyes::open(&station);
+    eyes.until_poses(&person, 1);
+    let path = state.join("subjects").join("anon-1.toml");
+    let saved =
+        || Profile::read(&path).expect("a profile that is whole").map_or(0, |profile| profile.poses_used);
+    wait_for("the first pose to be saved", || (saved() >= 1).then_some(()));
+    assert!(!eyes.goes_on(Incident::NotSaved));
+
+    // A recorder on the same disk; its own end is no concern of the daemon's.
+    let recording = disk.join("shift.mcap").to_string_lossy().into_owned();
+    let mut recorder = station.spawn(&["record", &recording, "--for", "600"]);
+    wait_for("the recorder", || recorder.stderr().contains("recording station").then_some(()));
+    let filler = fill(&disk);
+    assert_eq!(recorder.wait().code(), Some(1), "{}", recorder.stderr());
+    let said = recorder.stderr();
+    assert!(said.contains("shift.mcap") && said.contains("stays readable"), "{said}");
+    std::fs::remove_file(&recording).expect("the recording");
+    std::fs::remove_file(&filler).expect("the filler");
+    let filler = fill(&disk);
+
+    let before = saved();
+    eyes.until("an incident", |eyes| eyes.goes_on(Incident::NotSaved));
+    let had = eyes.state.poses_used;
+    eyes.until_poses(&person, had + 1);
+    let learnt = u64::from(eyes.state.poses_used);
+    let cycle = eyes.state.cycle;
+    eyes.until("more cycles", |eyes| eyes.state.cycle > cycle + 200);
+    assert!(daemon.is_running() && eyes.goes_on(Incident::NotSaved));
+    assert!(saved() >= before && saved() < learnt, "the file before is still there");
+    assert!(daemon.stderr().contains("not_saved"), "{}", daemon.stderr());
+
+    std::fs::remove_file(filler).expect("the filler");
+    wait_for("what was learnt meanwhile", || (saved() >= learnt).then_some(()));
+    eyes.until("the end of the incident", |eyes| !eyes.goes_on(Incident::NotSaved));
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}

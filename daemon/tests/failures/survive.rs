@@ -1,0 +1,245 @@
+//! Killed at any instant, the daemon loses at most a second, and leaves no file that cannot be read.
+//!
+//! `EQUIPOISE_KILLS` says how often it is killed, `EQUIPOISE_SEED` when; `.ci/run survive` does it thirty times.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use equipoise_daemon::profile::Profile;
+use equipoise_daemon::station_file::StationFile;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use rustix::process::Signal;
+
+use crate::eyes::Eyes;
+use crate::process::{Process, wait_for};
+use crate::station::Station;
+
+/// What a kill may lose.
+const LOSS: Duration = Duration::from_secs(1);
+/// So much of a light body is taken for the empty plate's offset, kg.
+const OFFSET_KG: f64 = 5.0;
+const WORKER_KG: f64 = 72.0;
+const G: f64 = 9.81;
+
+/// Numbers of a seed (splitmix64).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (mixed ^ (mixed >> 31)) % bound
+    }
+}
+
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok().map(|text| text.parse().expect("a number"))
+}
+
+fn person(station: &Station, mass_kg: f64) -> SimulationHandle {
+    let mut settings = station.sensors();
+    settings.mass_kg = mass_kg;
+    Simulation::start(settings).expect("a simulated person")
+}
+
+/// Poses that the bus showed of each subject, and when each count was first seen.
+#[derive(Default)]
+struct Seen(HashMap<String, Vec<(Instant, u32)>>);
+
+impl Seen {
+    fn note(&mut self, subject: &str, poses: u32) {
+        let all = self.0.entry(subject.to_owned()).or_default();
+        if all.last().is_none_or(|(_, last)| poses > *last) {
+            all.push((Instant::now(), poses));
+        }
+    }
+
+    /// The most that was seen before an instant.
+    fn before(&self, subject: &str, instant: Instant) -> u32 {
+        let all = self.0.get(subject).map_or(&[][..], Vec::as_slice);
+        all.iter().take_while(|(at, _)| *at < instant).map(|(_, poses)| *poses).last().unwrap_or(0)
+    }
+}
+
+/// Every file is whole; leftovers of a write that was cut off end in `.new` and mean nothing.
+fn every_file_is_read(folder: &Path) -> usize {
+    let mut read = 0;
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            read += every_file_is_read(&path);
+        } else if path.extension().is_some_and(|extension| extension == "toml") {
+            let parent = path.parent().and_then(Path::file_name).expect("a folder");
+            if parent == "stations" {
+                StationFile::read(&path).expect("a whole file").expect("a file");
+            } else {
+                Profile::read(&path).expect("a whole file").expect("a file");
+            }
+            read += 1;
+        } else {
+            assert!(path.extension().is_some_and(|extension| extension == "new"), "{}", path.display());
+        }
+    }
+    read
+}
+
+fn subject_in_use(station: &Station) -> String {
+    let status = wait_for("the daemon's status", || station.status());
+    status["daemon"]["subject"].as_str().expect("a subject").to_owned()
+}
+
+struct Bench<'a> {
+    station: &'a Station,
+    person: SimulationHandle,
+    eyes: Eyes,
+    random: Random,
+    seen: Seen,
+    in_use: String,
+    /// Who was in use before, and when that was changed.
+    before: Option<(String, Instant)>,
+    pose: usize,
+    posed: Instant,
+}
+
+impl Bench<'_> {
+    /// The worker goes from pose to pose, while somebody gives the daemon commands, until an instant of chance.
+    fn work(&mut self) {
+        let until = Instant::now() + Duration::from_millis(200 + self.random.below(2300));
+        let mut command = Instant::now() + Duration::from_millis(self.random.below(1500));
+        while Instant::now() < until {
+            let poses = self.eyes.look().poses_used;
+            let since_load =
+                self.before.as_ref().is_none_or(|(_, at)| at.elapsed() > Duration::from_millis(300));
+            if since_load && self.eyes.both_fresh() {
+                let had = self.seen.before(&self.in_use, Instant::now());
+                self.seen.note(&self.in_use, poses);
+                if poses > had || self.posed.elapsed() > Duration::from_secs(4) {
+                    self.pose += 1;
+                    self.posed = Instant::now();
+                    self.person.take_pose(self.pose % 12).expect("a pose of the library");
+                }
+            }
+            if Instant::now() > command {
+                command = until;
+                self.command();
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn command(&mut self) {
+        match self.random.below(3) {
+            0 => drop(self.station.run(&["subject", "save"])),
+            1 => self.station.run(&["tare"]).failed_with(1, &["stand on the plate"]),
+            _ => {
+                let other = if self.in_use == "anon-1" { "anon-2" } else { "anon-1" };
+                let asked = Instant::now();
+                self.station.run(&["subject", "load", other]).done();
+                self.before = Some((std::mem::replace(&mut self.in_use, other.to_owned()), asked));
+            }
+        }
+    }
+
+    /// What a daemon that was started again knows, against what the bus had shown.
+    fn compare(&mut self, killed: Instant) {
+        let found = subject_in_use(self.station);
+        if found != self.in_use {
+            let (before, asked) = self.before.take().expect("nobody else was ever in use");
+            assert!(found == before && killed - asked < LOSS, "{found} in place of {}", self.in_use);
+            self.in_use = found;
+        }
+        self.before = None;
+        let bound = self.seen.before(&self.in_use, killed - LOSS);
+        let old = self.eyes.state.cycle;
+        let state = self.eyes.until("states of the new daemon", |eyes| {
+            (eyes.state.cycle < old || old < 100) && eyes.both_fresh()
+        });
+        assert!(state.poses_used >= bound, "{} of {bound} poses of {}", state.poses_used, self.in_use);
+        let off_n = state.ground_force_n[2] - WORKER_KG * G;
+        assert!(off_n.abs() < 0.5 * OFFSET_KG * G, "the tare is lost: {off_n} N");
+        // From here on this is the truth.
+        self.seen.0.insert(self.in_use.clone(), vec![(Instant::now(), state.poses_used)]);
+    }
+}
+
+fn tared(station: &Station) -> Process {
+    let daemon = station.daemon(&station.configuration());
+    let light = person(station, OFFSET_KG);
+    let mut eyes = Eyes::open(station);
+    eyes.until("the plate", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 0.5 * OFFSET_KG * G);
+    station.run(&["tare"]).done();
+    eyes.until("the tare", |eyes| eyes.state.ground_force_n[2].abs() < 0.2 * OFFSET_KG * G);
+    light.stop().expect("an orderly end");
+    daemon
+}
+
+#[test]
+fn killed_at_any_instant_it_loses_at_most_a_second() {
+    let seed = number("EQUIPOISE_SEED").unwrap_or_else(|| u64::from(std::process::id()));
+    let kills = number("EQUIPOISE_KILLS").unwrap_or(6);
+    println!("EQUIPOISE_SEED={seed} EQUIPOISE_KILLS={kills}");
+    let station = Station::new();
+    let mut daemon = tared(&station);
+    let person = person(&station, WORKER_KG + OFFSET_KG);
+    let mut eyes = Eyes::open(&station);
+    eyes.until_poses(&person, 1);
+    let saved = |subject: &str| Profile::read(&station.profile(subject)).expect("a profile");
+    wait_for("a profile", || saved("anon-1").filter(|profile| profile.poses_used > 0));
+    let text = std::fs::read_to_string(station.profile("anon-1")).expect("a profile");
+    std::fs::write(station.profile("anon-2"), text.replace("anon-1", "anon-2")).expect("a second profile");
+
+    let mut bench = Bench {
+        station: &station,
+        person,
+        eyes,
+        random: Random(seed),
+        seen: Seen::default(),
+        in_use: "anon-1".to_owned(),
+        before: None,
+        pose: 1,
+        posed: Instant::now(),
+    };
+    let mut learnt = 0;
+    for kill in 0..kills {
+        bench.work();
+        let killed = Instant::now();
+        daemon.kill();
+        // Whatever was under way over the bus.
+        bench.eyes.look();
+        assert!(every_file_is_read(&station.state_directory()) >= 3);
+        daemon = station.daemon(&station.configuration());
+        bench.compare(killed);
+        learnt = bench.eyes.state.poses_used.max(learnt);
+        println!("kill {kill}: {} has {} poses", bench.in_use, bench.eyes.state.poses_used);
+    }
+    // And it goes on, with the shift, from pose to pose.
+    let Bench { mut eyes, person, .. } = bench;
+    let before = eyes.state.poses_used;
+    eyes.until_poses(&person, before + 1);
+    assert!(learnt >= 2, "hardly anything was learnt between the kills");
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert!(every_file_is_read(&station.state_directory()) >= 3);
+}
+
+#[test]
+fn a_station_s_file_of_a_later_version_is_told_and_left_alone() {
+    let station = Station::new();
+    let path = station.state_directory().join("stations").join("bench.toml");
+    std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+    let later = "format = 99\nsomething = \"new\"\n";
+    std::fs::write(&path, later).expect("a file");
+    let person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    let said = daemon.stderr();
+    assert!(
+        said.contains("bench.toml") && said.contains("its format is 99") && said.contains("WARN"),
+        "{said}"
+    );
+    Eyes::open(&station).until_poses(&person, 1);
+    wait_for("the profile", || station.profile("anon-1").exists().then_some(()));
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert_eq!(std::fs::read_to_string(&path).expect("the file"), later);
+}
