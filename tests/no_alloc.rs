@@ -4,8 +4,9 @@
 //! held poses and motion are learnt, a box is lifted and adds up in the exposure, a model with terms of every sort is
 //! run, subscribers stay, join and leave, and checkpoints are asked for, over 100 000 cycles.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "counting_alloc.rs"]
+mod counting_alloc;
+
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -23,47 +24,6 @@ use equipoise_daemon::tick::Observer;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 
-thread_local! {
-    static ARMED: Cell<bool> = const { Cell::new(false) };
-    static TOUCHED: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-impl Counting {
-    fn count() {
-        // A thread that is being torn down has no flag any more, and is not the loop.
-        if ARMED.try_with(Cell::get).unwrap_or(false) {
-            TOUCHED.set(TOUCHED.get() + 1);
-        }
-    }
-}
-
-#[expect(unsafe_code, reason = "GlobalAlloc is an unsafe trait")]
-// SAFETY: every call is handed on to the system allocator as it came; counting touches no heap.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        Counting::count();
-        // SAFETY: the caller keeps GlobalAlloc's contract, which is System's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        Counting::count();
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        Counting::count();
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 const RATE_HZ: u32 = 4000;
 const WARM_CYCLES: u64 = 4000;
 const ARMED_CYCLES: u64 = 100_000;
@@ -80,8 +40,9 @@ struct Arm {
 impl Observer for Arm {
     fn cycle_begins(&mut self, cycle: u64) {
         let armed = cycle > WARM_CYCLES && !self.disarm.load(Ordering::Relaxed);
-        ARMED.set(armed);
-        self.touched.store(TOUCHED.get(), Ordering::Relaxed);
+        counting_alloc::arm(armed);
+        let touched = counting_alloc::touched();
+        self.touched.store(touched.allocations + touched.frees, Ordering::Relaxed);
         if armed {
             self.seen.fetch_add(1, Ordering::Relaxed);
         }
@@ -254,8 +215,10 @@ fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
 
 #[test]
 fn the_counter_counts() {
-    ARMED.set(true);
+    counting_alloc::arm(true);
     drop(std::hint::black_box(Box::new(7)));
-    ARMED.set(false);
-    assert!(TOUCHED.get() >= 2, "one allocation and one release");
+    counting_alloc::arm(false);
+    drop(std::hint::black_box(Box::new(7)));
+    let touched = counting_alloc::touched();
+    assert_eq!((touched.allocations, touched.frees), (1, 1));
 }

@@ -23,6 +23,8 @@ fn header() -> RecordingHeader {
         config_toml: "station = \"station-1\"\n".to_owned(),
         subject_toml: "id = \"anon-1\"\n".to_owned(),
         model_toml: String::new(),
+        later_subjects_toml: Vec::new(),
+        reloads: Vec::new(),
     }
 }
 

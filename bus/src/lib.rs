@@ -30,6 +30,7 @@
 pub mod command;
 pub mod error;
 pub mod event;
+mod half_made;
 pub mod node;
 mod open;
 pub mod publisher;

@@ -3,6 +3,7 @@
 use crate::command::{CommandClient, CommandServer};
 use crate::error::BusError;
 use crate::event::{Channel, Listener, Notifier};
+use crate::half_made;
 use crate::publisher::Publisher;
 use crate::root;
 use crate::service::Topic;
@@ -110,7 +111,8 @@ impl Bus {
             }
             CallbackProgression::Continue
         });
-        cleaned
+        let prefix = self.config().global.prefix.to_string();
+        cleaned + half_made::remove(&self.root.join("nodes"), &prefix)
     }
 
     /// Everybody alive on this station, this bus included; roles of one process are told apart.

@@ -87,3 +87,22 @@ fn a_daemon_killed_and_restarted_is_found_by_running_peers() {
     });
     bus.command_server().unwrap();
 }
+
+/// A process that is killed while it joins leaves a directory that iceoryx2 does not count among the dead.
+#[test]
+fn what_was_killed_while_it_joined_is_cleared_away_once_it_is_old() {
+    let root = root();
+    let bus = join(root.path(), "cleaner");
+    let half_made = root.path().join("nodes").join("4711");
+    std::fs::create_dir_all(&half_made).unwrap();
+    std::fs::write(half_made.join("node.details"), "").unwrap();
+    bus.clean_up_dead_nodes();
+    assert!(half_made.exists(), "it may still be on its way");
+    let long_ago = std::time::SystemTime::now() - Duration::from_secs(60);
+    std::fs::File::open(&half_made).unwrap().set_modified(long_ago).unwrap();
+    until("it is cleared away", || {
+        bus.clean_up_dead_nodes();
+        !half_made.exists()
+    });
+    assert_eq!(bus.participants().unwrap().len(), 1, "the living stay");
+}

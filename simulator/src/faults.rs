@@ -14,8 +14,12 @@ pub struct Faults {
     pub reorder: f64,
     /// It arrives twice.
     pub duplicate: f64,
-    /// One of its bytes is another.
+    /// One of its bytes is another. A network's checksums refuse such a datagram nearly always.
     pub corrupt: f64,
+    /// Its end is missing.
+    pub truncate: f64,
+    /// One of as many bytes, all of them 0xff, arrives before it.
+    pub garbage: f64,
 }
 
 /// Sends datagrams through the faults.
@@ -30,6 +34,11 @@ impl FaultySender {
     /// A sender with the misfortunes of a seed.
     pub fn new(faults: Faults, seed: u64) -> FaultySender {
         FaultySender { faults, random: Random::new(seed, "faults"), held: None }
+    }
+
+    /// The network is another from the next datagram on.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.faults = faults;
     }
 
     /// Sends one datagram, or what the faults make of it.
@@ -50,15 +59,22 @@ impl FaultySender {
     fn afflict(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
         let mut arriving = Vec::new();
         // Every draw is taken, so that one fault's probability does not shift another's luck.
-        let [lost, late, twice, damaged] =
-            [self.faults.loss, self.faults.reorder, self.faults.duplicate, self.faults.corrupt]
+        let Faults { loss, reorder, duplicate, corrupt, truncate, garbage } = self.faults;
+        let [lost, late, twice, damaged, cut, garbage] =
+            [loss, reorder, duplicate, corrupt, truncate, garbage]
                 .map(|probability| self.random.happens(probability));
         let before = self.held.take();
+        if garbage {
+            arriving.push(vec![0xff; datagram.len()]);
+        }
         if !lost {
             let mut copy = datagram.to_vec();
             if damaged && !copy.is_empty() {
                 let place = self.random.between(0.0, copy.len() as f64) as usize;
                 copy[place] ^= 1 << (self.random.between(0.0, 8.0) as u32);
+            }
+            if cut {
+                copy.truncate(self.random.between(0.0, copy.len() as f64) as usize);
             }
             if late && before.is_none() {
                 self.held = Some(copy);
@@ -101,5 +117,19 @@ mod tests {
         assert!(sorted.windows(2).all(|pair| pair[0] != pair[1]) && sorted.len() >= 99);
         let damaged = arriving(Faults { corrupt: 0.2, ..Faults::default() });
         assert!(damaged.iter().zip(0..).filter(|(is, was)| *is != was).count() > 5);
+    }
+
+    #[test]
+    fn what_is_cut_or_garbage_is_not_the_datagram_that_was_sent() {
+        let arriving = |faults| {
+            let mut sender = FaultySender::new(Faults::default(), 1);
+            sender.set_faults(faults);
+            (0..100).flat_map(|number| sender.afflict(&[number; 20])).collect::<Vec<_>>()
+        };
+        let cut = arriving(Faults { truncate: 0.2, ..Faults::default() });
+        assert!(cut.len() == 100 && cut.iter().filter(|datagram| datagram.len() < 20).count() > 5);
+        let garbage = arriving(Faults { garbage: 0.2, ..Faults::default() });
+        assert_eq!(garbage.iter().filter(|datagram| **datagram == [0xff; 20]).count(), garbage.len() - 100);
+        assert!(garbage.len() > 105);
     }
 }

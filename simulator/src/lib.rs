@@ -3,7 +3,7 @@
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
 //! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`walk`] → [`motion`] → [`dynamics`] → [`truth`] →
 //! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wire`], [`plate`] →
-//! [`suit_sender`], [`plate_server`] (through [`faults`]) → [`simulation`], [`player`].
+//! [`suit_sender`], [`plate_server`] (through [`faults`]), [`device`] → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
 //!
@@ -14,6 +14,7 @@ pub mod balance;
 pub mod burden;
 pub mod clock;
 pub mod colour;
+pub mod device;
 pub mod dynamics;
 pub mod faults;
 pub mod intention;

@@ -55,6 +55,16 @@ impl PlateServer {
         self.socket.local_addr()
     }
 
+    /// The network is another from the next datagram on.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.network.set_faults(faults);
+    }
+
+    /// The device is switched off and on: it knows no client any more.
+    pub fn restart(&mut self) {
+        self.client = None;
+    }
+
     /// Whether anybody wants records.
     pub fn has_client(&self) -> bool {
         self.client.is_some()

@@ -5,7 +5,7 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::thread::JoinHandle;
 
@@ -13,7 +13,9 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use nalgebra::Vector3;
 
 use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
+use crate::device::DeviceClock;
 use crate::dynamics::Wrench;
+use crate::faults::Faults;
 use crate::intention::Intention;
 use crate::motion::Worker;
 use crate::noise::Suit;
@@ -21,7 +23,7 @@ use crate::person::Person;
 use crate::plate_server::{PlateServer, Wish};
 use crate::random::Random;
 use crate::settings::SimulationSettings;
-use crate::suit_sender::{SuitSender, frame};
+use crate::suit_sender::{SuitSender, frame_at};
 use crate::truth::Truth;
 
 /// The worker obeys this long after a command, so that no sensor has yet seen the time from which it holds, s.
@@ -39,6 +41,26 @@ struct Shared {
     suit_silent: AtomicBool,
     plate_silent: AtomicBool,
     plate_status: AtomicU32,
+    trouble: RwLock<Trouble>,
+    /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC.
+    sent_ns: [AtomicU64; 2],
+}
+
+/// What is wrong with devices and network now; may change at any time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trouble {
+    /// Samples a second of the suit.
+    pub suit_rate_hz: f64,
+    /// The network from the suit.
+    pub suit_faults: Faults,
+    /// Before so many of the suit's samples comes one with a place that is no number.
+    pub suit_nan: f64,
+    /// The network from the plate.
+    pub plate_faults: Faults,
+    /// How often each device was switched off and on: suit, plate.
+    pub restarts: [u32; 2],
+    /// By how much the suit's counter has leapt in all.
+    pub suit_leapt: i32,
 }
 
 impl Shared {
@@ -52,59 +74,100 @@ impl Shared {
         &self,
         rate_hz: f64,
         latency_s: f64,
-        mut step: impl FnMut(u32) -> io::Result<()>,
+        mut step: impl FnMut(&mut DeviceClock) -> io::Result<f64>,
     ) -> io::Result<()> {
-        for number in 0.. {
-            sleep_until_ns(self.start_ns + span_ns(f64::from(number) / rate_hz + latency_s));
+        let mut clock = DeviceClock::new(rate_hz);
+        loop {
+            sleep_until_ns(self.start_ns + span_ns(clock.time_s() + latency_s));
             if self.stop.load(Ordering::Relaxed) {
-                break;
+                return Ok(());
             }
-            step(number)?;
+            let rate_hz = step(&mut clock)?;
+            clock.advance(rate_hz);
         }
-        Ok(())
+    }
+
+    fn trouble(&self) -> Trouble {
+        *self.trouble.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn note_sent(&self, sensor: usize, time_s: f64) {
+        self.sent_ns[sensor].store(self.start_ns + span_ns(time_s), Ordering::Relaxed);
     }
 
     fn run_suit(&self, mut sender: SuitSender) -> io::Result<()> {
         let settings = &self.settings.suit;
         let suit = Suit::new(settings.noise, self.settings.seed);
-        let samples_per_second = settings.rate_hz.round().max(1.0) as u32;
-        self.pace(settings.rate_hz, settings.latency_s, |number| {
-            if self.suit_silent.load(Ordering::Relaxed) {
-                return Ok(());
+        let mut luck = Random::new(self.settings.seed, "suit trouble");
+        let mut before = self.trouble();
+        self.pace(settings.rate_hz, settings.latency_s, |clock| {
+            let trouble = self.trouble();
+            if trouble.restarts[0] != before.restarts[0] {
+                clock.restart();
             }
-            if number % samples_per_second == 0 {
+            clock.leap(trouble.suit_leapt.wrapping_sub(before.suit_leapt));
+            before = trouble;
+            if self.suit_silent.load(Ordering::Relaxed) {
+                return Ok(trouble.suit_rate_hz);
+            }
+            sender.set_faults(trouble.suit_faults);
+            if clock.counter() % trouble.suit_rate_hz.round().max(1.0) as u32 == 0 {
                 self.with_worker(|worker| sender.introduce(worker.person(), settings.avatar))?;
             }
-            let clock = (number, settings.rate_hz);
-            sender.send(&self.with_worker(|worker| {
-                frame(worker, &suit, settings.world, settings.streams, settings.avatar, clock)
-            }))
+            let time_s = clock.time_s();
+            let device_ms = (f64::from(clock.counter()) / clock.rate_hz() * 1000.0) as u32;
+            let device = (clock.counter(), device_ms);
+            let mut seen = self.with_worker(|worker| {
+                frame_at(worker, &suit, settings.world, settings.streams, settings.avatar, time_s, device)
+            });
+            if luck.happens(trouble.suit_nan) {
+                let sound = seen.position_m[0];
+                seen.position_m[0][2] = f64::NAN;
+                sender.send(&seen)?;
+                seen.position_m[0] = sound;
+            }
+            sender.send(&seen)?;
+            self.note_sent(0, time_s);
+            Ok(trouble.suit_rate_hz)
         })
     }
 
     fn run_plate(&self, mut server: PlateServer) -> io::Result<()> {
         let settings = &self.settings.plate;
         let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
-        self.pace(settings.rate_hz, 0.0, |number| {
+        let mut before = self.trouble();
+        let mut number = 0_u32;
+        self.pace(settings.rate_hz, 0.0, |clock| {
+            let trouble = self.trouble();
+            if trouble.restarts[1] != before.restarts[1] {
+                clock.restart();
+                server.restart();
+            }
+            before = trouble;
+            number = number.wrapping_add(1);
             let wish = server.poll();
             if !server.has_client() && wish.is_none() {
-                return Ok(());
+                return Ok(settings.rate_hz);
             }
-            let time_s = f64::from(number) / settings.rate_hz;
+            let time_s = clock.time_s();
             let on_person = self.with_worker(|worker| worker.ground_reaction(time_s));
             let felt = settings.plate.felt(&settings.plate.in_the_station(&on_person));
             // Each sample has noise of its own, whether or not those before it were asked for.
-            let mut random = Random::numbered(self.settings.seed, "plate noise", number);
+            let mut random = Random::numbered(self.settings.seed, "plate noise", number - 1);
             let felt = settings.noise.on(felt, &mut random);
             if wish == Some(Wish::SetBias) {
                 bias = felt;
             }
             if self.plate_silent.load(Ordering::Relaxed) {
-                return Ok(());
+                return Ok(settings.rate_hz);
             }
             let unbiased =
                 Wrench { force_n: felt.force_n - bias.force_n, moment_nm: felt.moment_nm - bias.moment_nm };
-            server.send(settings.plate.record(&unbiased, number, self.plate_status.load(Ordering::Relaxed)))
+            let status = self.plate_status.load(Ordering::Relaxed);
+            server.set_faults(trouble.plate_faults);
+            server.send(settings.plate.record(&unbiased, clock.counter(), status))?;
+            self.note_sent(1, time_s);
+            Ok(settings.rate_hz)
         })
     }
 }
@@ -124,6 +187,14 @@ impl Simulation {
             PlateServer::bind(settings.plate.address, settings.plate.faults, settings.seed.wrapping_add(1))?;
         let plate_address = server.address()?;
         let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
+        let trouble = Trouble {
+            suit_rate_hz: settings.suit.rate_hz,
+            suit_faults: settings.suit.faults,
+            suit_nan: 0.0,
+            plate_faults: settings.plate.faults,
+            restarts: [0; 2],
+            suit_leapt: 0,
+        };
         let shared = Arc::new(Shared {
             worker: RwLock::new(Worker::with_habits(person, settings.seed, settings.habits)),
             settings,
@@ -132,6 +203,8 @@ impl Simulation {
             suit_silent: AtomicBool::new(false),
             plate_silent: AtomicBool::new(false),
             plate_status: AtomicU32::new(0),
+            trouble: RwLock::new(trouble),
+            sent_ns: [AtomicU64::new(0), AtomicU64::new(0)],
         });
         let mut handle = SimulationHandle { shared: Arc::clone(&shared), plate_address, threads: Vec::new() };
         let suit = Arc::clone(&shared);
@@ -230,6 +303,16 @@ impl SimulationHandle {
     /// The status word of all records from now on; 0 is sound.
     pub fn set_plate_status(&self, status: u32) {
         self.shared.plate_status.store(status, Ordering::Relaxed);
+    }
+
+    /// Changes what is wrong with devices and network; a change holds from the next sample on.
+    pub fn trouble(&self, change: impl FnOnce(&mut Trouble)) {
+        change(&mut self.shared.trouble.write().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC ns; 0 for none.
+    pub fn sent_ns(&self) -> [u64; 2] {
+        [0, 1].map(|sensor| self.shared.sent_ns[sensor].load(Ordering::Relaxed))
     }
 
     /// What is so at a simulated time. For times to come: if nothing more is asked of the worker.

@@ -48,6 +48,21 @@ pub fn frame(
     (sample_counter, rate_hz): (u32, f64),
 ) -> SuitFrame {
     let time_s = f64::from(sample_counter) / rate_hz;
+    // MVN cuts the counter's time to whole milliseconds.
+    let device = (sample_counter, (time_s * 1000.0) as u32);
+    frame_at(worker, suit, world, streams, avatar, time_s, device)
+}
+
+/// The same at a time that is not the counter's; `device` is the suit's own counter and time, ms.
+pub fn frame_at(
+    worker: &Worker,
+    suit: &Suit,
+    world: SuitWorld,
+    streams: Streams,
+    avatar: u8,
+    time_s: f64,
+    (sample_counter, time_code_ms): (u32, u32),
+) -> SuitFrame {
     let suit_from_station = nalgebra::Isometry3::new(
         nalgebra::Vector3::from(world.origin_m),
         nalgebra::Vector3::z() * world.yaw_rad,
@@ -77,8 +92,7 @@ pub fn frame(
     };
     SuitFrame {
         sample_counter,
-        // MVN cuts the counter's time to whole milliseconds.
-        time_code_ms: (time_s * 1000.0) as u32,
+        time_code_ms,
         avatar,
         position_m: origin_m.map(|origin| origin.coords.into()),
         orientation_wxyz: rotation.map(|q| [q.w, q.i, q.j, q.k]),
@@ -107,6 +121,11 @@ impl SuitSender {
             SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
         };
         Ok(SuitSender { socket: UdpSocket::bind(any)?, target, network: FaultySender::new(faults, seed) })
+    }
+
+    /// The network is another from the next datagram on.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.network.set_faults(faults);
     }
 
     /// Sends all datagrams of a frame.

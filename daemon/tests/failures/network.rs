@@ -12,7 +12,7 @@ use crate::station::Station;
 #[test]
 fn poses_are_learnt_over_networks_that_lose_reorder_repeat_and_damage() {
     let station = Station::new();
-    let faults = Faults { loss: 0.05, reorder: 0.02, duplicate: 0.02, corrupt: 0.01 };
+    let faults = Faults { loss: 0.05, reorder: 0.02, duplicate: 0.02, corrupt: 0.01, ..Faults::default() };
     let mut settings = station.sensors();
     settings.suit.faults = faults;
     settings.plate.faults = faults;

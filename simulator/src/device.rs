@@ -1,0 +1,88 @@
+//! What a device's own clock and counter do: they run, change their pace, leap, and start anew.
+
+/// Times and counts of a device's samples. Its own idea of time follows from its counter, as in the devices that are
+/// simulated; true time does not care.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeviceClock {
+    rate_hz: f64,
+    /// Samples since the pace last changed, and when that was.
+    since: (u32, f64),
+    counter: u32,
+}
+
+impl DeviceClock {
+    /// A device that counts from 0 at simulated time 0.
+    pub fn new(rate_hz: f64) -> DeviceClock {
+        DeviceClock { rate_hz, since: (0, 0.0), counter: 0 }
+    }
+
+    /// When the current sample is due, s.
+    pub fn time_s(&self) -> f64 {
+        self.since.1 + f64::from(self.since.0) / self.rate_hz
+    }
+
+    /// The device's number of it.
+    pub fn counter(&self) -> u32 {
+        self.counter
+    }
+
+    /// Samples per second now.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Goes on to the next sample, at this pace.
+    pub fn advance(&mut self, rate_hz: f64) {
+        if rate_hz == self.rate_hz {
+            self.since.0 += 1;
+        } else {
+            self.since = (1, self.time_s());
+            self.rate_hz = rate_hz;
+        }
+        self.counter = self.counter.wrapping_add(1);
+    }
+
+    /// The counter leaps, forward or back; time does not.
+    pub fn leap(&mut self, by: i32) {
+        self.counter = self.counter.wrapping_add_signed(by);
+    }
+
+    /// The device is switched off and on: it counts from 0 again.
+    pub fn restart(&mut self) {
+        self.counter = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_device_counts_its_time() {
+        let mut clock = DeviceClock::new(60.0);
+        for number in 0..1000_u32 {
+            assert_eq!((clock.counter(), clock.time_s()), (number, f64::from(number) / 60.0));
+            clock.advance(60.0);
+        }
+    }
+
+    #[test]
+    fn time_goes_on_through_every_change_of_pace_and_count() {
+        let mut clock = DeviceClock::new(60.0);
+        let mut before_s = 0.0;
+        for number in 1..600 {
+            let rate_hz = if number % 200 < 100 { 60.0 } else { 100.0 };
+            clock.advance(rate_hz);
+            let step_s = clock.time_s() - before_s;
+            assert!((step_s - 1.0 / rate_hz).abs() < 1e-9, "{number}: {step_s}");
+            before_s = clock.time_s();
+            match number {
+                250 => clock.leap(5000),
+                300 => clock.leap(-100),
+                400 => clock.restart(),
+                _ => {}
+            }
+        }
+        assert_eq!(clock.counter(), 199);
+    }
+}

@@ -1,0 +1,97 @@
+//! What happens to a station.
+
+/// A kind of trouble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Chaos {
+    Loss,
+    Reorder,
+    Duplicates,
+    Truncation,
+    Garbage,
+    NotANumber,
+    ForeignAvatar,
+    RateUp,
+    RateDown,
+    SuitUnplugged,
+    PlateUnplugged,
+    BothUnplugged,
+    SuitRestarts,
+    PlateRestarts,
+    CounterLeapsAhead,
+    CounterLeapsBack,
+    PlateFault,
+    ConsumerStorm,
+    SuitAdapterKilled,
+    GroundAdapterKilled,
+    DaemonStopped,
+    /// An adapter whose clock is ahead by so many seconds.
+    OtherClock(u32),
+}
+
+use Chaos::*;
+
+const ALL: [Chaos; 23] = [
+    Loss,
+    Reorder,
+    Duplicates,
+    Truncation,
+    Garbage,
+    NotANumber,
+    ForeignAvatar,
+    RateUp,
+    RateDown,
+    SuitUnplugged,
+    PlateUnplugged,
+    BothUnplugged,
+    SuitRestarts,
+    PlateRestarts,
+    CounterLeapsAhead,
+    CounterLeapsBack,
+    PlateFault,
+    ConsumerStorm,
+    SuitAdapterKilled,
+    GroundAdapterKilled,
+    DaemonStopped,
+    OtherClock(1),
+    OtherClock(1000),
+];
+
+impl Chaos {
+    /// All kinds once, in an order that follows from the seed.
+    pub(crate) fn shuffled(seed: u64) -> Vec<Chaos> {
+        let (mut all, mut luck) = (ALL.to_vec(), seed.wrapping_mul(2).wrapping_add(1));
+        for place in (1..all.len()).rev() {
+            luck = luck.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            all.swap(place, (luck >> 33) as usize % (place + 1));
+        }
+        all
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Loss => "loss",
+            Reorder => "reorder",
+            Duplicates => "duplicates",
+            Truncation => "truncation",
+            Garbage => "garbage",
+            NotANumber => "not a number",
+            ForeignAvatar => "foreign avatar",
+            RateUp => "suit faster",
+            RateDown => "suit slower",
+            SuitUnplugged => "suit unplugged",
+            PlateUnplugged => "plate unplugged",
+            BothUnplugged => "both unplugged",
+            SuitRestarts => "suit restarts",
+            PlateRestarts => "plate restarts",
+            CounterLeapsAhead => "suit's counter leaps ahead",
+            CounterLeapsBack => "suit's counter leaps back",
+            PlateFault => "plate fault",
+            ConsumerStorm => "consumer storm",
+            SuitAdapterKilled => "suit adapter killed",
+            GroundAdapterKilled => "ground adapter killed",
+            DaemonStopped => "daemon stopped for 1 s",
+            OtherClock(1) => "adapter 1 s ahead",
+            OtherClock(_) => "adapter of another clock",
+        }
+    }
+}

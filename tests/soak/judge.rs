@@ -1,0 +1,293 @@
+//! Is what a state tells as valid true?
+//!
+//! The simulator's truth is asked at the time that the state says it is about. Device time is tied to host time only so
+//! well: the core lets pass what is dated wrong by 20 ms. So a value is wrong if it is farther than 6 σ, by the state's own σ,
+//! and a floor from the truth of *every* instant within 20 ms. The floors are what no σ tells: the suit's own errors,
+//! which put a hand centimetres off, and the sharing between hands and feet.
+
+use std::collections::BTreeMap;
+
+use bytemuck::Zeroable;
+use equipoise_core::body::{JOINTS, SEGMENTS};
+use equipoise_core::message::layout::{Message, Primitive};
+use equipoise_core::message::{State, Validity};
+use equipoise_simulator::simulation::SimulationHandle;
+use equipoise_simulator::truth::Truth;
+use nalgebra::{Vector2, Vector3};
+
+/// So many σ are no chance.
+const SIGMAS: f64 = 6.0;
+/// `CLOCK_SIGMA_MAX_NS` of the core.
+const DATED_WITHIN_S: f64 = 0.020;
+/// Floors, m, N, kg, N m.
+const COP_FLOOR_M: f64 = 0.020;
+const COM_FLOOR_M: f64 = 0.060;
+const SEGMENT_FLOOR_M: f64 = 0.25;
+const FORCE_FLOOR_N: f64 = 25.0;
+const MASS_FLOOR_KG: f64 = 2.0;
+const TORQUE_FLOOR_NM: f64 = 10.0;
+/// Silence that must have been told: two periods of the slowest stream that trouble may have taught, the tolerance,
+/// and, for what is told of the suit, its wait for the plate and half a window.
+const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
+/// A sample cannot be newer than the newest that was sent; sent and dated are two clocks' readings.
+const AHEAD_AT_MOST_NS: u64 = 25_000_000;
+
+/// One value that was wrong.
+#[derive(Debug, Clone)]
+pub(crate) struct Wrong {
+    pub(crate) what: &'static str,
+    during: &'static str,
+    cycle: u64,
+    error: f64,
+    bound: f64,
+    state_time_s: f64,
+}
+
+/// Looks at every state.
+pub(crate) struct Judge {
+    pub(crate) state: State,
+    pub(crate) during: &'static str,
+    pub(crate) states: u64,
+    pub(crate) missed: u64,
+    pub(crate) told: BTreeMap<&'static str, u64>,
+    /// Largest share of its bound that an error took, by value; and during what.
+    worst: BTreeMap<&'static str, (f64, &'static str)>,
+    pub(crate) wrong: Vec<Wrong>,
+    truths: (u64, Vec<Truth>),
+}
+
+impl Judge {
+    pub(crate) fn new() -> Judge {
+        Judge {
+            state: State::zeroed(),
+            during: "identification",
+            states: 0,
+            missed: 0,
+            told: BTreeMap::new(),
+            worst: BTreeMap::new(),
+            wrong: Vec::new(),
+            truths: (0, Vec::new()),
+        }
+    }
+
+    /// Takes in the next state.
+    pub(crate) fn see(&mut self, state: State, person: &SimulationHandle) {
+        assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
+        assert!(state.cycle > self.state.cycle, "cycle {} after {}", state.cycle, self.state.cycle);
+        self.states += 1;
+        self.missed += if self.state.cycle > 0 { state.cycle - self.state.cycle - 1 } else { 0 };
+        self.state = state;
+        self.ages(person);
+        self.values(person);
+    }
+
+    fn ages(&mut self, person: &SimulationHandle) {
+        let (state, sent_ns) = (self.state, person.sent_ns());
+        let streams = [
+            (state.suit_age_ns, Validity::SUIT_STALE, "suit's age", "suit's silence"),
+            (state.ground_age_ns, Validity::GROUND_STALE, "ground's age", "ground's silence"),
+        ];
+        for (sensor, (age_ns, stale, of_age, of_silence)) in streams.into_iter().enumerate() {
+            if state.validity().any_of(stale) || age_ns == u64::MAX {
+                continue;
+            }
+            // What was sent is read after the state came, so it can only be newer.
+            let newest_ns = state.time_ns - age_ns;
+            let ahead_ns = newest_ns.saturating_sub(sent_ns[sensor]);
+            self.hold(of_age, ahead_ns as f64 * 1e-9, AHEAD_AT_MOST_NS as f64 * 1e-9);
+            let silent_ns = state.time_ns.saturating_sub(sent_ns[sensor]);
+            self.hold(of_silence, silent_ns as f64 * 1e-9, SILENT_AT_MOST_NS[sensor] as f64 * 1e-9);
+        }
+    }
+
+    fn values(&mut self, person: &SimulationHandle) {
+        let state = self.state;
+        let valid = state.validity();
+        let suit_told = !valid.any_of(Validity::SUIT_STALE) && state.suit_sample_time_ns > 0;
+        // Without the suit the ground is measured alone, at its own newest time.
+        let about_ns = match suit_told {
+            true => state.suit_sample_time_ns,
+            false if state.ground_age_ns < u64::MAX => state.time_ns - state.ground_age_ns,
+            false => return,
+        };
+        if self.truths.0 != about_ns {
+            let about_s = (about_ns as f64 - person.start_ns() as f64) * 1e-9;
+            self.truths = (about_ns, vec![person.truth_at(about_s)]);
+        }
+        let told = |spoilers: Validity| !valid.any_of(spoilers);
+        if told(Validity::SPOILS_COP_MEASURED) {
+            let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_measured_sigma_m);
+            self.compare("measured cop", person, bound_m, |truth| {
+                (Vector2::from(state.cop_measured_m) - truth.cop_m).norm()
+            });
+        }
+        if told(Validity::SPOILS_GROUND_FORCE) {
+            self.compare("ground force", person, FORCE_FLOOR_N, |truth| {
+                (state.ground_force_n[2] - truth.ground.force_n.z).abs()
+            });
+        }
+        if !suit_told {
+            return;
+        }
+        if told(Validity::SPOILS_COM) {
+            let bound_m = COM_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
+            self.compare("com", person, bound_m, |truth| {
+                (Vector3::from(state.com_m) - truth.com_m).xy().norm()
+            });
+        }
+        if told(Validity::SPOILS_COP_ESTIMATED) {
+            let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
+            self.compare("estimated cop", person, bound_m, |truth| {
+                (Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m).norm()
+            });
+        }
+        if told(Validity::SPOILS_COM) {
+            self.compare("segments", person, SEGMENT_FLOOR_M, |truth| {
+                let error_m =
+                    |i: usize| (Vector3::from(state.segment_origin_m[i]) - truth.body.origin_m[i]).norm();
+                (0..SEGMENTS).map(error_m).fold(0.0, f64::max)
+            });
+        }
+        if told(Validity::SPOILS_DELTA_F) {
+            let bound_n = FORCE_FLOOR_N + SIGMAS * state.delta_f_sigma_n;
+            self.compare("external force", person, bound_n, |truth| {
+                (state.delta_f_n[2] + truth.load_force_in_motion_n.z).abs()
+            });
+        }
+        if told(Validity::SPOILS_LIFTED_MASS.and(Validity::NOT_IDENTIFIED)) {
+            let bound_kg = MASS_FLOOR_KG + SIGMAS * state.lifted_mass_sigma_kg;
+            self.compare("lifted mass", person, bound_kg, |truth| {
+                (state.lifted_mass_kg - truth.body.load_kg).abs()
+            });
+        }
+        if told(Validity::SPOILS_TORQUES) {
+            self.compare("torques", person, 1.0, |truth| {
+                let share = |j: usize| {
+                    let error_nm =
+                        (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
+                    error_nm / (TORQUE_FLOOR_NM + SIGMAS * state.torque_sigma_nm[j])
+                };
+                (0..JOINTS).map(share).fold(0.0, f64::max)
+            });
+        }
+    }
+
+    /// Holds a told value's error against its bound; instants around are asked only if the nearest truth is too far.
+    fn compare(
+        &mut self,
+        what: &'static str,
+        person: &SimulationHandle,
+        bound: f64,
+        error: impl Fn(&Truth) -> f64,
+    ) {
+        let mut least = error(&self.truths.1[0]);
+        if least > bound {
+            if self.truths.1.len() == 1 {
+                let about_s = self.truths.1[0].time_s;
+                for step in [-1.0, -0.5, 0.5, 1.0] {
+                    self.truths.1.push(person.truth_at(about_s + step * DATED_WITHIN_S));
+                }
+            }
+            least = self.truths.1.iter().map(&error).fold(least, f64::min);
+        }
+        *self.told.entry(what).or_default() += 1;
+        self.hold(what, least, bound);
+    }
+
+    fn hold(&mut self, what: &'static str, error: f64, bound: f64) {
+        let share = error / bound;
+        let worst = self.worst.entry(what).or_insert((0.0, self.during));
+        if share > worst.0 {
+            *worst = (share, self.during);
+        }
+        if share > 1.0 {
+            let State { cycle, suit_sample_time_ns, .. } = self.state;
+            let state_time_s = suit_sample_time_ns as f64 * 1e-9;
+            self.wrong.push(Wrong { what, during: self.during, cycle, error, bound, state_time_s });
+        }
+    }
+
+    /// The wrong values, a run of cycles each once, in words.
+    pub(crate) fn report(&self) -> Vec<String> {
+        let mut runs: Vec<(Wrong, u64, f64)> = Vec::new();
+        for wrong in &self.wrong {
+            match runs.iter_mut().find(|(run, last, _)| run.what == wrong.what && wrong.cycle <= last + 100) {
+                Some((_, last, most)) => (*last, *most) = (wrong.cycle, most.max(wrong.error)),
+                None => runs.push((wrong.clone(), wrong.cycle, wrong.error)),
+            }
+        }
+        let line = |(first, last, most): &(Wrong, u64, f64)| {
+            format!(
+                "{} during {}: cycles {} to {last}, {:.4} (most {most:.4}) where {:.4} is allowed, state of {:.3} s",
+                first.what, first.during, first.cycle, first.error, first.bound, first.state_time_s
+            )
+        };
+        runs.iter().map(line).collect()
+    }
+
+    pub(crate) fn worst(&self) -> String {
+        let line = |(what, (share, during)): (&&str, &(f64, &str))| {
+            let told = self.told.get(what).copied().unwrap_or(self.states);
+            format!(
+                "  {what:<16} told {told:>8} times, at worst {:>3.0} % of its bound ({during})",
+                100.0 * share
+            )
+        };
+        self.worst.iter().map(line).collect::<Vec<_>>().join("\n")
+    }
+}
+
+fn norm(pair: [f64; 2]) -> f64 {
+    pair[0].hypot(pair[1])
+}
+
+/// Every number of a state.
+fn numbers(state: &State) -> impl Iterator<Item = f64> {
+    let bytes = bytemuck::bytes_of(state);
+    let fields = State::FIELDS.iter().filter(|field| field.primitive == Primitive::F64);
+    fields.flat_map(move |field| {
+        let numbers = bytes[field.offset..field.offset + 8 * field.count].chunks_exact(8);
+        numbers.map(|eight| f64::from_ne_bytes(eight.try_into().expect("eight bytes")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use equipoise_simulator::settings::SimulationSettings;
+    use equipoise_simulator::simulation::Simulation;
+
+    #[test]
+    fn a_wrong_value_is_found_unless_a_reason_is_given() {
+        let mut settings = SimulationSettings::default();
+        settings.suit.target.set_port(9);
+        settings.plate.address.set_port(0);
+        let person = Simulation::start(settings).expect("a simulated person");
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        let now_ns = person.sent_ns()[0];
+        let truth = person.truth_at((now_ns - person.start_ns()) as f64 * 1e-9);
+        let true_state = State {
+            cycle: 1,
+            time_ns: now_ns,
+            suit_sample_time_ns: now_ns,
+            ground_age_ns: u64::MAX,
+            cop_measured_m: truth.cop_m.into(),
+            ground_force_n: truth.ground.force_n.into(),
+            com_m: truth.com_m.into(),
+            cop_estimated_m: truth.cop_without_load_in_motion_m.into(),
+            segment_origin_m: truth.body.origin_m.map(Into::into),
+            ..State::zeroed()
+        };
+        let mut judge = Judge::new();
+        judge.see(true_state, &person);
+        assert!(judge.wrong.is_empty(), "{:?}", judge.report());
+        let off = State { cycle: 2, cop_measured_m: [truth.cop_m.x + 0.05, truth.cop_m.y], ..true_state };
+        judge.see(off, &person);
+        assert_eq!(judge.wrong.iter().map(|wrong| wrong.what).collect::<Vec<_>>(), ["measured cop"]);
+        judge.see(State { cycle: 3, valid: Validity::FEET_OFF_PLATE.0, ..off }, &person);
+        assert_eq!(judge.wrong.len(), 1, "withheld");
+        judge.see(State { cycle: 4, time_ns: now_ns + 900_000_000, suit_age_ns: 0, ..true_state }, &person);
+        let found: Vec<_> = judge.wrong.iter().map(|wrong| wrong.what).collect();
+        assert!(found.contains(&"suit's age") && found.contains(&"suit's silence"), "{found:?}");
+    }
+}

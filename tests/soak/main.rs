@@ -1,0 +1,57 @@
+//! Hours of trouble against the truth: whatever happens to wires, devices, adapters and consumers, no wrong value is ever
+//! told as a valid one; and the daemon neither grows nor leaks nor fails to recover.
+//!
+//! `SOAK_SECONDS` and `SOAK_SEED` say how long and which luck; docs/realtime.md says what "wrong" means.
+
+#[path = "../../daemon/tests/failures/process.rs"]
+mod process;
+#[path = "../../daemon/tests/failures/station.rs"]
+#[expect(dead_code, reason = "the soak needs a part of it")]
+mod station;
+
+mod chaos;
+mod judge;
+mod resources;
+mod rig;
+
+use std::time::{Duration, Instant};
+
+use chaos::Chaos;
+use rig::Rig;
+
+/// A number of the environment, or the one for `cargo test`.
+fn number(variable: &str, otherwise: u64) -> u64 {
+    match std::env::var(variable) {
+        Ok(text) => text.parse().unwrap_or_else(|_| panic!("{variable} is no number: {text}")),
+        Err(_) => otherwise,
+    }
+}
+
+#[test]
+fn no_wrong_value_is_told_as_valid_whatever_happens() {
+    let (long, seed) = (Duration::from_secs(number("SOAK_SECONDS", 8)), number("SOAK_SEED", 1));
+    let mut rig = Rig::start(seed);
+    rig.identify();
+    println!("seed {seed}: identified with {} poses", rig.judge.state.poses_used);
+    let started = Instant::now();
+    let mut events = 0;
+    'soak: loop {
+        for chaos in Chaos::shuffled(seed.wrapping_add(events)) {
+            if started.elapsed() > long {
+                break 'soak;
+            }
+            rig.judge.during = chaos.name();
+            let begun = Instant::now();
+            rig.suffer(chaos);
+            let took = rig.recover(chaos);
+            println!(
+                "{:>7.1} s {:<28} recovered after {:.1} s",
+                begun.duration_since(started).as_secs_f64(),
+                chaos.name(),
+                took.as_secs_f64()
+            );
+            events += 1;
+        }
+    }
+    rig.end(events);
+}

@@ -1,0 +1,314 @@
+//! The station that suffers: a real daemon at 1 kHz, adapters as processes of their own, a simulated person, and the eyes.
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use equipoise_bus::{Bus, BusSettings, Subscriber};
+use equipoise_core::message::{State, Validity};
+use equipoise_simulator::faults::Faults;
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use rustix::process::Signal;
+
+use crate::chaos::Chaos;
+use crate::judge::Judge;
+use crate::process::{Process, wait_for};
+use crate::resources::Resources;
+use crate::station::{NAME, Station, ready};
+
+/// How long each trouble lasts.
+const LASTS: Duration = Duration::from_millis(2000);
+/// And how long everything is well thereafter, at least.
+const CALM: Duration = Duration::from_millis(1500);
+/// All must be told again within this.
+const RECOVERS_WITHIN: Duration = Duration::from_secs(40);
+/// The suit's ordinary rate, samples a second.
+const SUIT_HZ: f64 = 60.0;
+
+pub(crate) struct Rig {
+    pub(crate) judge: Judge,
+    states: Subscriber<State>,
+    _bus: Bus,
+    person: SimulationHandle,
+    daemon: Process,
+    adapters: [Process; 2],
+    resources: Resources,
+    descriptors: usize,
+    acts_at: Instant,
+    luck: u64,
+    station: Station,
+}
+
+fn adapter_of(station: &Station, stream: &str, before: &[&str]) -> Process {
+    let path = station.write("adapters.toml", &configuration(station)).display().to_string();
+    let program = env!("CARGO_BIN_EXE_equipoise");
+    let words = [before, &[program, "adapter", stream, "--config", &path]].concat();
+    let mut command = Command::new(words[0]);
+    command.args(&words[1..]).env("EQUIPOISE_BUS_ROOT", station.root());
+    let name = |end: &str| station.file(&format!("{stream}-adapter.{end}"));
+    let mut process = Process::start(command, name("out"), name("err"));
+    wait_for("the adapter to run", || {
+        let said = process.stderr();
+        (said.contains("adapter runs") || !process.is_running()).then_some(())
+    });
+    process
+}
+
+fn configuration(station: &Station) -> String {
+    station
+        .configuration()
+        .replace("rate_hz = 200", "rate_hz = 1000")
+        .replace("poses_min = 1000", "poses_min = 3\nstop_cop_sigma_mm = 12")
+}
+
+impl Rig {
+    pub(crate) fn start(seed: u64) -> Rig {
+        let station = Station::new();
+        let settings = SimulationSettings { seed, ..station.sensors() };
+        let person = Simulation::start(settings).expect("a simulated person");
+        let external = configuration(&station)
+            .replace("\"mvn-udp\"", "\"external\"")
+            .replace("\"ati-rdt\"", "\"external\"");
+        let daemon = ready(station.try_daemon(&external));
+        let adapters = ["suit", "ground"].map(|stream| adapter_of(&station, stream, &[]));
+        let settings =
+            BusSettings { station: NAME.to_owned(), role: "soak".to_owned(), root: station.root() };
+        let bus = Bus::join(&settings).expect("the bus");
+        let states = bus.subscriber(1024).expect("a place for the states");
+        let resources = Resources::of(daemon.id());
+        Rig {
+            judge: Judge::new(),
+            states,
+            _bus: bus,
+            person,
+            daemon,
+            adapters,
+            resources,
+            descriptors: 0,
+            acts_at: Instant::now(),
+            luck: seed,
+            station,
+        }
+    }
+
+    /// The person takes the poses that are asked for until the model is known.
+    pub(crate) fn identify(&mut self) {
+        let started = Instant::now();
+        let (mut asked, mut since) = (u32::MAX, Instant::now());
+        while self.judge.state.converged == 0 {
+            assert!(started.elapsed() < Duration::from_secs(120), "never identified: {:?}", self.reasons());
+            self.look();
+            let suggested = self.judge.state.suggested_pose;
+            if suggested != u32::MAX && (suggested != asked || since.elapsed() > Duration::from_secs(8)) {
+                (asked, since) = (suggested, Instant::now());
+                self.person.take_pose(suggested as usize).expect("a pose of the library");
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        self.wait_until_all_is_told();
+        self.descriptors = self.resources.descriptors();
+    }
+
+    /// Judges all that has come.
+    fn look(&mut self) {
+        while let Some(state) = self.states.receive().expect("the bus") {
+            self.judge.see(state, &self.person);
+        }
+        assert!(self.daemon.is_running(), "the daemon ended: {}", self.daemon.stderr());
+        self.resources.look();
+    }
+
+    /// Time passes, in which the worker works and everything is judged.
+    fn pass(&mut self, time: Duration) {
+        let until = Instant::now() + time;
+        while Instant::now() < until {
+            self.work();
+            self.look();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn work(&mut self) {
+        if Instant::now() < self.acts_at {
+            return;
+        }
+        let luck = self.luck();
+        if luck % 5 == 0 {
+            self.person.lift_and_show(4.0 + (luck % 7) as f64);
+            self.acts_at = Instant::now() + Duration::from_secs(17);
+        } else {
+            self.person.take_pose(luck as usize / 5 % 50).expect("a pose of the library");
+            self.acts_at = Instant::now() + Duration::from_millis(2500);
+        }
+    }
+
+    fn luck(&mut self) -> u64 {
+        self.luck = self.luck.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.luck >> 33
+    }
+
+    pub(crate) fn suffer(&mut self, chaos: Chaos) {
+        match chaos {
+            Chaos::Loss => self.with_faults(Faults { loss: 0.2, ..Faults::default() }),
+            Chaos::Reorder => self.with_faults(Faults { reorder: 0.2, ..Faults::default() }),
+            Chaos::Duplicates => self.with_faults(Faults { duplicate: 0.3, ..Faults::default() }),
+            Chaos::Truncation => self.with_faults(Faults { truncate: 0.2, ..Faults::default() }),
+            Chaos::Garbage => self.with_faults(Faults { garbage: 0.3, ..Faults::default() }),
+            Chaos::NotANumber => {
+                self.person.trouble(|trouble| trouble.suit_nan = 0.3);
+                self.pass(LASTS);
+                self.person.trouble(|trouble| trouble.suit_nan = 0.0);
+            }
+            Chaos::ForeignAvatar => self.foreign_avatar(),
+            Chaos::RateUp => self.with_rate(100.0),
+            Chaos::RateDown => self.with_rate(40.0),
+            Chaos::SuitUnplugged => self.unplugged(true, false),
+            Chaos::PlateUnplugged => self.unplugged(false, true),
+            Chaos::BothUnplugged => self.unplugged(true, true),
+            Chaos::SuitRestarts => self.person.trouble(|trouble| trouble.restarts[0] += 1),
+            Chaos::PlateRestarts => self.person.trouble(|trouble| trouble.restarts[1] += 1),
+            Chaos::CounterLeapsAhead => self.person.trouble(|trouble| trouble.suit_leapt += 5000),
+            Chaos::CounterLeapsBack => self.person.trouble(|trouble| trouble.suit_leapt -= 300),
+            Chaos::PlateFault => {
+                self.person.set_plate_status(0x8000_0000);
+                self.pass(LASTS);
+                self.person.set_plate_status(0);
+            }
+            Chaos::ConsumerStorm => self.consumer_storm(),
+            Chaos::SuitAdapterKilled => self.adapter_killed(0, &[]),
+            Chaos::GroundAdapterKilled => self.adapter_killed(1, &[]),
+            Chaos::DaemonStopped => {
+                self.daemon.send(Signal::STOP);
+                self.pass(Duration::from_secs(1));
+                self.daemon.send(Signal::CONT);
+            }
+            Chaos::OtherClock(ahead_s) => self.other_clock(ahead_s),
+        }
+        self.pass(LASTS);
+    }
+
+    fn with_faults(&mut self, faults: Faults) {
+        let set = |person: &SimulationHandle, faults| {
+            person.trouble(|trouble| (trouble.suit_faults, trouble.plate_faults) = (faults, faults));
+        };
+        set(&self.person, faults);
+        self.pass(LASTS);
+        set(&self.person, Faults::default());
+    }
+
+    fn with_rate(&mut self, rate_hz: f64) {
+        self.person.trouble(|trouble| trouble.suit_rate_hz = rate_hz);
+        self.pass(2 * LASTS);
+        self.person.trouble(|trouble| trouble.suit_rate_hz = SUIT_HZ);
+    }
+
+    fn unplugged(&mut self, suit: bool, plate: bool) {
+        self.person.silence_suit(suit);
+        self.person.silence_plate(plate);
+        self.pass(LASTS);
+        for (unplugged, stale) in [(suit, Validity::SUIT_STALE), (plate, Validity::GROUND_STALE)] {
+            assert!(!unplugged || self.judge.state.validity().any_of(stale), "{:?}", self.reasons());
+        }
+        self.person.silence_suit(false);
+        self.person.silence_plate(false);
+    }
+
+    /// Somebody else's suit streams to the same port.
+    fn foreign_avatar(&mut self) {
+        let mut settings = SimulationSettings { seed: self.luck(), height_m: 1.6, ..self.station.sensors() };
+        settings.suit.avatar = 3;
+        settings.plate.address.set_port(0);
+        let stranger = Simulation::start(settings).expect("another simulated person");
+        stranger.take_pose(20).expect("a pose of the library");
+        self.pass(LASTS);
+        stranger.stop().expect("an orderly end");
+    }
+
+    fn consumer_storm(&mut self) {
+        for _ in 0..4 {
+            let mut consumers: Vec<_> = (0..4).map(|_| self.station.spawn(&["watch"])).collect();
+            self.pass(Duration::from_millis(200));
+            consumers.iter_mut().for_each(Process::kill);
+        }
+    }
+
+    fn adapter_killed(&mut self, which: usize, before: &[&str]) {
+        self.adapters[which].kill();
+        self.pass(Duration::from_millis(700));
+        let stale = [Validity::SUIT_STALE, Validity::GROUND_STALE][which];
+        assert!(self.judge.state.validity().any_of(stale), "nobody measures: {:?}", self.reasons());
+        let stream = ["suit", "ground"][which];
+        self.adapters[which] = adapter_of(&self.station, stream, before);
+    }
+
+    /// The suit's adapter comes back in another time namespace: its stamps are those of another clock.
+    fn other_clock(&mut self, ahead_s: u32) {
+        let ahead = ahead_s.to_string();
+        let elsewhen = ["unshare", "--time", "--monotonic", &ahead, "--fork", "--kill-child"];
+        self.adapter_killed(0, &elsewhen);
+        if self.adapters[0].is_running() {
+            self.pass(LASTS);
+            let (valid, said) = (self.judge.state.validity(), self.adapters[0].stderr());
+            assert!(valid.any_of(Validity::SUIT_STALE), "another clock's stamps are believed: {said}");
+        } else {
+            println!("skipped: this user makes no time namespace: {}", self.adapters[0].stderr().trim());
+        }
+        self.adapter_killed(0, &[]);
+    }
+
+    /// All is told again within a bound, and stays so for a while. How long it took.
+    pub(crate) fn recover(&mut self, chaos: Chaos) -> Duration {
+        let started = Instant::now();
+        self.judge.during = chaos.name();
+        self.wait_until_all_is_told();
+        let took = started.elapsed();
+        self.pass(CALM);
+        took
+    }
+
+    fn wait_until_all_is_told(&mut self) {
+        let started = Instant::now();
+        let before = self.judge.state.cycle;
+        while self.judge.state.cycle == before
+            || self.judge.state.validity().any_of(Validity::SPOILS_RESIDUAL)
+        {
+            assert!(started.elapsed() < RECOVERS_WITHIN, "after {}: {:?}", self.judge.during, self.reasons());
+            self.pass(Duration::from_millis(20));
+        }
+    }
+
+    fn reasons(&self) -> Vec<&'static str> {
+        self.judge.state.validity().names().collect()
+    }
+
+    /// Ends everything in order and gives the verdict.
+    pub(crate) fn end(mut self, events: u64) {
+        self.judge.during = "the end";
+        let descriptors = || self.resources.descriptors();
+        wait_for("descriptors to be given back", || (descriptors() <= self.descriptors + 2).then_some(()));
+        println!(
+            "{} states judged, {} not seen, {events} troubles; {}; {} of {} descriptors\n{}",
+            self.judge.states,
+            self.judge.missed,
+            self.resources.judge_growth(),
+            descriptors(),
+            self.descriptors,
+            self.judge.worst()
+        );
+        let Rig { judge, states, _bus: bus, person, mut daemon, mut adapters, station, .. } = self;
+        drop((states, bus));
+        for process in adapters.iter_mut().chain([&mut daemon]) {
+            assert_eq!(process.stop(Signal::TERM), Some(0), "{}", process.stderr());
+            assert!(!process.stderr().contains("panicked"), "{}", process.stderr());
+        }
+        assert!(daemon.stderr().contains("schedule_adds_up=true"), "{}", daemon.stderr());
+        person.stop().expect("an orderly end of the simulation");
+        let mut left = station.files_of_the_bus();
+        left.retain(|path| {
+            path.starts_with("/dev/shm") && path.extension().is_none_or(|end| end != "global_mgmt")
+        });
+        assert!(left.is_empty(), "shared memory is left: {left:?}");
+        let wrong = judge.report();
+        assert!(wrong.is_empty(), "wrong values were told as valid:\n{}", wrong.join("\n"));
+    }
+}

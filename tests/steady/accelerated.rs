@@ -1,0 +1,250 @@
+//! The loop on a clock that runs faster than time: the same cycles, rings, samples and commands, and nobody to wait for.
+
+use std::sync::Arc;
+
+use equipoise_core::cycle::{Memory, Settings, StopRule};
+use equipoise_core::message::state::Phase;
+use equipoise_core::message::{CommandKind, GroundSample, SuitSample, Validity};
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_daemon::rings::Rings;
+use equipoise_daemon::tick::{Clock, Loop, Observer};
+use equipoise_simulator::motion::{Habits, Worker};
+use equipoise_simulator::noise::Suit;
+use equipoise_simulator::person::Person;
+use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, suit_sample};
+use nix::sys::resource::{UsageWho, getrusage};
+
+use crate::{Watch, number};
+
+const PERIOD_NS: u64 = 1_000_000;
+/// Everything the loop does is in these seconds: poses are learnt, a box is lifted, work goes on.
+const SESSION_S: u32 = 40;
+const SEED: u64 = 7;
+
+/// What sensors said in one session; played again and again, each time dated later.
+struct Session {
+    suit: Vec<SuitSample>,
+    ground: Vec<GroundSample>,
+}
+
+impl Session {
+    fn make() -> Session {
+        let mut worker = Worker::with_habits(Person::new(SEED, 1.77, 72.0), SEED, Habits::ORDINARY);
+        // Six poses, then a box is lifted, shown around and put down.
+        for pose in 0..6_u32 {
+            worker.take_pose(&LIBRARY[pose as usize * 7], f64::from(pose) * 3.5, 1.8);
+        }
+        worker.lift_and_show(8.0, 22.0);
+        let (rig, suit) = (Rig::ORDINARY, Suit::new(Rig::ORDINARY.suit_noise, SEED));
+        Session {
+            suit: (0..SESSION_S * rig.suit_hz).map(|n| suit_sample(&worker, &suit, &rig, n)).collect(),
+            ground: (0..SESSION_S * rig.plate_hz).map(|n| ground_sample(&worker, &rig, SEED, n)).collect(),
+        }
+    }
+}
+
+/// What the loop was seen to do: a loop that does nothing touches nothing.
+#[derive(Debug, Default, Clone, Copy)]
+struct Seen {
+    outcomes: u64,
+    poses: u64,
+    torques: u64,
+    monitoring: u64,
+    checkpoints: u64,
+    workers: u64,
+    kept: u64,
+    reloads: u64,
+}
+
+/// Time itself, and all of the loop's neighbours: ingress, egress and commands, between two cycles.
+struct Accelerated<'a> {
+    now_ns: u64,
+    rings: Arc<Rings>,
+    session: &'a Session,
+    /// When the session's first sample is dated in this round, and how many samples of it were sent.
+    round_ns: u64,
+    sent: [usize; 2],
+    rounds: u64,
+    naps: u64,
+    worker: Option<Box<equipoise_core::cycle::Worker>>,
+    settings: Option<Box<Settings>>,
+    seen: Seen,
+    luck: u64,
+}
+
+impl Accelerated<'_> {
+    fn luck(&mut self, below: u64) -> u64 {
+        self.luck = self.luck.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.luck >> 33) % below
+    }
+
+    fn send_samples(&mut self) {
+        let later_ns = self.round_ns - EPOCH_NS;
+        while let Some(sample) = self.session.ground.get(self.sent[1])
+            && sample.sample_time_ns + later_ns <= self.now_ns
+        {
+            let time_ns = sample.sample_time_ns + later_ns;
+            let dated = GroundSample { sample_time_ns: time_ns, arrival_ns: time_ns, ..*sample };
+            self.rings.push_ground(dated, self.now_ns);
+            self.sent[1] += 1;
+        }
+        while let Some(sample) = self.session.suit.get(self.sent[0])
+            && sample.sample_time_ns + later_ns <= self.now_ns
+        {
+            let time_ns = sample.sample_time_ns + later_ns;
+            let dated = SuitSample { sample_time_ns: time_ns, arrival_ns: time_ns, ..*sample };
+            self.rings.push_suit(dated, self.now_ns);
+            self.sent[0] += 1;
+        }
+        if self.sent == [self.session.suit.len(), self.session.ground.len()] {
+            (self.sent, self.round_ns) = ([0; 2], self.now_ns + PERIOD_NS);
+            self.rounds += 1;
+            let _ = self.rings.command.push(CommandKind::IdentifyReset);
+        }
+    }
+
+    fn take_outcomes(&mut self) {
+        while let Some(outcome) = self.rings.outcome.pop() {
+            let state = &outcome.state;
+            self.seen.outcomes += 1;
+            self.seen.poses = self.seen.poses.max(u64::from(state.poses_used));
+            self.seen.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
+            self.seen.monitoring += u64::from(state.phase == Phase::Monitoring as u32);
+        }
+        while let Some(checkpoint) = self.rings.taken.pop() {
+            self.seen.checkpoints += 1;
+            let _ = self.rings.blank.push(checkpoint);
+        }
+        while let Some((_, kept)) = self.rings.kept.pop() {
+            self.seen.kept += 1;
+            let _ = self.rings.keep_blank.push(kept);
+        }
+    }
+
+    fn command_now_and_then(&mut self) {
+        if self.naps % 3001 == 0 {
+            let _ = self.rings.command.push(CommandKind::Checkpoint);
+        }
+        // Another worker, in the middle of a lift of every other round.
+        if self.naps % 74_003 == 0
+            && let Some(worker) = self.worker.take()
+        {
+            let _ = self.rings.worker.push((1, worker));
+            let _ = self.rings.command.push(CommandKind::SubjectLoad);
+        }
+        if let Some(back) = self.rings.worker_back.pop() {
+            self.worker = Some(back);
+            self.seen.workers += 1;
+        }
+        // The same settings again, as after a reload.
+        if self.naps % 50_021 == 0
+            && let Some(settings) = self.settings.take()
+        {
+            let _ = self.rings.settings.push((1, settings));
+        }
+        if let Some(back) = self.rings.settings_back.pop() {
+            self.settings = Some(back);
+            self.seen.reloads += 1;
+        }
+    }
+}
+
+impl Clock for Accelerated<'_> {
+    fn now_ns(&mut self) -> u64 {
+        self.now_ns += 250;
+        self.now_ns
+    }
+
+    fn sleep_until(&mut self, due_ns: u64) {
+        self.naps += 1;
+        // Woken a little late, and now and then so late that slots are over.
+        let late_ns = if self.luck(5000) == 0 { self.luck(4_000_000) } else { self.luck(60_000) };
+        self.now_ns = self.now_ns.max(due_ns) + late_ns;
+        self.send_samples();
+        self.take_outcomes();
+        self.command_now_and_then();
+    }
+}
+
+/// Ends the loop after so many cycles; reads the faults at the first armed cycle and at the last.
+struct Until {
+    watch: Watch,
+    cycles: u64,
+    rings: Arc<Rings>,
+    faults: [[i64; 2]; 2],
+}
+
+/// Without touching memory that would then count.
+fn own_faults() -> [i64; 2] {
+    let usage = getrusage(UsageWho::RUSAGE_THREAD).expect("what this thread used");
+    [usage.minor_page_faults(), usage.major_page_faults()]
+}
+
+impl Observer for Until {
+    fn cycle_begins(&mut self, cycle: u64) {
+        if cycle == self.watch.warm_cycles {
+            self.faults[0] = own_faults();
+        }
+        self.watch.cycle_begins(cycle);
+        if cycle == self.cycles {
+            self.faults[1] = own_faults();
+            self.rings.stop();
+        }
+    }
+}
+
+#[test]
+fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
+    // Two rounds of the session: every path was taken, every page was there.
+    let warm_cycles = 2000 * u64::from(SESSION_S);
+    let cycles = warm_cycles + number("STEADY_CYCLES", 400_000);
+    let settings = Settings {
+        library: LIBRARY,
+        stop: StopRule::PredictedCop { sigma_m: 0.02 },
+        poses_min: 2,
+        ..Settings::for_height(1.77)
+    };
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&settings);
+    let worker = Some(Box::new(equipoise_core::cycle::Worker {
+        identification: memory.identification,
+        exposure: memory.exposure,
+    }));
+    let rings = Arc::new(Rings::new().expect("an event file descriptor"));
+    let session = Session::make();
+    let mut clock = Accelerated {
+        now_ns: EPOCH_NS,
+        rings: Arc::clone(&rings),
+        session: &session,
+        round_ns: EPOCH_NS,
+        sent: [0; 2],
+        rounds: 0,
+        naps: 0,
+        worker,
+        settings: Some(Box::new(settings)),
+        seen: Seen::default(),
+        luck: SEED,
+    };
+    let mut until =
+        Until { watch: Watch::after(warm_cycles), cycles, rings: Arc::clone(&rings), faults: [[0; 2]; 2] };
+    let summary = Loop::new(settings, memory, 0, rings, PERIOD_NS).run(&mut clock, &mut until);
+    crate::counting_alloc::arm(false);
+
+    let faults = [0, 1].map(|kind| until.faults[1][kind] - until.faults[0][kind]);
+    let (allocations, frees) = until.watch.touched();
+    println!(
+        "{} armed cycles, {} rounds: {allocations} allocations, {frees} frees, {faults:?} minor and major faults; {:?}; \
+         {summary:?}",
+        until.watch.armed_cycles(),
+        clock.rounds,
+        clock.seen,
+    );
+    let Seen { outcomes, poses, torques, monitoring, checkpoints, workers, kept, reloads } = clock.seen;
+    assert!(poses >= 2 && torques > 100 && monitoring > 1000 && checkpoints > 10, "{:?}", clock.seen);
+    assert!(workers > 0 && kept > 100 && reloads > 0, "{:?}", clock.seen);
+    assert_eq!(until.watch.armed_cycles(), cycles - warm_cycles);
+    assert_eq!((allocations, frees), (0, 0), "the loop touched the heap");
+    assert_eq!(faults, [0, 0], "minor and major page faults after the warm-up");
+    assert!(summary.adds_up && summary.slots_skipped > 0, "{summary:?}");
+    assert_eq!(outcomes + 1, summary.cycles, "one is still in the ring");
+}

@@ -1,0 +1,75 @@
+//! Consumers that join, leave, are killed while they read, and are killed while they join: all real processes.
+
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use crate::process::{Process, wait_for};
+
+/// So many at once: a topic has 16 places, and one that was killed keeps its own until it is cleared away.
+const AT_ONCE: u64 = 6;
+
+/// How many came, and what became of them.
+#[derive(Debug, Default)]
+pub(crate) struct Storm {
+    /// Saw a state: those that left and those that were killed thereafter.
+    pub(crate) joined: AtomicU64,
+    left: AtomicU64,
+    killed: AtomicU64,
+    killed_joining: AtomicU64,
+}
+
+impl Storm {
+    /// Sends consumers until it shall stop. Their output goes to files in `directory`.
+    pub(crate) fn rage(&self, directory: &Path, stop: &AtomicBool) {
+        std::thread::scope(|scope| {
+            for lane in 0..AT_ONCE {
+                scope.spawn(move || {
+                    for round in 0.. {
+                        if stop.load(Ordering::Relaxed) {
+                            break;
+                        }
+                        self.one(directory, lane, round);
+                    }
+                });
+            }
+        });
+    }
+
+    fn one(&self, directory: &Path, lane: u64, round: u64) {
+        let luck = crate::churn::luck(lane * 1_000_003 + round);
+        let mut consumer = start(directory, &format!("consumer-{lane}"), &["watch", "--for", "0.2"]);
+        match (lane + round) % 3 {
+            0 => {
+                // It may find all places taken for a moment; then it did not join.
+                if consumer.wait().success() && !consumer.stdout().is_empty() {
+                    self.joined.fetch_add(1, Ordering::Relaxed);
+                    self.left.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+            1 => {
+                let joined = wait_for("a consumer's first line", || match consumer.stdout().is_empty() {
+                    false => Some(true),
+                    true => (!consumer.is_running()).then_some(false),
+                });
+                consumer.kill();
+                self.joined.fetch_add(u64::from(joined), Ordering::Relaxed);
+                self.killed.fetch_add(1, Ordering::Relaxed);
+            }
+            _ => {
+                std::thread::sleep(Duration::from_micros(luck % 60_000));
+                consumer.kill();
+                self.killed_joining.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        std::thread::sleep(Duration::from_millis(luck % 300));
+    }
+}
+
+/// Starts the program on the station that the environment names.
+pub(crate) fn start(directory: &Path, name: &str, arguments: &[&str]) -> Process {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
+    command.args(arguments);
+    Process::start(command, directory.join(format!("{name}.out")), directory.join(format!("{name}.err")))
+}

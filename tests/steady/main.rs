@@ -1,0 +1,67 @@
+//! Steady for ever: no allocation, no release, no page fault and no lost slot, for as long as anybody likes to wait.
+//!
+//! `accelerated`: the loop itself, on a clock that runs faster than time, over millions of cycles. `under_churn`: the
+//! whole daemon in real time while consumers come, go and are killed, sensors drop and return, the page is reloaded and
+//! recorders start and stop. Lengths come from the environment, for `.ci/steady` wants them longer:
+//! `STEADY_CYCLES`, `STEADY_SECONDS`, `STEADY_CONSUMERS`.
+
+#[path = "../counting_alloc.rs"]
+mod counting_alloc;
+#[path = "../../daemon/tests/failures/process.rs"]
+mod process;
+#[path = "../../daemon/tests/failures/station.rs"]
+#[expect(dead_code, reason = "the suite needs a part of it")]
+mod station;
+
+mod accelerated;
+mod churn;
+mod consumers;
+mod under_churn;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use equipoise_daemon::tick::Observer;
+
+/// A number of the environment, or the one for `cargo test`.
+fn number(variable: &str, otherwise: u64) -> u64 {
+    match std::env::var(variable) {
+        Ok(text) => text.parse().unwrap_or_else(|_| panic!("{variable} is no number: {text}")),
+        Err(_) => otherwise,
+    }
+}
+
+/// Arms the loop's own thread from the end of its warm-up on, and hands out what was counted.
+#[derive(Debug, Clone, Default)]
+struct Watch {
+    warm_cycles: u64,
+    armed_cycles: Arc<AtomicU64>,
+    allocations: Arc<AtomicU64>,
+    frees: Arc<AtomicU64>,
+    disarm: Arc<AtomicBool>,
+}
+
+impl Watch {
+    fn after(warm_cycles: u64) -> Watch {
+        Watch { warm_cycles, ..Watch::default() }
+    }
+
+    fn armed_cycles(&self) -> u64 {
+        self.armed_cycles.load(Ordering::Relaxed)
+    }
+
+    fn touched(&self) -> (u64, u64) {
+        (self.allocations.load(Ordering::Relaxed), self.frees.load(Ordering::Relaxed))
+    }
+}
+
+impl Observer for Watch {
+    fn cycle_begins(&mut self, cycle: u64) {
+        let armed = cycle > self.warm_cycles && !self.disarm.load(Ordering::Relaxed);
+        counting_alloc::arm(armed);
+        let touched = counting_alloc::touched();
+        self.allocations.store(touched.allocations, Ordering::Relaxed);
+        self.frees.store(touched.frees, Ordering::Relaxed);
+        self.armed_cycles.fetch_add(u64::from(armed), Ordering::Relaxed);
+    }
+}
