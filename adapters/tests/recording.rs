@@ -24,7 +24,7 @@ fn header() -> RecordingHeader {
         subject_toml: "id = \"anon-1\"\n".to_owned(),
         model_toml: String::new(),
         later_subjects_toml: Vec::new(),
-        reloads: Vec::new(),
+        reloads: std::collections::BTreeMap::new(),
     }
 }
 
