@@ -6,6 +6,7 @@ mod client;
 mod demo;
 mod identify;
 mod import;
+mod install;
 mod latency;
 mod reconcile;
 mod record;
@@ -14,6 +15,8 @@ mod run;
 mod simulate;
 mod status;
 mod subject;
+mod token;
+mod view;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -47,6 +50,7 @@ struct Cli {
 enum Command {
     Demo(demo::Arguments),
     Run(run::Arguments),
+    View(view::Arguments),
     Adapter(adapter::Arguments),
     Check(check::Arguments),
     Status(status::Arguments),
@@ -60,6 +64,9 @@ enum Command {
     Reconcile(reconcile::Arguments),
     Latency(latency::Arguments),
     Simulate(simulate::Arguments),
+    Token(token::Arguments),
+    Install(install::Arguments),
+    Uninstall(install::UninstallArguments),
 }
 
 /// Which station to talk to.
@@ -84,6 +91,7 @@ pub fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Run(arguments) => run::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Adapter(arguments) => adapter::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
@@ -97,6 +105,9 @@ pub fn main() -> ExitCode {
         Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Token(arguments) => token::run(&arguments),
+        Command::Install(arguments) => install::run(&arguments),
+        Command::Uninstall(arguments) => install::uninstall(&arguments),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -12,6 +12,7 @@ pub mod housekeeping;
 pub mod import;
 pub mod incidents;
 pub mod ingress;
+pub mod install;
 pub mod model;
 pub mod model_watch;
 pub mod page_feed;

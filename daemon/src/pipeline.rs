@@ -9,7 +9,6 @@ use std::sync::mpsc;
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
 use equipoise_latency::Report;
-use equipoise_view::page::Page;
 use tracing::{info, warn};
 
 use crate::commands::Commands;
@@ -17,7 +16,6 @@ use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
-use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
@@ -37,7 +35,6 @@ const DAEMON_ROLE: &str = "daemon";
 pub struct Pipeline {
     rings: Arc<Rings>,
     running: Running,
-    page: Option<Page>,
     status: StatusFile,
     threads: Vec<ThreadReport>,
 }
@@ -94,7 +91,7 @@ impl Pipeline {
         let board = Arc::new(IncidentBoard::default());
         let start = Start { config, rings: &rings, board, workers, memory_lock, observer };
         match start.the_rest(settings, &mut running) {
-            Ok((page, status, threads)) => Ok(Pipeline { rings, running, page, status, threads }),
+            Ok((status, threads)) => Ok(Pipeline { rings, running, status, threads }),
             Err(error) => {
                 rings.stop();
                 // The first failure is the one to tell.
@@ -102,11 +99,6 @@ impl Pipeline {
                 Err(error)
             }
         }
-    }
-
-    /// Where the page is, if it is served.
-    pub fn page_url(&self) -> Option<String> {
-        self.page.as_ref().map(Page::url)
     }
 
     /// What each thread asked for and has.
@@ -130,9 +122,6 @@ impl Pipeline {
     /// What a thread died of, if one did.
     pub fn stop(self) -> anyhow::Result<Summary> {
         self.rings.stop();
-        if let Some(page) = self.page {
-            page.stop();
-        }
         let outcome = self.running.join();
         // Housekeeping, which keeps the file in place, has ended.
         self.status.remove();
@@ -156,21 +145,11 @@ impl Start<'_> {
         self,
         settings: equipoise_core::cycle::Settings,
         running: &mut Running,
-    ) -> anyhow::Result<(Option<Page>, StatusFile, Vec<ThreadReport>)> {
+    ) -> anyhow::Result<(StatusFile, Vec<ThreadReport>)> {
         let config = self.config;
         let mut threads = Vec::new();
         let asked =
             |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
-
-        // The page's thread inherits the ordinary scheduler from this one.
-        let page = match &config.page {
-            Some(page) => {
-                let (feed, states) = page_feed::follow(&config.station)?;
-                running.page_feed = Some(feed);
-                Some(page_feed::serve(page.listen, config, states)?)
-            }
-            None => None,
-        };
 
         let (worker_changed, changed_workers) = mpsc::channel();
         let (workers, board) = (Arc::clone(&self.workers), Arc::clone(&self.board));
@@ -227,7 +206,6 @@ impl Start<'_> {
             station: config.station.clone(),
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
-            page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock,
             model_suspicion: None,
             threads: threads.iter().map(ThreadStatus::from).collect(),
@@ -243,7 +221,7 @@ impl Start<'_> {
         })
         .inspect_err(|_| status.remove())?;
         running.others.push(("housekeeping", housekeeping));
-        Ok((page, status, threads))
+        Ok((status, threads))
     }
 }
 

@@ -3,9 +3,9 @@
 //! Written whole or not at all (temporary file, fsync, rename), readable by its owner and group only. A file that
 //! cannot be understood is refused and never overwritten.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::identification::Stored;
 use equipoise_core::cycle::{Identification, Settings};
@@ -163,7 +163,7 @@ impl Profile {
     /// # Errors
     /// [`ProfileError`].
     pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
-        let text = match fs::read_to_string(path) {
+        let text = match read_text(path, TEXT_BYTES_MAX) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(ProfileError::Io { doing: "read", path: path.to_owned(), source }),
@@ -225,6 +225,8 @@ pub fn path_of(subject: &str) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader};
+use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
@@ -108,7 +109,7 @@ fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
 fn subject_of(config_toml: &str) -> String {
     Config::parse(config_toml, "the daemon's configuration")
         .ok()
-        .and_then(|config| std::fs::read_to_string(profile::path_of(&config.subject.id)).ok())
+        .and_then(|config| read_text(&profile::path_of(&config.subject.id), TEXT_BYTES_MAX).ok())
         .unwrap_or_default()
 }
 

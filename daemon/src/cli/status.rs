@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::ground::RdtRefusal;
 use equipoise_adapters::suit::SuitRefusal;
+use equipoise_bus::{Bus, Participant};
 use equipoise_core::message::{AdapterHealth, State};
 use equipoise_core::time::seconds;
 use equipoise_discrepancy::finding::Ask;
@@ -16,7 +17,8 @@ use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
 use super::{Outcome, StationArgument, client};
 use crate::config::Config;
 use crate::model::suggestion;
-use crate::status::{self, Status};
+use crate::page_feed::PAGE_ROLE;
+use crate::status::{self, PageStatus, Status};
 
 /// How long to wait for the adapters' word, which comes once a second.
 const HEALTH_PATIENCE: Duration = Duration::from_millis(1200);
@@ -46,12 +48,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         std::thread::sleep(Duration::from_millis(20));
     }
     adapters.sort_by_key(|adapter| adapter.stream);
-    let facts = status::read(station);
+    let (facts, page) = (status::read(station), living_page(&bus));
     let mut out = std::io::stdout().lock();
     if arguments.json {
         let state = serde_json::to_value(StateJson::new(&state, seconds(state.time_ns)))?;
         let adapters: Vec<_> = adapters.iter().map(adapter_json).collect();
-        let text = serde_json::json!({ "daemon": facts, "state": state, "adapters": adapters });
+        let text = serde_json::json!({
+            "daemon": facts, "state": state, "adapters": adapters, "page": page
+        });
         writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
         let pose = suggestion(&state, asked(facts.as_ref()).as_ref());
@@ -65,8 +69,20 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if let Some(facts) = &facts {
             write_facts(&mut out, facts)?;
         }
+        if let Some(page) = &page {
+            let token = if page.needs_token { "; it needs its token" } else { "" };
+            writeln!(out, "  page {}, process {}{token}", page.url, page.process_id)?;
+        }
     }
     Ok(Outcome::Done)
+}
+
+/// Where the station's page is, if the process that said so is still on the bus.
+fn living_page(bus: &Bus) -> Option<PageStatus> {
+    let told = status::read_page(bus.station())?;
+    let participants = bus.participants().ok()?;
+    let serves = |one: &Participant| one.role == PAGE_ROLE && one.process_id == told.process_id;
+    participants.iter().any(serves).then_some(told)
 }
 
 /// What the daemon's model file asks for, if it does.
@@ -160,9 +176,6 @@ fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     }
     if let Some(suspicion) = &facts.model_suspicion {
         writeln!(out, "  model   {suspicion}")?;
-    }
-    if let Some(page) = &facts.page {
-        writeln!(out, "  page {page}")?;
     }
     Ok(())
 }

@@ -20,8 +20,6 @@ pub(super) struct Running {
     pub(super) looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
     pub(super) egress: Option<JoinHandle<anyhow::Result<Report>>>,
     pub(super) others: Vec<Other>,
-    /// Takes states off the bus for the page; if it ends, the page says so and all else goes on.
-    pub(super) page_feed: Option<JoinHandle<()>>,
 }
 
 impl Running {
@@ -39,10 +37,6 @@ impl Running {
         let cycles = self.looping.map(|thread| joined("loop", thread));
         let latency = self.egress.map(|thread| joined("egress", thread));
         let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
-        if let Some(feed) = self.page_feed {
-            // A panic was printed by its own thread.
-            let _ = feed.join();
-        }
         others.into_iter().collect::<anyhow::Result<()>>()?;
         match (cycles, latency) {
             (Some(cycles), Some(latency)) => Ok((cycles?, latency?)),

@@ -10,6 +10,7 @@ mod death;
 mod ending;
 mod eyes;
 mod network;
+mod page;
 mod plate;
 mod play;
 mod process;
