@@ -5,6 +5,7 @@
 
 pub mod csv;
 mod csv_columns;
+pub mod lines;
 pub mod pcap;
 mod pcap_packets;
 pub mod pcap_writer;

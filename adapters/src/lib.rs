@@ -15,3 +15,4 @@ pub mod wire;
 
 pub mod capture;
 pub mod recording;
+pub mod text_file;

@@ -138,3 +138,9 @@ fn figaroh_a_real_person_weighs_what_the_plate_says() {
         }
     }
 }
+
+#[test]
+fn a_line_without_an_end_is_not_read_for_ever() {
+    let refused = CsvCapture::new(std::io::repeat(b'a')).unwrap_err();
+    assert!(refused.to_string().contains("65536 bytes"), "{refused}");
+}

@@ -24,7 +24,7 @@ fn header() -> RecordingHeader {
         subject_toml: "id = \"anon-1\"\n".to_owned(),
         model_toml: String::new(),
         later_subjects_toml: Vec::new(),
-        reloads: std::collections::BTreeMap::new(),
+        reloads: BTreeMap::new(),
     }
 }
 
@@ -231,4 +231,17 @@ fn unknown_topics_come_through_as_they_are() {
     assert!(matches!(&entries[0].entry, Entry::Other { topic, .. } if topic == "/equipoise/novelty"));
     assert!(matches!(&entries[1].entry, Entry::Other { topic, .. } if topic == Checkpoint::TOPIC));
     assert!(matches!(&entries[2].entry, Entry::Ground(_)));
+}
+
+#[test]
+fn a_record_that_claims_gigabytes_costs_no_memory() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("vast.mcap");
+    let claimed = 3_u64 << 30;
+    // Magic, then the frame of a metadata record; the rest of the file is a hole.
+    let head = [b"\x89MCAP0\r\n".as_slice(), &[0x0c], &claimed.to_le_bytes()].concat();
+    std::fs::write(&path, head).unwrap();
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(claimed + 100).unwrap();
+    let said = Recording::open(&path).unwrap_err().to_string();
+    assert!(said.contains("vast.mcap") && said.contains("a record of 3221225472 bytes"), "{said}");
 }

@@ -32,6 +32,16 @@ pub enum BusError {
         /// iceoryx2's word for the cause.
         detail: String,
     },
+    /// The directory is closed to this user.
+    #[error(
+        "cannot join the bus under {}: it belongs to another user, and only that user's processes may read or command; \
+         run this as that user (sudo -u equipoise …)",
+        root.display()
+    )]
+    NotOurs {
+        /// The root directory.
+        root: PathBuf,
+    },
     /// The service was made with another layout of its messages.
     #[error(
         "cannot open {service}: it was made by another version of Equipoise (schema {theirs}, here {ours}); \

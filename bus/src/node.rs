@@ -68,7 +68,12 @@ impl Bus {
         check_name("station", station)?;
         check_name("role", role)?;
         let config = root::config(root)?;
-        let failed = |detail: String| BusError::Join { root: root.clone(), detail };
+        let failed = |detail: String| match std::fs::metadata(root) {
+            Err(why) if why.kind() == std::io::ErrorKind::PermissionDenied => {
+                BusError::NotOurs { root: root.clone() }
+            }
+            _ => BusError::Join { root: root.clone(), detail },
+        };
         let name = NodeName::new(&node_name(station, role)).map_err(|cause| failed(format!("{cause:?}")))?;
         // Its warnings are dumps of its own insides, for example whenever a peer leaves while it is being connected.
         set_log_level(LogLevel::Error);
@@ -78,6 +83,7 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
             .map_err(|cause| failed(format!("{cause:?}")))?;
+        root::close_counters_to_others(root);
         Ok(Bus { node, station: station.clone(), root: root.clone() })
     }
 

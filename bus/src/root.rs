@@ -6,6 +6,8 @@
 use crate::error::BusError;
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
 use std::env;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 
 /// Names the root directory; wins over everything else.
@@ -62,6 +64,24 @@ pub fn shared_memory_prefix(root: &std::path::Path) -> String {
     }
     let fnv1a = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193);
     format!("eqp_{:08x}_", text.bytes().fold(0x811c_9dc5, fnv1a))
+}
+
+/// iceoryx2 lets everybody on the machine write to its counter of participants; whoever cut that file short would kill
+/// the next one to join. On a root of our own it is for its owner alone, as all other files are.
+pub(crate) fn close_counters_to_others(root: &std::path::Path) {
+    let prefix = shared_memory_prefix(root);
+    if prefix == shared_memory_prefix(std::path::Path::new(DEFAULT_ROOT)) {
+        // Shared with whatever else speaks iceoryx2 here.
+        return;
+    }
+    for file in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        let name = file.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with(&prefix) && name.ends_with(".global_mgmt") {
+            // Somebody else's file is that somebody's affair.
+            let _ = fs::set_permissions(file.path(), fs::Permissions::from_mode(0o600));
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 
 mod common;
 
+use std::os::unix::fs::PermissionsExt;
+
 use bytemuck::{Pod, Zeroable};
 use common::{join, root, root_of_length};
 use equipoise_bus::root::ROOT_BYTES_MAX;
@@ -91,4 +93,19 @@ fn the_longest_root_works_and_a_longer_one_is_refused() {
     let root = root_of_length(ROOT_BYTES_MAX + 1).path().to_owned();
     let error = Bus::join(&BusSettings { root, ..BusSettings::new("test", "role") }).unwrap_err();
     assert!(matches!(error, BusError::Root { .. }), "{error}");
+}
+
+#[test]
+fn nothing_of_the_bus_is_open_to_other_users() {
+    let root = root();
+    let bus = join(root.path(), "alone");
+    let _writer = bus.publisher::<AdapterHealth>().unwrap();
+    let prefix = equipoise_bus::root::shared_memory_prefix(root.path());
+    let ours = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().starts_with(&prefix);
+    let shared: Vec<_> = std::fs::read_dir("/dev/shm").unwrap().map(Result::unwrap).filter(ours).collect();
+    assert!(shared.iter().any(|entry| entry.file_name().to_string_lossy().ends_with(".global_mgmt")));
+    for entry in shared {
+        let mode = entry.metadata().unwrap().permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", entry.path().display());
+    }
 }

@@ -7,6 +7,7 @@ mod demo;
 mod doctor;
 mod identify;
 mod import;
+mod install;
 mod latency;
 mod reconcile;
 mod record;
@@ -15,7 +16,9 @@ mod run;
 mod simulate;
 mod status;
 mod subject;
+mod token;
 mod trace;
+mod view;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -50,6 +53,7 @@ enum Command {
     Demo(demo::Arguments),
     Doctor(doctor::Arguments),
     Run(run::Arguments),
+    View(view::Arguments),
     Adapter(adapter::Arguments),
     Check(check::Arguments),
     Status(status::Arguments),
@@ -64,6 +68,9 @@ enum Command {
     Latency(latency::Arguments),
     Trace(trace::Arguments),
     Simulate(simulate::Arguments),
+    Token(token::Arguments),
+    Install(install::Arguments),
+    Uninstall(install::UninstallArguments),
 }
 
 /// Which station to talk to.
@@ -91,6 +98,7 @@ pub fn main() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Run(arguments) => run::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Adapter(arguments) => adapter::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
@@ -105,6 +113,9 @@ pub fn main() -> ExitCode {
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Trace(arguments) => trace::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Token(arguments) => token::run(&arguments),
+        Command::Install(arguments) => install::run(&arguments),
+        Command::Uninstall(arguments) => install::uninstall(&arguments),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

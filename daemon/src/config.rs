@@ -9,6 +9,7 @@ pub mod sensors;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::cycle::{PriorKind, Settings};
 use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFileError;
@@ -48,7 +49,7 @@ pub struct Config {
     /// What the model has beside the body; nothing without this section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelConfig>,
-    /// The page; not served without this section.
+    /// The page that `equipoise view` serves; without this section there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub page: Option<PageConfig>,
     /// Metrics for Prometheus; not served without this section.
@@ -97,8 +98,12 @@ pub struct ModelConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PageConfig {
-    /// Loopback address to serve the page on.
+    /// Address to serve the page on; on loopback, or with a token.
     pub listen: SocketAddr,
+    /// File with the token that every request must bring; a relative path counts from the configuration's own folder.
+    /// The token itself never stands in a configuration, which recordings keep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub token_file: Option<PathBuf>,
 }
 
 /// `[metrics]`
@@ -156,7 +161,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], whose text is fit for the person who wrote the file.
     pub fn read(path: &Path) -> Result<Config, ConfigError> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path, TEXT_BYTES_MAX)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config = Config::parse(&text, &path.display().to_string())?;
         if let Some(model) = &config.model {
@@ -198,11 +203,12 @@ impl Config {
         self.identification.check()?;
         self.static_pose.check()?;
         self.overload.check()?;
-        if self.page.as_ref().is_some_and(|page| !page.listen.ip().is_loopback()) {
+        let open = |page: &PageConfig| !page.listen.ip().is_loopback() && page.token_file.is_none();
+        if self.page.as_ref().is_some_and(open) {
             return Err((
                 "page.listen",
-                "the page is served on loopback only, for example 127.0.0.1:8080; reach it from elsewhere through an \
-                 SSH tunnel"
+                "without a token the page is served on loopback only, for example 127.0.0.1:8080; reach it from \
+                 elsewhere through an SSH tunnel, or set page.token_file (`equipoise token --out FILE` makes one)"
                     .to_owned(),
             ));
         }

@@ -7,6 +7,7 @@ mod scene;
 pub mod summary;
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -19,6 +20,7 @@ use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use equipoise_view::terminal::live_line;
 
 use crate::config::Config;
+use crate::page_feed::ServedPage;
 use crate::pipeline::Pipeline;
 use scene::{Scene, Script};
 use summary::DemoSummary;
@@ -61,10 +63,12 @@ pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSum
     simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let person = Simulation::start(simulated).context("the simulated person")?;
     let config = config(settings, suit_port, person.plate_address())?;
+    let page = config.page.as_ref().map(|page| ServedPage::start(&config, page, Path::new("")));
+    let page = page.transpose()?;
     let pipeline = Pipeline::start(&config)?;
     if settings.talk {
-        match pipeline.page_url() {
-            Some(url) => println!("page: {url}"),
+        match &page {
+            Some(page) => println!("page: {}", page.url()),
             None => println!("no page (--headless)"),
         }
     }
@@ -74,6 +78,7 @@ pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSum
     drop(bus);
     // The person stays until the daemon is down, or its last cycles would see the sensors fall silent.
     let pipeline = pipeline.stop();
+    drop(page);
     person.stop().context("the simulated person")?;
     let script = shown?;
     let pipeline = pipeline?;

@@ -15,6 +15,7 @@ pub mod import;
 pub mod in_force;
 pub mod incidents;
 pub mod ingress;
+pub mod install;
 pub mod keeper;
 pub mod latency_log;
 pub mod metrics_feed;

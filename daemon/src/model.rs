@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::Context;
+use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::effect::Model;
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
@@ -29,7 +30,7 @@ impl LoadedModel {
     /// # Errors
     /// [`ModelFileError`], whose text is fit for the person who wrote the file.
     pub fn read(path: &Path) -> Result<LoadedModel, ModelFileError> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path, TEXT_BYTES_MAX)
             .map_err(|source| ModelFileError::Read { path: path.to_owned(), source })?;
         LoadedModel::parse(text, path.display().to_string())
     }

@@ -11,7 +11,6 @@ use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
-use equipoise_view::page::Page;
 use tracing::info;
 
 use crate::commands::Commands;
@@ -22,7 +21,6 @@ use crate::in_force::{Forced, InForce};
 use crate::incidents::IncidentBoard;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
-use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::Rings;
@@ -51,7 +49,6 @@ pub struct Pipeline {
     in_force: Arc<InForce>,
     board: Arc<IncidentBoard>,
     running: Running,
-    page: Option<Page>,
     status: StatusFile,
     roster: Arc<Roster>,
 }
@@ -125,7 +122,7 @@ impl Pipeline {
             observer,
         };
         match start.the_rest(settings, &mut running) {
-            Ok((page, status)) => Ok(Pipeline { rings, in_force, board, running, page, status, roster }),
+            Ok(status) => Ok(Pipeline { rings, in_force, board, running, status, roster }),
             Err(error) => {
                 rings.stop();
                 // The first failure is the one to tell.
@@ -133,11 +130,6 @@ impl Pipeline {
                 Err(error)
             }
         }
-    }
-
-    /// Where the page is, if it is served.
-    pub fn page_url(&self) -> Option<String> {
-        self.page.as_ref().map(Page::url)
     }
 
     /// What each thread asked for and has.
@@ -161,9 +153,6 @@ impl Pipeline {
     /// What a thread died of, if one did.
     pub fn stop(self) -> anyhow::Result<Summary> {
         self.rings.stop();
-        if let Some(page) = self.page {
-            page.stop();
-        }
         let outcome = self.running.join();
         // Housekeeping, which keeps the file in place, has ended.
         self.status.remove();
@@ -190,20 +179,10 @@ impl Start<'_> {
         self,
         settings: equipoise_core::cycle::Settings,
         running: &mut Running,
-    ) -> anyhow::Result<(Option<Page>, StatusFile)> {
+    ) -> anyhow::Result<StatusFile> {
         let (config, roster) = (self.config, self.roster);
         let asked =
             |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
-
-        // The page's thread inherits the ordinary scheduler from this one.
-        let page = match &config.page {
-            Some(page) => {
-                let (feed, states) = page_feed::follow(&config.station)?;
-                running.page_feed = Some(feed);
-                Some(page_feed::serve(page.listen, config, states)?)
-            }
-            None => None,
-        };
 
         if let Some(metrics) = &config.metrics {
             let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
@@ -257,7 +236,6 @@ impl Start<'_> {
             subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
             remembered: told,
             reload: 0,
-            page: page.as_ref().map(Page::url),
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
             loop_faults: None,
@@ -294,7 +272,7 @@ impl Start<'_> {
         running.others.push(("housekeeping", housekeeping));
         // Every thread has asked by now, and all the memory that they begin with is there.
         refuse_or_tell(config, self.board, &self.memory_lock, roster).inspect_err(|_| status.remove())?;
-        Ok((page, status))
+        Ok(status)
     }
 }
 

@@ -5,9 +5,9 @@
 
 mod parts;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::identification::{Consistency, KeptWorker};
 use equipoise_core::cycle::{Identification, NO_POSE, Settings};
@@ -239,7 +239,7 @@ impl Profile {
     /// # Errors
     /// [`ProfileError`].
     pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
-        let text = match fs::read_to_string(path) {
+        let text = match read_text(path, TEXT_BYTES_MAX) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(ProfileError::Io { path: path.to_owned(), source }),
@@ -306,6 +306,8 @@ pub fn path_of(subject: &str) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use equipoise_core::body::Skeleton;
     use equipoise_core::frame::{Pose, rotation};

@@ -5,7 +5,8 @@
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
 use rustix::thread::{
-    CpuSet, current_timer_slack, sched_getaffinity, sched_setaffinity, set_current_timer_slack,
+    CapabilitySet, CpuSet, capabilities, current_timer_slack, sched_getaffinity, sched_setaffinity,
+    set_current_timer_slack,
 };
 use serde::Serialize;
 
@@ -149,14 +150,14 @@ fn fifo_priority() -> u32 {
 ///
 /// # Errors
 /// Why it was not done. With a limit on locked memory it is not even tried: memory asked for later would then be
-/// refused, and the process would die of it.
+/// refused, and the process would die of it. The limit does not hold for whoever has CAP_IPC_LOCK: mlock(2).
 pub fn lock_memory() -> Result<(), String> {
     let limited = getrlimit(Resource::Memlock).current.is_some();
-    if limited && !rustix::process::geteuid().is_root() {
-        return Err(
-            "locked memory is limited (ulimit -l); run as root, or under systemd with LimitMEMLOCK=infinity"
-                .to_owned(),
-        );
+    let exempt = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
+    if limited && !exempt {
+        return Err("locked memory is limited (ulimit -l); run as root, or under systemd with \
+                    AmbientCapabilities=CAP_IPC_LOCK or LimitMEMLOCK=infinity"
+            .to_owned());
     }
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| format!("mlockall: {error}"))
 }

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader, Reloaded};
+use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
@@ -114,7 +115,7 @@ fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
 
 /// The worker's profile as it stands on disk, if there is one.
 fn profile_of(subject: &str) -> String {
-    std::fs::read_to_string(profile::path_of(subject)).unwrap_or_default()
+    read_text(&profile::path_of(subject), TEXT_BYTES_MAX).unwrap_or_default()
 }
 
 /// A configuration without what says where this machine keeps its files: that may name persons and places.
@@ -123,6 +124,9 @@ fn recorded_config(config_toml: &str) -> anyhow::Result<String> {
     let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
     if let Some(model) = &mut config.model {
         model.file = name_of(&model.file);
+    }
+    if let Some(page) = &mut config.page {
+        page.token_file = page.token_file.as_deref().map(name_of);
     }
     config.latency.hlog = config.latency.hlog.as_deref().map(name_of);
     Ok(config.to_toml())

@@ -1,14 +1,19 @@
 //! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use equipoise_adapters::text_file::read_text;
 use serde::{Deserialize, Serialize};
 
 use crate::roster::{FaultWatch, MemoryUse, Roster};
+use crate::whole_file::write_whole;
 
 pub use crate::roster::ThreadStatus;
+
+/// The longest of these files, bytes: a configuration and a model, written as JSON.
+const STATUS_BYTES_MAX: u64 = 8 << 20;
 
 /// The facts of one daemon.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -33,8 +38,6 @@ pub struct Status {
     /// Number of the reload that brought `config_toml` and `model_toml`; 0 for the start.
     #[serde(default)]
     pub reload: u64,
-    /// Where the page is, if it is served.
-    pub page: Option<String>,
     /// Whether memory is locked, or why not.
     pub memory_lock: String,
     /// How much memory there is, and how much of it is locked, as read back.
@@ -132,7 +135,7 @@ impl StatusFile {
 
 /// Reads the facts of a station's daemon; `None` if there are none.
 pub fn read(station: &str) -> Option<Status> {
-    let text = std::fs::read_to_string(path_of(station)).ok()?;
+    let text = read_text(&path_of(station), STATUS_BYTES_MAX).ok()?;
     serde_json::from_str(&text).ok()
 }
 
@@ -142,8 +145,64 @@ pub fn all() -> Vec<Status> {
     let is_ours = |name: &str| name.starts_with("equipoise-") && name.ends_with(".json");
     files
         .filter(|file| is_ours(&file.file_name().to_string_lossy()))
-        .filter_map(|file| serde_json::from_str(&std::fs::read_to_string(file.path()).ok()?).ok())
+        .filter_map(|file| serde_json::from_str(&read_text(&file.path(), STATUS_BYTES_MAX).ok()?).ok())
         .collect()
+}
+
+/// Where a station's page is, told by the process that serves it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PageStatus {
+    /// Process that serves it.
+    pub process_id: u32,
+    /// What to type into a browser.
+    pub url: String,
+    /// Whether it asks for a token; which, nobody is told.
+    pub needs_token: bool,
+}
+
+/// The file of a station's page; removed when it ends. After a crash it stays: who reads it asks the bus whether the
+/// process is still there.
+#[derive(Debug, Clone)]
+pub struct PageFile {
+    /// Where.
+    pub path: PathBuf,
+    status: PageStatus,
+}
+
+impl PageFile {
+    /// A file for the page of this process.
+    pub fn new(station: &str, url: String, needs_token: bool) -> PageFile {
+        let status = PageStatus { process_id: std::process::id(), url, needs_token };
+        PageFile { path: page_path_of(station), status }
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// What the system said.
+    pub fn write(&self) -> std::io::Result<()> {
+        write_whole(&self.path, serde_json::to_string(&self.status).unwrap_or_default().as_bytes())
+    }
+
+    /// Removes it, unless another page has taken its place.
+    pub fn remove(&self) {
+        if read_page_file(&self.path).as_ref() == Some(&self.status) {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Where a station's page is said to be; `None` if nobody said so.
+pub fn read_page(station: &str) -> Option<PageStatus> {
+    read_page_file(&page_path_of(station))
+}
+
+fn read_page_file(path: &Path) -> Option<PageStatus> {
+    serde_json::from_str(&read_text(path, STATUS_BYTES_MAX).ok()?).ok()
+}
+
+fn page_path_of(station: &str) -> PathBuf {
+    equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}.page.json"))
 }
 
 /// Beside the files of the bus, so that whoever finds the one finds the other.

@@ -18,6 +18,7 @@ use equipoise_core::time::NS_PER_S;
 use thiserror::Error;
 
 use super::csv_columns::Columns;
+use super::lines::ShortLines;
 use super::rejected::Rejected;
 
 /// Where t = 0 lies on the pipeline's clock: not at 0, which stands for "no sample yet".
@@ -59,7 +60,7 @@ pub enum CsvError {
 /// `time_out_of_range`, `time_not_increasing`, `not_a_rotation` (norm outside 0.95–1.05).
 #[derive(Debug)]
 pub struct CsvCapture<R: Read> {
-    rows: csv::Reader<R>,
+    rows: csv::Reader<ShortLines<R>>,
     row: csv::StringRecord,
     columns: Columns,
     sequence: u64,
@@ -85,7 +86,10 @@ impl<R: Read> CsvCapture<R> {
     /// # Errors
     /// [`CsvError`] if it cannot be read or lacks a column.
     pub fn new(reader: R) -> Result<Self, CsvError> {
-        let mut rows = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(reader);
+        let mut rows = csv::ReaderBuilder::new()
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .from_reader(ShortLines::new(reader));
         let columns = Columns::find(rows.headers()?)?;
         let row = csv::StringRecord::new();
         let rejected = Rejected::by("line");

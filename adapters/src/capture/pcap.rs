@@ -4,6 +4,8 @@
 //! are put together again.
 
 use std::fmt;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -11,6 +13,9 @@ use thiserror::Error;
 use super::pcap_packets::{Fault, Format, Item};
 use super::rejected::Rejected;
 use super::udp::{UdpAssembler, UdpDatagram};
+
+/// The longest capture, bytes: it is held in memory whole. Two hours of suit and plate at 1 kHz have 2 GB.
+const CAPTURE_BYTES_MAX: u64 = 4 << 30;
 
 /// Why a capture could not be read at all, or not to its end.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -82,8 +87,17 @@ impl PcapCapture {
     /// [`PcapError::Io`] or [`PcapError::NotACapture`].
     pub fn open(path: impl AsRef<Path>) -> Result<PcapCapture, PcapError> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path)
-            .map_err(|error| PcapError::Io { path: path.to_owned(), reason: error.to_string() })?;
+        let failed = |reason: String| PcapError::Io { path: path.to_owned(), reason };
+        let file = File::open(path).map_err(|error| failed(error.to_string()))?;
+        let mut bytes = Vec::new();
+        file.take(CAPTURE_BYTES_MAX + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|error| failed(error.to_string()))?;
+        if bytes.len() as u64 > CAPTURE_BYTES_MAX {
+            let reason =
+                format!("it is longer than {CAPTURE_BYTES_MAX} bytes; cut it into parts (editcap -c)");
+            return Err(failed(reason));
+        }
         PcapCapture::from_bytes(bytes)
     }
 

@@ -8,7 +8,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 /// The frame of a record: opcode, then the length of the body, little-endian.
 pub(super) const RECORD_HEAD_BYTES: usize = 1 + 8;
 /// A chunk or record that claims to be larger than this is damage, not data (our chunks have some 4 MiB).
-const RECORD_BYTES_MAX: usize = 64 << 20;
+pub(super) const RECORD_BYTES_MAX: usize = 64 << 20;
 /// A chunk's head without its compression's name.
 const CHUNK_HEAD_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 

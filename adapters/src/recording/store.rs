@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-use super::frame::{RECORD_HEAD_BYTES, record_end};
+use super::frame::{RECORD_BYTES_MAX, RECORD_HEAD_BYTES, record_end};
 
 /// Where a recording's bytes are.
 #[derive(Debug)]
@@ -41,6 +41,11 @@ impl Store {
     pub(super) fn read(&self, range: Range<usize>) -> io::Result<Cow<'_, [u8]>> {
         match self {
             Store::File(file, _) => {
+                // Before the memory for it is asked for: a file may claim anything.
+                if range.len() > RECORD_HEAD_BYTES + RECORD_BYTES_MAX {
+                    let sentence = format!("a record of {} bytes at byte {}", range.len(), range.start);
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, sentence));
+                }
                 let mut bytes = vec![0; range.len()];
                 file.read_exact_at(&mut bytes, range.start as u64)?;
                 Ok(Cow::Owned(bytes))

@@ -35,15 +35,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
     let pipeline = Pipeline::start(&config)?;
-    if let Some(url) = pipeline.page_url() {
-        info!("page: {url}");
-    }
     // Ready means that cycles run, not that threads exist.
     while pipeline.last_cycle() == 0 && pipeline.is_whole() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(5));
     }
-    let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
-    info!("station {}: {} cycles a second", config.station, config.tick.rate_hz);
+    if pipeline.last_cycle() > 0 {
+        let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
+        info!("station {}: {} cycles a second", config.station, config.tick.rate_hz);
+    }
     while !stop.load(Ordering::Relaxed) {
         if !pipeline.is_whole() {
             let fault = pipeline.stop().err();

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::ground::RdtRefusal;
 use equipoise_adapters::suit::SuitRefusal;
+use equipoise_bus::{Bus, Participant};
 use equipoise_core::message::{AdapterHealth, Incidents, State};
 use equipoise_core::time::seconds;
 use equipoise_discrepancy::finding::Ask;
@@ -20,8 +21,9 @@ use self::incidents::Told;
 use super::{Outcome, StationArgument, client};
 use crate::config::Config;
 use crate::model::suggestion;
+use crate::page_feed::PAGE_ROLE;
 use crate::realtime::now_ns;
-use crate::status::{self, Status, ThreadStatus};
+use crate::status::{self, PageStatus, Status, ThreadStatus};
 
 /// How long to wait for the adapters' word and the incidents, which come once a second.
 const TOLD_PATIENCE: Duration = Duration::from_millis(1200);
@@ -54,7 +56,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         std::thread::sleep(Duration::from_millis(20));
     }
     adapters.sort_by_key(|adapter| adapter.stream);
-    let facts = status::read(station);
+    let (facts, page) = (status::read(station), living_page(&bus));
     let incidents = incidents.map(|incidents| {
         let sentences = facts.as_ref().map(|facts| facts.incidents.clone()).unwrap_or_default();
         Told::new(&incidents, &sentences, now_ns())
@@ -64,7 +66,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let state = serde_json::to_value(StateJson::new(&state, seconds(state.time_ns)))?;
         let adapters: Vec<_> = adapters.iter().map(adapter_json).collect();
         let text = serde_json::json!({
-            "daemon": facts, "state": state, "adapters": adapters, "incidents": incidents
+            "daemon": facts, "state": state, "adapters": adapters, "incidents": incidents, "page": page
         });
         writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
@@ -82,8 +84,20 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if let Some(facts) = &facts {
             write_facts(&mut out, facts)?;
         }
+        if let Some(page) = &page {
+            let token = if page.needs_token { "; it needs its token" } else { "" };
+            writeln!(out, "  page {}, process {}{token}", page.url, page.process_id)?;
+        }
     }
     Ok(Outcome::Done)
+}
+
+/// Where the station's page is, if the process that said so is still on the bus.
+fn living_page(bus: &Bus) -> Option<PageStatus> {
+    let told = status::read_page(bus.station())?;
+    let participants = bus.participants().ok()?;
+    let serves = |one: &Participant| one.role == PAGE_ROLE && one.process_id == told.process_id;
+    participants.iter().any(serves).then_some(told)
 }
 
 /// What the daemon's model file asks for, if it does.
@@ -198,9 +212,6 @@ fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     }
     if let Some(suspicion) = &facts.model_suspicion {
         writeln!(out, "  model   {suspicion}")?;
-    }
-    if let Some(page) = &facts.page {
-        writeln!(out, "  page {page}")?;
     }
     Ok(())
 }

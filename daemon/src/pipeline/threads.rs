@@ -23,9 +23,7 @@ pub(super) struct Running {
     /// Its death costs figures and nothing else, so that all goes on.
     pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
     pub(super) others: Vec<Other>,
-    /// Takes states off the bus for the page; if it ends, the page says so and all else goes on.
-    pub(super) page_feed: Option<JoinHandle<()>>,
-    /// The same for the metrics.
+    /// If it ends, nothing else is touched by it.
     pub(super) metrics: Option<JoinHandle<anyhow::Result<()>>>,
 }
 
@@ -42,10 +40,6 @@ impl Running {
         let cycles = self.looping.map(|thread| joined("loop", thread));
         let latency = self.latency_log.map(|thread| joined("latency log", thread));
         let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
-        if let Some(feed) = self.page_feed {
-            // A panic was printed by its own thread.
-            let _ = feed.join();
-        }
         if let Some(Err(error)) = self.metrics.map(|thread| joined("metrics", thread)) {
             tracing::warn!("{error:#}; nothing else was touched by it");
         }

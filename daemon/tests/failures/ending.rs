@@ -5,7 +5,7 @@ use std::os::unix::fs::MetadataExt;
 use rustix::process::Signal;
 
 use crate::eyes::Eyes;
-use crate::station::{Station, free_tcp_port};
+use crate::station::Station;
 
 /// Nothing of the bus is left but what iceoryx2 never removes: its small `*.global_mgmt` files.
 #[track_caller]
@@ -19,16 +19,13 @@ pub(crate) fn assert_nothing_left(station: &Station) {
 }
 
 #[test]
-fn both_signals_end_it_cleanly_with_sensors_clients_and_page() {
+fn both_signals_end_it_cleanly_with_sensors_and_clients() {
     let station = Station::new();
     let _person = station.person();
     for signal in [Signal::TERM, Signal::INT] {
-        let page = free_tcp_port();
-        let mut daemon = station.daemon(&format!("{}[page]\nlisten = \"{page}\"\n", station.configuration()));
+        let mut daemon = station.daemon(&station.configuration());
         let mut eyes = Eyes::open(&station);
         eyes.until("both sensors", Eyes::both_fresh);
-        // An open connection does not hold the daemon up.
-        let _browser = std::net::TcpStream::connect(page).expect("the page");
         drop(eyes);
         assert_eq!(daemon.stop(signal), Some(0), "{}", daemon.stderr());
         let said = daemon.stderr();

@@ -17,6 +17,7 @@ mod incidents;
 mod latency;
 mod metrics;
 mod network;
+mod page;
 mod plate;
 mod play;
 mod private;

@@ -1,12 +1,12 @@
 //! A daemon that cannot start says why, disturbs nobody and leaves nothing behind.
 
-use std::net::{TcpListener, UdpSocket};
+use std::net::UdpSocket;
 
 use rustix::process::Signal;
 
 use crate::ending::assert_nothing_left;
 use crate::eyes::Eyes;
-use crate::station::{Station, free_tcp_port};
+use crate::station::Station;
 
 #[test]
 fn a_second_daemon_names_the_first_and_does_it_no_harm() {
@@ -57,34 +57,6 @@ fn a_taken_suit_port_is_named_with_its_key() {
     drop(taken);
     let mut daemon = station.daemon(&station.configuration());
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
-}
-
-#[test]
-fn a_taken_page_port_is_named_with_its_key() {
-    let station = Station::new();
-    let page = free_tcp_port();
-    let _taken = TcpListener::bind(page).expect("the port");
-    let mut daemon =
-        station.try_daemon(&format!("{}\n[page]\nlisten = \"{page}\"\n", station.configuration()));
-    assert_eq!(daemon.wait().code(), Some(1));
-    let said = daemon.stderr();
-    assert!(said.contains(&page.to_string()) && said.contains("taken"), "{said}");
-    assert!(said.contains("page.listen"), "{said}");
-    assert!(!said.contains("panicked"), "{said}");
-    assert_nothing_left(&station);
-}
-
-#[test]
-fn a_page_for_the_whole_network_is_refused() {
-    let station = Station::new();
-    for everybody in ["0.0.0.0:8017", "[::]:8017", "192.168.1.2:8017"] {
-        let text = format!("{}[page]\nlisten = \"{everybody}\"\n", station.configuration());
-        let line = text.lines().count();
-        let path = station.write("page.toml", &text).display().to_string();
-        let place = format!("{path}, line {line}: page.listen");
-        station.run(&["check", &path]).failed_with(1, &[&place, "loopback only", "SSH tunnel"]);
-        station.run(&["run", "--config", &path]).failed_with(1, &[&place, "loopback only"]);
-    }
 }
 
 #[test]

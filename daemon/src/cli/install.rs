@@ -1,0 +1,63 @@
+//! `equipoise install` and `equipoise uninstall`: the service, from the program alone.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+
+use super::Outcome;
+use crate::install::{self, Place};
+
+/// Where to.
+#[derive(Debug, clap::Args)]
+struct PlaceArguments {
+    /// The program goes to DIR/bin
+    #[arg(long, value_name = "DIR", default_value = "/usr/local")]
+    prefix: PathBuf,
+    /// Everything goes below this folder, for packages; needs no root
+    #[arg(long, value_name = "DIR", default_value = "/")]
+    root: PathBuf,
+}
+
+/// Install this program as a service: units, user, directories, a configuration if there is none
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sudo equipoise install\n  equipoise install --prefix /usr --root package/ --enable"
+)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    place: PlaceArguments,
+    /// Start daemon and page at boot
+    #[arg(long)]
+    enable: bool,
+}
+
+/// Take away what install put there; configuration and workers stay
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: sudo systemctl disable --now equipoise && sudo equipoise uninstall")]
+pub(super) struct UninstallArguments {
+    #[command(flatten)]
+    place: PlaceArguments,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let place = Place::new(&arguments.place.prefix, &arguments.place.root)?;
+    let program = std::env::current_exe().context("this program does not know where it lies")?;
+    for line in install::install(&place, &program, arguments.enable)? {
+        println!("{line}");
+    }
+    let start = if arguments.enable { "start" } else { "enable --now" };
+    println!(
+        "next: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload\n\
+         then: equipoise check /etc/equipoise/equipoise.toml && systemctl {start} equipoise equipoise-view"
+    );
+    Ok(Outcome::Done)
+}
+
+pub(super) fn uninstall(arguments: &UninstallArguments) -> anyhow::Result<Outcome> {
+    let place = Place::new(&arguments.place.prefix, &arguments.place.root)?;
+    for line in install::uninstall(&place)? {
+        println!("{line}");
+    }
+    println!("next: systemctl daemon-reload; a daemon that still runs ends with: systemctl stop equipoise");
+    Ok(Outcome::Done)
+}

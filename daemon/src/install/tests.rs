@@ -1,0 +1,131 @@
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+
+use super::*;
+
+fn at(prefix: &str, root: &Path) -> Place {
+    Place::new(Path::new(prefix), root).unwrap()
+}
+
+/// A program to install.
+fn program(directory: &Path) -> PathBuf {
+    let path = directory.join("program");
+    fs::write(&path, "a program").unwrap();
+    path
+}
+
+/// Every file and link below a folder, with its permissions.
+fn all(folder: &Path) -> Vec<(PathBuf, u32)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if entry.file_type().unwrap().is_dir() {
+            found.extend(all(&path));
+        } else {
+            let mode = fs::symlink_metadata(&path).unwrap().permissions().mode() & 0o777;
+            found.push((path, mode));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let place = at("/usr/local", &root);
+    let done = install(&place, &program, true).unwrap();
+    assert!(done.contains(&"installed /usr/local/bin/equipoise".to_owned()), "{done:?}");
+    assert!(done.contains(&"enabled equipoise-view.service".to_owned()), "{done:?}");
+    let first = all(&root);
+    assert_eq!(first.len(), 9, "{first:?}");
+    for (path, mode) in &first {
+        let expected = if path.ends_with("bin/equipoise") { 0o755 } else { 0o644 };
+        assert!(*mode == expected || path.is_symlink(), "{} {mode:o}", path.display());
+    }
+    let link = root.join("etc/systemd/system/multi-user.target.wants/equipoise.service");
+    assert_eq!(
+        fs::read_link(link).unwrap(),
+        Path::new("/usr/local/lib/systemd/system/equipoise.service"),
+        "as it is seen when it runs"
+    );
+
+    let again = install(&place, &program, true).unwrap();
+    assert!(!again.iter().any(|line| line.starts_with("installed")), "{again:?}");
+    assert_eq!(all(&root), first);
+
+    // What is not ours stays: a drop-in, a worker, the configuration.
+    let worker = root.join("var/lib/equipoise/subjects/anon-1.toml");
+    let drop_in = root.join("etc/systemd/system/equipoise.service.d/serial.conf");
+    for file in [&worker, &drop_in] {
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(file, "mine").unwrap();
+    }
+    let adapter = root.join("etc/systemd/system/equipoise.service.wants/equipoise-adapter@suit.service");
+    std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-adapter@.service", &adapter).unwrap();
+    let done = uninstall(&place).unwrap();
+    assert!(done.iter().any(|line| line.starts_with("left /var/lib/equipoise")), "{done:?}");
+    let left: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(left, [root.join("etc/equipoise/equipoise.toml"), drop_in, worker]);
+    assert!(!uninstall(&place).unwrap().iter().any(|line| line.starts_with("removed")));
+}
+
+#[test]
+fn a_configuration_that_is_there_is_never_touched() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let configuration = root.join("etc/equipoise/equipoise.toml");
+    fs::create_dir_all(configuration.parent().unwrap()).unwrap();
+    fs::write(&configuration, "station = \"mine\"\n").unwrap();
+    for _ in 0..2 {
+        let done = install(&at("/usr/local", &root), &program, false).unwrap();
+        assert!(done.iter().any(|line| line.starts_with("kept /etc/equipoise/equipoise.toml")), "{done:?}");
+        assert_eq!(fs::read_to_string(&configuration).unwrap(), "station = \"mine\"\n");
+        assert_eq!(fs::read_to_string(root.join("etc/equipoise/equipoise.toml.new")).unwrap(), CONFIGURATION);
+    }
+    assert!(!root.join("etc/systemd/system/multi-user.target.wants").exists(), "not asked to enable");
+}
+
+#[test]
+fn units_name_the_prefix_and_lie_where_systemd_looks() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = program(directory.path());
+    for (prefix, units) in [
+        ("/usr/local", "usr/local/lib/systemd/system"),
+        ("/usr/", "usr/lib/systemd/system"),
+        ("/opt/equipoise-1.0", "etc/systemd/system"),
+    ] {
+        let root = directory.path().join(units.replace('/', "-"));
+        install(&at(prefix, &root), &program, false).unwrap();
+        for (name, _) in UNITS {
+            let text = fs::read_to_string(root.join(units).join(name)).unwrap();
+            let start = format!("ExecStart={}/bin/equipoise ", prefix.trim_end_matches('/'));
+            assert!(text.lines().any(|line| line.starts_with(&start)), "{prefix} {name}");
+            assert!(prefix == "/usr/local" || !text.contains("/usr/local"), "{prefix} {name}");
+        }
+    }
+}
+
+#[test]
+fn a_prefix_that_a_unit_cannot_name_is_refused() {
+    for wrong in ["", "usr", "/opt/my tools", "/opt/../etc", "/opt/%n", "/opt/\"x"] {
+        assert!(Place::new(Path::new(wrong), Path::new("/")).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn units_by_hand_that_would_be_used_instead_are_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let by_hand = root.join("etc/systemd/system/equipoise.service");
+    fs::create_dir_all(by_hand.parent().unwrap()).unwrap();
+    fs::write(&by_hand, "").unwrap();
+    let done = install(&at("/usr/local", &root), &program, false).unwrap();
+    assert!(done.last().unwrap().contains("/etc/systemd/system/equipoise.service was put there by hand"));
+}
+
+#[test]
+fn the_embedded_configuration_is_one_that_the_daemon_takes() {
+    crate::config::Config::parse(CONFIGURATION, "the sample").unwrap();
+}

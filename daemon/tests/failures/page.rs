@@ -1,0 +1,205 @@
+//! The page as a process of its own: it outlives daemons, cannot harm one, and tells nobody who may not know.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use crate::ending::assert_nothing_left;
+use crate::process::{Process, wait_for};
+use crate::station::{Station, free_tcp_port};
+
+const SECRET: &str = "0123456789abcdefghijklmnopqrstuv";
+
+/// The page's process of a station, once it listens.
+fn view(station: &Station, page: &str) -> Process {
+    let mut view = try_view(station, page);
+    wait_for("the page", || {
+        assert!(view.is_running(), "it ended: {}", view.stderr());
+        view.stderr().contains("page at").then_some(())
+    });
+    view
+}
+
+fn try_view(station: &Station, page: &str) -> Process {
+    let path = station.write("view.toml", &format!("{}[page]\n{page}", station.configuration()));
+    station.spawn(&["view", "--config", &path.to_string_lossy()])
+}
+
+/// Status and body of an answer; `None` if there is none.
+fn get(address: SocketAddr, target: &str, headers: &str) -> Option<(u16, String)> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.set_read_timeout(Some(Duration::from_secs(10))).expect("a timeout");
+    write!(stream, "GET {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{headers}\r\n").ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).ok()?;
+    let (head, body) = answer.split_once("\r\n\r\n")?;
+    Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
+}
+
+/// Waits until the page tells a state, and gives its cycle.
+fn until_live(address: SocketAddr) -> u64 {
+    wait_for("a state on the page", || {
+        let (status, body) = get(address, "/api/state", "")?;
+        let state: serde_json::Value = serde_json::from_str(&body).ok()?;
+        (status == 200).then(|| state["cycle"].as_u64()).flatten()
+    })
+}
+
+fn until_silent(address: SocketAddr) {
+    wait_for("the page to say that the service is silent", || {
+        (get(address, "/api/state", "")?.0 == 503).then_some(())
+    });
+}
+
+#[test]
+fn it_waits_for_a_daemon_and_outlives_it() {
+    let station = Station::new();
+    let address = free_tcp_port();
+    let mut view = view(&station, &format!("listen = \"{address}\"\n"));
+    until_silent(address);
+    assert_eq!(get(address, "/healthz", "").expect("the page").0, 200);
+
+    let mut daemon = station.daemon(&station.configuration());
+    until_live(address);
+    let status = station.status().expect("the daemon answers");
+    assert_eq!(status["page"]["url"], format!("http://{address}/"));
+    assert_eq!(status["page"]["process_id"], view.id());
+    assert!(station.run(&["status"]).done().contains(&format!("page http://{address}/")));
+
+    daemon.kill();
+    until_silent(address);
+    let mut daemon = station.daemon(&station.configuration());
+    until_live(address);
+    // Not even an open connection holds it up, and the daemon does not notice.
+    let _browser = TcpStream::connect(address).expect("the page");
+    assert_eq!(view.stop(Signal::TERM), Some(0), "{}", view.stderr());
+    assert!(station.status().expect("the daemon answers")["page"].is_null());
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert_nothing_left(&station);
+}
+
+#[test]
+fn a_page_that_was_killed_is_not_told_as_living() {
+    let station = Station::new();
+    let address = free_tcp_port();
+    let _daemon = station.daemon(&station.configuration());
+    let mut view = view(&station, &format!("listen = \"{address}\"\n"));
+    wait_for("the page in the status", || station.status().filter(|status| status["page"].is_object()));
+    view.kill();
+    assert!(station.status().expect("the daemon answers")["page"].is_null());
+}
+
+#[test]
+fn a_bus_that_was_removed_and_made_anew_is_found_again() {
+    let station = Station::new();
+    let address = free_tcp_port();
+    let mut daemon = station.daemon(&station.configuration());
+    let mut view = view(&station, &format!("listen = \"{address}\"\n"));
+    let old = wait_for("some cycles", || Some(until_live(address)).filter(|cycle| *cycle > 300));
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    std::fs::remove_dir_all(station.root()).expect("the bus");
+    let _daemon = station.daemon(&station.configuration());
+    // What is told is of within the last second, so a lower number is the new daemon's.
+    wait_for("a state of the new daemon", || Some(until_live(address)).filter(|cycle| *cycle < old));
+    assert_eq!(view.stop(Signal::TERM), Some(0), "{}", view.stderr());
+}
+
+#[test]
+fn the_daemon_itself_listens_on_no_page() {
+    let station = Station::new();
+    let address = free_tcp_port();
+    let daemon = station.daemon(&format!("{}[page]\nlisten = \"{address}\"\n", station.configuration()));
+    let _ours = TcpListener::bind(address).expect("a port that nobody else has");
+    assert!(!daemon.stderr().contains(&address.to_string()));
+}
+
+#[test]
+fn what_it_cannot_serve_is_told_with_its_key() {
+    let station = Station::new();
+    let taken = TcpListener::bind(free_tcp_port()).expect("the port");
+    let address = taken.local_addr().expect("its address").to_string();
+    let refused = |page: &str, parts: &[&str]| {
+        let mut view = try_view(&station, page);
+        assert_eq!(view.wait().code(), Some(1));
+        let said = view.stderr();
+        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+        assert!(!said.contains("panicked") && !said.contains(SECRET), "{said}");
+    };
+    refused(&format!("listen = \"{address}\"\n"), &["page.listen", &address, "taken"]);
+    refused("listen = \"127.0.0.1:0\"\ntoken_file = \"no.token\"\n", &["page.token_file", "no.token"]);
+    let token = station.write("page.token", SECRET);
+    let guarded = "listen = \"127.0.0.1:0\"\ntoken_file = \"page.token\"\n";
+    std::fs::set_permissions(&token, PermissionsExt::from_mode(0o644)).expect("permissions");
+    refused(guarded, &["page.token", "mode 0644", "chmod 640"]);
+    std::fs::set_permissions(&token, PermissionsExt::from_mode(0o640)).expect("permissions");
+    std::fs::write(&token, &SECRET[..31]).expect("a token");
+    refused(guarded, &["page.token", "32 to 256"]);
+
+    let path = station.write("none.toml", &station.configuration()).display().to_string();
+    station.run(&["view", "--config", &path]).failed_with(1, &["none.toml has no [page]"]);
+}
+
+#[test]
+fn a_page_for_the_whole_network_needs_a_token() {
+    let station = Station::new();
+    for everybody in ["0.0.0.0:8017", "[::]:8017", "192.168.1.2:8017"] {
+        let text = format!("{}[page]\nlisten = \"{everybody}\"\n", station.configuration());
+        let line = text.lines().count();
+        let path = station.write("page.toml", &text).display().to_string();
+        let place = format!("{path}, line {line}: page.listen");
+        for command in
+            [&["check", path.as_str()][..], &["run", "--config", &path], &["view", "--config", &path]]
+        {
+            station.run(command).failed_with(1, &[&place, "loopback only", "SSH tunnel", "token_file"]);
+        }
+    }
+}
+
+#[test]
+fn the_token_opens_the_page_and_is_told_nowhere() {
+    let station = Station::new();
+    let token = station.file("page.token");
+    let made = station.run(&["token", "--out", &token.display().to_string()]);
+    assert!(made.done().contains("page.token holds a new token"));
+    let mode = std::fs::metadata(&token).expect("the token").permissions().mode() & 0o777;
+    assert_eq!(mode & !0o640, 0, "{mode:o}");
+    let secret = std::fs::read_to_string(&token).expect("the token").trim().to_owned();
+    assert_eq!(secret.len(), 64);
+    station.run(&["token", "--out", &token.display().to_string()]).failed_with(1, &["page.token", "exists"]);
+    assert_ne!(station.run(&["token"]).done(), station.run(&["token"]).done());
+
+    let port = free_tcp_port().port();
+    let page = format!("listen = \"0.0.0.0:{port}\"\ntoken_file = \"page.token\"\n");
+    let mut daemon = station.daemon(&format!("{}[page]\n{page}", station.configuration()));
+    let mut view = view(&station, &page);
+    wait_for("the word about it", || {
+        view.stderr().contains("reachable from other machines; every request needs the token").then_some(())
+    });
+    let address = SocketAddr::from(([127, 0, 0, 1], port));
+    assert_eq!(get(address, "/", "").expect("an answer").0, 401);
+    assert_eq!(get(address, &format!("/?token={secret}"), "").expect("an answer").0, 200);
+    let bearer = format!("Authorization: Bearer {secret}\r\n");
+    assert_eq!(get(address, "/healthz", &bearer).expect("an answer").0, 200);
+
+    let status = station.run(&["status", "--json"]).done().to_owned();
+    assert!(status.contains("page.token") && status.contains("\"needs_token\": true"), "{status}");
+    let recording = station.file("a.mcap");
+    station.run(&["record", &recording.display().to_string(), "--for", "1"]).done();
+    let shown = station.run(&["check", &station.file("view.toml").display().to_string()]).done().to_owned();
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert_eq!(view.stop(Signal::TERM), Some(0));
+    let recorded = std::fs::read(&recording).expect("the recording");
+    for (place, told) in [
+        ("status", status.as_bytes()),
+        ("check", shown.as_bytes()),
+        ("the daemon's journal", daemon.stderr().as_bytes()),
+        ("the page's journal", view.stderr().as_bytes()),
+        ("a recording", &recorded),
+    ] {
+        let found = told.windows(secret.len()).any(|window| window == secret.as_bytes());
+        assert!(!found, "{place} holds the token");
+    }
+}

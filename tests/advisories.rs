@@ -1,0 +1,149 @@
+//! Is anything in Cargo.lock known to be weak? Compared with a copy of the RustSec advisories, without a network.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use semver::{Prerelease, Version, VersionReq};
+use serde::Deserialize;
+
+/// Advisories that affect a version in use and are accepted, each with the reason. One that affects nothing any more is
+/// to be deleted.
+const ACCEPTED: [(&str, &str); 1] = [(
+    "RUSTSEC-2024-0436",
+    "paste is no longer maintained; a macro that faer (gemm) uses while it is built, and nothing at run time",
+)];
+
+#[derive(Debug, Deserialize)]
+struct Lock {
+    package: Vec<Package>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Package {
+    name: String,
+    version: Version,
+    /// Absent for our own crates.
+    source: Option<String>,
+}
+
+/// The metadata of an advisory; what is not needed here is passed over.
+#[derive(Debug, Deserialize)]
+struct Advisory {
+    advisory: Head,
+    #[serde(default)]
+    versions: Versions,
+}
+
+#[derive(Debug, Deserialize)]
+struct Head {
+    id: String,
+    package: String,
+    withdrawn: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct Versions {
+    #[serde(default)]
+    patched: Vec<VersionReq>,
+    #[serde(default)]
+    unaffected: Vec<VersionReq>,
+}
+
+impl Advisory {
+    fn parse(text: &str) -> Advisory {
+        let rest = text.strip_prefix("```toml\n").expect("an advisory begins with its metadata");
+        let (metadata, _) = rest.split_once("\n```").expect("the metadata has an end");
+        toml::from_str(metadata).expect("metadata as RustSec writes it")
+    }
+
+    fn affects(&self, package: &Package) -> bool {
+        // Ranges leave out what comes before a release; here it counts as that release.
+        let version = Version { pre: Prerelease::EMPTY, ..package.version.clone() };
+        let mut sound = self.versions.patched.iter().chain(&self.versions.unaffected);
+        self.advisory.withdrawn.is_none()
+            && self.advisory.package == package.name
+            && !sound.any(|range| range.matches(&version))
+    }
+}
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../.ci/advisories")
+}
+
+/// Every advisory that is kept, with its whole text.
+fn kept() -> Vec<(Advisory, String)> {
+    let entries = |path: PathBuf| {
+        std::fs::read_dir(path).expect("a folder").map(|entry| entry.expect("an entry").path())
+    };
+    entries(folder().join("crates"))
+        .flat_map(entries)
+        .map(|path| std::fs::read_to_string(path).expect("an advisory"))
+        .map(|text| (Advisory::parse(&text), text))
+        .collect()
+}
+
+fn locked(text: &str) -> Vec<Package> {
+    let lock: Lock = toml::from_str(text).expect("Cargo.lock");
+    lock.package.into_iter().filter(|package| package.source.is_some()).collect()
+}
+
+fn cargo_lock() -> Vec<Package> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.lock");
+    locked(&std::fs::read_to_string(path).expect("Cargo.lock"))
+}
+
+/// Advisory → the package that it affects, with the advisory's text.
+fn affected(packages: &[Package], advisories: &[(Advisory, String)]) -> BTreeMap<String, String> {
+    let mut found = BTreeMap::new();
+    for (advisory, text) in advisories {
+        for package in packages.iter().filter(|package| advisory.affects(package)) {
+            let told = format!("{} {}:\n{text}", package.name, package.version);
+            found.insert(advisory.advisory.id.clone(), told);
+        }
+    }
+    found
+}
+
+#[test]
+fn no_crate_in_use_has_a_known_weakness() {
+    let advisories = kept();
+    assert!(advisories.len() > 20, "only {} advisories are kept", advisories.len());
+    let mut found = affected(&cargo_lock(), &advisories);
+    for (id, reason) in ACCEPTED {
+        assert!(found.remove(id).is_some(), "{id} ({reason}) affects nothing any more: delete the line");
+    }
+    let told: Vec<_> = found.into_values().collect();
+    assert!(told.is_empty(), "take another version, or accept it with a reason:\n{}", told.join("\n"));
+}
+
+#[test]
+fn every_crate_in_use_was_looked_for() {
+    let text = std::fs::read_to_string(folder().join("looked-at")).expect("the list");
+    let looked_at: BTreeSet<&str> = text.lines().collect();
+    let used = cargo_lock();
+    let missing: BTreeSet<_> =
+        used.iter().map(|package| &*package.name).filter(|name| !looked_at.contains(name)).collect();
+    assert!(missing.is_empty(), "nobody has looked for {missing:?}: see .ci/advisories/README.md");
+}
+
+#[test]
+fn a_weak_version_in_a_lock_would_be_found() {
+    let lock = |name: &str, version: &str| {
+        locked(&format!(
+            "version = 4\n[[package]]\nname = \"{name}\"\nversion = \"{version}\"\nsource = \"registry\"\n"
+        ))
+    };
+    let found = |name: &str, version: &str| affected(&lock(name, version), &kept());
+    // Ranges with both ends, with one, with a caret; what was never affected.
+    assert!(found("smallvec", "0.6.9").contains_key("RUSTSEC-2019-0009"));
+    assert!(!found("smallvec", "0.6.10").contains_key("RUSTSEC-2019-0009"));
+    assert!(!found("smallvec", "0.6.2").contains_key("RUSTSEC-2019-0009"));
+    assert!(found("bytes", "1.11.0").contains_key("RUSTSEC-2026-0007"));
+    assert!(found("bytes", "1.11.0-rc.1").contains_key("RUSTSEC-2026-0007"));
+    assert!(found("bytes", "1.11.1").is_empty() && found("bytes", "1.2.0").is_empty());
+    assert!(found("zerocopy", "0.5.1").len() == 1 && found("zerocopy", "0.5.2").is_empty());
+    assert!(found("nobody-has-this", "1.0.0").is_empty());
+    let withdrawn = "```toml\n[advisory]\nid = \"X\"\npackage = \"bytes\"\nwithdrawn = \"2020-01-01\"\n```\n";
+    let advisories = [(Advisory::parse(withdrawn), withdrawn.to_owned())];
+    assert!(affected(&lock("bytes", "1.0.0"), &advisories).is_empty());
+}
