@@ -42,6 +42,6 @@ pub use command::{CommandClient, CommandServer};
 pub use error::BusError;
 pub use event::{Channel, Event, Events, Listener, Notifier};
 pub use node::{Bus, BusSettings, Participant};
-pub use publisher::Publisher;
+pub use publisher::{Kept, Publisher};
 pub use service::{Service, Topic};
 pub use subscriber::Subscriber;

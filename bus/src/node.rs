@@ -4,7 +4,7 @@ use crate::command::{CommandClient, CommandServer};
 use crate::error::BusError;
 use crate::event::{Channel, Listener, Notifier};
 use crate::half_made;
-use crate::publisher::Publisher;
+use crate::publisher::{Kept, Publisher};
 use crate::root;
 use crate::service::Topic;
 use crate::subscriber::Subscriber;
@@ -156,6 +156,15 @@ impl Bus {
     /// A depth of 0 or above the table's limit; otherwise as [`Bus::publisher`].
     pub fn subscriber<M: Topic>(&self, depth: usize) -> Result<Subscriber<M>, BusError> {
         Subscriber::open(self, depth)
+    }
+
+    /// The service of `M` itself, without a place in it: for a topic that others write and read. It is there then before
+    /// the first of them, and none of them can be killed while it makes it.
+    ///
+    /// # Errors
+    /// As [`Bus::publisher`].
+    pub fn keep<M: Topic>(&self) -> Result<Kept<M>, BusError> {
+        Kept::open(self)
     }
 
     /// Something that wakes the listeners of a channel.

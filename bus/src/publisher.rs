@@ -93,3 +93,22 @@ impl<M: Topic> Publisher<M> {
         self.factory.dynamic_config().number_of_publishers()
     }
 }
+
+/// A topic's service, held open.
+pub struct Kept<M: Topic> {
+    _factory: Factory<M>,
+    name: String,
+}
+
+impl<M: Topic> fmt::Debug for Kept<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Kept({})", self.name)
+    }
+}
+
+impl<M: Topic> Kept<M> {
+    pub(crate) fn open(bus: &Bus) -> Result<Kept<M>, BusError> {
+        let (name, factory) = open_topic::<M>(bus)?;
+        Ok(Kept { _factory: factory, name })
+    }
+}

@@ -55,6 +55,26 @@ fn another_layout_of_one_name_and_size_is_refused() {
 }
 
 #[test]
+fn a_kept_topic_outlives_its_users_and_takes_none_of_their_places() {
+    let root = root();
+    let keeper = join(root.path(), "keeper");
+    let kept = keeper.keep::<AdapterHealth>().unwrap();
+    let bus = join(root.path(), "ours");
+    for _ in 0..2 {
+        let places = AdapterHealth::SERVICE.subscribers_max;
+        let readers: Vec<_> = (0..places).map(|_| bus.subscriber::<AdapterHealth>(1).unwrap()).collect();
+        assert!(matches!(bus.subscriber::<AdapterHealth>(1), Err(BusError::Full { .. })));
+        drop(readers);
+    }
+    drop(bus);
+    // Nobody uses it, and still it is there: others' messages have no room under its name.
+    let others = join(root.path(), "theirs");
+    assert!(matches!(others.subscriber::<OtherHealth>(1), Err(BusError::OtherSchema { .. })));
+    drop(kept);
+    others.subscriber::<OtherHealth>(1).unwrap();
+}
+
+#[test]
 fn names_that_would_break_a_path_are_refused() {
     for station in ["", "a/b", "a b", "ä", "../x", "123456789012345678901234567890123"] {
         let error = Bus::join(&BusSettings::new(station, "role")).unwrap_err();

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher};
+use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{CycleRecord, State};
+use equipoise_core::message::{CycleRecord, PickUp, State};
 use tracing::info;
 
 use crate::latency_log::feed::Feed;
@@ -24,6 +24,8 @@ pub struct Egress {
     phase: u32,
     deadlines_missed: u64,
     latency_log: Feed,
+    /// Written and read by others, who come and are killed as they like.
+    _pick_up: Kept<PickUp>,
     last_checkpoint_service: Instant,
     // Ports die before the node they hang on.
     _bus: Bus,
@@ -45,6 +47,7 @@ impl Egress {
             phase: u32::MAX,
             deadlines_missed: 0,
             latency_log,
+            _pick_up: bus.keep()?,
             last_checkpoint_service: Instant::now(),
             _bus: bus,
         })

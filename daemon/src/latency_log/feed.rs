@@ -28,7 +28,7 @@ pub struct Drain(Arc<Ring>);
 /// Both ends of a new ring.
 pub fn feed(places: usize) -> (Feed, Drain) {
     let ring = Arc::new(Ring {
-        outcomes: ArrayQueue::new(places),
+        outcomes: ArrayQueue::new(places + 1),
         dropped: AtomicU64::new(0),
         closed: AtomicBool::new(false),
     });
@@ -39,7 +39,10 @@ impl Feed {
     /// Hands an outcome over. A full ring keeps what it has, since a gap at the end can be told by its number; the outcome
     /// is counted as dropped.
     pub fn hand_over(&self, outcome: Outcome) {
-        if self.0.outcomes.push(outcome).is_err() {
+        let ring = &self.0.outcomes;
+        // One place stays free. The log is an ordinary thread and may be preempted while it copies an outcome out; its
+        // place is then neither full nor free, and a push that came round to it would spin for it at our priority.
+        if ring.len() + 1 >= ring.capacity() || ring.push(outcome).is_err() {
             self.0.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
