@@ -1,0 +1,175 @@
+"""Judges what three consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
+
+Also `free-ports` and `mark NAME`: small things that bash cannot do.
+"""
+
+import pathlib
+import socket
+import sys
+import time
+
+MS = 1_000_000
+# A consumer's own limit of age, and the time until a line of its second is printed.
+STALE_AFTER_NS, PRINTED_WITHIN_NS = 25 * MS, 1100 * MS
+# A report and the station's own state are not looked at in the same moment, and this machine stands still at times.
+CYCLES_APART = 250
+RATE_HZ = 500
+
+
+def pairs(line):
+    return dict(word.split("=", 1) for word in line.split() if "=" in word)
+
+
+def numbers(line):
+    return {key: int(value) if value.lstrip("-").isdigit() else value for key, value in pairs(line).items()}
+
+
+class Consumer:
+    """What one printed, and what it reported."""
+
+    def __init__(self, folder, name, process, reports):
+        lines = (folder / f"{name}.out").read_text().splitlines()
+        self.name, self.lines = name, [numbers(line) for line in lines if line.startswith("at_ns=")]
+        ends = [numbers(line) for line in lines if line.startswith("end ")]
+        assert len(ends) == 1, f"{name} did not say its last word"
+        self.end = ends[0]
+        self.reports = [report for report in reports if report["consumer"] == name]
+        assert self.reports, f"{name} did not report"
+        assert {report["pid"] for report in self.reports} == {process}, f"{name} is not one process"
+
+    def current(self):
+        return [line for line in self.lines if line["state"] == "current"]
+
+    def check(self, holds, what):
+        assert holds, f"{self.name}: {what}"
+
+
+def check_sums(consumer, until_ns):
+    """States and missed grow as the station's own cycles do, while one daemon runs."""
+    of_one_daemon = [report for report in consumer.reports if report["at_ns"] < until_ns]
+    consumer.check(len(of_one_daemon) >= 10, f"only {len(of_one_daemon)} reports")
+    first, last = of_one_daemon[0], of_one_daemon[-1]
+    told = (last["states"] + last["missed"]) - (first["states"] + first["missed"])
+    passed = last["cycle"] - first["cycle"]
+    consumer.check(abs(told - passed) <= CYCLES_APART, f"{told} states seen or missed, {passed} cycles passed")
+    consumer.check(passed >= CYCLES_APART * 4, f"only {passed} cycles passed")
+    for before, after in zip(consumer.reports, consumer.reports[1:]):
+        consumer.check(before["states"] <= after["states"], "the count of states went back")
+        consumer.check(before["since_ns"] == after["since_ns"], "it began to count anew")
+        consumer.check(before["missed"] <= after["missed"], "the count of missed states went back")
+    return told, passed
+
+
+def check_last_word(consumer):
+    """The last report holds every state, and the p50 that the consumer found in its own list of times."""
+    last, end = consumer.reports[-1], consumer.end
+    for entries in ("published_entries", "due_entries"):
+        consumer.check(last[entries] == last["states"], f"{last[entries]} {entries}, {last['states']} states")
+    consumer.check(0 < last["suit_entries"] <= last["states"], f"{last['suit_entries']} suit samples")
+    # States that were too old are in the report, and were not handed out.
+    withheld = last["states"] - end["states"]
+    consumer.check(0 <= withheld <= last["states"] // 10, f"{withheld} of {last['states']} states were too old")
+    low, high = last["p50_from_ns"], last["p50_to_ns"]
+    # Within a bucket: those withheld move the median of the report, if at all, to its neighbour.
+    width = high - low
+    consumer.check(
+        low - width <= end["p50_ns"] < high + width, f"it printed p50 {end['p50_ns']} ns, it reports {low} to {high} ns"
+    )
+    return end["p50_ns"], low, high
+
+
+def check_lines(consumer, marks):
+    """Never an old state as new, never one while no daemon runs, and again some after it came back."""
+    current = consumer.current()
+    for before, after in zip(current, current[1:]):
+        consumer.check(before["due_ns"] < after["due_ns"], "an old state as new")
+    for line in current:
+        age_ns = line["at_ns"] - line["due_ns"]
+        consumer.check(age_ns <= STALE_AFTER_NS + PRINTED_WITHIN_NS, f"a state of {age_ns // MS} ms")
+        dead = marks["daemon_killed"] + STALE_AFTER_NS < line["due_ns"] < marks["daemon_started"]
+        consumer.check(not dead, "a state from a time without a daemon")
+    # A line is due each second, so some are of the time without a daemon, and they must say so.
+    silent = [
+        line for line in consumer.lines
+        if marks["daemon_killed"] + 2 * PRINTED_WITHIN_NS < line["at_ns"] < marks["daemon_started"]
+    ]
+    consumer.check(len(silent) >= 1, "no line from the time without a daemon")
+    for line in silent:
+        consumer.check(line["state"] == "silent", f"state={line['state']} without a daemon")
+        consumer.check(line["speed_percent"] == 0, "the robot moves without a daemon")
+    after = [line for line in current if line["at_ns"] > marks["daemon_ready"]]
+    consumer.check(len(after) >= 2, "nothing after the daemon came back")
+    consumer.check(after[-1]["due_ns"] > marks["daemon_started"], "it is still of the old daemon")
+    consumer.check(after[-1]["cycle"] < current[0]["cycle"] + (after[-1]["at_ns"] - marks["daemon_started"]) * RATE_HZ // 10**9
+                   + CYCLES_APART, "the cycles were not counted anew")
+    consumer.check(consumer.end["restarts"] == 1, f"{consumer.end['restarts']} restarts noticed")
+
+
+def check_unmoved(consumer, marks):
+    """A consumer beside it was killed: it goes on reading, at the same rate."""
+    def reports(since, until):
+        found = [report for report in consumer.reports if since < report["at_ns"] < until]
+        consumer.check(len(found) >= 2, "too few reports")
+        first, last = found[0], found[-1]
+        states = last["states"] + last["missed"] - first["states"] - first["missed"]
+        return states * 10**9 / (last["at_ns"] - first["at_ns"])
+
+    before = reports(marks["began"], marks["victim_killed"])
+    after = reports(marks["victim_killed"], marks["daemon_killed"])
+    consumer.check(after > 0.5 * before, f"{before:.0f} states a second before, {after:.0f} after a neighbour's death")
+    of_that_time = [line for line in consumer.lines if marks["victim_killed"] < line["at_ns"] < marks["daemon_killed"]]
+    consumer.check(any(line["state"] == "current" for line in of_that_time), "no current state after a neighbour's death")
+    consumer.check(all(line["restarts"] == 0 for line in of_that_time), "a restart after a neighbour's death")
+
+
+def check_daemon(folder, reports, marks):
+    """The daemon went on counting, and said nothing worse than that a participant died."""
+    of_that_time = [report for report in reports if marks["victim_killed"] < report["at_ns"] < marks["daemon_killed"]]
+    passed = of_that_time[-1]["cycle"] - of_that_time[0]["cycle"]
+    assert passed > RATE_HZ, f"only {passed} cycles after a consumer's death"
+    text = (folder / "daemon.err").read_text()
+    for word in ("ERROR", "panicked"):
+        assert word not in text, f"the daemon said {word}: {text}"
+
+
+def judge(folder, processes):
+    marks = {name: int(at_ns) for name, at_ns in (line.split() for line in (folder / "marks").read_text().splitlines())}
+    reports = [numbers(line) for line in (folder / "reader.out").read_text().splitlines()]
+    for name, process in processes.items():
+        consumer = Consumer(folder, name, process, reports)
+        told, passed = check_sums(consumer, marks["daemon_killed"])
+        p50_ns, low, high = check_last_word(consumer)
+        check_lines(consumer, marks)
+        check_unmoved(consumer, marks)
+        last = consumer.reports[-1]
+        print(
+            f"clients: {name}: {len(consumer.reports)} reports, {last['states']} states, {last['missed']} missed; "
+            f"{told} of {passed} cycles; p50 {p50_ns / 1000:.1f} µs, reported {low / 1000:.1f} to {high / 1000:.1f} µs"
+        )
+    check_daemon(folder, reports, marks)
+    assert any(report["consumer"] == "victim" for report in reports), "the victim never reported"
+
+
+def free_ports():
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    for one in sockets:
+        one.bind(("127.0.0.1", 0))
+    print(*(one.getsockname()[1] for one in sockets))
+
+
+def main():
+    what, *rest = sys.argv[1:]
+    if what == "free-ports":
+        free_ports()
+    elif what == "mark":
+        print(rest[0], time.monotonic_ns())
+    else:
+        processes = {name: int(number) for name, number in (pair.split("=") for pair in rest[1:])}
+        judge(pathlib.Path(rest[0]), processes)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except AssertionError as error:
+        sys.exit(f"clients: {error}")

@@ -1,0 +1,172 @@
+"""The station's bus: the same root, prefix, names and settings as `bus/src` has."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import time
+from typing import Any, Callable, Optional, Type
+
+import iceoryx2 as iox2
+
+from . import _messages as table
+
+# Somebody else may be creating or removing a service at this moment: how often to try again, and after what.
+ATTEMPTS = 20
+PAUSE_S = 0.005
+
+
+class BusError(Exception):
+    """What went wrong, where, and what to do about it."""
+
+
+def root_of_environment() -> str:
+    """`$EQUIPOISE_BUS_ROOT`, else `iceoryx2` in systemd's `$RUNTIME_DIRECTORY`, else iceoryx2's default."""
+    explicit = os.environ.get(table.ROOT_VARIABLE)
+    if explicit:
+        return explicit
+    runtime = os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+    return os.path.join(runtime, "iceoryx2") if runtime else table.DEFAULT_ROOT
+
+
+def shared_memory_prefix(root: str) -> str:
+    """How the names of the bus's shared memory begin: FNV-1a of the root."""
+    text = root.rstrip("/")
+    if text == table.DEFAULT_ROOT:
+        return "iox2_"
+    value = 0x811C9DC5
+    for byte in text.encode():
+        value = ((value ^ byte) * 0x01000193) & 0xFFFFFFFF
+    return f"eqp_{value:08x}_"
+
+
+def _config(root: str) -> Any:
+    text = root.rstrip("/")
+    if not os.path.isabs(root) or len(text.encode()) > table.ROOT_BYTES_MAX:
+        raise BusError(
+            f"cannot keep the bus under {root}: set {table.ROOT_VARIABLE} to an absolute path of at most "
+            f"{table.ROOT_BYTES_MAX} plain characters"
+        )
+    config = iox2.config.default()
+    config.global_cfg.root_path = iox2.Path.new(text + "/")
+    config.global_cfg.prefix = iox2.FileName.new(shared_memory_prefix(root))
+    return config
+
+
+def _check_name(what: str, name: str) -> None:
+    if not re.fullmatch(r"[A-Za-z0-9_-]{1,32}", name):
+        raise BusError(f"{name!r} is no name for a {what}: use 1 to 32 letters, digits, '-' and '_'")
+
+
+class Bus:
+    """A place on a station's bus; makes ports. Belongs to the thread that joined."""
+
+    def __init__(self, station: str, name: str, root: str) -> None:
+        _check_name("station", station)
+        _check_name("role", name)
+        config = _config(root)
+        iox2.set_log_level(iox2.LogLevel.Error)
+        builder = iox2.NodeBuilder.new().config(config).name(iox2.NodeName.new(f"equipoise/{station}/{name}"))
+        builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+        self._station, self._root = station, root
+        try:
+            self._node: Optional[Any] = builder.create(iox2.ServiceType.Ipc)
+        except Exception as cause:
+            raise BusError(
+                f"cannot join the bus under {root}: {cause}; the directory must be writable and belong to this user; "
+                f"or set {table.ROOT_VARIABLE} to another one"
+            ) from cause
+
+    def close(self) -> None:
+        """Leaves the bus; its ports must be closed before."""
+        if self._node is not None:
+            del self._node
+            self._node = None
+
+    def subscriber(self, message: Type[ctypes.Structure], row: table.Service, depth: int) -> Any:
+        """A reader of a topic, with a buffer of `depth` messages."""
+        if not 1 <= depth <= row.depth_max:
+            name = self._full_name(row.suffix)
+            raise BusError(f"cannot buffer {depth} messages of {name}: choose 1 to {row.depth_max}")
+        factory = self._topic(message, row)
+        make = lambda: factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
+        return self._take(row.suffix, "subscriber", row.subscribers_max, make)
+
+    def publisher(self, message: Type[ctypes.Structure], row: table.Service) -> Any:
+        """A writer of a topic."""
+        factory = self._topic(message, row)
+        discard = iox2.BackpressureStrategy.DiscardData
+        make = lambda: factory.publisher_builder().max_loaned_samples(1).backpressure_strategy(discard).create()
+        return self._take(row.suffix, "publisher", row.publishers_max, make)
+
+    def listener(self) -> Any:
+        """Something that sleeps until results are published."""
+
+        def attempt(name: Any, attributes: Any) -> Any:
+            builder = self._node.service_builder(name).event()  # type: ignore[union-attr]
+            builder = builder.event_id_max_value(table.EVENT_NUMBER_MAX)
+            builder = builder.max_notifiers(table.NOTIFIERS_MAX).max_listeners(table.LISTENERS_MAX)
+            builder = builder.max_nodes(table.NODES_MAX).disable_deadline()
+            builder = builder.disable_notifier_created_event().disable_notifier_dropped_event()
+            builder = builder.notifier_dead_event(iox2.EventId.new(table.NOTIFIER_DIED))
+            return builder.open_or_create_with_attributes(attributes)
+
+        factory = self._open(table.EVENTS, table.EVENTS_SCHEMA, attempt)
+        make = lambda: factory.listener_builder().create()
+        return self._take(table.EVENTS, "listener", table.LISTENERS_MAX, make)
+
+    def _topic(self, message: Type[ctypes.Structure], row: table.Service) -> Any:
+        def attempt(name: Any, attributes: Any) -> Any:
+            builder = self._node.service_builder(name).publish_subscribe(message)  # type: ignore[union-attr]
+            builder = builder.enable_safe_overflow(True).history_size(row.history)
+            builder = builder.subscriber_max_buffer_size(row.depth_max)
+            builder = builder.subscriber_max_borrowed_samples(table.BORROWED_MAX)
+            builder = builder.max_publishers(row.publishers_max).max_subscribers(row.subscribers_max)
+            return builder.max_nodes(table.NODES_MAX).open_or_create_with_attributes(attributes)
+
+        return self._open(row.suffix, row.schema, attempt)
+
+    def _full_name(self, suffix: str) -> str:
+        return f"equipoise/{self._station}/{suffix}"
+
+    def _open(self, suffix: str, schema: str, attempt: Callable[[Any, Any], Any]) -> Any:
+        full_name = self._full_name(suffix)
+        name = iox2.ServiceName.new(full_name)
+        key, value = iox2.AttributeKey.new(table.SCHEMA_KEY), iox2.AttributeValue.new(schema)
+        attributes = iox2.AttributeVerifier.new().require(key, value)
+        for remaining in reversed(range(ATTEMPTS)):
+            try:
+                return attempt(name, attributes)
+            except Exception as cause:
+                text = f"{cause}"
+                if "IncompatibleTypes" in text or "IncompatibleAttributes" in text:
+                    raise BusError(
+                        f"cannot open {full_name}: it was made by another version of Equipoise (schema here "
+                        f"{schema}); run the same release in all processes of this station"
+                    ) from cause
+                in_flux = any(word in text for word in ("InFlux", "Destruction", "DoesNotExist", "AlreadyExists", "BeingCreated"))
+                if not in_flux or remaining == 0:
+                    raise BusError(
+                        f"cannot open {full_name}: {text}; stop all processes of this station and start the same "
+                        "release everywhere"
+                    ) from cause
+                time.sleep(PAUSE_S)
+        raise AssertionError("the last attempt returns or raises")
+
+    def _take(self, suffix: str, what: str, most: int, make: Callable[[], Any]) -> Any:
+        """A place may still belong to a dead process: then it is cleaned up, and tried once more."""
+        for remaining in (1, 0):
+            try:
+                return make()
+            except Exception as cause:
+                text = f"{cause}"
+                if "ExceedsMaxSupported" not in text:
+                    raise BusError(f"cannot make a port on {self._full_name(suffix)}: {text}") from cause
+                if remaining == 0:
+                    raise BusError(
+                        f"cannot join {self._full_name(suffix)}: all its {most} places for a {what} are taken; stop "
+                        "one that is not needed"
+                    ) from cause
+                self._node.try_cleanup_dead_nodes()  # type: ignore[union-attr]
+        raise AssertionError("the last attempt returns or raises")

@@ -1,0 +1,309 @@
+"""What lies in shared memory. Written from the tables of core and bus: do not edit.
+
+    EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module
+"""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+from typing import NamedTuple, Optional
+
+
+class Service(NamedTuple):
+    """One row of the table of services: every process must open it with the same settings."""
+
+    suffix: str
+    schema: str
+    publishers_max: int
+    subscribers_max: int
+    depth: int
+    depth_max: int
+    history: int
+    deadline_ns: Optional[int]
+
+
+JOINTS = 22
+SEGMENTS = 23
+SUB_BUCKETS = 16
+BUCKETS = 512
+NODES_MAX = 64
+BORROWED_MAX = 2
+LISTENERS_MAX = 24
+NOTIFIERS_MAX = 32
+EVENT_NUMBER_MAX = 63
+NOTIFIER_DIED = 8
+ROOT_BYTES_MAX = 46
+ROOT_VARIABLE = "EQUIPOISE_BUS_ROOT"
+DEFAULT_ROOT = "/tmp/iceoryx2"
+SCHEMA_KEY = "equipoise.schema"
+EVENTS = "events"
+EVENTS_SCHEMA = "events/1"
+STATE = Service(
+    suffix="state",
+    schema="0xeeb2d53abe2d8b69",
+    publishers_max=2,
+    subscribers_max=24,
+    depth=8,
+    depth_max=1024,
+    history=1,
+    deadline_ns=25000000,
+)
+PICK_UP = Service(
+    suffix="pickup",
+    schema="0x7dc5f2accc4e35a6",
+    publishers_max=17,
+    subscribers_max=2,
+    depth=16,
+    depth_max=32,
+    history=1,
+    deadline_ns=None,
+)
+
+
+class State(ctypes.Structure):
+    """Everything the station says, once per cycle; core/src/message/state.rs explains."""
+
+    cycle: int
+    time_ns: int
+    suit_sample_time_ns: int
+    suit_age_ns: int
+    ground_age_ns: int
+    group_delay_ns: int
+    valid: int
+    phase: int
+    static_pose: int
+    converged: int
+    poses_used: int
+    stance: int
+    suggested_pose: int
+    motion_samples_used: int
+    sharing_source: int
+    worst_joint: int
+    lifts: int
+    joint_level: ctypes.Array[ctypes.c_uint32]
+    cop_measured_m: ctypes.Array[ctypes.c_double]
+    cop_measured_sigma_m: ctypes.Array[ctypes.c_double]
+    cop_estimated_m: ctypes.Array[ctypes.c_double]
+    cop_sigma_m: ctypes.Array[ctypes.c_double]
+    com_m: ctypes.Array[ctypes.c_double]
+    ground_force_n: ctypes.Array[ctypes.c_double]
+    delta_f_n: ctypes.Array[ctypes.c_double]
+    delta_f_sigma_n: float
+    mass_kg: float
+    zeta: ctypes.Array[ctypes.c_double]
+    eta: ctypes.Array[ctypes.c_double]
+    load_distance_m: float
+    lifted_mass_kg: float
+    lifted_mass_sigma_kg: float
+    reach_m: float
+    variance_max_m2: float
+    predicted_cop_sigma_m: float
+    nis: float
+    prior_inflation: float
+    pose_mismatch_rad: float
+    suit_skew_s: float
+    suit_skew_sigma_s: float
+    l5s1_moment_nm: float
+    l5s1_moment_sigma_nm: float
+    l5s1_compression_n: float
+    l5s1_compression_sigma_n: float
+    dose_damage: float
+    dose_probability: float
+    advice_direction: ctypes.Array[ctypes.c_double]
+    advice_gain_nm_per_cm: float
+    segment_origin_m: ctypes.Array[ctypes.c_double]
+    torque_nm: ctypes.Array[ctypes.c_double]
+    torque_sigma_nm: ctypes.Array[ctypes.c_double]
+    torque_limit_nm: ctypes.Array[ctypes.c_double]
+    fatigue: ctypes.Array[ctypes.c_double]
+    published_ns: int
+    reserved_tail: ctypes.Array[ctypes.c_uint64]
+
+    _fields_ = [
+        ("cycle", ctypes.c_uint64),
+        ("time_ns", ctypes.c_uint64),
+        ("suit_sample_time_ns", ctypes.c_uint64),
+        ("suit_age_ns", ctypes.c_uint64),
+        ("ground_age_ns", ctypes.c_uint64),
+        ("group_delay_ns", ctypes.c_uint64),
+        ("valid", ctypes.c_uint64),
+        ("phase", ctypes.c_uint32),
+        ("static_pose", ctypes.c_uint32),
+        ("converged", ctypes.c_uint32),
+        ("poses_used", ctypes.c_uint32),
+        ("stance", ctypes.c_uint32),
+        ("suggested_pose", ctypes.c_uint32),
+        ("motion_samples_used", ctypes.c_uint32),
+        ("sharing_source", ctypes.c_uint32),
+        ("worst_joint", ctypes.c_uint32),
+        ("lifts", ctypes.c_uint32),
+        ("joint_level", ctypes.c_uint32 * 22),
+        ("cop_measured_m", ctypes.c_double * 2),
+        ("cop_measured_sigma_m", ctypes.c_double * 2),
+        ("cop_estimated_m", ctypes.c_double * 2),
+        ("cop_sigma_m", ctypes.c_double * 2),
+        ("com_m", ctypes.c_double * 3),
+        ("ground_force_n", ctypes.c_double * 3),
+        ("delta_f_n", ctypes.c_double * 3),
+        ("delta_f_sigma_n", ctypes.c_double),
+        ("mass_kg", ctypes.c_double),
+        ("zeta", ctypes.c_double * 2),
+        ("eta", ctypes.c_double * 2),
+        ("load_distance_m", ctypes.c_double),
+        ("lifted_mass_kg", ctypes.c_double),
+        ("lifted_mass_sigma_kg", ctypes.c_double),
+        ("reach_m", ctypes.c_double),
+        ("variance_max_m2", ctypes.c_double),
+        ("predicted_cop_sigma_m", ctypes.c_double),
+        ("nis", ctypes.c_double),
+        ("prior_inflation", ctypes.c_double),
+        ("pose_mismatch_rad", ctypes.c_double),
+        ("suit_skew_s", ctypes.c_double),
+        ("suit_skew_sigma_s", ctypes.c_double),
+        ("l5s1_moment_nm", ctypes.c_double),
+        ("l5s1_moment_sigma_nm", ctypes.c_double),
+        ("l5s1_compression_n", ctypes.c_double),
+        ("l5s1_compression_sigma_n", ctypes.c_double),
+        ("dose_damage", ctypes.c_double),
+        ("dose_probability", ctypes.c_double),
+        ("advice_direction", ctypes.c_double * 3),
+        ("advice_gain_nm_per_cm", ctypes.c_double),
+        ("segment_origin_m", ctypes.c_double * 69),
+        ("torque_nm", ctypes.c_double * 66),
+        ("torque_sigma_nm", ctypes.c_double * 22),
+        ("torque_limit_nm", ctypes.c_double * 22),
+        ("fatigue", ctypes.c_double * 22),
+        ("published_ns", ctypes.c_uint64),
+        ("reserved_tail", ctypes.c_uint64 * 3),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """The name that iceoryx2 compares."""
+        return "equipoise/State/3"
+
+
+assert ctypes.sizeof(State) == 2176
+
+
+class PickUp(ctypes.Structure):
+    """How late one consumer picks states up; core/src/message/pick_up.rs explains."""
+
+    time_ns: int
+    since_ns: int
+    consumer: ctypes.Array[ctypes.c_uint8]
+    process_id: int
+    reserved: int
+    states: int
+    states_missed: int
+    max_ns: ctypes.Array[ctypes.c_uint64]
+    reserved_head: ctypes.Array[ctypes.c_uint64]
+    published_to_consumer: ctypes.Array[ctypes.c_uint64]
+    due_to_consumer: ctypes.Array[ctypes.c_uint64]
+    suit_to_consumer: ctypes.Array[ctypes.c_uint64]
+
+    _fields_ = [
+        ("time_ns", ctypes.c_uint64),
+        ("since_ns", ctypes.c_uint64),
+        ("consumer", ctypes.c_uint8 * 32),
+        ("process_id", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("states", ctypes.c_uint64),
+        ("states_missed", ctypes.c_uint64),
+        ("max_ns", ctypes.c_uint64 * 3),
+        ("reserved_head", ctypes.c_uint64 * 4),
+        ("published_to_consumer", ctypes.c_uint64 * 512),
+        ("due_to_consumer", ctypes.c_uint64 * 512),
+        ("suit_to_consumer", ctypes.c_uint64 * 512),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """The name that iceoryx2 compares."""
+        return "equipoise/PickUp/1"
+
+
+assert ctypes.sizeof(PickUp) == 12416
+
+
+class Reason(enum.IntFlag):
+    """Why values of a state must not be used: bits of `State.valid`."""
+
+    SUIT_STALE = 1
+    GROUND_STALE = 2
+    NOT_IDENTIFIED = 4
+    MOVING = 8
+    FEET_OFF_PLATE = 16
+    BELOW_LOAD_THRESHOLD = 32
+    MODEL_CHANGED = 64
+    CLOCK_UNSYNCHRONISED = 128
+    LOAD_NOT_AT_HANDS = 256
+    MASS_UNKNOWN = 512
+    BODY_UNKNOWN = 1024
+    PLATE_FAULT = 2048
+
+
+SPOILS_GROUND_FORCE = Reason(2050)
+SPOILS_COP_MEASURED = Reason(2066)
+SPOILS_COM = Reason(1025)
+SPOILS_COP_ESTIMATED = Reason(1033)
+SPOILS_DELTA_F = Reason(2586)
+SPOILS_RESIDUAL = Reason(3807)
+SPOILS_LIFTED_MASS = Reason(2618)
+SPOILS_BACK = Reason(4063)
+SPOILS_TORQUES = Reason(4095)
+
+
+class Phase(enum.IntEnum):
+    """What the pipeline is doing: `State.phase`."""
+
+    WAITING = 0
+    IDENTIFYING = 1
+    MONITORING = 2
+    DEGRADED = 3
+
+
+class Level(enum.IntEnum):
+    """How close a torque is to its limit: `State.joint_level`."""
+
+    NONE = 0
+    GREEN = 1
+    ORANGE = 2
+    RED = 3
+    ABOVE_MAX = 4
+    UNDECIDED = 5
+
+
+class Sharing(enum.IntEnum):
+    """How the feet's shares are known: `State.sharing_source`."""
+
+    GEOMETRY = 0
+    MEASURED = 1
+
+
+class Joint(enum.IntEnum):
+    """Indices of a state's arrays per joint."""
+
+    L5S1 = 0
+    L4L3 = 1
+    L1T12 = 2
+    T9T8 = 3
+    T1C7 = 4
+    C1_HEAD = 5
+    RIGHT_T4_SHOULDER = 6
+    RIGHT_SHOULDER = 7
+    RIGHT_ELBOW = 8
+    RIGHT_WRIST = 9
+    LEFT_T4_SHOULDER = 10
+    LEFT_SHOULDER = 11
+    LEFT_ELBOW = 12
+    LEFT_WRIST = 13
+    RIGHT_HIP = 14
+    RIGHT_KNEE = 15
+    RIGHT_ANKLE = 16
+    RIGHT_BALL_FOOT = 17
+    LEFT_HIP = 18
+    LEFT_KNEE = 19
+    LEFT_ANKLE = 20
+    LEFT_BALL_FOOT = 21

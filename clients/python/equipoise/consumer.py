@@ -1,0 +1,254 @@
+"""Taking part in a station as one who reads its states; clients/rust/src/consumer.rs does the same."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from types import TracebackType
+from typing import Any, Iterator, NamedTuple, Optional, Tuple, Type, Union
+
+import iceoryx2 as iox2
+
+from . import _messages as table
+from ._bus import Bus, BusError, root_of_environment
+from ._messages import PickUp, State
+from ._pick_up import Reporting
+from .reading import NoReading, Reading, Why
+
+# After so long a silence everything is opened anew: the bus's directory may have been removed and made again.
+REJOIN_AFTER_NS = 2_000_000_000
+# The longest that is slept at once: a report may be due meanwhile.
+SLEEP_MAX_NS = 200_000_000
+PAUSE_S = 0.02
+UNKNOWN_AGE = 2**64 - 1
+STATE_BYTES = ctypes.sizeof(State)
+
+
+class _Ports:
+    def __init__(self, station: str, name: str, root: str, depth: int) -> None:
+        self.bus = Bus(station, name, root)
+        self.events = self.bus.listener()
+        self.states = self.bus.subscriber(State, table.STATE, depth)
+
+    def close(self) -> None:
+        """Ports first, then the bus that they hang on: else the place would look like one of a dead process."""
+        self.states.delete()
+        self.events.delete()
+        self.bus.close()
+
+
+class _Last(NamedTuple):
+    cycle: int
+    time_ns: int
+    writer: int
+
+
+class Consumer:
+    """Reads a station's states. Belongs to the thread that joined; `subscribe` makes one."""
+
+    def __init__(
+        self, station: str, name: str, root: str, depth: int, stale_after_ns: int, timeout_s: float, report: bool
+    ) -> None:
+        self._where = (station, name, root, depth)
+        self._stale_after_ns, self._timeout_s = stale_after_ns, timeout_s
+        self._ports: Optional[_Ports] = _Ports(*self._where)
+        self._reporting = Reporting(name, report)
+        self._reporting.open(self._ports.bus)
+        self._joined_ns = time.monotonic_ns()
+        self._order: Optional[_Last] = None
+        self._suit_sample_time_ns = 0
+        self._last: Optional[Reading] = None
+        self._missed = self._withheld = 0
+        self._restarted = False
+
+    def next(self, timeout_s: float) -> Union[Reading, NoReading]:
+        """The next state not yet handed out, oldest first; sleeps until one comes or the time has passed."""
+        end_ns = time.monotonic_ns() + int(1e9 * timeout_s)
+        passed_over: Optional[NoReading] = None
+        try:
+            while True:
+                received = self._receive()
+                while received is not None:
+                    outcome = self._pick_up(*received)
+                    if isinstance(outcome, Reading):
+                        return outcome
+                    passed_over = outcome or passed_over
+                    received = self._receive()
+                left_ns = end_ns - time.monotonic_ns()
+                if left_ns <= 0:
+                    return passed_over or self._silent()
+                self._keep_up()
+                self._sleep(min(left_ns, SLEEP_MAX_NS))
+        except BusError as error:
+            return self._lose_ports(error)
+
+    def latest(self) -> Union[Reading, NoReading]:
+        """The newest state there is, without sleeping. It may have been handed out before (`is_new`)."""
+        try:
+            self._keep_up()
+            newest, received = None, self._receive()
+            # At most one buffer's worth, so that a fast publisher cannot keep us here.
+            for _ in range(self._where[3]):
+                if received is None:
+                    break
+                newest, received = received, self._receive()
+            outcome = self._pick_up(*(received or newest)) if newest else None
+        except BusError as error:
+            return self._lose_ports(error)
+        if outcome is not None:
+            return outcome
+        if self._last is not None:
+            again = self._aged(self._last._replace(is_new=False), time.monotonic_ns())
+            if again.age_ns <= self._stale_after_ns:
+                return again
+        return self._silent()
+
+    def __iter__(self) -> Iterator[Union[Reading, NoReading]]:
+        """One after the other, for ever, each as `next` gives it."""
+        while True:
+            yield self.next(self._timeout_s)
+
+    @property
+    def pick_up_report(self) -> PickUp:
+        """How late states came so far."""
+        return self._reporting.report
+
+    @property
+    def report_refusal(self) -> Optional[BusError]:
+        """Why the report is not published, if it should be: all places may be taken. Reading does not suffer."""
+        return self._reporting.refusal
+
+    def close(self) -> None:
+        """Leaves the station, with a last report so that the counts are whole."""
+        self._reporting.publish()
+        self._leave()
+
+    def __enter__(self) -> Consumer:
+        return self
+
+    def __exit__(
+        self, kind: Optional[Type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]
+    ) -> None:
+        self.close()
+
+    def _receive(self) -> Optional[Tuple[State, int]]:
+        if self._ports is None:
+            return None
+        try:
+            sample = self._ports.states.receive()
+            if sample is None:
+                return None
+            state = State()
+            ctypes.memmove(ctypes.addressof(state), sample.payload_ptr, STATE_BYTES)
+            writer = sample.header.publisher_id.value
+            sample.delete()
+            return state, writer
+        except Exception as cause:
+            raise BusError(f"cannot receive states: {cause}; it is joined anew") from cause
+
+    def _pick_up(self, state: State, writer: int) -> Union[Reading, NoReading, None]:
+        """Stamps and counts a state; None if it is no news."""
+        now_ns = time.monotonic_ns()
+        cycle, time_ns, last = state.cycle, state.time_ns, self._order
+        missed, restarted = 0, False
+        if last is not None:
+            if time_ns <= last.time_ns:
+                return None
+            restarted = writer != last.writer or cycle <= last.cycle
+            missed = max(cycle - 1, 0) if restarted else cycle - last.cycle - 1
+        self._order = _Last(cycle, time_ns, writer)
+        self._reporting.enter(now_ns, state, missed, self._new_suit_sample(state))
+        self._missed = missed if restarted else self._missed + self._withheld + missed
+        self._restarted = self._restarted or restarted
+        self._withheld = 0
+        reading = self._aged(Reading(state, now_ns, 0, None, self._missed, self._restarted, True), now_ns)
+        if time_ns > now_ns or reading.age_ns > self._stale_after_ns:
+            self._withheld = 1
+            return self._refuse(reading, now_ns)
+        self._last, self._missed, self._restarted = reading, 0, False
+        return reading
+
+    def _new_suit_sample(self, state: State) -> int:
+        # An age of 0 is a sample from ahead of the cycle, whose own time a state does not tell.
+        if state.suit_age_ns in (0, UNKNOWN_AGE) or state.time_ns - state.suit_age_ns <= self._suit_sample_time_ns:
+            return 0
+        self._suit_sample_time_ns = state.time_ns - state.suit_age_ns
+        return self._suit_sample_time_ns
+
+    def _refuse(self, reading: Reading, now_ns: int) -> NoReading:
+        if reading.state.time_ns > now_ns:
+            ahead_ms = (reading.state.time_ns - now_ns) // 1_000_000
+            text = f"the daemon's clock is {ahead_ms} ms ahead of this one's; run both in one time namespace"
+            return NoReading(Why.OTHER_CLOCK, text)
+        text = (
+            f"stale: the newest state is {reading.age_ns // 1_000_000} ms old, and may be "
+            f"{self._stale_after_ns // 1_000_000} ms; is this consumer or the daemon starved of CPU?"
+        )
+        return NoReading(Why.STALE, text)
+
+    @staticmethod
+    def _aged(reading: Reading, now_ns: int) -> Reading:
+        moment_ns = reading.state.suit_sample_time_ns
+        moment_age_ns = max(now_ns - moment_ns, 0) if moment_ns else None
+        return reading._replace(age_ns=max(now_ns - reading.state.time_ns, 0), moment_age_ns=moment_age_ns)
+
+    def _silent_since_ns(self) -> int:
+        return self._last.picked_up_ns if self._last is not None else self._joined_ns
+
+    def _silent(self) -> NoReading:
+        silent_ms = (time.monotonic_ns() - self._silent_since_ns()) // 1_000_000
+        return NoReading(Why.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
+
+    def _keep_up(self) -> None:
+        """Between two states: publishes the report if it is due, and joins anew after a long silence."""
+        now_ns = time.monotonic_ns()
+        if self._ports is not None:
+            self._reporting.keep_up(self._ports.bus, now_ns)
+        if now_ns - max(self._silent_since_ns(), self._joined_ns) >= REJOIN_AFTER_NS:
+            # The places held now must be free first: they may be the last.
+            self._leave()
+            self._joined_ns = time.monotonic_ns()
+            self._ports = _Ports(*self._where)
+            self._reporting.open(self._ports.bus)
+
+    def _sleep(self, longest_ns: int) -> None:
+        if self._ports is None:
+            time.sleep(min(PAUSE_S, longest_ns / 1e9))
+            return
+        try:
+            self._ports.events.timed_wait(iox2.Duration.from_nanos(longest_ns))
+        except Exception as cause:
+            if "Interrupt" in f"{cause}":
+                return  # A signal: Python's own handlers run now.
+            raise BusError(f"cannot wait for states: {cause}; it is joined anew") from cause
+
+    def _leave(self) -> None:
+        self._reporting.close()
+        if self._ports is not None:
+            self._ports.close()
+            self._ports = None
+
+    def _lose_ports(self, error: BusError) -> NoReading:
+        """What is broken is given up, and joined anew like what is silent."""
+        self._leave()
+        return NoReading(Why.BUS, f"{error}")
+
+
+def subscribe(
+    station: str,
+    *,
+    name: str,
+    root: Optional[str] = None,
+    depth: int = table.STATE.depth,
+    stale_after_s: float = (table.STATE.deadline_ns or 0) / 1e9,
+    timeout_s: float = 0.025,
+    report: bool = True,
+) -> Consumer:
+    """Joins a station as `name` (1 to 32 letters, digits, '-', '_'). The daemon need not run yet.
+
+    A state is handed out only while it is younger than `stale_after_s`, counted from when its cycle was due. Iterating
+    gives a `NoReading` after `timeout_s` without a state. `depth` states wait while the program is busy; 1 for who only
+    wants the newest. With `report` it publishes how late states came, once a second.
+    """
+    stale_after_ns = int(1e9 * stale_after_s)
+    return Consumer(station, name, root or root_of_environment(), depth, stale_after_ns, timeout_s, report)

@@ -1,0 +1,78 @@
+"""What a consumer is handed: a state that is current, or the reason why there is none."""
+
+from __future__ import annotations
+
+import enum
+from typing import List, NamedTuple, Optional, Tuple
+
+from ._messages import SPOILS_TORQUES, Joint, Reason, State
+
+
+class Reading(NamedTuple):
+    """A state that is current, with what a controller must know about it. Is true."""
+
+    state: State
+    """The state. Look at `reasons` before using a value of it."""
+    picked_up_ns: int
+    """When it was picked up, CLOCK_MONOTONIC."""
+    age_ns: int
+    """How long ago its cycle was due, when it was handed out."""
+    moment_age_ns: Optional[int]
+    """How old the moment is that torques, forces and centres are about; None before the first."""
+    missed: int
+    """States since the last new one that were not handed out: overwritten before they were read, or too old."""
+    restarted: bool
+    """The daemon was started anew between the last new state and this one."""
+    is_new: bool
+    """Whether it was not handed out before; only `Consumer.latest` hands one out again."""
+
+    def __bool__(self) -> bool:
+        return True
+
+    @property
+    def reasons(self) -> Reason:
+        """Why values of the state must not be used."""
+        return Reason(self.state.valid)
+
+    @property
+    def reason_names(self) -> List[str]:
+        """The public names of `reasons`, lowest bit first."""
+        return [(reason.name or "").lower() for reason in Reason if self.state.valid & reason]
+
+    def spoilt_by(self, spoilers: Reason) -> bool:
+        """Whether a reason of `spoilers` is raised: then the value that they spoil is 0 and means nothing."""
+        return bool(self.state.valid & spoilers)
+
+    def torque_nm(self, joint: Joint) -> Optional[Tuple[float, float, float]]:
+        """The overload torque of a joint, world axes, N m; None while it must not be used."""
+        if self.spoilt_by(SPOILS_TORQUES):
+            return None
+        x, y, z = self.state.torque_nm[3 * joint : 3 * joint + 3]
+        return (x, y, z)
+
+
+class Why(enum.Enum):
+    """Why there is no current state."""
+
+    SILENT = "silent"
+    """No new state came: the daemon is not running, or hangs."""
+    STALE = "stale"
+    """States came, but all too late."""
+    OTHER_CLOCK = "other_clock"
+    """The daemon's CLOCK_MONOTONIC is another one."""
+    BUS = "bus"
+    """The bus cannot be read; the consumer joins anew by itself."""
+
+
+class NoReading(NamedTuple):
+    """Why there is no current state. Is false, and has no state."""
+
+    why: Why
+    text: str
+    """A sentence for people."""
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __str__(self) -> str:
+        return self.text

@@ -1,0 +1,204 @@
+//! `clients/python/equipoise/_messages.py` is written from the tables of core and bus, never by hand:
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module` writes it, and without that the test looks
+//! whether the file is what would be written.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "common/names.rs"]
+mod names;
+
+use equipoise_bus::event::{EVENT_NUMBER_MAX, EVENTS_SCHEMA};
+use equipoise_bus::root::{DEFAULT_ROOT, ROOT_BYTES_MAX, ROOT_VARIABLE};
+use equipoise_bus::service::{BORROWED_MAX, LISTENERS_MAX, NODES_MAX, NOTIFIERS_MAX, SCHEMA_KEY};
+use equipoise_bus::{Channel, Event, Topic};
+use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
+use equipoise_core::message::layout::{Field, Primitive};
+use equipoise_core::message::pick_up::{BUCKETS, SUB_BUCKETS};
+use equipoise_core::message::state::{Phase, SharingSource};
+use equipoise_core::message::{Message, PickUp, State, Validity};
+use equipoise_core::overload::Level;
+use names::constant_case;
+use std::fmt::Write as _;
+
+const HEAD: &str = r#""""What lies in shared memory. Written from the tables of core and bus: do not edit.
+
+    EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module
+"""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+from typing import NamedTuple, Optional
+
+
+class Service(NamedTuple):
+    """One row of the table of services: every process must open it with the same settings."""
+
+    suffix: str
+    schema: str
+    publishers_max: int
+    subscribers_max: int
+    depth: int
+    depth_max: int
+    history: int
+    deadline_ns: Optional[int]
+
+
+"#;
+
+/// ctypes' word for a number, and Python's.
+fn words(primitive: Primitive) -> (&'static str, &'static str) {
+    match primitive {
+        Primitive::U8 => ("ctypes.c_uint8", "int"),
+        Primitive::U32 => ("ctypes.c_uint32", "int"),
+        Primitive::U64 => ("ctypes.c_uint64", "int"),
+        Primitive::F64 => ("ctypes.c_double", "float"),
+    }
+}
+
+fn structure<M: Message>(out: &mut String, name: &str, doc: &str) {
+    let type_name = M::TYPE_NAME;
+    writeln!(out, "class {name}(ctypes.Structure):\n    \"\"\"{doc}\"\"\"\n").unwrap();
+    for Field { name, primitive, count, .. } in M::FIELDS {
+        let (number, word) = words(*primitive);
+        match count {
+            1 => writeln!(out, "    {name}: {word}").unwrap(),
+            _ => writeln!(out, "    {name}: ctypes.Array[{number}]").unwrap(),
+        }
+    }
+    writeln!(out, "\n    _fields_ = [").unwrap();
+    for Field { name, primitive, count, .. } in M::FIELDS {
+        let number = words(*primitive).0;
+        match count {
+            1 => writeln!(out, "        (\"{name}\", {number}),").unwrap(),
+            _ => writeln!(out, "        (\"{name}\", {number} * {count}),").unwrap(),
+        }
+    }
+    writeln!(out, "    ]\n\n    @staticmethod\n    def type_name() -> str:").unwrap();
+    writeln!(out, "        \"\"\"The name that iceoryx2 compares.\"\"\"\n        return \"{type_name}\"\n\n")
+        .unwrap();
+    writeln!(out, "assert ctypes.sizeof({name}) == {}\n\n", size_of::<M>()).unwrap();
+}
+
+fn service<M: Topic>(out: &mut String, name: &str) {
+    let row = M::SERVICE;
+    let deadline = row.deadline.map_or("None".to_owned(), |deadline| deadline.as_nanos().to_string());
+    writeln!(
+        out,
+        "{name} = Service(\n    suffix=\"{}\",\n    schema=\"0x{:016x}\",\n    publishers_max={},\n    \
+         subscribers_max={},\n    depth={},\n    depth_max={},\n    history={},\n    deadline_ns={deadline},\n)",
+        row.suffix,
+        M::SCHEMA_HASH,
+        row.publishers_max(),
+        row.subscribers_max,
+        row.depth,
+        row.depth_max,
+        row.history,
+    )
+    .unwrap();
+}
+
+fn enumeration(out: &mut String, name: &str, doc: &str, members: impl IntoIterator<Item = (String, u64)>) {
+    writeln!(out, "class {name}:\n    \"\"\"{doc}\"\"\"\n").unwrap();
+    for (member, value) in members {
+        writeln!(out, "    {member} = {value}").unwrap();
+    }
+    out.push_str("\n\n");
+}
+
+fn numbered(name_of: impl Fn(u32) -> Option<&'static str>) -> Vec<(String, u64)> {
+    let named = (0..).map_while(|number| name_of(number).map(|name| (number, constant_case(name))));
+    named.map(|(number, name)| (name, u64::from(number))).collect()
+}
+
+fn enumerations(out: &mut String) {
+    let reasons = Validity::NAMES.iter().map(|(reason, name)| (constant_case(name), reason.0));
+    enumeration(
+        out,
+        "Reason(enum.IntFlag)",
+        "Why values of a state must not be used: bits of `State.valid`.",
+        reasons,
+    );
+    for (set, name) in Validity::SPOILERS {
+        writeln!(out, "SPOILS_{} = Reason({})", constant_case(name), set.0).unwrap();
+    }
+    out.push_str("\n\n");
+    let phases = numbered(|number| Phase::from_number(number).map(Phase::name));
+    enumeration(out, "Phase(enum.IntEnum)", "What the pipeline is doing: `State.phase`.", phases);
+    let levels = numbered(|number| Level::from_number(number).map(Level::name));
+    enumeration(
+        out,
+        "Level(enum.IntEnum)",
+        "How close a torque is to its limit: `State.joint_level`.",
+        levels,
+    );
+    let sources = numbered(|number| SharingSource::from_number(number).map(SharingSource::name));
+    enumeration(
+        out,
+        "Sharing(enum.IntEnum)",
+        "How the feet's shares are known: `State.sharing_source`.",
+        sources,
+    );
+    let joints = Joint::ALL.into_iter().map(|joint| (constant_case(joint.name()), joint.index() as u64));
+    enumeration(out, "Joint(enum.IntEnum)", "Indices of a state's arrays per joint.", joints);
+}
+
+fn module() -> String {
+    let mut out = HEAD.to_owned();
+    for (name, value) in [
+        ("JOINTS", JOINTS),
+        ("SEGMENTS", SEGMENTS),
+        ("SUB_BUCKETS", SUB_BUCKETS as usize),
+        ("BUCKETS", BUCKETS),
+        ("NODES_MAX", NODES_MAX),
+        ("BORROWED_MAX", BORROWED_MAX),
+        ("LISTENERS_MAX", LISTENERS_MAX),
+        ("NOTIFIERS_MAX", NOTIFIERS_MAX),
+        ("EVENT_NUMBER_MAX", EVENT_NUMBER_MAX),
+        ("NOTIFIER_DIED", Event::NotifierDied as usize),
+        ("ROOT_BYTES_MAX", ROOT_BYTES_MAX),
+    ] {
+        writeln!(out, "{name} = {value}").unwrap();
+    }
+    for (name, value) in [
+        ("ROOT_VARIABLE", ROOT_VARIABLE),
+        ("DEFAULT_ROOT", DEFAULT_ROOT),
+        ("SCHEMA_KEY", SCHEMA_KEY),
+        ("EVENTS", Channel::Results.suffix()),
+        ("EVENTS_SCHEMA", EVENTS_SCHEMA),
+    ] {
+        writeln!(out, "{name} = \"{value}\"").unwrap();
+    }
+    service::<State>(&mut out, "STATE");
+    service::<PickUp>(&mut out, "PICK_UP");
+    out.push_str("\n\n");
+    structure::<State>(
+        &mut out,
+        "State",
+        "Everything the station says, once per cycle; core/src/message/state.rs explains.",
+    );
+    structure::<PickUp>(
+        &mut out,
+        "PickUp",
+        "How late one consumer picks states up; core/src/message/pick_up.rs explains.",
+    );
+    enumerations(&mut out);
+    out.trim_end().to_owned() + "\n"
+}
+
+#[test]
+fn the_python_module_is_what_the_tables_say() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../python/equipoise/_messages.py");
+    let (written, module) = (std::fs::read_to_string(path).unwrap_or_default(), module());
+    if std::env::var_os("EQUIPOISE_WRITE").is_some() {
+        std::fs::write(path, module).unwrap();
+        return;
+    }
+    let differs = written.lines().zip(module.lines()).position(|(is, should)| is != should);
+    assert!(
+        written == module,
+        "clients/python/equipoise/_messages.py differs from the tables from line {} on: write it anew, see the head \
+         of this test",
+        differs.map_or(written.lines().count().min(module.lines().count()), |line| line) + 1
+    );
+}
