@@ -128,6 +128,16 @@ mod tests {
     }
 
     #[test]
+    fn the_document_has_the_same_words() {
+        let document = include_str!("../../docs/operation.md");
+        for kind in Incident::ALL {
+            let Words { meaning, to_do } = words(*kind);
+            let row = format!("| `{}` | {meaning} | {to_do} |", kind.name());
+            assert!(document.lines().any(|line| line == row), "docs/operation.md lacks this row:\n{row}");
+        }
+    }
+
+    #[test]
     fn the_line_names_what_goes_on_and_for_how_long() {
         let mut incidents = Incidents::zeroed();
         incidents.begun[Incident::NotSaved as usize] = 3;

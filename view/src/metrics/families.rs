@@ -280,10 +280,15 @@ mod tests {
         health.refused[0] = 2;
         known.streams[0].health = Some(health);
         let mut state = State { time_ns: known.now_ns, suit_age_ns: 5_000_000, ..State::zeroed() };
-        (state.ground_age_ns, state.phase) = (u64::MAX, 2);
+        (state.ground_age_ns, state.phase, state.predicted_cop_sigma_m) = (u64::MAX, 2, 0.004);
         known.state = Some(state);
         known.joint_cycles[0][3] = 6;
         let text = open_metrics(&known).unwrap();
+        let document = include_str!("../../../docs/operation.md");
+        let plain = super::super::plain::of_open_metrics(&text);
+        for name in plain.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').next()) {
+            assert!(document.contains(&format!("`{name}`")), "docs/operation.md lacks {name}");
+        }
         for line in [
             "equipoise_cycles_total{station=\"bench\"} 77",
             "equipoise_cycle_period_seconds{station=\"bench\"} 0.001",
