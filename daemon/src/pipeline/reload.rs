@@ -58,6 +58,7 @@ impl Pipeline {
         }
         self.in_force.replace(Forced { config, settings, similar: before.similar });
         // It was not full, and this thread and the command server's rare forgetting are the only ones to fill it.
+        while self.rings.settings_back.pop().is_some() {}
         let _ = self.rings.settings.force_push((reload, Box::new(settings)));
         if hlog_changed {
             let _ = self.rings.hlog.force_push(hlog);
