@@ -152,9 +152,14 @@ impl Seen {
     }
 }
 
-/// Poses are held, then a box is lifted; subscribers come and go, checkpoints are asked for, until all of the loop's
-/// work was seen and it has been armed long enough.
-fn keep_busy(station: &str, person: &SimulationHandle, armed: &AtomicU64) -> Seen {
+/// Poses are held, then a box is lifted; subscribers come and go, checkpoints are asked for, the configuration is read
+/// again, until all of the loop's work was seen and it has been armed long enough.
+fn keep_busy(
+    station: &str,
+    person: &SimulationHandle,
+    armed: &AtomicU64,
+    mut reload: impl FnMut(usize),
+) -> Seen {
     let bus = Bus::join(&BusSettings::new(station, "test")).expect("the bus");
     let mut living = bus.subscriber::<State>(64).expect("a subscriber");
     let client = bus.command_client().expect("a client");
@@ -178,6 +183,9 @@ fn keep_busy(station: &str, person: &SimulationHandle, armed: &AtomicU64) -> See
             let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
             client.ask(&command, Duration::from_secs(5)).expect("an answer");
         }
+        if round % 200 == 100 {
+            reload(round);
+        }
         round += 1;
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -199,7 +207,12 @@ fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
         Arm { seen: Arc::clone(&seen), touched: Arc::clone(&touched), disarm: Arc::clone(&disarm) };
     let config = config(&station, suit, person.plate_address());
     let pipeline = Pipeline::start_observed(&config, Box::new(observer)).expect("a pipeline");
-    let worked = keep_busy(&station, &person, &seen);
+    let worked = keep_busy(&station, &person, &seen, |round| {
+        let mut other = config.clone();
+        other.overload.threshold_n = if round % 400 == 100 { 16.0 } else { 15.0 };
+        // The model's terms begin anew with it too.
+        pipeline.reload(Ok(other)).expect("a good configuration");
+    });
     disarm.store(true, Ordering::Relaxed);
     // The flag is looked at once a cycle.
     std::thread::sleep(Duration::from_millis(50));

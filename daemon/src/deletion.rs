@@ -45,7 +45,7 @@ impl Deletion {
     ///
     /// # Errors
     /// A daemon runs and does not do it; nothing was deleted then.
-    pub fn from_daemons(&mut self, ask: impl Fn(&str) -> anyhow::Result<String>) -> anyhow::Result<()> {
+    pub fn ask_daemons(&mut self, ask: impl Fn(&str) -> anyhow::Result<String>) -> anyhow::Result<()> {
         for facts in status::all() {
             match ask(&facts.station) {
                 Ok(told) => {
@@ -70,7 +70,7 @@ impl Deletion {
     ///
     /// # Errors
     /// A file cannot be removed or changed; those before it are.
-    pub fn from_state(&mut self, id: &str) -> anyhow::Result<()> {
+    pub fn clear_state(&mut self, id: &str) -> anyhow::Result<()> {
         let own = format!("{id}.toml");
         let is_own = |path: &Path| {
             path.file_name().is_some_and(|name| {
@@ -84,12 +84,12 @@ impl Deletion {
         }
         sync(&profile::folder());
         for path in files_in(&station_file::folder()) {
-            self.from_station(id, path)?;
+            self.clear_station(id, path)?;
         }
         Ok(())
     }
 
-    fn from_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
+    fn clear_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if let Some(station) = name.strip_suffix(".toml.new") {
             // What a kill left of a write; a daemon that runs has it under way.
@@ -126,7 +126,7 @@ impl Deletion {
     ///
     /// # Errors
     /// The folder cannot be read, or a recording cannot be removed.
-    pub fn from_recordings(&mut self, id: &str, folder: &Path, delete: bool) -> anyhow::Result<()> {
+    pub fn look_into_recordings(&mut self, id: &str, folder: &Path, delete: bool) -> anyhow::Result<()> {
         if !folder.is_dir() {
             bail!("--recordings {}: there is no such folder", folder.display());
         }

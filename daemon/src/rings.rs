@@ -25,6 +25,8 @@ const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
 /// One that the disk is busy with, one of the worker before, one of the worker now, one to spare.
 const KEPT: usize = 4;
+/// Whoever hands over settings empties it first: the loop never finds it full, and so never frees settings itself.
+const SETTINGS_BACK: usize = 4;
 
 /// A sample, and when ingress took it off the bus: the stamp is for the cycle record and no part of the input, so that
 /// a replay, which has no ingress, comes to the same.
@@ -107,7 +109,7 @@ impl Rings {
             worker: ArrayQueue::new(1),
             worker_back: ArrayQueue::new(WORKERS_BACK),
             settings: ArrayQueue::new(1),
-            settings_back: ArrayQueue::new(1),
+            settings_back: ArrayQueue::new(SETTINGS_BACK),
             keep_blank,
             kept: ArrayQueue::new(KEPT),
             blank,

@@ -38,7 +38,7 @@ pub struct Registration {
     pub suit_period_ns: u64,
 }
 
-/// What is kept, copied after one cycle. About 78 kB.
+/// What is kept, copied after one cycle. At most 78 kB.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Kept {

@@ -107,10 +107,10 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     }
     let mut deletion = Deletion::default();
     // Daemons first: what none of them writes any more stays deleted.
-    deletion.from_daemons(|station| client::ask(station, CommandKind::SubjectForget, id))?;
-    deletion.from_state(id)?;
+    deletion.ask_daemons(|station| client::ask(station, CommandKind::SubjectForget, id))?;
+    deletion.clear_state(id)?;
     if let Some(folder) = recordings {
-        deletion.from_recordings(id, folder, with_recordings)?;
+        deletion.look_into_recordings(id, folder, with_recordings)?;
     }
     for told in &deletion.daemons {
         println!("{told}");

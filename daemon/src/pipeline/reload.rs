@@ -56,6 +56,7 @@ impl Pipeline {
         }
         self.in_force.replace(Forced { config, settings, similar: before.similar });
         // It was not full, and this thread and the command server's rare forgetting are the only ones to fill it.
+        while self.rings.settings_back.pop().is_some() {}
         let _ = self.rings.settings.force_push((reload, Box::new(settings)));
         for key in &changed {
             info!("{key} changed: in force now");

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use equipoise_core::message::Incident;
 use equipoise_daemon::profile::Profile;
@@ -59,6 +60,10 @@ fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room(
     let had = eyes.state.poses_used;
     eyes.until_poses(&person, had + 1);
     let learnt = u64::from(eyes.state.poses_used);
+    // From here on nothing is learnt any more: only what could not be written is left to be written.
+    station.run(&["identify", "stop"]).done();
+    eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring");
+    eyes.during(Duration::from_secs(2), |_| {});
     let cycle = eyes.state.cycle;
     eyes.until("more cycles", |eyes| eyes.state.cycle > cycle + 200);
     assert!(daemon.is_running() && eyes.goes_on(Incident::NotSaved));
