@@ -75,6 +75,8 @@ impl Housekeeping {
             }
             self.tell_incidents(looks % LOOKS_PER_TIDYING == 0);
         }
+        // Whoever died since the last round.
+        self.bus.clean_up_dead_nodes();
     }
 
     /// On change at once, and once a second for whoever comes late.
