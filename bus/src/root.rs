@@ -49,6 +49,10 @@ pub(crate) fn config(root: &std::path::Path) -> Result<Config, BusError> {
     let mut config = Config::default();
     let path = Path::new(format!("{text}/").as_bytes()).map_err(|_| refused())?;
     config.global.set_root_path(&path);
+    // Who is killed while clearing away the dead makes remains that nobody can clear away any more; and consumers may be
+    // killed at any time. So only those who must do it: the daemon, and whoever finds no place (`open::take`).
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.prefix = FileName::new(shared_memory_prefix(root).as_bytes()).map_err(|_| refused())?;
     Ok(config)
 }

@@ -83,6 +83,8 @@ impl Housekeeping {
             }
             self.tell_incidents(looks % LOOKS_PER_TIDYING == 0);
         }
+        // Whoever died since the last round.
+        self.bus.clean_up_dead_nodes();
     }
 
     /// A broken bus shows nothing, and its other users say so.

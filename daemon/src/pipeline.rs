@@ -102,6 +102,8 @@ impl Pipeline {
         let commands_in_force = Arc::clone(&in_force);
         let (commands, ()) = started("commands", ORDINARY, &roster, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
+            // Of a daemon before this one, say.
+            bus.clean_up_dead_nodes();
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
             let commands = Commands::open(bus, server, commands_rings, commands_in_force, commands_workers)?;
             let _ = ready.send(());

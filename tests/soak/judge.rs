@@ -126,7 +126,8 @@ impl Judge {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
         }
-        if !suit_told {
+        // While device time is not tied to host time, the state says that nobody knows what time it is about.
+        if !suit_told || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             return;
         }
         if told(Validity::SPOILS_COM) {

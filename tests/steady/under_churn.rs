@@ -47,7 +47,7 @@ fn the_loop_is_steady_while_everything_around_it_comes_and_goes() {
 }
 
 fn seconds() -> u64 {
-    number("STEADY_SECONDS", 12)
+    number("STEADY_SECONDS", 8)
 }
 
 /// All but the small files that iceoryx2 keeps for ever, one a version.

@@ -132,6 +132,12 @@ impl ClockFit {
             self.open = point;
             self.open_since_ns = point.ns;
             self.fit();
+            // The pace has changed: one line under both paces is true of neither.
+            if self.spread_ns > BREAK_NS && point.ns > BREAK_LASTS_NS {
+                self.restart();
+                self.begin(counter, arrival_ns);
+                return;
+            }
         } else if self.line.excess(point) < self.line.excess(self.open) {
             self.open = point;
         }

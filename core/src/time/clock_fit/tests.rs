@@ -102,3 +102,32 @@ fn equal_and_falling_counters_are_ignored() {
     }
     assert!(fit.estimate(19).unwrap().host_ns.abs_diff(START_NS + 19_000_000) < 10);
 }
+
+#[test]
+fn a_device_that_changes_its_pace_is_followed_soon_and_not_believed_meanwhile() {
+    // Slower and faster again, as a suit that is set to another rate and back.
+    let (mut fit, mut now_ns, mut counter) = (ClockFit::new(), START_NS, 0_u64);
+    let mut wrong_since_ns = None;
+    let mut paces = std::vec![(60.0, 20.0), (40.0, 4.0), (60.0, 20.0), (100.0, 4.0), (60.0, 20.0)];
+    paces.extend([(240.0, 30.0), (60.0, 90.0)]);
+    for (rate_hz, seconds) in paces {
+        for _ in 0..(rate_hz * seconds) as u64 {
+            now_ns += (1e9 / rate_hz) as u64;
+            counter += 1;
+            fit.observe(counter, now_ns);
+            let Some(estimate) = fit.estimate(counter) else { continue };
+            let error_ns = now_ns - estimate.host_ns;
+            // What is not said by σ: the first moments of a slower pace look like delay.
+            assert!(
+                error_ns < 60_000_000 || error_ns <= estimate.sigma_ns + 1000,
+                "{rate_hz} Hz: {estimate:?}"
+            );
+            if estimate.sigma_ns < 1_000_000 {
+                wrong_since_ns = None;
+            } else {
+                let since_ns = *wrong_since_ns.get_or_insert(now_ns);
+                assert!(now_ns - since_ns < 5_000_000_000, "{rate_hz} Hz: unsure for 5 s: {estimate:?}");
+            }
+        }
+    }
+}
