@@ -1,6 +1,7 @@
 """Judges what three consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
 
-Also `free-ports` and `mark NAME`: small things that bash cannot do.
+`refusals STATION` asks the Python package for what it must refuse; `free-ports` and `mark NAME` are small things that
+bash cannot do.
 """
 
 import pathlib
@@ -127,9 +128,8 @@ def check_daemon(folder, reports, marks):
     of_that_time = [report for report in reports if marks["victim_killed"] < report["at_ns"] < marks["daemon_killed"]]
     passed = of_that_time[-1]["cycle"] - of_that_time[0]["cycle"]
     assert passed > RATE_HZ, f"only {passed} cycles after a consumer's death"
-    text = (folder / "daemon.err").read_text()
-    for word in ("ERROR", "panicked"):
-        assert word not in text, f"the daemon said {word}: {text}"
+    for line in (folder / "daemon.err").read_text().splitlines():
+        assert "ERROR" not in line and "panicked" not in line, f"the daemon said: {line}"
 
 
 def judge(folder, processes):
@@ -150,6 +150,46 @@ def judge(folder, processes):
     assert any(report["consumer"] == "victim" for report in reports), "the victim never reported"
 
 
+def refusals(station):
+    """What a consumer is refused, and what not. With the package installed, beside the other consumers."""
+    import equipoise
+    from equipoise import _bus, _messages, _pick_up
+
+    def refused(part, attempt):
+        try:
+            attempt()
+        except equipoise.BusError as error:
+            assert part in str(error), f"{part!r} is not in: {error}"
+            return
+        raise AssertionError(f"not refused: {part}")
+
+    refused("is no name for a role", lambda: equipoise.subscribe(station, name="a b"))
+    refused("absolute path", lambda: equipoise.subscribe(station, name="py", root="here"))
+    refused("choose 1 to", lambda: equipoise.subscribe(station, name="py", depth=0))
+    bus = _bus.Bus(station, "py", _bus.root_of_environment())
+    other = _messages.STATE._replace(schema="0x0000000000000001")
+    refused("another version of Equipoise", lambda: bus.subscriber(equipoise.State, other, 8))
+    bus.close()
+
+    # Law of the buckets: each begins where the one before ends, 16 in an octave.
+    begins = [time_ns for time_ns in range(1, 5000) if _pick_up.bucket(time_ns) != _pick_up.bucket(time_ns - 1)]
+    assert [_pick_up.bucket(time_ns) for time_ns in begins] == list(range(1, len(begins) + 1)), "buckets follow each other"
+    assert all(after - before <= max(1, before // 16) for before, after in zip(begins, begins[1:])), "16 in an octave"
+    assert _pick_up.bucket(2**64 - 1) == _messages.BUCKETS - 1
+
+    places, crowd = _messages.PICK_UP.publishers_max, []
+    while not crowd or crowd[-1].report_refusal is None:
+        crowd.append(equipoise.subscribe(station, name=f"crowd-{len(crowd)}"))
+        assert len(crowd) <= places, f"more than {places} places for a report"
+    last = crowd[-1]
+    assert f"all its {places} places for a publisher are taken" in str(last.report_refusal), last.report_refusal
+    readings = [last.next(1.0) for _ in range(20)]
+    assert any(readings), "who has no place for its report does not read either"
+    for consumer in crowd:
+        consumer.close()
+    print(f"clients: {len(crowd)} more joined; the last found no place for its report, and read")
+
+
 def free_ports():
     sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
     for one in sockets:
@@ -161,6 +201,8 @@ def main():
     what, *rest = sys.argv[1:]
     if what == "free-ports":
         free_ports()
+    elif what == "refusals":
+        refusals(rest[0])
     elif what == "mark":
         print(rest[0], time.monotonic_ns())
     else:
