@@ -200,8 +200,8 @@ impl Supervision {
         board.set(Incident::InputOverflow, lost, || {
             format!(
                 "{} samples so far were lost before the loop, whose ring was full: it stood still, or a sensor sends \
-                 faster than {} cycles take in",
-                record.input_dropped, record.cycle
+                 faster than a cycle may take in",
+                record.input_dropped
             )
         });
         let lost = self.output_overflow.goes_on(record.output_dropped, gap_ns);

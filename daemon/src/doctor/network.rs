@@ -65,10 +65,8 @@ fn port(name: &'static str, found: Port, address: &str, station: &StationFacts) 
             ),
             "restart the daemon with this configuration",
         ),
-        (Port::Taken, Some(daemon)) => {
-            Check::ok(name, format!("{address} is held while the daemon runs ({daemon})"))
-        }
-        (Port::Taken, None) => Check::fail(
+        (Port::Ours, _) => Check::ok(name, format!("{address} is held by this station")),
+        (Port::Taken, _) => Check::fail(
             name,
             format!("{address} is taken by another program"),
             format!("`ss -ulpn` and `ss -tlpn` show which: end it, or choose another {name}"),
@@ -99,7 +97,8 @@ mod tests {
             port("suit.listen", found, "127.0.0.1:9763", &station).verdict
         };
         assert_eq!(of(Port::Free, None), Ok);
-        assert_eq!(of(Port::Taken, Some(7)), Ok);
+        assert_eq!(of(Port::Ours, Some(7)), Ok);
+        assert_eq!(of(Port::Taken, Some(7)), Fail);
         assert_eq!(of(Port::Free, Some(7)), Warn);
         assert_eq!(of(Port::Taken, None), Fail);
         assert_eq!(of(Port::NotOurs, None), Fail);

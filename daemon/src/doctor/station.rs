@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_adapters::wire::mvn::{Datagram, DatagramType, Header};
-use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_bus::{Bus, BusError, BusSettings, Participant};
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{AdapterHealth, State, SuitSample, Validity};
 
 use crate::config::{Config, SuitSourceKind};
+use crate::sensors::{GROUND_ROLE, SUIT_ROLE};
 
 /// How long sensors are listened to. Long enough for a word of both adapters, which comes once a second.
 const LISTEN: Duration = Duration::from_millis(2500);
@@ -43,7 +44,9 @@ pub enum Port {
     /// Nobody has it.
     #[default]
     Free,
-    /// Somebody has it.
+    /// A process of this station has it.
+    Ours,
+    /// Somebody else has it.
     Taken,
     /// Its address is not of this computer.
     NotOurs,
@@ -75,10 +78,17 @@ impl StationFacts {
         let bus = Bus::join(&BusSettings::new(&config.station, "doctor"))?;
         let participants = bus.participants()?;
         let of_role = |role: &str| participants.iter().find(|one| one.role == role).map(|one| one.process_id);
-        let tcp = |address: SocketAddr| port_of(TcpListener::bind(address).map(drop));
+        let roles = [crate::pipeline::DAEMON_ROLE, SUIT_ROLE, GROUND_ROLE];
+        let listens = |one: &&Participant| roles.contains(&one.role.as_str());
+        let processes = participants.iter().filter(listens).map(|one| one.process_id).collect();
+        let of = |bound: io::Result<()>, tables, address| match port_of(bound) {
+            Port::Taken if holds(&processes, &sockets_at(tables, address)) => Port::Ours,
+            found => found,
+        };
+        let tcp = |address| of(TcpListener::bind(address).map(drop), TCP, address);
         let mut facts = StationFacts {
             daemon: of_role(crate::pipeline::DAEMON_ROLE),
-            suit_port: port_of(UdpSocket::bind(config.suit.listen).map(drop)),
+            suit_port: of(UdpSocket::bind(config.suit.listen).map(drop), UDP, config.suit.listen),
             page_port: config.page.as_ref().map(|page| tcp(page.listen)),
             metrics_port: config.metrics.as_ref().map(|metrics| tcp(metrics.listen)),
             ..StationFacts::default()
@@ -148,6 +158,41 @@ fn port_of(bound: io::Result<()>) -> Port {
     }
 }
 
+/// The kernel's tables of sockets.
+const UDP: [&str; 2] = ["/proc/self/net/udp", "/proc/self/net/udp6"];
+const TCP: [&str; 2] = ["/proc/self/net/tcp", "/proc/self/net/tcp6"];
+
+/// The inodes of the sockets at an address's port.
+fn sockets_at(tables: [&str; 2], address: SocketAddr) -> Vec<String> {
+    let texts = tables.map(|table| std::fs::read_to_string(table).unwrap_or_default());
+    texts.iter().flat_map(|text| inodes_at(text, address.port())).collect()
+}
+
+fn inodes_at(table: &str, port: u16) -> Vec<String> {
+    let at_port = |line: &str| {
+        let mut fields = line.split_whitespace();
+        let (_, local_port) = fields.nth(1)?.rsplit_once(':')?;
+        // The inode is the tenth field; those of connections that have ended are 0.
+        let inode = fields.nth(7).filter(|inode| *inode != "0")?;
+        (u16::from_str_radix(local_port, 16) == Ok(port)).then(|| inode.to_owned())
+    };
+    table.lines().skip(1).filter_map(at_port).collect()
+}
+
+/// Whether one of the processes has one of the sockets; one that may not be looked into is believed to.
+fn holds(processes: &BTreeSet<u32>, inodes: &[String]) -> bool {
+    let own = std::process::id();
+    processes.iter().filter(|process| **process != own).any(|process| {
+        let Ok(descriptors) = std::fs::read_dir(format!("/proc/{process}/fd")) else { return true };
+        let links = descriptors.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok());
+        links.into_iter().any(|link| {
+            let link = link.to_string_lossy();
+            let inode = link.strip_prefix("socket:[").and_then(|rest| rest.strip_suffix(']'));
+            inode.is_some_and(|inode| inodes.iter().any(|held| held == inode))
+        })
+    })
+}
+
 /// Listens for a while; `None` if nothing that MVN sends was heard.
 fn listen(socket: &UdpSocket) -> Option<Streamed> {
     socket.set_read_timeout(Some(Duration::from_millis(100))).ok()?;
@@ -196,6 +241,17 @@ impl Heard {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_socket_is_found_by_its_port_and_its_holder_by_the_inode() {
+        let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode \
+                     ref pointer drops\n 1: 0100007F:2623 00000000:0000 07 00000000:00000000 00:00000000 00000000  \
+                     104        0 4711 2 0 0\n 2: 0100007F:2624 00000000:0000 07 00000000:00000000 00:00000000 \
+                     00000000   104        0 4712 2 0 0\n";
+        assert_eq!(inodes_at(table, 9763), ["4711"]);
+        assert!(inodes_at(table, 1).is_empty());
+        assert!(!holds(&BTreeSet::new(), &["4711".to_owned()]));
+    }
 
     #[test]
     fn listening_counts_samples_not_datagrams_and_names_the_types() {

@@ -61,6 +61,13 @@ fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
     // No file is named: the daemon's own configuration is taken.
     let told = report(&station.run(&["doctor", "--json"]));
     assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
+    // Another file, whose port a stranger has.
+    let stranger = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let taken = stranger.local_addr().expect("its address").to_string();
+    let text = station.configuration().replace(&station.suit.to_string(), &taken);
+    let path = station.write("other.toml", &text).display().to_string();
+    let other = report(&station.run(&["doctor", "--json", "--config", &path]));
+    assert_eq!(check(&other, "suit.listen")["verdict"], "fail", "{other}");
     let plate = check(&told, "plate");
     assert!(plate["found"].as_str().is_some_and(|found| found.contains("somebody stands on it")), "{plate}");
     let heard = check(&told, "MVN stream");
