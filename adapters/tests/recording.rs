@@ -6,7 +6,7 @@ use std::io::Cursor;
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{
-    Entry, ReadError, Recorded, Recorder, Recording, RecordingHeader, TimedEntry,
+    Entry, ReadError, Recorded, Recorder, Recording, RecordingHeader, Reloaded, TimedEntry,
 };
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::layout::Primitive;
@@ -22,9 +22,7 @@ fn header() -> RecordingHeader {
         started_monotonic_ns: 5_000 * MS,
         config_toml: "station = \"station-1\"\n".to_owned(),
         subject_toml: "id = \"anon-1\"\n".to_owned(),
-        model_toml: String::new(),
-        later_subjects_toml: Vec::new(),
-        reloads: BTreeMap::new(),
+        ..RecordingHeader::default()
     }
 }
 
@@ -77,6 +75,31 @@ fn recorded(cycles: u64) -> Vec<u8> {
     }
     recorder.finish().unwrap();
     std::fs::read(path).unwrap()
+}
+
+#[test]
+fn what_came_into_force_later_is_found_under_its_number() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.mcap");
+    let mut recorder = Recorder::create(&path, &header()).unwrap();
+    let reloaded = |number: u64| Reloaded {
+        config_toml: format!("station = \"s\" # {number}\n"),
+        model_toml: if number == 7 { "version = 1\n".to_owned() } else { String::new() },
+    };
+    for number in [7, 123_456_789_012] {
+        recorder.write(number, &CycleRecord::zeroed()).unwrap();
+        recorder.add_reload(number, number, &reloaded(number)).unwrap();
+        recorder.add_subject(number, &format!("subject = \"of-{number}\"\n")).unwrap();
+    }
+    recorder.write(9, &CycleRecord::zeroed()).unwrap();
+    recorder.finish().unwrap();
+    let recording = Recording::open(&path).unwrap();
+    let found = recording.header();
+    assert_eq!(found.reloads, [7, 123_456_789_012].map(|number| (number, reloaded(number))).into());
+    assert_eq!(found.later_subjects_toml, ["subject = \"of-7\"\n", "subject = \"of-123456789012\"\n"]);
+    let (first, later) = (header(), RecordingHeader { reloads: BTreeMap::new(), ..found.clone() });
+    assert_eq!(RecordingHeader { later_subjects_toml: Vec::new(), ..later }, first);
+    assert_eq!(recording.entries().filter(Result::is_ok).count(), 3);
 }
 
 proptest! {

@@ -10,11 +10,13 @@ use std::time::{Duration, Instant};
 
 use equipoise_core::cycle::{Kept, Tare};
 use equipoise_core::message::Incident;
+use equipoise_core::time::NS_PER_S;
 use tracing::warn;
 
 use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
+use crate::realtime::now_ns;
 use crate::rings::Rings;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart, path_of};
 use crate::status::StatusFile;
@@ -27,6 +29,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 const REGISTRATION_EVERY: Duration = Duration::from_millis(900);
 /// A shift in which nothing happens is dated anew this often while the worker is seen.
 const SHIFT_DATED_EVERY: Duration = Duration::from_secs(600);
+/// A worker whose suit sent within this time is seen, ns. The shift of one who has gone home is not dated anew.
+const SEEN_NS: u64 = 10 * NS_PER_S;
 
 /// What saving starts from.
 #[derive(Debug)]
@@ -119,7 +123,9 @@ impl Keeper {
         };
         let Some(undated) = of(0) else { return };
         let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);
-        if same && self.profile_dated.elapsed() < SHIFT_DATED_EVERY {
+        let seen = now_ns().saturating_sub(kept.registration.suit_time_ns) < SEEN_NS;
+        let dated = !seen || self.profile_dated.elapsed() < SHIFT_DATED_EVERY;
+        if same && dated {
             return;
         }
         self.profile_dated = Instant::now();

@@ -212,6 +212,12 @@ fn killed_at_any_instant_it_loses_at_most_a_second() {
         assert!(every_file_is_read(&station.state_directory()) >= 3);
         daemon = station.daemon(&station.configuration());
         bench.compare(killed);
+        let said = daemon.stderr();
+        for part in
+            ["is in use: ", "the shift goes on", "the tare of", "where the suit's world lies is known"]
+        {
+            assert!(said.contains(part), "{part:?} is not in {said}");
+        }
         learnt = bench.eyes.state.poses_used.max(learnt);
         println!("kill {kill}: {} has {} poses", bench.in_use, bench.eyes.state.poses_used);
     }
