@@ -9,6 +9,7 @@ mod consumers;
 mod death;
 mod ending;
 mod eyes;
+mod install;
 mod network;
 mod page;
 mod plate;
