@@ -1,4 +1,6 @@
-"""Opens a page in headless Chromium and looks at it: page.py URL SERVER-COMMAND...
+"""Opens a page in headless Chromium and looks at it: page.py [--daemon PID] URL SERVER-COMMAND...
+
+With a daemon beside the server, it is the daemon that dies first, and the page must say so; then the server.
 
 Chromium is spoken to over its debugging pipe, so that nothing but Python's own library is needed. The pictures on the
 page are canvases: whether a figure is there is told by their pixels.
@@ -8,6 +10,7 @@ import fcntl
 import json
 import os
 import select
+import signal
 import subprocess
 import sys
 import tempfile
@@ -127,7 +130,11 @@ def wait_for(url, server):
     raise RuntimeError(f"{url} was not served within {START_S} s")
 
 
-def check(url, server, browser):
+def nothing_shown(seen):
+    return not seen["phase"] and seen["coloured"] <= FIGURE_PIXELS_MIN
+
+
+def check(url, server, browser, daemon):
     browser.ask("Page.navigate", url=url)
     seen = browser.look_until(
         lambda seen: seen["connection"] == "live" and seen["phase"] and seen["phaseText"]
@@ -135,24 +142,35 @@ def check(url, server, browser):
     print(f"page: shows \"{seen['phaseText']}\" ({seen['phase']}), \"{seen['instruction']}\", and a figure of "
           f"{seen['coloured']} pixels")
     # Nobody may take an old picture for a live one.
+    if daemon:
+        os.kill(daemon, signal.SIGKILL)
+        gone = browser.look_until(lambda seen: seen["connection"] == "silent" and nothing_shown(seen),
+                                  "that the daemon is gone")
+        print(f"page: after the daemon was killed it says \"{gone['instruction']}\" and shows no figure")
+        if server.poll() is not None:
+            raise RuntimeError(f"the page's process ended with {server.returncode} when the daemon was killed")
     server.kill()
     server.wait()
-    gone = browser.look_until(lambda seen: seen["connection"] in ("lost", "silent") and not seen["phase"]
-                              and seen["coloured"] <= FIGURE_PIXELS_MIN, "that the service is gone")
+    ends = ("lost",) if daemon else ("lost", "silent")
+    gone = browser.look_until(lambda seen: seen["connection"] in ends and nothing_shown(seen),
+                              "that the service is gone")
     print(f"page: after the service was killed it says \"{gone['instruction']}\" and shows no figure")
     if browser.errors:
         raise RuntimeError(f"errors in the page's scripts: {browser.errors}")
 
 
 def main():
-    url, command = sys.argv[1], sys.argv[2:]
+    arguments, daemon = sys.argv[1:], None
+    if arguments[0] == "--daemon":
+        daemon, arguments = int(arguments[1]), arguments[2:]
+    url, command = arguments[0], arguments[1:]
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         server = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         browser = None
         try:
             wait_for(url, server)
             browser = Browser(profile)
-            check(url, server, browser)
+            check(url, server, browser, daemon)
         except (RuntimeError, OSError) as error:
             sys.exit(f"page: {error}")
         finally:

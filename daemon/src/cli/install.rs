@@ -33,7 +33,9 @@ pub(super) struct Arguments {
 
 /// Take away what install put there; configuration and workers stay
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: sudo systemctl disable --now equipoise && sudo equipoise uninstall")]
+#[command(
+    after_help = "Example: sudo systemctl disable --now equipoise equipoise-view && sudo equipoise uninstall"
+)]
 pub(super) struct UninstallArguments {
     #[command(flatten)]
     place: PlaceArguments,
@@ -58,6 +60,6 @@ pub(super) fn uninstall(arguments: &UninstallArguments) -> anyhow::Result<Outcom
     for line in install::uninstall(&place)? {
         println!("{line}");
     }
-    println!("next: systemctl daemon-reload; a daemon that still runs ends with: systemctl stop equipoise");
+    println!("next: systemctl daemon-reload; what still runs ends with: systemctl stop 'equipoise*'");
     Ok(Outcome::Done)
 }

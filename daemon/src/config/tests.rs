@@ -46,8 +46,11 @@ fn a_value_out_of_range_is_named_with_its_line() {
 }
 
 #[test]
-fn a_page_for_the_whole_network_is_refused() {
-    assert!(refusal(&format!("{SMALLEST}\n[page]\nlisten = \"0.0.0.0:80\"")).contains("loopback only"));
+fn a_page_for_the_whole_network_needs_a_token() {
+    let open = format!("{SMALLEST}\n[page]\nlisten = \"0.0.0.0:80\"");
+    assert!(refusal(&open).contains("loopback only"));
+    let config = Config::parse(&format!("{open}\ntoken_file = \"page.token\""), "c.toml").unwrap();
+    assert!(config.to_toml().contains("token_file = \"page.token\""));
 }
 
 #[test]

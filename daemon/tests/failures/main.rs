@@ -14,6 +14,7 @@ mod flight;
 mod forget;
 mod full_disk;
 mod incidents;
+mod install;
 mod latency;
 mod metrics;
 mod network;

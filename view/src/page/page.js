@@ -74,7 +74,7 @@ function redraw() {
 const CONNECTION = {
   waiting: ["connecting", "Connecting to the service", "calm"],
   live: ["live", "", "calm"],
-  silent: ["no data", "The service runs, but says nothing", "warn"],
+  silent: ["no data", "The service says nothing: does it run?", "warn"],
   lost: ["no connection", "No connection to the service", "alarm"],
 };
 
