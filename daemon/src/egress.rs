@@ -15,7 +15,7 @@ use equipoise_latency::{PathHistograms, Report};
 use tracing::{info, warn};
 
 use crate::realtime::now_ns;
-use crate::rings::{Outcome, Rings};
+use crate::rings::{Outcome, Rings, Waiting};
 use crate::saving::ChangedWorker;
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
@@ -25,6 +25,7 @@ const HLOG_INTERVAL: Duration = Duration::from_secs(10);
 /// Egress, with its ports open.
 pub struct Egress {
     rings: Arc<Rings>,
+    waiting: Waiting,
     state: Publisher<State>,
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
@@ -47,12 +48,14 @@ impl Egress {
     pub fn open(
         station: &str,
         rings: Arc<Rings>,
+        waiting: Waiting,
         worker_changed: Sender<ChangedWorker>,
         hlog: Option<&Path>,
     ) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
             rings,
+            waiting,
             state: bus.publisher()?,
             cycle: bus.publisher()?,
             checkpoint: bus.publisher()?,
@@ -75,10 +78,8 @@ impl Egress {
         loop {
             // Asked before the rings are emptied: what the loop said last is in them then.
             let ended = self.rings.has_ended();
-            self.rings.wait_for_outcome(WAKE_AT_LEAST);
-            while let Some(outcome) = self.rings.outcome.pop() {
-                self.publish(outcome)?;
-            }
+            self.rings.await_outcome(self.waiting, WAKE_AT_LEAST);
+            self.publish_outcomes()?;
             while let Some((worker, checkpoint)) = self.rings.taken.pop() {
                 self.publish_checkpoint(worker, checkpoint)?;
             }
@@ -98,12 +99,24 @@ impl Egress {
         }
     }
 
+    /// Publishes what the loop has said so far; how many cycles.
+    ///
+    /// # Errors
+    /// The bus breaks.
+    pub fn publish_outcomes(&mut self) -> Result<usize, BusError> {
+        let mut published = 0;
+        while let Some(outcome) = self.rings.outcome.pop() {
+            self.publish(outcome)?;
+            published += 1;
+        }
+        Ok(published)
+    }
+
     fn publish(&mut self, Outcome { mut state, mut record }: Outcome) -> Result<(), BusError> {
         state.published_ns = now_ns();
         self.state.send(&state)?;
         record.published_ns = now_ns();
-        self.cycle.send(&record)?;
-        // One awakening per cycle; what else happened is said with it.
+        // One awakening per cycle; what else happened is said with it, and before the record, which nobody waits for.
         if state.phase != self.phase {
             self.phase = state.phase;
             info!(phase = state.phase_name(), cycle = state.cycle, "phase");
@@ -114,6 +127,7 @@ impl Egress {
             self.events.notify(Event::DeadlineMissed)?;
         }
         self.events.notify(Event::NewState)?;
+        self.cycle.send(&record)?;
         self.latency.record(&record);
         if let Some(hlog) = &mut self.hlog {
             hlog.interval.record(&record);

@@ -17,14 +17,15 @@ use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
+use crate::ingress::Ingress;
 use crate::page_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
-use crate::rings::Rings;
+use crate::rings::{Rings, Waiting};
 use crate::status::{Status, StatusFile, ThreadStatus};
 use crate::tick::{Loop, LoopSummary, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
-use crate::{ingress, saving, sensors};
+use crate::{saving, sensors};
 
 use self::threads::{Other, Running, started};
 
@@ -159,8 +160,12 @@ impl Start<'_> {
     ) -> anyhow::Result<(Option<Page>, StatusFile, Vec<ThreadReport>)> {
         let config = self.config;
         let mut threads = Vec::new();
-        let asked =
-            |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
+        let waiting = config.waiting();
+        let asked = |below: u32, cpu: Option<usize>| match waiting {
+            Waiting::Sleeping => Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu },
+            // Real time must not poll: the kernel takes a twentieth of each second from it, all at once.
+            Waiting::Polling => Asked { fifo_priority: 0, cpu: None },
+        };
 
         // The page's thread inherits the ordinary scheduler from this one.
         let page = match &config.page {
@@ -182,10 +187,11 @@ impl Start<'_> {
         running.others.push(("saving", saver));
         let (rings, station, hlog) =
             (Arc::clone(self.rings), config.station.clone(), config.latency.hlog.clone());
-        let ask = asked(BELOW_LOOP[1].1);
+        // On the loop's own core egress is woken without a signal between cores, and runs as soon as the loop sleeps.
+        let ask = asked(BELOW_LOOP[1].1, config.tick.cpu);
         let (egress, report) = started("egress", move |ready| {
             let report = realtime::ask("egress", ask);
-            let egress = Egress::open(&station, rings, worker_changed, hlog.as_deref())?;
+            let egress = Egress::open(&station, rings, waiting, worker_changed, hlog.as_deref())?;
             let _ = ready.send(report);
             Ok(egress.run()?)
         })?;
@@ -206,10 +212,13 @@ impl Start<'_> {
         running.looping = Some(looping);
         threads.push(report);
 
-        let (rings, station, ask) = (Arc::clone(self.rings), config.station.clone(), asked(BELOW_LOOP[0].1));
+        let (rings, station, ask) =
+            (Arc::clone(self.rings), config.station.clone(), asked(BELOW_LOOP[0].1, None));
         let (ingress, report) = started("ingress", move |ready| {
             let report = realtime::ask("ingress", ask);
-            Ok(ingress::run(&station, &rings, || drop(ready.send(report)))?)
+            let ingress = Ingress::open(&station, rings, waiting)?;
+            let _ = ready.send(report);
+            Ok(ingress.run()?)
         })?;
         threads.push(report);
         running.others.push(("ingress", ingress));
