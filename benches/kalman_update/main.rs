@@ -1,6 +1,6 @@
 //! How long does one pose, two rows, take the filter, beside the two dense forms that a textbook gives?
 //!
-//! `cargo bench -p equipoise-benches --bench kalman_update`; figures in `docs/performance.md`.
+//! `cargo bench -p equipoise-benches --bench kalman_update`; figures in `docs/performance/README.md`.
 
 use std::hint::black_box;
 

@@ -1,6 +1,10 @@
-//! What the benches share: interleaved rounds, the textbook's dense way, a worker who stands and holds a load.
+//! What the benches share: interleaved rounds, the textbook's dense way, a worker who stands and holds a load, other
+//! processes, what was asked on the command line, and where figures are written for the plots.
 
 pub mod dense;
+pub mod figures;
+pub mod options;
+pub mod peer;
 pub mod rounds;
 pub mod worker;
 

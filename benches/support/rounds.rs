@@ -35,15 +35,15 @@ const TIME_IN_ROUNDS: Duration = Duration::from_secs(3);
 const TURN_US: f64 = 50.0;
 
 /// Samples each way by criterion, then all of them in turns; prints the medians and how many times the first one's
-/// time each takes.
-pub fn compare(criterion: &mut Criterion, question: &str, contenders: &mut [Contender<'_>]) {
+/// time each takes. The medians, µs; none in a test run.
+pub fn compare(criterion: &mut Criterion, question: &str, contenders: &mut [Contender<'_>]) -> Vec<f64> {
     let mut group = criterion.benchmark_group(question);
     for contender in &mut *contenders {
         group.bench_function(contender.name, |bencher| bencher.iter(&mut contender.run));
     }
     group.finish();
     if !crate::is_measured() {
-        return;
+        return Vec::new();
     }
 
     let repeats: Vec<u32> =
@@ -67,6 +67,7 @@ pub fn compare(criterion: &mut Criterion, question: &str, contenders: &mut [Cont
         println!("{:<38} {:>10.3} {:>8.2}", contender.name, median(times.clone()), median(ratios));
     }
     println!();
+    times_us.into_iter().map(median).collect()
 }
 
 /// The value at `share` of a sorted list, in [0, 1]; NaN for an empty one.
@@ -75,7 +76,8 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// The middle of a list; NaN for an empty one.
+pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     quantile(&values, 0.5)
 }

@@ -4,7 +4,7 @@
 //! `K = P hᵀ / s`, `s = h P hᵀ + r`, Joseph's form `(I − K h) P (I − K h)ᵀ + K r Kᵀ` collapses to `P − w wᵀ` with
 //! `w = P hᵀ / √s`: one multiplication and one subtraction an entry. Both triangles are kept, and updated alike by
 //! whole rows: `wᵢ wⱼ` and `wⱼ wᵢ` round alike, so P is symmetric to the last bit, and rows lie side by side in memory
-//! where half of a column does not. Times and ratios: `docs/performance.md`.
+//! where half of a column does not. Times and ratios: `docs/performance/README.md`.
 //!
 //! A sum that nearly cancels keeps only rounding: every variance is therefore raised by what rounding may have
 //! taken, and never falls below `r / s` of what it was, which no measurement can undercut. Tests hold P positive

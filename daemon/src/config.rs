@@ -16,6 +16,7 @@ use equipoise_discrepancy::model_file::ModelFileError;
 use serde::{Deserialize, Serialize};
 
 use crate::model::LoadedModel;
+use crate::rings::Waiting;
 use crate::similar;
 
 pub use method::{IdentificationConfig, StaticPoseConfig, SubjectConfig};
@@ -71,9 +72,11 @@ pub struct LoopConfig {
     pub rate_hz: u32,
     /// SCHED_FIFO priority of the loop, 1 to 90; 0 asks for none.
     pub priority: u32,
-    /// Core that the loop is pinned to.
+    /// Core that the loop is pinned to, and egress with it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cpu: Option<usize>,
+    /// Ingress and egress look for work without sleeping. Costs two cores beside the loop's.
+    pub busy_poll: bool,
     /// Lock all memory.
     pub lock_memory: bool,
     /// Refuse to run without all that was asked.
@@ -82,7 +85,14 @@ pub struct LoopConfig {
 
 impl Default for LoopConfig {
     fn default() -> Self {
-        LoopConfig { rate_hz: 1000, priority: 80, cpu: None, lock_memory: true, strict: false }
+        LoopConfig {
+            rate_hz: 1000,
+            priority: 80,
+            cpu: None,
+            busy_poll: false,
+            lock_memory: true,
+            strict: false,
+        }
     }
 }
 
@@ -264,6 +274,11 @@ impl Config {
     /// The text of the model in use: what a recording keeps; empty without one.
     pub fn model_toml(&self) -> String {
         self.loaded_model.as_ref().map(|model| model.text.clone()).unwrap_or_default()
+    }
+
+    /// How ingress and egress wait.
+    pub fn waiting(&self) -> Waiting {
+        if self.tick.busy_poll { Waiting::Polling } else { Waiting::Sleeping }
     }
 
     /// Length of one cycle.

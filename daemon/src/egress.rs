@@ -10,13 +10,14 @@ use tracing::info;
 
 use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
-use crate::rings::{Outcome, Rings};
+use crate::rings::{Outcome, Rings, Waiting};
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 
 /// Egress, with its ports open.
 pub struct Egress {
     rings: Arc<Rings>,
+    waiting: Waiting,
     state: Publisher<State>,
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
@@ -36,10 +37,16 @@ impl Egress {
     ///
     /// # Errors
     /// The bus cannot be joined.
-    pub fn open(station: &str, rings: Arc<Rings>, latency_log: Feed) -> Result<Egress, BusError> {
+    pub fn open(
+        station: &str,
+        rings: Arc<Rings>,
+        waiting: Waiting,
+        latency_log: Feed,
+    ) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
             rings,
+            waiting,
             state: bus.publisher()?,
             cycle: bus.publisher()?,
             checkpoint: bus.publisher()?,
@@ -61,10 +68,8 @@ impl Egress {
         loop {
             // Asked before the rings are emptied: what the loop said last is in them then.
             let ended = self.rings.has_ended();
-            self.rings.wait_for_outcome(WAKE_AT_LEAST);
-            while let Some(outcome) = self.rings.outcome.pop() {
-                self.publish(outcome)?;
-            }
+            self.rings.await_outcome(self.waiting, WAKE_AT_LEAST);
+            self.publish_outcomes()?;
             while let Some(checkpoint) = self.rings.taken.pop() {
                 self.publish_checkpoint(checkpoint)?;
             }
@@ -78,13 +83,25 @@ impl Egress {
         }
     }
 
+    /// Publishes what the loop has said so far; how many cycles.
+    ///
+    /// # Errors
+    /// The bus breaks.
+    pub fn publish_outcomes(&mut self) -> Result<usize, BusError> {
+        let mut published = 0;
+        while let Some(outcome) = self.rings.outcome.pop() {
+            self.publish(outcome)?;
+            published += 1;
+        }
+        Ok(published)
+    }
+
     fn publish(&mut self, Outcome { mut state, mut record }: Outcome) -> Result<(), BusError> {
         state.published_ns = now_ns();
         record.publish_start_ns = state.published_ns;
         self.state.send(&state)?;
         record.published_ns = now_ns();
-        self.cycle.send(&record)?;
-        // One awakening per cycle; what else happened is said with it.
+        // One awakening per cycle; what else happened is said with it, and before the record, which nobody waits for.
         if state.phase != self.phase {
             self.phase = state.phase;
             info!(phase = state.phase_name(), cycle = state.cycle, "phase");
@@ -95,6 +112,7 @@ impl Egress {
             self.events.notify(Event::DeadlineMissed)?;
         }
         self.events.notify(Event::NewState)?;
+        self.cycle.send(&record)?;
         self.latency_log.hand_over(Outcome { state, record });
         Ok(())
     }

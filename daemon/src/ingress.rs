@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use equipoise_bus::{Bus, BusError, BusSettings, Channel};
+use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber};
 use equipoise_core::message::{GroundSample, SuitSample};
 
 use crate::realtime::now_ns;
-use crate::rings::Rings;
+use crate::rings::{Rings, Waiting};
 
 /// Wakes at least this often, to see whether it shall end.
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
@@ -15,36 +15,90 @@ const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 const SUIT_DEPTH: usize = 64;
 const GROUND_DEPTH: usize = 256;
 
-/// Moves samples from the bus into the rings until it shall stop; `ready` is called once the ports are open.
-///
-/// # Errors
-/// The bus cannot be joined, or breaks.
-pub fn run(station: &str, rings: &Arc<Rings>, ready: impl FnOnce()) -> Result<(), BusError> {
-    let bus = Bus::join(&BusSettings::new(station, "ingress"))?;
-    let mut suit = bus.subscriber::<SuitSample>(SUIT_DEPTH)?;
-    let mut ground = bus.subscriber::<GroundSample>(GROUND_DEPTH)?;
-    let listener = bus.listener(Channel::Inputs)?;
-    ready();
-    while !rings.is_stopping() {
-        listener.wait(WAKE_AT_LEAST)?;
-        while let Some(sample) = ground.receive()? {
-            let now_ns = now_ns();
-            if Stamps::of_ground(&sample).are_past(now_ns) {
-                rings.push_ground(sample, now_ns);
-            } else {
-                rings.refuse_input();
-            }
+/// Ingress, with its ports open.
+#[derive(Debug)]
+pub struct Ingress {
+    rings: Arc<Rings>,
+    waiting: Waiting,
+    suit: Subscriber<SuitSample>,
+    ground: Subscriber<GroundSample>,
+    listener: Listener,
+    // Ports die before the node they hang on.
+    _bus: Bus,
+}
+
+impl Ingress {
+    /// Opens the ports.
+    ///
+    /// # Errors
+    /// The bus cannot be joined.
+    pub fn open(station: &str, rings: Arc<Rings>, waiting: Waiting) -> Result<Ingress, BusError> {
+        let bus = Bus::join(&BusSettings::new(station, "ingress"))?;
+        Ok(Ingress {
+            rings,
+            waiting,
+            suit: bus.subscriber(SUIT_DEPTH)?,
+            ground: bus.subscriber(GROUND_DEPTH)?,
+            listener: bus.listener(Channel::Inputs)?,
+            _bus: bus,
+        })
+    }
+
+    /// Moves samples from the bus into the rings until it shall stop.
+    ///
+    /// # Errors
+    /// The bus breaks.
+    pub fn run(mut self) -> Result<(), BusError> {
+        while !self.rings.is_stopping() {
+            self.wait()?;
+            self.take_in()?;
         }
-        while let Some(sample) = suit.receive()? {
+        Ok(())
+    }
+
+    /// Moves what there is now; how many samples.
+    ///
+    /// # Errors
+    /// The bus breaks.
+    pub fn take_in(&mut self) -> Result<usize, BusError> {
+        let mut taken = 0;
+        let rings = &self.rings;
+        let ground = |sample: &GroundSample| {
             let now_ns = now_ns();
-            if Stamps::of_suit(&sample).are_past(now_ns) {
-                rings.push_suit(sample, now_ns);
-            } else {
-                rings.refuse_input();
+            match Stamps::of_ground(sample).are_past(now_ns) {
+                true => rings.push_ground(*sample, now_ns),
+                false => rings.refuse_input(),
+            }
+        };
+        while self.ground.receive_with(ground)?.is_some() {
+            taken += 1;
+        }
+        let suit = |sample: &SuitSample| {
+            let now_ns = now_ns();
+            match Stamps::of_suit(sample).are_past(now_ns) {
+                true => rings.push_suit(*sample, now_ns),
+                false => rings.refuse_input(),
+            }
+        };
+        while self.suit.receive_with(suit)?.is_some() {
+            taken += 1;
+        }
+        Ok(taken)
+    }
+
+    /// Sleeps until somebody says that there is something, at most a moment; not at all if it polls.
+    ///
+    /// # Errors
+    /// The bus breaks.
+    pub fn wait(&self) -> Result<(), BusError> {
+        match self.waiting {
+            Waiting::Sleeping => self.listener.wait(WAKE_AT_LEAST).map(drop),
+            Waiting::Polling => {
+                std::hint::spin_loop();
+                Ok(())
             }
         }
     }
-    Ok(())
 }
 
 /// A sample's own stamps, in the order in which they were taken.

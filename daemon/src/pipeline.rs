@@ -19,17 +19,17 @@ use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::in_force::{Forced, InForce};
 use crate::incidents::IncidentBoard;
+use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
 use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
-use crate::rings::Rings;
+use crate::rings::{Rings, Waiting};
 use crate::roster::{MemoryUse, Roster};
-use crate::saving::Saver;
+use crate::saving::{self, Saver};
 use crate::status::{Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
-use crate::{ingress, saving};
 
 use self::remembered::Remembered;
 use self::threads::{Running, started};
@@ -183,8 +183,12 @@ impl Start<'_> {
         running: &mut Running,
     ) -> anyhow::Result<StatusFile> {
         let (config, roster) = (self.config, self.roster);
-        let asked =
-            |below: u32| Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu: None };
+        let waiting = config.waiting();
+        let asked = |below: u32, cpu: Option<usize>| match waiting {
+            Waiting::Sleeping => Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu },
+            // Real time must not poll: the kernel takes a twentieth of each second from it, all at once.
+            Waiting::Polling => Asked { fifo_priority: 0, cpu: None },
+        };
 
         if let Some(metrics) = &config.metrics {
             let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
@@ -203,8 +207,10 @@ impl Start<'_> {
         })?;
         running.latency_log = Some(latency_log);
         let (rings, station) = (Arc::clone(self.rings), config.station.clone());
-        let (egress, ()) = started("egress", asked(BELOW_LOOP[1].1), roster, move |ready| {
-            let egress = Egress::open(&station, rings, latency_feed)?;
+        // On the loop's own core egress is woken without a signal between cores, and runs as soon as the loop sleeps.
+        let asked_egress = asked(BELOW_LOOP[1].1, config.tick.cpu);
+        let (egress, ()) = started("egress", asked_egress, roster, move |ready| {
+            let egress = Egress::open(&station, rings, waiting, latency_feed)?;
             let _ = ready.send(());
             Ok(egress.run()?)
         })?;
@@ -224,8 +230,10 @@ impl Start<'_> {
         running.looping = Some(looping);
 
         let (rings, station) = (Arc::clone(self.rings), config.station.clone());
-        let (ingress, ()) = started("ingress", asked(BELOW_LOOP[0].1), roster, move |ready| {
-            Ok(ingress::run(&station, &rings, || ready.send(()).unwrap_or(()))?)
+        let (ingress, ()) = started("ingress", asked(BELOW_LOOP[0].1, None), roster, move |ready| {
+            let ingress = Ingress::open(&station, rings, waiting)?;
+            let _ = ready.send(());
+            Ok(ingress.run()?)
         })?;
         running.others.push(("ingress", ingress));
         adapters::start(config, self.rings, roster, self.board, &mut running.others)?;

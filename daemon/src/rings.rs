@@ -38,6 +38,15 @@ pub struct TakenIn<S> {
     pub ingress_ns: u64,
 }
 
+/// How a thread waits for another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Waiting {
+    /// It sleeps, and is woken.
+    Sleeping,
+    /// It looks again and again, which costs a core and spares the awakening.
+    Polling,
+}
+
 /// What one cycle has to say.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
@@ -155,6 +164,14 @@ impl Rings {
         }
     }
 
+    /// Waits until the loop has something to say, or the time is over.
+    pub fn await_outcome(&self, waiting: Waiting, timeout: Duration) {
+        match waiting {
+            Waiting::Sleeping => self.wait_for_outcome(timeout),
+            Waiting::Polling => self.poll_for_outcome(timeout),
+        }
+    }
+
     /// Sleeps until the loop has something to say, or the time is over.
     pub fn wait_for_outcome(&self, timeout: Duration) {
         self.egress_sleeps.store(true, Ordering::Relaxed);
@@ -179,8 +196,14 @@ impl Rings {
     /// Looks for something to say without ever sleeping, at most until the time is over. Costs a core.
     pub fn poll_for_outcome(&self, timeout: Duration) {
         let started = std::time::Instant::now();
-        while self.outcome.is_empty() && started.elapsed() < timeout {
-            std::hint::spin_loop();
+        // The clock costs more than a look at the ring.
+        while started.elapsed() < timeout {
+            for _ in 0..64 {
+                if !self.outcome.is_empty() {
+                    return;
+                }
+                std::hint::spin_loop();
+            }
         }
     }
 
@@ -215,7 +238,7 @@ impl Rings {
     }
 
     /// Says that the loop runs, until what is returned is dropped, by a panic too; egress stays until then.
-    pub fn loop_runs(&self) -> impl Drop {
+    pub fn loop_runs(&self) -> impl Drop + use<'_> {
         struct Runs<'a>(&'a AtomicBool);
         impl Drop for Runs<'_> {
             fn drop(&mut self) {

@@ -1,0 +1,111 @@
+//! The daemon's side: the real loop and the real egress, whose publishing is timed.
+
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::thread::{sleep, spawn};
+use std::time::{Duration, Instant};
+
+use equipoise_benches::worker::HEIGHT_M;
+use equipoise_bus::{Bus, BusSettings};
+use equipoise_core::cycle::{Memory, Settings};
+use equipoise_core::message::CycleRecord;
+use equipoise_daemon::egress::Egress;
+use equipoise_daemon::latency_log::feed::{PLACES, feed};
+use equipoise_daemon::realtime::{self, Asked};
+use equipoise_daemon::rings::{Rings, Waiting};
+use equipoise_daemon::tick::{Loop, Monotonic, NoObserver};
+use equipoise_latency::PathHistograms;
+use equipoise_latency::stage::Stage;
+
+use crate::consumers::{self, Kind};
+
+pub(crate) const STATION: &str = "fan-out";
+const PERIOD_NS: u64 = 1_000_000;
+/// Connections are made with the first states.
+const WARM: usize = 50;
+const CPU: usize = 1;
+
+/// What a turn showed.
+#[derive(Debug, Default)]
+pub(crate) struct Turn {
+    /// Egress, for each state: published, recorded, everybody woken; sorted.
+    pub(crate) publish_us: Vec<f64>,
+    pub(crate) to_state_p50_us: f64,
+    pub(crate) to_state_p99_us: f64,
+    /// States published, and states read by all consumers together.
+    pub(crate) cycles: u64,
+    pub(crate) taken: u64,
+}
+
+/// One turn with so many consumers.
+pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
+    let rings = Arc::new(Rings::new().expect("an event file descriptor"));
+    let consumers = (count > 0).then(|| consumers::start(kind, count));
+    let (ready, is_ready) = mpsc::channel();
+    let its_rings = Arc::clone(&rings);
+    let egress = spawn(move || {
+        realtime::ask("egress", Asked { fifo_priority: 60, cpu: Some(CPU) });
+        // Nobody keeps the figures; a full feed only counts.
+        let (latency_log, _drain) = feed(PLACES);
+        let rings = Arc::clone(&its_rings);
+        let mut egress =
+            Egress::open(STATION, rings, Waiting::Sleeping, latency_log).expect("the bus is there");
+        let _ = ready.send(());
+        let mut publish_us = Vec::with_capacity(1 << 16);
+        loop {
+            let ended = its_rings.has_ended();
+            its_rings.await_outcome(Waiting::Sleeping, Duration::from_millis(50));
+            let begun = Instant::now();
+            // Several at once are a stall, of which each has its share.
+            let published = egress.publish_outcomes().expect("the bus is whole");
+            let each_us = begun.elapsed().as_secs_f64() * 1e6 / published.max(1) as f64;
+            publish_us.extend(std::iter::repeat_n(each_us, published));
+            if ended {
+                return publish_us;
+            }
+        }
+    });
+    is_ready.recv().expect("egress begins");
+    let (histograms, cycles) = run_loop(&rings, turn_s);
+    let mut publish_us = egress.join().expect("egress ended well");
+    let taken = consumers.map_or(0, consumers::finish);
+    publish_us.drain(..publish_us.len().min(WARM));
+    publish_us.sort_by(f64::total_cmp);
+    let to_state = &histograms.stage(Stage::LoopToState).times_ns;
+    Turn {
+        publish_us,
+        to_state_p50_us: to_state.value_at_quantile(0.5) as f64 * 1e-3,
+        to_state_p99_us: to_state.value_at_quantile(0.99) as f64 * 1e-3,
+        cycles,
+        taken,
+    }
+}
+
+fn run_loop(rings: &Arc<Rings>, turn_s: f64) -> (PathHistograms, u64) {
+    let (its_rings, settings) = (Arc::clone(rings), Settings::for_height(HEIGHT_M));
+    let bus = Bus::join(&BusSettings::new(STATION, "records")).expect("the bus is there");
+    let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for a subscriber");
+    // Egress must see that the loop has begun before it may see that it has ended.
+    let (begun, has_begun) = mpsc::channel();
+    let looping = spawn(move || {
+        let _runs = its_rings.loop_runs();
+        let _ = begun.send(());
+        realtime::prefault_stack();
+        realtime::ask("loop", Asked { fifo_priority: 80, cpu: Some(CPU) });
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&settings);
+        Loop::new(settings, memory, 0, Arc::clone(&its_rings), PERIOD_NS).run(&mut Monotonic, &mut NoObserver)
+    });
+    has_begun.recv().expect("the loop begins");
+    let (started, mut histograms) = (Instant::now(), PathHistograms::new());
+    while started.elapsed().as_secs_f64() < turn_s {
+        sleep(Duration::from_millis(100));
+        while let Some(record) = records.receive().expect("the bus is whole") {
+            histograms.record(&record);
+        }
+    }
+    rings.stop();
+    let summary = looping.join().expect("the loop ended well");
+    assert!(summary.adds_up, "the schedule must add up");
+    (histograms, summary.cycles)
+}

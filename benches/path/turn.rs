@@ -1,0 +1,360 @@
+//! One turn: adapter → ingress → the real loop → egress → consumer, over one carrier, for a second or so.
+//!
+//! Both ends of the loop are measured apart, so that a sample's waiting for the next cycle is in no figure: the inlet
+//! ends when the sample lies in the loop's ring, the outlet begins when the loop has computed.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+use equipoise_benches::worker::{HEIGHT_M, Worker};
+use equipoise_bus::{Bus, BusSettings, Channel, Event, Publisher};
+use equipoise_core::cycle::{Memory, Settings};
+use equipoise_core::message::{CycleRecord, State, SuitSample};
+use equipoise_daemon::egress::Egress;
+use equipoise_daemon::ingress::Ingress;
+use equipoise_daemon::latency_log::feed::{PLACES, feed};
+use equipoise_daemon::realtime::{self, Asked, now_ns, sleep_until};
+use equipoise_daemon::rings::{Rings, Waiting};
+use equipoise_daemon::tick::{Loop, Monotonic, Observer};
+use equipoise_latency::PathHistograms;
+
+use crate::carrier::{Carrier, Socket, WAKE_AT_LEAST};
+use crate::consumer::{Consumer, SETTLE};
+
+const STATION: &str = "path";
+/// 1 kHz; the adapter has a sample in the middle of each period.
+const PERIOD_NS: u64 = 1_000_000;
+/// Caches, connections and page tables are warm after so many.
+const WARM: u64 = 100;
+/// What one thread may note in a turn: a minute.
+const NOTES: usize = 1 << 16;
+/// The daemon's own priorities.
+const LOOP: u32 = 80;
+const INGRESS: u32 = 70;
+const EGRESS: u32 = 60;
+
+/// What a turn is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Plan {
+    pub(crate) carrier: Carrier,
+    pub(crate) waiting: Waiting,
+    /// Whether there are adapter and ingress.
+    pub(crate) inlet: bool,
+    /// Whether there are egress and consumer.
+    pub(crate) outlet: bool,
+    pub(crate) cores: Cores,
+    pub(crate) length: Duration,
+}
+
+/// Who is pinned where.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Cores {
+    pub(crate) adapter: Option<usize>,
+    pub(crate) ingress: Option<usize>,
+    pub(crate) looping: Option<usize>,
+    pub(crate) egress: Option<usize>,
+    pub(crate) consumer: Option<usize>,
+}
+
+/// What a turn showed.
+#[derive(Debug, Default)]
+pub(crate) struct Times {
+    /// From the sample's arrival until it lies in the ring, µs.
+    pub(crate) inlet_us: Vec<f64>,
+    /// From the state computed until the consumer has read all of it, µs.
+    pub(crate) outlet_us: Vec<f64>,
+    /// From the state computed until it is handed over, in the loop's own thread, µs.
+    pub(crate) step_us: Vec<f64>,
+    /// Messages sent and arrived, both legs.
+    pub(crate) sent: usize,
+    pub(crate) arrived: usize,
+}
+
+impl Plan {
+    /// Runs it; `folder` is where sockets may lie.
+    pub(crate) fn run(&self, folder: &Path) -> Times {
+        let rings = Arc::new(Rings::new().expect("an event file descriptor"));
+        let begun = Arc::new(AtomicU64::new(0));
+        let consumer = self.outlet.then(|| {
+            let place = folder.join("out").display().to_string();
+            Consumer::start(STATION, self.carrier, self.waiting, self.cores.consumer, &place)
+        });
+        let egress = consumer.as_ref().map(|(_, address)| self.start_egress(&rings, address));
+        let inlet = self.inlet.then(|| self.start_inlet(&rings, &begun, folder));
+        let records = self.outlet.then(RecordReader::open);
+        sleep(SETTLE);
+        let looping = self.start_loop(&rings, &begun);
+        let records = match (records, self.carrier) {
+            (Some(reader), Carrier::Bus) => reader.follow(self.length),
+            _ => {
+                sleep(self.length);
+                Vec::new()
+            }
+        };
+        rings.stop();
+        let pushed = looping.join().expect("the loop ended well");
+        let socket_records = egress.map(|thread| thread.join().expect("egress ended well"));
+        let mut times = Times::default();
+        if let Some((adapter, ingress)) = inlet {
+            let sent = adapter.join().expect("the adapter ended well");
+            times.note_inlet(&sent, &ingress.join().expect("ingress ended well"));
+        }
+        if let Some((consumer, _)) = consumer {
+            sleep(SETTLE);
+            let records = socket_records.flatten().unwrap_or(records);
+            times.note_outlet(&records, &pushed, consumer.finish());
+        }
+        times
+    }
+
+    fn start_loop(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>) -> JoinHandle<Vec<(u64, u64)>> {
+        let (rings, cpu) = (Arc::clone(rings), self.cores.looping);
+        let mut stamps = Stamps { pushed: vec![(1, 1); NOTES], used: 0, begun: Arc::clone(begun) };
+        let settings = Settings::for_height(HEIGHT_M);
+        spawn(move || {
+            let _runs = rings.loop_runs();
+            realtime::prefault_stack();
+            realtime::ask("loop", Asked { fifo_priority: LOOP, cpu });
+            let mut memory = bytemuck::zeroed_box::<Memory>();
+            memory.start(&settings);
+            let summary = Loop::new(settings, memory, 0, Arc::clone(&rings), PERIOD_NS)
+                .run(&mut Monotonic, &mut stamps);
+            assert!(summary.adds_up, "the schedule must add up");
+            stamps.pushed.truncate(stamps.used);
+            stamps.pushed
+        })
+    }
+
+    /// Over sockets: the records, since there is no bus to take them from.
+    fn start_egress(&self, rings: &Arc<Rings>, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
+        let (plan, rings, address) = (*self, Arc::clone(rings), address.to_owned());
+        let (ready, is_ready) = mpsc::channel();
+        let thread = spawn(move || {
+            realtime::ask("egress", Asked { fifo_priority: EGRESS, cpu: plan.cores.egress });
+            if plan.carrier == Carrier::Bus {
+                // Nobody keeps the figures; a full feed only counts.
+                let (latency_log, _drain) = feed(PLACES);
+                let egress = Egress::open(STATION, rings, plan.waiting, latency_log);
+                let _ = ready.send(());
+                egress.and_then(Egress::run).expect("the bus is whole");
+                return None;
+            }
+            let socket = Socket::sender(plan.carrier, &address);
+            let (mut records, mut latency) = (Vec::with_capacity(NOTES), PathHistograms::new());
+            let _ = ready.send(());
+            // As egress does it, with one socket in place of the bus.
+            loop {
+                let ended = rings.has_ended();
+                rings.await_outcome(plan.waiting, WAKE_AT_LEAST);
+                while let Some(mut outcome) = rings.outcome.pop() {
+                    outcome.state.published_ns = now_ns();
+                    socket.send(bytemuck::bytes_of(&outcome.state));
+                    outcome.record.published_ns = now_ns();
+                    latency.record(&outcome.record);
+                    records.push(outcome.record);
+                }
+                if ended {
+                    return Some(records);
+                }
+            }
+        });
+        is_ready.recv().expect("egress begins");
+        thread
+    }
+
+    fn start_inlet(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
+        let (plan, its_rings, place) = (*self, Arc::clone(rings), folder.join("in"));
+        let (ready, is_ready) = mpsc::channel();
+        let ingress = spawn(move || {
+            realtime::ask("ingress", Asked { fifo_priority: INGRESS, cpu: plan.cores.ingress });
+            match plan.carrier {
+                Carrier::Bus => {
+                    let ingress = Ingress::open(STATION, Arc::clone(&its_rings), plan.waiting)
+                        .expect("the bus is there");
+                    let _ = ready.send(String::new());
+                    take_from_the_bus(ingress, &its_rings)
+                }
+                carrier => {
+                    let (socket, address) = Socket::receiver(carrier, &place, plan.waiting);
+                    let _ = ready.send(address);
+                    take_from_a_socket(&socket, &its_rings)
+                }
+            }
+        });
+        let address = is_ready.recv().expect("ingress begins");
+        let (rings, begun) = (Arc::clone(rings), Arc::clone(begun));
+        (spawn(move || plan.adapt(&address, &rings, &begun)), ingress)
+    }
+
+    /// The adapter: a sample in the middle of each of the loop's periods.
+    fn adapt(&self, address: &str, rings: &Rings, begun: &AtomicU64) -> Vec<(u64, u64)> {
+        // Pollers would keep an ordinary thread from its core for ever.
+        let fifo_priority = if self.waiting == Waiting::Polling { LOOP } else { 0 };
+        realtime::ask("adapter", Asked { fifo_priority, cpu: self.cores.adapter });
+        let worker = Worker::new();
+        let mut sample = worker.suit(&worker.pose(0), 0);
+        let outlet = Outlet::open(self.carrier, address);
+        let mut sent = Vec::with_capacity(NOTES);
+        while begun.load(Ordering::Acquire) == 0 && !rings.is_stopping() {
+            sleep(Duration::from_millis(1));
+        }
+        let mut due_ns = begun.load(Ordering::Acquire) + PERIOD_NS / 2;
+        while !rings.is_stopping() {
+            due_ns += PERIOD_NS * (1 + now_ns().saturating_sub(due_ns) / PERIOD_NS);
+            sleep_until(due_ns);
+            sample.arrival_ns = now_ns();
+            sample.sequence = sent.len() as u64 + 1;
+            sample.sample_time_ns = sample.arrival_ns;
+            sample.published_ns = now_ns();
+            outlet.send(&sample);
+            sent.push((sample.sequence, sample.arrival_ns));
+        }
+        sent
+    }
+}
+
+/// A thread that numbers and dates what it does.
+type Noting = JoinHandle<Vec<(u64, u64)>>;
+
+/// The adapter's end.
+enum Outlet {
+    Bus { samples: Publisher<SuitSample>, wake: equipoise_bus::Notifier, _bus: Bus },
+    Socket(Socket),
+}
+
+impl Outlet {
+    fn open(carrier: Carrier, address: &str) -> Outlet {
+        if carrier != Carrier::Bus {
+            return Outlet::Socket(Socket::sender(carrier, address));
+        }
+        let bus = Bus::join(&BusSettings::new(STATION, "adapter")).expect("the bus is there");
+        let (samples, wake) = (bus.publisher(), bus.notifier(Channel::Inputs));
+        Outlet::Bus {
+            samples: samples.expect("a place for a publisher"),
+            wake: wake.expect("a place for a notifier"),
+            _bus: bus,
+        }
+    }
+
+    fn send(&self, sample: &SuitSample) {
+        match self {
+            Outlet::Bus { samples, wake, .. } => {
+                samples.send(sample).expect("the bus is whole");
+                wake.notify(Event::NewSuit).expect("the bus is whole");
+            }
+            Outlet::Socket(socket) => socket.send(bytemuck::bytes_of(sample)),
+        }
+    }
+}
+
+fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
+    let (mut taken, mut count) = (Vec::with_capacity(NOTES), 0);
+    while !rings.is_stopping() {
+        ingress.wait().expect("the bus is whole");
+        let several = ingress.take_in().expect("the bus is whole") as u64;
+        let now_ns = now_ns();
+        // The bus loses nothing that is not a quarter of a second late: the count is the sequence.
+        taken.extend((1..=several).map(|one| (count + one, now_ns)));
+        count += several;
+    }
+    taken
+}
+
+fn take_from_a_socket(socket: &Socket, rings: &Rings) -> Vec<(u64, u64)> {
+    let mut taken = Vec::with_capacity(NOTES);
+    let mut sample: SuitSample = bytemuck::Zeroable::zeroed();
+    while !rings.is_stopping() {
+        if socket.receive(bytemuck::bytes_of_mut(&mut sample)) {
+            rings.push_suit(sample, now_ns());
+            taken.push((sample.sequence, now_ns()));
+        }
+    }
+    taken
+}
+
+/// Notes from inside the loop when each outcome was handed over.
+struct Stamps {
+    pushed: Vec<(u64, u64)>,
+    used: usize,
+    begun: Arc<AtomicU64>,
+}
+
+impl Observer for Stamps {
+    fn cycle_begins(&mut self, cycle: u64) {
+        if cycle == 1 {
+            self.begun.store(now_ns(), Ordering::Release);
+        }
+    }
+
+    fn cycle_ends(&mut self, cycle: u64) {
+        if let Some(place) = self.pushed.get_mut(self.used) {
+            *place = (cycle, now_ns());
+            self.used += 1;
+        }
+    }
+}
+
+/// Takes the cycle records off the bus.
+struct RecordReader {
+    records: equipoise_bus::Subscriber<CycleRecord>,
+    _bus: Bus,
+}
+
+impl RecordReader {
+    fn open() -> RecordReader {
+        let bus = Bus::join(&BusSettings::new(STATION, "records")).expect("the bus is there");
+        RecordReader { records: bus.subscriber(1024).expect("a place for a subscriber"), _bus: bus }
+    }
+
+    fn follow(mut self, length: Duration) -> Vec<CycleRecord> {
+        let (begun, mut all) = (Instant::now(), Vec::with_capacity(NOTES));
+        while begun.elapsed() < length {
+            sleep(Duration::from_millis(100).min(length));
+            while let Some(record) = self.records.receive().expect("the bus is whole") {
+                all.push(record);
+            }
+        }
+        all
+    }
+}
+
+impl Times {
+    fn note_inlet(&mut self, sent: &[(u64, u64)], taken: &[(u64, u64)]) {
+        let sent_ns: HashMap<u64, u64> = sent.iter().copied().collect();
+        self.inlet_us = between(&sent_ns, taken.iter().copied());
+        self.sent += sent.len();
+        self.arrived += taken.len();
+    }
+
+    fn note_outlet(
+        &mut self,
+        records: &[CycleRecord],
+        pushed: &[(u64, u64)],
+        (read, bytes): (Vec<(u64, u64)>, u64),
+    ) {
+        let computed_ns: HashMap<u64, u64> =
+            records.iter().map(|record| (record.cycle, record.compute_end_ns)).collect();
+        self.step_us = between(&computed_ns, pushed.iter().copied());
+        self.outlet_us = between(&computed_ns, read.iter().copied());
+        assert_eq!(
+            bytes,
+            (read.len() * size_of::<State>()) as u64,
+            "the consumer read each byte of each state"
+        );
+        self.sent += pushed.len();
+        self.arrived += read.len();
+    }
+}
+
+/// µs from the one to the other, of all that both know and that are not of the warm-up.
+fn between(from_ns: &HashMap<u64, u64>, to_ns: impl Iterator<Item = (u64, u64)>) -> Vec<f64> {
+    to_ns
+        .filter(|(number, _)| *number > WARM)
+        .filter_map(|(number, to)| from_ns.get(&number).map(|from| to.saturating_sub(*from) as f64 * 1e-3))
+        .collect()
+}

@@ -1,0 +1,105 @@
+//! Other processes: this very program again in another role, and a bus that only they share.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use equipoise_bus::root::ROOT_VARIABLE;
+
+const PEER: &str = "--peer";
+
+/// Another process of this program.
+#[derive(Debug)]
+pub struct Peer {
+    child: Child,
+    out: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    /// Starts one with a role and its arguments, and waits until it says that it is ready; what else it said then.
+    pub fn start(role: &str, arguments: &[String]) -> (Peer, String) {
+        let program = std::env::current_exe().expect("this program has a path");
+        let mut child = Command::new(program)
+            .arg(PEER)
+            .arg(role)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("another process can be started");
+        let mut out = BufReader::new(child.stdout.take().expect("its output is piped"));
+        let mut line = String::new();
+        out.read_line(&mut line).expect("its output can be read");
+        let Some(said) = line.strip_prefix("ready") else { panic!("{role} did not start: '{line}'") };
+        (Peer { child, out }, said.trim().to_owned())
+    }
+
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Tells it a line.
+    pub fn tell(&mut self, line: &str) {
+        let input = self.child.stdin.as_mut().expect("its input is piped");
+        writeln!(input, "{line}").expect("it reads");
+    }
+
+    /// Asks it to end and waits for its last words.
+    pub fn finish(mut self) -> Vec<u8> {
+        drop(self.child.stdin.take());
+        let mut last = Vec::new();
+        self.out.read_to_end(&mut last).expect("its output can be read");
+        let status = self.child.wait().expect("it is our child");
+        assert!(status.success(), "the other process failed: {status}");
+        last
+    }
+}
+
+impl Drop for Peer {
+    /// A bench that failed leaves nobody behind.
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The role and the arguments of a process that [`Peer::start`] started.
+pub fn role() -> Option<(String, Vec<String>)> {
+    let mut arguments = std::env::args().skip(1);
+    (arguments.next()? == PEER).then(|| (arguments.next().unwrap_or_default(), arguments.collect()))
+}
+
+/// Says that this peer is ready, and more on the same line.
+pub fn ready(more: &str) {
+    println!("ready {more}");
+    std::io::stdout().flush().expect("whoever started us reads");
+}
+
+/// Becomes true when whoever started this process asks it to end, or has died.
+pub fn asked_to_end() -> Arc<AtomicBool> {
+    let ends = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&ends);
+    std::thread::spawn(move || {
+        let _ = std::io::stdin().read_to_end(&mut Vec::new());
+        told.store(true, Ordering::Relaxed);
+    });
+    ends
+}
+
+/// Runs `body` in a process that has a bus of its own, which is removed afterwards.
+pub fn on_an_own_bus(body: impl FnOnce()) -> ExitCode {
+    if std::env::var_os(ROOT_VARIABLE).is_some() {
+        body();
+        return ExitCode::SUCCESS;
+    }
+    let root = tempfile::Builder::new().prefix("eqp-bench-").tempdir().expect("a folder for the bus");
+    let program = std::env::current_exe().expect("this program has a path");
+    let status =
+        Command::new(program).args(std::env::args_os().skip(1)).env(ROOT_VARIABLE, root.path()).status();
+    match status {
+        Ok(status) if status.success() => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    }
+}
