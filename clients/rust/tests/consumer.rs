@@ -65,11 +65,12 @@ fn states_and_missed_add_up_to_the_cycles() {
 fn nothing_is_handed_out_past_its_age() {
     let root = root();
     let _station = station(&root);
-    let settings = root.settings("aged");
+    // Deep enough to hold states that are too old.
+    let settings = ConsumerSettings { depth: 64, ..root.settings("aged") };
     let mut consumer = Consumer::join_with(settings.clone()).unwrap();
     for round in 0..100 {
         if round % 20 == 19 {
-            sleep(settings.stale_after);
+            sleep(2 * settings.stale_after);
         }
         let reading = next(&mut consumer);
         assert!(Duration::from_nanos(reading.age_ns) <= settings.stale_after);
