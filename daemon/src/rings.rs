@@ -1,17 +1,22 @@
-//! What the loop shares with the threads around it: fixed rings, filled and emptied without locks or memory.
+//! What the loop shares with the threads around it: fixed rings, filled and emptied without waiting or memory.
 //!
-//! A full ring loses its oldest entry and counts it; nobody ever waits. Boxes travel in circles: the loop copies into
+//! A full ring turns away and counts what it turned away; nobody ever waits. Boxes travel in circles: the loop copies into
 //! a blank one and sends it off, and a thread that may touch the heap brings it back.
+
+mod ring;
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
-use crate::realtime::touch;
-use crossbeam_queue::ArrayQueue;
+use bytemuck::Zeroable;
 use equipoise_core::cycle::{Checkpoint, Kept, Settings, Worker};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
+
+use crate::realtime::touch;
+
+pub use ring::Ring;
 
 /// A quarter of a second of the fastest suit.
 const SUIT_RING: usize = 64;
@@ -27,6 +32,10 @@ const CHECKPOINTS: usize = 2;
 const KEPT: usize = 4;
 /// Whoever hands over settings empties it first: the loop never finds it full, and so never frees settings itself.
 const SETTINGS_BACK: usize = 4;
+
+/// A loop at 100 Hz has ten cycles in this time.
+const SETTINGS_TRIES: u32 = 100;
+const SETTINGS_TRY_AFTER: Duration = Duration::from_millis(1);
 
 /// A sample, and when ingress took it off the bus: the stamp is for the cycle record and no part of the input, so that
 /// a replay, which has no ingress, comes to the same.
@@ -60,29 +69,29 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Rings {
     /// Ingress to loop.
-    pub suit: ArrayQueue<TakenIn<SuitSample>>,
+    pub suit: Ring<TakenIn<SuitSample>>,
     /// Ingress to loop.
-    pub ground: ArrayQueue<TakenIn<GroundSample>>,
+    pub ground: Ring<TakenIn<GroundSample>>,
     /// Commands to the loop, one a cycle.
-    pub command: ArrayQueue<CommandKind>,
+    pub command: Ring<CommandKind>,
     /// A worker to take over and its number, with the command that says so.
-    pub worker: ArrayQueue<(u64, Box<Worker>)>,
+    pub worker: Ring<(u64, Box<Worker>)>,
     /// The worker's empty box on its way back.
-    pub worker_back: ArrayQueue<Box<Worker>>,
+    pub worker_back: Ring<Box<Worker>>,
     /// Other settings to the loop, and the number of the reload that brings them.
-    pub settings: ArrayQueue<(u64, Box<Settings>)>,
+    pub settings: Ring<(u64, Box<Settings>)>,
     /// The settings before, on their way to who may free them.
-    pub settings_back: ArrayQueue<Box<Settings>>,
+    pub settings_back: Ring<Box<Settings>>,
     /// Blank boxes for what is kept.
-    pub keep_blank: ArrayQueue<Box<Kept>>,
+    pub keep_blank: Ring<Box<Kept>>,
     /// What is kept, to saving, with the number of the worker in it.
-    pub kept: ArrayQueue<(u64, Box<Kept>)>,
+    pub kept: Ring<(u64, Box<Kept>)>,
     /// Blank checkpoints for the loop.
-    pub blank: ArrayQueue<Box<Checkpoint>>,
+    pub blank: Ring<Box<Checkpoint>>,
     /// Taken checkpoints to egress.
-    pub taken: ArrayQueue<Box<Checkpoint>>,
+    pub taken: Ring<Box<Checkpoint>>,
     /// Loop to egress.
-    pub outcome: ArrayQueue<Outcome>,
+    pub outcome: Ring<Outcome>,
     outcome_ready: OwnedFd,
     /// Egress sleeps, or is about to: whoever clears it owes the awakening.
     egress_sleeps: AtomicBool,
@@ -100,30 +109,35 @@ impl Rings {
     /// # Errors
     /// The kernel gives no event file descriptor.
     pub fn new() -> std::io::Result<Rings> {
-        let blank = ArrayQueue::new(CHECKPOINTS);
+        let blank = Ring::new(CHECKPOINTS);
         for _ in 0..CHECKPOINTS {
             let mut checkpoint = bytemuck::zeroed_box();
             // The loop copies into it: its pages shall be there.
             touch(&mut *checkpoint);
             let _ = blank.push(checkpoint);
         }
-        let keep_blank = ArrayQueue::new(KEPT);
+        let keep_blank = Ring::new(KEPT);
         for _ in 0..KEPT {
-            let _ = keep_blank.push(bytemuck::zeroed_box());
+            let mut kept = bytemuck::zeroed_box();
+            touch(&mut *kept);
+            let _ = keep_blank.push(kept);
         }
         Ok(Rings {
-            suit: ArrayQueue::new(SUIT_RING),
-            ground: ArrayQueue::new(GROUND_RING),
-            command: ArrayQueue::new(COMMAND_RING),
-            worker: ArrayQueue::new(1),
-            worker_back: ArrayQueue::new(WORKERS_BACK),
-            settings: ArrayQueue::new(1),
-            settings_back: ArrayQueue::new(SETTINGS_BACK),
+            suit: Ring::touched(SUIT_RING, TakenIn { sample: SuitSample::zeroed(), ingress_ns: 0 }),
+            ground: Ring::touched(GROUND_RING, TakenIn { sample: GroundSample::zeroed(), ingress_ns: 0 }),
+            command: Ring::new(COMMAND_RING),
+            worker: Ring::new(1),
+            worker_back: Ring::new(WORKERS_BACK),
+            settings: Ring::new(1),
+            settings_back: Ring::new(SETTINGS_BACK),
             keep_blank,
-            kept: ArrayQueue::new(KEPT),
+            kept: Ring::new(KEPT),
             blank,
-            taken: ArrayQueue::new(CHECKPOINTS),
-            outcome: ArrayQueue::new(OUTCOME_RING),
+            taken: Ring::new(CHECKPOINTS),
+            outcome: Ring::touched(
+                OUTCOME_RING,
+                Outcome { state: State::zeroed(), record: CycleRecord::zeroed() },
+            ),
             outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
             egress_sleeps: AtomicBool::new(false),
             input_dropped: AtomicU64::new(0),
@@ -135,25 +149,25 @@ impl Rings {
         })
     }
 
-    /// Hands a suit sample to the loop; a full ring loses its oldest.
+    /// Hands a suit sample to the loop; a full ring turns it away.
     pub fn push_suit(&self, sample: SuitSample, ingress_ns: u64) {
-        if self.suit.force_push(TakenIn { sample, ingress_ns }).is_some() {
+        if self.suit.push(TakenIn { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Hands a ground sample to the loop; a full ring loses its oldest.
+    /// Hands a ground sample to the loop; a full ring turns it away.
     pub fn push_ground(&self, sample: GroundSample, ingress_ns: u64) {
-        if self.ground.force_push(TakenIn { sample, ingress_ns }).is_some() {
+        if self.ground.push(TakenIn { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Hands a cycle's outcome to egress and wakes it if it sleeps; a full ring loses its oldest. No memory, and a
+    /// Hands a cycle's outcome to egress and wakes it if it sleeps; a full ring turns it away. No memory, and a
     /// system call for a sleeper only.
     pub fn push_outcome(&self, outcome: Outcome) {
         self.last_cycle.store(outcome.state.cycle, Ordering::Relaxed);
-        if self.outcome.force_push(outcome).is_some() {
+        if self.outcome.push(outcome).is_err() {
             self.output_dropped.fetch_add(1, Ordering::Relaxed);
         }
         // Before or after: either we see that egress goes to sleep, or it sees the outcome.
@@ -162,6 +176,21 @@ impl Rings {
             // The counter can only be full if egress has slept for ever; then it is awake all the more.
             let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
         }
+    }
+
+    /// Hands the loop other settings and takes back those before. For ordinary threads: it waits until the loop has taken
+    /// up what was handed over before. Whether the loop took it, which it does within a cycle while it runs.
+    pub fn hand_over_settings(&self, number: u64, settings: Box<Settings>) -> bool {
+        let mut handed_over = (number, settings);
+        for _ in 0..SETTINGS_TRIES {
+            while self.settings_back.pop().is_some() {}
+            match self.settings.push(handed_over) {
+                Ok(()) => return true,
+                Err(back) => handed_over = back,
+            }
+            std::thread::sleep(SETTINGS_TRY_AFTER);
+        }
+        false
     }
 
     /// Waits until the loop has something to say, or the time is over.
@@ -207,7 +236,7 @@ impl Rings {
         }
     }
 
-    /// Input samples lost to full rings.
+    /// Input samples that found their ring full.
     pub fn input_dropped(&self) -> u64 {
         self.input_dropped.load(Ordering::Relaxed)
     }
@@ -222,7 +251,7 @@ impl Rings {
         self.input_refused.load(Ordering::Relaxed)
     }
 
-    /// Outcomes lost to a full ring.
+    /// Outcomes that found the ring full.
     pub fn output_dropped(&self) -> u64 {
         self.output_dropped.load(Ordering::Relaxed)
     }

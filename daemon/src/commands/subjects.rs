@@ -72,8 +72,9 @@ pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, worke
     workers.forget(&id);
     if is_similar {
         (forced.settings.similar, forced.settings.prior, forced.similar) = (None, PriorKind::Table, None);
-        while rings.settings_back.pop().is_some() {}
-        let _ = rings.settings.push((0, Box::new(forced.settings)));
+        if !rings.hand_over_settings(0, Box::new(forced.settings)) {
+            return Err(TOO_MANY.to_owned());
+        }
         in_force.replace(forced.clone());
     }
     let mut told = if in_use {

@@ -3,32 +3,30 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use crossbeam_queue::ArrayQueue;
-
-use crate::rings::Outcome;
+use crate::rings::{Outcome, Ring};
 
 /// A second of cycles at 1 kHz: a disk may take so long to write a file.
 pub const PLACES: usize = 1024;
 
 #[derive(Debug)]
-struct Ring {
-    outcomes: ArrayQueue<Outcome>,
+struct Shared {
+    outcomes: Ring<Outcome>,
     dropped: AtomicU64,
     closed: AtomicBool,
 }
 
 /// Egress's end. Dropped, it closes the ring.
 #[derive(Debug)]
-pub struct Feed(Arc<Ring>);
+pub struct Feed(Arc<Shared>);
 
 /// The latency log's end.
 #[derive(Debug)]
-pub struct Drain(Arc<Ring>);
+pub struct Drain(Arc<Shared>);
 
 /// Both ends of a new ring.
 pub fn feed(places: usize) -> (Feed, Drain) {
-    let ring = Arc::new(Ring {
-        outcomes: ArrayQueue::new(places + 1),
+    let ring = Arc::new(Shared {
+        outcomes: Ring::new(places),
         dropped: AtomicU64::new(0),
         closed: AtomicBool::new(false),
     });
@@ -39,10 +37,7 @@ impl Feed {
     /// Hands an outcome over. A full ring keeps what it has, since a gap at the end can be told by its number; the outcome
     /// is counted as dropped.
     pub fn hand_over(&self, outcome: Outcome) {
-        let ring = &self.0.outcomes;
-        // One place stays free. The log is an ordinary thread and may be preempted while it copies an outcome out; its
-        // place is then neither full nor free, and a push that came round to it would spin for it at our priority.
-        if ring.len() + 1 >= ring.capacity() || ring.push(outcome).is_err() {
+        if self.0.outcomes.push(outcome).is_err() {
             self.0.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }

@@ -55,9 +55,9 @@ impl Pipeline {
             info!("{}", model.tell());
         }
         self.in_force.replace(Forced { config, settings, similar: before.similar });
-        // It was not full, and this thread and the command server's rare forgetting are the only ones to fill it.
-        while self.rings.settings_back.pop().is_some() {}
-        let _ = self.rings.settings.force_push((reload, Box::new(settings)));
+        if !self.rings.hand_over_settings(reload, Box::new(settings)) {
+            bail!("the loop takes nothing up; see `equipoise status`");
+        }
         for key in &changed {
             info!("{key} changed: in force now");
         }
