@@ -1,13 +1,17 @@
 //! What a process leaves on the bus that was killed while it joined.
 //!
-//! A participant consists of a directory and three files beside it, made one after the other; iceoryx2 looks for the
-//! dead among the last of them. Who is killed before that is nobody's dead, and its files would stay for ever.
+//! A participant consists of a directory, with its details in it, and three files beside it, made one after the other.
+//! iceoryx2 looks for the dead among the last of them: who is killed before that is nobody's dead. And who is killed
+//! while a port or a service is written down in the directory leaves half a file there; then iceoryx2 clears away all
+//! else, the details last, and fails at the directory again and again. Both would stay for ever.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// Ending of the file in the directory that is made first and cleared away last.
+const DETAILS: &str = "node.details";
 /// Endings of the three files.
 const FILES: [&str; 3] = [".node_monitor", ".node_monitor_context", ".node_monitor_owner_lock"];
 /// Joining takes milliseconds. What has stood still for so long is not being made any more.
@@ -34,7 +38,7 @@ fn remove_if_half_made(nodes: &Path, prefix: &str, id: &str) -> bool {
     let directory = nodes.join(id);
     let files: Vec<PathBuf> = FILES.iter().map(|end| nodes.join(format!("{prefix}{id}{end}"))).collect();
     let all = || files.iter().chain([&directory]);
-    let is_whole = all().all(|path| path.exists());
+    let is_whole = all().all(|path| path.exists()) && directory.join(format!("{prefix}{DETAILS}")).exists();
     if is_whole || !all().filter(|path| path.exists()).all(|path| has_stood_still(path)) {
         return false;
     }
@@ -78,7 +82,11 @@ mod tests {
         make("2", 0, true);
         make("3", 2, true);
         make("4", 1, false);
-        assert_eq!(remove(&nodes, "eqp_x_"), 2);
+        make("5", 3, true);
+        fs::rename(nodes.join("5/eqp_x_node.details"), nodes.join("5/eqp_x_7.port_tag")).unwrap();
+        assert_eq!(remove(&nodes, "eqp_x_"), 2, "5 has just changed");
+        age(&nodes.join("5"));
+        assert_eq!(remove(&nodes, "eqp_x_"), 1);
         assert_eq!(remove(&nodes, "eqp_x_"), 0);
         let left: BTreeSet<String> = ids(&nodes, "eqp_x_");
         assert_eq!(left, BTreeSet::from(["1", "4"].map(str::to_owned)));

@@ -183,6 +183,8 @@ impl Memory {
         if suit_stale && !ground_stale {
             self.measure_ground_alone();
         }
+        // The plate may be back, and the moment that is told of still one without it.
+        let ground_stale = ground_stale || self.findings().any_of(Validity::GROUND_STALE);
 
         let suggested = self.suggested(settings);
         let identification = &self.identification;

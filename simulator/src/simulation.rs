@@ -28,6 +28,8 @@ use crate::truth::Truth;
 
 /// The worker obeys this long after a command, so that no sensor has yet seen the time from which it holds, s.
 const REACTION_S: f64 = 0.02;
+/// A sample that is sent so much later than it should be was held up, ns.
+const HELD_UP_NS: u64 = 10_000_000;
 /// How long a pose takes unless said otherwise, s.
 const POSE_S: f64 = 1.8;
 
@@ -44,6 +46,8 @@ struct Shared {
     trouble: RwLock<Trouble>,
     /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC.
     sent_ns: [AtomicU64; 2],
+    /// When a sensor was last held up by its machine, CLOCK_MONOTONIC.
+    held_up_ns: AtomicU64,
 }
 
 /// What is wrong with devices and network now; may change at any time.
@@ -83,6 +87,10 @@ impl Shared {
                 return Ok(());
             }
             let rate_hz = step(&mut clock)?;
+            let now_ns = monotonic_ns();
+            if now_ns > self.start_ns + span_ns(clock.time_s() + latency_s) + HELD_UP_NS {
+                self.held_up_ns.store(now_ns, Ordering::Relaxed);
+            }
             clock.advance(rate_hz);
         }
     }
@@ -205,6 +213,7 @@ impl Simulation {
             plate_status: AtomicU32::new(0),
             trouble: RwLock::new(trouble),
             sent_ns: [AtomicU64::new(0), AtomicU64::new(0)],
+            held_up_ns: AtomicU64::new(0),
         });
         let mut handle = SimulationHandle { shared: Arc::clone(&shared), plate_address, threads: Vec::new() };
         let suit = Arc::clone(&shared);
@@ -313,6 +322,11 @@ impl SimulationHandle {
     /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC ns; 0 for none.
     pub fn sent_ns(&self) -> [u64; 2] {
         [0, 1].map(|sensor| self.shared.sent_ns[sensor].load(Ordering::Relaxed))
+    }
+
+    /// When the machine last held up a sensor so long (10 ms) that it was no sensor any more, CLOCK_MONOTONIC ns; 0 for never.
+    pub fn held_up_ns(&self) -> u64 {
+        self.shared.held_up_ns.load(Ordering::Relaxed)
     }
 
     /// What is so at a simulated time. For times to come: if nothing more is asked of the worker.

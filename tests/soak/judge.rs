@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use bytemuck::Zeroable;
-use equipoise_core::body::{JOINTS, SEGMENTS};
+use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
 use equipoise_core::message::layout::{Message, Primitive};
 use equipoise_core::message::{State, Validity};
 use equipoise_simulator::simulation::SimulationHandle;
@@ -32,6 +32,9 @@ const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
 /// A sample cannot be newer than the newest that was sent; sent and dated are two clocks' readings.
 const AHEAD_AT_MOST_NS: u64 = 25_000_000;
 
+/// How long the clock fit needs to forget that the sensors were held up: a break must last a second before it is one.
+const HELD_UP_FOR_NS: u64 = 3_000_000_000;
+
 /// One value that was wrong.
 #[derive(Debug, Clone)]
 pub(crate) struct Wrong {
@@ -40,7 +43,8 @@ pub(crate) struct Wrong {
     cycle: u64,
     error: f64,
     bound: f64,
-    state_time_s: f64,
+    /// What was told beside, and the reasons that were raised.
+    beside: String,
 }
 
 /// Looks at every state.
@@ -49,11 +53,14 @@ pub(crate) struct Judge {
     pub(crate) during: &'static str,
     pub(crate) states: u64,
     pub(crate) missed: u64,
+    /// States that came while the simulated sensors were held up, or just after.
+    pub(crate) excused: u64,
     pub(crate) told: BTreeMap<&'static str, u64>,
     /// Largest share of its bound that an error took, by value; and during what.
     worst: BTreeMap<&'static str, (f64, &'static str)>,
     pub(crate) wrong: Vec<Wrong>,
     truths: (u64, Vec<Truth>),
+    worst_joint: usize,
 }
 
 impl Judge {
@@ -63,10 +70,12 @@ impl Judge {
             during: "identification",
             states: 0,
             missed: 0,
+            excused: 0,
             told: BTreeMap::new(),
             worst: BTreeMap::new(),
             wrong: Vec::new(),
             truths: (0, Vec::new()),
+            worst_joint: JOINTS,
         }
     }
 
@@ -77,6 +86,13 @@ impl Judge {
         self.states += 1;
         self.missed += if self.state.cycle > 0 { state.cycle - self.state.cycle - 1 } else { 0 };
         self.state = state;
+        // A simulated sensor that its own machine holds up is none: it sends old samples as new ones, and nobody can
+        // tell that from a device that is late.
+        let now_ns = state.time_ns.max(person.sent_ns()[1]);
+        if now_ns < person.held_up_ns() + HELD_UP_FOR_NS {
+            self.excused += 1;
+            return;
+        }
         self.ages(person);
         self.values(person);
     }
@@ -162,6 +178,11 @@ impl Judge {
             });
         }
         if told(Validity::SPOILS_TORQUES) {
+            let error_nm = |j: usize| {
+                (Vector3::from(state.torque_nm[j]) - self.truths.1[0].overload_in_motion_nm[j]).norm()
+            };
+            let worst = (0..JOINTS).max_by(|a, b| error_nm(*a).total_cmp(&error_nm(*b)));
+            self.worst_joint = worst.unwrap_or(JOINTS);
             self.compare("torques", person, 1.0, |truth| {
                 let share = |j: usize| {
                     let error_nm =
@@ -171,6 +192,7 @@ impl Judge {
                 (0..JOINTS).map(share).fold(0.0, f64::max)
             });
         }
+        self.worst_joint = JOINTS;
     }
 
     /// Holds a told value's error against its bound; instants around are asked only if the nearest truth is too far.
@@ -202,9 +224,17 @@ impl Judge {
             *worst = (share, self.during);
         }
         if share > 1.0 {
-            let State { cycle, suit_sample_time_ns, .. } = self.state;
-            let state_time_s = suit_sample_time_ns as f64 * 1e-9;
-            self.wrong.push(Wrong { what, during: self.during, cycle, error, bound, state_time_s });
+            let (state, joint) = (&self.state, self.worst_joint);
+            let reasons: Vec<_> = state.validity().names().collect();
+            let torque = Joint::ALL.get(joint).map_or(String::new(), |named| {
+                let (told, sigma) = (state.torque_nm[joint], state.torque_sigma_nm[joint]);
+                format!(", {} {told:.1?} ± {sigma:.1} N m", named.name())
+            });
+            let beside = format!(
+                "{reasons:?}, load {:.1} kg{torque}",
+                self.truths.1.first().map_or(0.0, |truth| truth.body.load_kg)
+            );
+            self.wrong.push(Wrong { what, during: self.during, cycle: state.cycle, error, bound, beside });
         }
     }
 
@@ -219,8 +249,8 @@ impl Judge {
         }
         let line = |(first, last, most): &(Wrong, u64, f64)| {
             format!(
-                "{} during {}: cycles {} to {last}, {:.4} (most {most:.4}) where {:.4} is allowed, state of {:.3} s",
-                first.what, first.during, first.cycle, first.error, first.bound, first.state_time_s
+                "{} during {}: cycles {} to {last}, {:.4} (most {most:.4}) where {:.4} is allowed; {}",
+                first.what, first.during, first.cycle, first.error, first.bound, first.beside
             )
         };
         runs.iter().map(line).collect()

@@ -19,7 +19,7 @@ use crate::station::{NAME, Station, ready};
 /// How long each trouble lasts.
 const LASTS: Duration = Duration::from_millis(2000);
 /// And how long everything is well thereafter, at least.
-const CALM: Duration = Duration::from_millis(1500);
+const CALM: Duration = Duration::from_millis(3500);
 /// All must be told again within this.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(40);
 /// The suit's ordinary rate, samples a second.
@@ -135,7 +135,7 @@ impl Rig {
             return;
         }
         let luck = self.luck();
-        if luck % 5 == 0 {
+        if luck.is_multiple_of(5) {
             self.person.lift_and_show(4.0 + (luck % 7) as f64);
             self.acts_at = Instant::now() + Duration::from_secs(17);
         } else {
@@ -186,7 +186,6 @@ impl Rig {
             }
             Chaos::OtherClock(ahead_s) => self.other_clock(ahead_s),
         }
-        self.pass(LASTS);
     }
 
     fn with_faults(&mut self, faults: Faults) {
@@ -209,10 +208,26 @@ impl Rig {
         self.person.silence_plate(plate);
         self.pass(LASTS);
         for (unplugged, stale) in [(suit, Validity::SUIT_STALE), (plate, Validity::GROUND_STALE)] {
-            assert!(!unplugged || self.judge.state.validity().any_of(stale), "{:?}", self.reasons());
+            if unplugged {
+                self.must_be_told(stale);
+            }
         }
         self.person.silence_suit(false);
         self.person.silence_plate(false);
+    }
+
+    /// In time, the judge sees to that; here only that it is said at all.
+    fn must_be_told(&mut self, reason: Validity) {
+        let started = Instant::now();
+        while !self.judge.state.validity().any_of(reason) {
+            assert!(
+                started.elapsed() < RECOVERS_WITHIN,
+                "during {}: {:?}",
+                self.judge.during,
+                self.reasons()
+            );
+            self.pass(Duration::from_millis(20));
+        }
     }
 
     /// Somebody else's suit streams to the same port.
@@ -238,7 +253,7 @@ impl Rig {
         self.adapters[which].kill();
         self.pass(Duration::from_millis(700));
         let stale = [Validity::SUIT_STALE, Validity::GROUND_STALE][which];
-        assert!(self.judge.state.validity().any_of(stale), "nobody measures: {:?}", self.reasons());
+        self.must_be_told(stale);
         let stream = ["suit", "ground"][which];
         self.adapters[which] = adapter_of(&self.station, stream, before);
     }
@@ -269,11 +284,15 @@ impl Rig {
     }
 
     fn wait_until_all_is_told(&mut self) {
-        let started = Instant::now();
+        let (mut started, mut held_up_ns) = (Instant::now(), 0);
         let before = self.judge.state.cycle;
         while self.judge.state.cycle == before
             || self.judge.state.validity().any_of(Validity::SPOILS_RESIDUAL)
         {
+            if self.person.held_up_ns() != held_up_ns {
+                // Nothing recovers on a machine that stands still.
+                (started, held_up_ns) = (Instant::now(), self.person.held_up_ns());
+            }
             if started.elapsed() > RECOVERS_WITHIN {
                 let said = format!("not recovered from {}: {:?}", self.judge.during, self.reasons());
                 println!("{said}");
@@ -294,15 +313,17 @@ impl Rig {
         let descriptors = || self.resources.descriptors();
         wait_for("descriptors to be given back", || (descriptors() <= self.descriptors + 2).then_some(()));
         println!(
-            "{} states judged, {} not seen, {events} troubles; {}; {} of {} descriptors\n{}",
-            self.judge.states,
+            "{} states judged, {} more excused, {} not seen, {events} troubles; {}; {} of {} descriptors\n{}",
+            self.judge.states - self.judge.excused,
+            self.judge.excused,
             self.judge.missed,
             self.resources.judge_growth(),
             descriptors(),
             self.descriptors,
             self.judge.worst()
         );
-        let Rig { judge, states, _bus: bus, person, mut daemon, mut adapters, station, failures, .. } = self;
+        // Ended in the reverse order: the station's files last.
+        let Rig { station, judge, states, _bus: bus, person, mut daemon, mut adapters, failures, .. } = self;
         drop((states, bus));
         for process in adapters.iter_mut().chain([&mut daemon]) {
             assert_eq!(process.stop(Signal::TERM), Some(0), "{}", process.stderr());
@@ -315,6 +336,11 @@ impl Rig {
             path.starts_with("/dev/shm") && path.extension().is_none_or(|end| end != "global_mgmt")
         });
         assert!(left.is_empty(), "shared memory is left: {left:?}");
+        if 2 * judge.excused > judge.states {
+            println!(
+                "this machine was too busy for a verdict: most states came from sensors that it held up"
+            );
+        }
         let wrong = [failures, judge.report()].concat();
         assert!(wrong.is_empty(), "wrong values were told as valid, or none again:\n{}", wrong.join("\n"));
     }

@@ -122,11 +122,11 @@ impl Accelerated<'_> {
     }
 
     fn command_now_and_then(&mut self) {
-        if self.naps % 3001 == 0 {
+        if self.naps.is_multiple_of(3001) {
             let _ = self.rings.command.push(CommandKind::Checkpoint);
         }
         // Another worker, in the middle of a lift of every other round.
-        if self.naps % 74_003 == 0
+        if self.naps.is_multiple_of(74_003)
             && let Some(worker) = self.worker.take()
         {
             let _ = self.rings.worker.push((1, worker));

@@ -37,7 +37,12 @@ impl Memory {
         self.confirm_shift(suit);
         self.lose_sight_after_a_gap(suit, settings);
         self.worked_ns = suit.sample_time_ns;
+        let had_body = self.identification.has_body();
         self.identification.learn_skeleton(&in_suit_world, settings);
+        if !had_body && self.identification.has_body() {
+            // Another body from one moment to the next would look like a leap of its centre of mass.
+            self.history.clear();
+        }
         let pose = if settings.suit_drifts {
             self.anchor.hold(&in_suit_world)
         } else {
@@ -97,6 +102,8 @@ impl Memory {
 
         let standing = moment.ground().copied().and_then(|ground| self.stand_on(&ground, &mut found));
         found.raise(Validity::FEET_OFF_PLATE, standing.is_none());
+        // However fresh the plate is again: of this moment it said nothing, and what it said last is of another.
+        found.raise(Validity::GROUND_STALE, moment.ground().is_none());
         match standing {
             Some(cop_m) => {
                 let held = Held {

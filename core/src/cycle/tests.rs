@@ -133,6 +133,43 @@ fn a_silent_sensor_degrades_and_its_return_restores() {
 }
 
 #[test]
+fn the_first_moments_of_a_known_body_are_no_leap() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let mut told = 0;
+    for _ in 0..1500 {
+        bench.hold(&person, &postures()[0], None, 1);
+        let state = bench.state();
+        let spoilt = Validity::SPOILS_DELTA_F.and(Validity::SPOILS_COM);
+        if !state.validity().any_of(spoilt) {
+            told += 1;
+            assert!(state.delta_f_n[2].abs() < 10.0, "{} N are carried by nobody", state.delta_f_n[2]);
+        }
+    }
+    assert!(told > 500, "{told}");
+}
+
+#[test]
+fn what_the_plate_said_before_its_silence_is_not_told_after_it() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    bench.hold(&person, &posture, None, 1000);
+    let at = lifted_box(&person, &posture);
+    bench.ground_silent = true;
+    bench.hold(&person, &posture, Some((10.0, at)), 1000);
+    bench.ground_silent = false;
+    let (expected_n, mut told) = ((MASS_KG + 10.0) * GRAVITY_M_PER_S2, 0);
+    for _ in 0..500 {
+        bench.hold(&person, &posture, Some((10.0, at)), 1);
+        if !bench.state().validity().any_of(Validity::SPOILS_GROUND_FORCE) {
+            told += 1;
+            let told_n = bench.state().ground_force_n[2];
+            assert!((told_n - expected_n).abs() < 1.0, "{told_n} N of {expected_n} N");
+        }
+    }
+    assert!(told > 200, "{told}");
+}
+
+#[test]
 fn staleness_is_told_within_two_periods_and_the_tolerance() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 500);
