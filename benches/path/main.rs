@@ -42,7 +42,11 @@ const POLLED_INLET: Cores =
 const POLLED_OUTLET: Cores =
     Cores { adapter: None, ingress: None, looping: Some(0), egress: Some(1), consumer: Some(0) };
 
-const ARRANGEMENTS: [Arrangement; 4] = [
+/// The consumer alone on its core; egress polls in what the loop leaves of the other.
+const POLLED_OUTLET_ALONE: Cores =
+    Cores { adapter: None, ingress: None, looping: Some(1), egress: Some(1), consumer: Some(0) };
+
+const ARRANGEMENTS: [Arrangement; 5] = [
     Arrangement { name: "sleeping, not pinned", waiting: Waiting::Sleeping, turns: &[(true, true, NOWHERE)] },
     Arrangement { name: "sleeping, cpu = 1", waiting: Waiting::Sleeping, turns: &[(true, true, CPU_1)] },
     Arrangement { name: "sleeping, egress apart", waiting: Waiting::Sleeping, turns: &[(true, true, APART)] },
@@ -50,6 +54,11 @@ const ARRANGEMENTS: [Arrangement; 4] = [
         name: "polling",
         waiting: Waiting::Polling,
         turns: &[(true, false, POLLED_INLET), (false, true, POLLED_OUTLET)],
+    },
+    Arrangement {
+        name: "polling, consumer alone",
+        waiting: Waiting::Polling,
+        turns: &[(true, false, POLLED_INLET), (false, true, POLLED_OUTLET_ALONE)],
     },
 ];
 

@@ -221,9 +221,16 @@ impl Plan {
 /// A thread that numbers and dates what it does.
 type Noting = JoinHandle<Vec<(u64, u64)>>;
 
+struct OnTheBus {
+    samples: Publisher<SuitSample>,
+    wake: equipoise_bus::Notifier,
+    // Ports die before the node they hang on.
+    _bus: Bus,
+}
+
 /// The adapter's end.
 enum Outlet {
-    Bus { samples: Publisher<SuitSample>, wake: equipoise_bus::Notifier, _bus: Bus },
+    Bus(Box<OnTheBus>),
     Socket(Socket),
 }
 
@@ -234,18 +241,16 @@ impl Outlet {
         }
         let bus = Bus::join(&BusSettings::new(STATION, "adapter")).expect("the bus is there");
         let (samples, wake) = (bus.publisher(), bus.notifier(Channel::Inputs));
-        Outlet::Bus {
-            samples: samples.expect("a place for a publisher"),
-            wake: wake.expect("a place for a notifier"),
-            _bus: bus,
-        }
+        let (samples, wake) =
+            (samples.expect("a place for a publisher"), wake.expect("a place for a notifier"));
+        Outlet::Bus(Box::new(OnTheBus { samples, wake, _bus: bus }))
     }
 
     fn send(&self, sample: &SuitSample) {
         match self {
-            Outlet::Bus { samples, wake, .. } => {
-                samples.send(sample).expect("the bus is whole");
-                wake.notify(Event::NewSuit).expect("the bus is whole");
+            Outlet::Bus(bus) => {
+                bus.samples.send(sample).expect("the bus is whole");
+                bus.wake.notify(Event::NewSuit).expect("the bus is whole");
             }
             Outlet::Socket(socket) => socket.send(bytemuck::bytes_of(sample)),
         }

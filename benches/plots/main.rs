@@ -72,7 +72,7 @@ fn path(figures: &[Figure]) -> Vec<(&'static str, Chart)> {
         name: carrier,
     });
     let chart = Chart {
-        title: "Arrival → consumer in another process, without the wait for the next cycle",
+        title: "Arrival → consumer, without the wait for the next cycle",
         x: "",
         y: "p50, µs",
         kind: Kind::Bars,

@@ -11,7 +11,7 @@ use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::CycleRecord;
 use equipoise_daemon::config::Config;
 use equipoise_daemon::pipeline::Pipeline;
-use equipoise_daemon::realtime::{self, Asked, now_ns, sleep_until};
+use equipoise_daemon::realtime::{self, Asked, ThreadReport, now_ns, sleep_until};
 use equipoise_daemon::rings::Rings;
 use equipoise_daemon::tick::{Loop, Monotonic, NoObserver};
 
@@ -118,7 +118,7 @@ fn daemon(policy: Policy, cpu: usize, length: Duration) -> Lateness {
     );
     let config = Config::parse(&text, "the bench's configuration").expect("a good configuration");
     let pipeline = Pipeline::start(&config).expect("the daemon starts");
-    let missing = pipeline.threads().iter().find_map(|thread| thread.missing());
+    let missing = pipeline.threads().iter().find_map(ThreadReport::missing);
     let bus = Bus::join(&BusSettings::new("wakeup", "records")).expect("the bus is there");
     let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for a subscriber");
     let all = follow(length, || records.receive().expect("the bus is whole"));

@@ -335,4 +335,30 @@ mod tests {
         egress.join().unwrap();
         assert_eq!(rings.output_dropped(), 0);
     }
+
+    #[test]
+    fn a_polling_egress_sees_every_outcome_and_is_never_woken() {
+        const CYCLES: u64 = 2_000;
+        let rings = std::sync::Arc::new(Rings::new().unwrap());
+        let egress = std::thread::spawn({
+            let rings = std::sync::Arc::clone(&rings);
+            move || {
+                let mut seen = 0;
+                while seen < CYCLES {
+                    rings.await_outcome(Waiting::Polling, Duration::from_millis(50));
+                    seen += std::iter::from_fn(|| rings.outcome.pop()).count() as u64;
+                }
+            }
+        });
+        for cycle in 1..=CYCLES {
+            while rings.outcome.is_full() {
+                std::thread::yield_now();
+            }
+            rings.push_outcome(outcome(cycle));
+        }
+        egress.join().unwrap();
+        let mut descriptors = [PollFd::from_borrowed_fd(rings.outcome_ready.as_fd(), PollFlags::IN)];
+        let now = rustix::time::Timespec { tv_sec: 0, tv_nsec: 0 };
+        assert_eq!(poll(&mut descriptors, Some(&now)).unwrap(), 0, "an awakening was paid for");
+    }
 }

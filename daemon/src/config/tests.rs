@@ -21,6 +21,7 @@ fn refusal(text: &str) -> String {
 fn the_smallest_file_has_defaults_for_the_rest() {
     let config = Config::parse(SMALLEST, "c.toml").unwrap();
     assert_eq!(config.tick.rate_hz, 1000);
+    assert_eq!(config.waiting(), Waiting::Sleeping, "polling costs cores, so it must be asked for");
     assert_eq!(config.suit.listen.port(), 9763);
     assert!(config.settings().start_identifying);
     let again = Config::parse(&config.to_toml(), "written").unwrap();
