@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use equipoise_daemon::config::Config;
+use equipoise_daemon::page_feed::ServedPage;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::roster::{MemoryUse, TaskFacts};
 
@@ -102,14 +103,15 @@ fn inside() {
 
     let (storm, churn, stop) = (Storm::default(), Churn::default(), AtomicBool::new(false));
     let (mut warm_faults, mut cycles_before) = ([0; 2], 0);
-    let page = config.page.as_ref().expect("a page").listen;
+    let page = config.page.as_ref().expect("a page");
+    let _served = ServedPage::start(&config, page, Path::new("")).expect("a page that is served");
     let (before, after) = std::thread::scope(|scope| {
         let _stop = Stop(&stop);
         scope.spawn(|| churn.sensors(config.suit.listen, config.ground.address, &stop));
         wait_for("the loop to be warm", || (watch.armed_cycles() > 0).then_some(()));
         let before = (descriptors(), nodes());
         scope.spawn(|| storm.rage(&directory, &stop));
-        scope.spawn(|| churn.page(&page, &stop));
+        scope.spawn(|| churn.page(&page.listen, &stop));
         scope.spawn(|| churn.recorder(&directory, &stop));
         scope.spawn(|| churn.commands(NAME, &stop));
         (warm_faults, cycles_before) = (faults(the_loop.id), watch.armed_cycles());
