@@ -318,13 +318,16 @@ impl RecordReader {
 
     fn follow(mut self, length: Duration) -> Vec<CycleRecord> {
         let (begun, mut all) = (Instant::now(), Vec::with_capacity(NOTES));
-        while begun.elapsed() < length {
+        loop {
             sleep(Duration::from_millis(100).min(length));
+            // Pollers may have kept this thread from its core for the whole turn: what there is, is taken first.
             while let Some(record) = self.records.receive().expect("the bus is whole") {
                 all.push(record);
             }
+            if begun.elapsed() >= length {
+                return all;
+            }
         }
-        all
     }
 }
 

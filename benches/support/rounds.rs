@@ -76,8 +76,9 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// The middle of a list; NaN for an empty one.
+/// The middle of a list, of those that are numbers: a round without a value has no vote. NaN if there is none.
 pub fn median(mut values: Vec<f64>) -> f64 {
+    values.retain(|value| !value.is_nan());
     values.sort_by(f64::total_cmp);
     quantile(&values, 0.5)
 }
