@@ -271,6 +271,19 @@ impl Config {
         toml::to_string_pretty(self).unwrap_or_default()
     }
 
+    /// The same without what says where this machine keeps its files, which may name persons and places: for recordings.
+    pub fn without_paths(mut self) -> Config {
+        let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
+        if let Some(model) = &mut self.model {
+            model.file = name_of(&model.file);
+        }
+        if let Some(page) = &mut self.page {
+            page.token_file = page.token_file.as_deref().map(name_of);
+        }
+        self.latency.hlog = self.latency.hlog.as_deref().map(name_of);
+        self
+    }
+
     /// The text of the model in use: what a recording keeps; empty without one.
     pub fn model_toml(&self) -> String {
         self.loaded_model.as_ref().map(|model| model.text.clone()).unwrap_or_default()

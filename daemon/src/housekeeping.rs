@@ -92,7 +92,7 @@ impl Housekeeping {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
-        let _ = self.supervision.look(self.newest.as_ref(), &self.board);
+        let _ = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
     }
 
     /// On change at once, and once a second for whoever comes late.

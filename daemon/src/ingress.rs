@@ -65,9 +65,9 @@ impl Ingress {
         let rings = &self.rings;
         let ground = |sample: &GroundSample| {
             let now_ns = now_ns();
-            match Stamps::of_ground(sample).are_past(now_ns) {
-                true => rings.push_ground(*sample, now_ns),
-                false => rings.refuse_input(),
+            match Stamps::of_ground(sample).ahead_ns(now_ns) {
+                0 => rings.push_ground(*sample, now_ns),
+                ahead_ns => rings.refuse_ground(ahead_ns),
             }
         };
         while self.ground.receive_with(ground)?.is_some() {
@@ -75,9 +75,9 @@ impl Ingress {
         }
         let suit = |sample: &SuitSample| {
             let now_ns = now_ns();
-            match Stamps::of_suit(sample).are_past(now_ns) {
-                true => rings.push_suit(*sample, now_ns),
-                false => rings.refuse_input(),
+            match Stamps::of_suit(sample).ahead_ns(now_ns) {
+                0 => rings.push_suit(*sample, now_ns),
+                ahead_ns => rings.refuse_suit(ahead_ns),
             }
         };
         while self.suit.receive_with(suit)?.is_some() {
@@ -113,10 +113,10 @@ impl Stamps {
         Stamps([sample.sample_time_ns, sample.arrival_ns, sample.published_ns])
     }
 
-    /// Nothing is received before it was sent. An adapter in another time namespace, or on another clock, says
-    /// otherwise; its samples would be put beside the wrong ones of the other sensor.
-    fn are_past(&self, now_ns: u64) -> bool {
-        self.0.iter().all(|stamp_ns| *stamp_ns <= now_ns)
+    /// How far the latest lies ahead. Nothing is received before it was sent: an adapter in another time namespace, or on
+    /// another clock, says otherwise, and its samples would be put beside the wrong ones of the other sensor.
+    fn ahead_ns(&self, now_ns: u64) -> u64 {
+        self.0.iter().map(|stamp_ns| stamp_ns.saturating_sub(now_ns)).fold(0, u64::max)
     }
 }
 
@@ -127,8 +127,8 @@ mod tests {
     #[test]
     fn what_is_dated_after_its_own_arrival_here_is_of_another_clock() {
         let stamps = |shift_ns: u64| Stamps([100, 200, 300].map(|stamp_ns| stamp_ns + shift_ns));
-        assert!(stamps(0).are_past(300));
-        assert!(!stamps(1).are_past(300));
-        assert!(!Stamps([400, 200, 300]).are_past(350), "dated after it was sent");
+        assert_eq!(stamps(0).ahead_ns(300), 0);
+        assert_eq!(stamps(7).ahead_ns(300), 7);
+        assert_eq!(Stamps([400, 200, 300]).ahead_ns(350), 50, "dated after it was sent");
     }
 }

@@ -6,7 +6,7 @@
 
 pub mod summary;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
@@ -118,18 +118,9 @@ fn profile_of(subject: &str) -> String {
     read_text(&profile::path_of(subject), TEXT_BYTES_MAX).unwrap_or_default()
 }
 
-/// A configuration without what says where this machine keeps its files: that may name persons and places.
+/// The daemon's configuration as recordings keep it.
 fn recorded_config(config_toml: &str) -> anyhow::Result<String> {
-    let mut config = Config::parse(config_toml, "the daemon's configuration")?;
-    let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
-    if let Some(model) = &mut config.model {
-        model.file = name_of(&model.file);
-    }
-    if let Some(page) = &mut config.page {
-        page.token_file = page.token_file.as_deref().map(name_of);
-    }
-    config.latency.hlog = config.latency.hlog.as_deref().map(name_of);
-    Ok(config.to_toml())
+    Ok(Config::parse(config_toml, "the daemon's configuration")?.without_paths().to_toml())
 }
 
 fn unix_ns() -> u64 {

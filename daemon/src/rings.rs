@@ -47,6 +47,17 @@ pub struct TakenIn<S> {
     pub ingress_ns: u64,
 }
 
+/// Samples that ingress refused because another clock had stamped them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Refused {
+    /// Suit samples.
+    pub suit: u64,
+    /// Ground samples.
+    pub ground: u64,
+    /// How far ahead the last one was.
+    pub ahead_ns: u64,
+}
+
 /// How a thread waits for another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Waiting {
@@ -96,7 +107,8 @@ pub struct Rings {
     /// Egress sleeps, or is about to: whoever clears it owes the awakening.
     egress_sleeps: AtomicBool,
     input_dropped: AtomicU64,
-    input_refused: AtomicU64,
+    refused: [AtomicU64; 2],
+    ahead_ns: AtomicU64,
     output_dropped: AtomicU64,
     last_cycle: AtomicU64,
     stop: AtomicBool,
@@ -141,7 +153,8 @@ impl Rings {
             outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
             egress_sleeps: AtomicBool::new(false),
             input_dropped: AtomicU64::new(0),
-            input_refused: AtomicU64::new(0),
+            refused: Default::default(),
+            ahead_ns: AtomicU64::new(0),
             output_dropped: AtomicU64::new(0),
             last_cycle: AtomicU64::new(0),
             stop: AtomicBool::new(false),
@@ -241,14 +254,25 @@ impl Rings {
         self.input_dropped.load(Ordering::Relaxed)
     }
 
-    /// A sample never reached the loop, because its stamps cannot be of this machine's clock.
-    pub fn refuse_input(&self) {
-        self.input_refused.fetch_add(1, Ordering::Relaxed);
+    /// A suit sample does not reach the loop: its stamps lie so far ahead of this machine's clock.
+    pub fn refuse_suit(&self, ahead_ns: u64) {
+        self.refuse(0, ahead_ns);
     }
 
-    /// Samples refused before they reached the loop.
-    pub fn input_refused(&self) -> u64 {
-        self.input_refused.load(Ordering::Relaxed)
+    /// The same of a ground sample.
+    pub fn refuse_ground(&self, ahead_ns: u64) {
+        self.refuse(1, ahead_ns);
+    }
+
+    fn refuse(&self, stream: usize, ahead_ns: u64) {
+        self.refused[stream].fetch_add(1, Ordering::Relaxed);
+        self.ahead_ns.store(ahead_ns, Ordering::Relaxed);
+    }
+
+    /// What was refused before it reached the loop, since the start.
+    pub fn refused(&self) -> Refused {
+        let [suit, ground] = [0, 1].map(|stream: usize| self.refused[stream].load(Ordering::Relaxed));
+        Refused { suit, ground, ahead_ns: self.ahead_ns.load(Ordering::Relaxed) }
     }
 
     /// Outcomes that found the ring full.

@@ -32,9 +32,11 @@ impl Roster {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// What of all that was asked was not granted, one sentence a thread.
+    /// What of all that was asked was not granted, one sentence a thread; the loop's first.
     pub fn missing(&self) -> Vec<String> {
-        self.reports().iter().filter_map(ThreadReport::missing).collect()
+        let mut reports = self.reports();
+        reports.sort_by_key(|report| report.thread != "loop");
+        reports.iter().filter_map(ThreadReport::missing).collect()
     }
 
     /// Every thread that the process has now, those that never asked included.

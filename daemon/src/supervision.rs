@@ -23,6 +23,7 @@ use self::streams::{StreamLook, StreamWatch, Verdict, Wire};
 use crate::config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use crate::incidents::IncidentBoard;
 use crate::realtime::now_ns;
+use crate::rings::Refused;
 use crate::sensors;
 
 /// Time in which nobody looked (this process was stopped, or had no core) shows no silence: at most this much of the
@@ -57,6 +58,7 @@ pub struct Supervision {
     deadlines: Growth,
     loop_time: LoopTime,
     clock: ClockWatch,
+    refused: Refused,
     page_faults: PageFaults,
 }
 
@@ -93,15 +95,22 @@ impl Supervision {
             deadlines: Growth::default(),
             loop_time: LoopTime::default(),
             clock: ClockWatch::default(),
+            refused: Refused::default(),
             page_faults: PageFaults::default(),
         })
     }
 
-    /// Looks at all that has come since the last look; `state` is the newest, if there is one.
+    /// Looks at all that has come since the last look; `state` is the newest, if there is one, `refused` what ingress has
+    /// refused since the start.
     ///
     /// # Errors
     /// The bus breaks.
-    pub fn look(&mut self, state: Option<&State>, board: &IncidentBoard) -> Result<(), BusError> {
+    pub fn look(
+        &mut self,
+        state: Option<&State>,
+        refused: Refused,
+        board: &IncidentBoard,
+    ) -> Result<(), BusError> {
         let now_ns = now_ns();
         let gap_ns = now_ns.saturating_sub(self.last_look_ns).min(GAP_COUNTED_MAX_NS);
         self.last_look_ns = now_ns;
@@ -119,14 +128,17 @@ impl Supervision {
             taken[1] += u64::from(record.ground_taken);
             newest = Some(record);
         }
+        let before = std::mem::replace(&mut self.refused, refused);
+        let new = [refused.suit - before.suit, refused.ground - before.ground];
+        stamped.see_refused(new[0] + new[1], refused.ahead_ns);
         self.judge_loop(newest.as_ref(), gap_ns, board);
         let Some(record) = newest else { return Ok(()) };
         self.judge_counts(&record, gap_ns, board);
         if let Some(state) = state {
             let newest_ns = |age_ns: u64| (age_ns < u64::MAX).then(|| state.time_ns.saturating_sub(age_ns));
             let look = |taken, age_ns| StreamLook { gap_ns, taken, newest_ns: newest_ns(age_ns) };
-            self.suit.judge(look(taken[0], state.suit_age_ns), board);
-            self.ground.judge(look(taken[1], state.ground_age_ns), board);
+            self.suit.judge(look(taken[0] + new[0], state.suit_age_ns), board);
+            self.ground.judge(look(taken[1] + new[1], state.ground_age_ns), board);
             let unsynchronised = taken[0] > 0 && Validity(state.valid).any_of(Validity::CLOCK_UNSYNCHRONISED);
             self.clock.see(unsynchronised, taken[0] > 0, stamped, gap_ns);
         }

@@ -168,7 +168,8 @@ impl Loop {
             (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
         record.command = command.map_or(0, |command| command as u32);
         record.input_dropped = self.rings.input_dropped();
-        record.input_refused = self.memory.alignment.refused() + self.rings.input_refused();
+        let refused = self.rings.refused();
+        record.input_refused = self.memory.alignment.refused() + refused.suit + refused.ground;
         record.output_dropped = self.rings.output_dropped();
         record.suit_taken = suit_taken as u32;
         record.ground_taken = ground_taken as u32;

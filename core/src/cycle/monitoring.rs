@@ -99,6 +99,8 @@ impl Memory {
         self.known.segment_origin_m = moment.origin_m;
         let mut found = Validity::default();
         found.raise(Validity::CLOCK_UNSYNCHRONISED, moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS);
+        // Until the first moment with a body, what is told is of one without.
+        found.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
 
         let standing = moment.ground().copied().and_then(|ground| self.stand_on(&ground, &mut found));
         found.raise(Validity::FEET_OFF_PLATE, standing.is_none());

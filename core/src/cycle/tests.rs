@@ -143,6 +143,9 @@ fn the_first_moments_of_a_known_body_are_no_leap() {
         if !state.validity().any_of(spoilt) {
             told += 1;
             assert!(state.delta_f_n[2].abs() < 10.0, "{} N are carried by nobody", state.delta_f_n[2]);
+            assert!(state.com_m[2] > 0.5, "a centre of mass at {:?}", state.com_m);
+            let [cop_x_m, cop_y_m] = state.cop_estimated_m;
+            assert!(cop_x_m != 0.0 || cop_y_m != 0.0, "an estimate that nobody made");
         }
     }
     assert!(told > 500, "{told}");

@@ -16,6 +16,9 @@ use crate::whole_file::write_whole;
 /// So many records of a station are kept; then the oldest goes.
 pub const FILES_MAX: usize = 32;
 
+/// Stands where the worker's pseudonym would.
+const NOBODY: &str = "nobody";
+
 /// The records of one station.
 #[derive(Debug)]
 pub struct FlightFiles {
@@ -27,13 +30,15 @@ pub struct FlightFiles {
 impl FlightFiles {
     /// The records of the configuration's station, in a directory that is made when it is needed.
     pub fn new(directory: &Path, config: &Config) -> FlightFiles {
+        // What took how long is nobody's in particular: no pseudonym, so that none is left when a worker is deleted.
+        let mut settled = config.clone().without_paths();
+        NOBODY.clone_into(&mut settled.subject.id);
         FlightFiles {
             directory: directory.to_owned(),
             station: config.station.clone(),
             header: RecordingHeader {
                 software_version: env!("CARGO_PKG_VERSION").to_owned(),
-                config_toml: config.to_toml(),
-                model_toml: config.model_toml(),
+                config_toml: settled.to_toml(),
                 ..RecordingHeader::default()
             },
         }

@@ -53,6 +53,13 @@ pub(super) struct Stamped {
 }
 
 impl Stamped {
+    /// What ingress has refused since the last look, and how far ahead the last of it was.
+    pub(super) fn see_refused(&mut self, count: u64, ahead_ns: u64) {
+        if count > 0 {
+            self.off_ns = Some(ahead_ns.min(i64::MAX as u64) as i64);
+        }
+    }
+
     /// One cycle's record.
     pub(super) fn see(&mut self, record: &CycleRecord) {
         let streams =

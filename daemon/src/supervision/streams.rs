@@ -32,7 +32,7 @@ pub(super) struct Wire {
 pub(super) struct StreamLook {
     /// How much looking time has passed since the look before.
     pub(super) gap_ns: u64,
-    /// Samples that the loop took in since then.
+    /// Samples that the loop took in since then, or that ingress refused.
     pub(super) taken: u64,
     /// Sample time of the newest that it accepted.
     pub(super) newest_ns: Option<u64>,
