@@ -45,7 +45,7 @@ fn remove_if_half_made(nodes: &Path, prefix: &str, id: &str) -> bool {
     // Whatever cannot be removed now is looked at again by the next call.
     let _ = fs::remove_dir_all(&directory);
     files.iter().for_each(|file| drop(fs::remove_file(file)));
-    true
+    !all().any(|path| path.exists())
 }
 
 fn has_stood_still(path: &Path) -> bool {

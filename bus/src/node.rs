@@ -117,6 +117,10 @@ impl Bus {
             }
             CallbackProgression::Continue
         });
+        // The default root is shared with whatever else speaks iceoryx2, whose files may look otherwise.
+        if self.root == std::path::Path::new(root::DEFAULT_ROOT) {
+            return cleaned;
+        }
         let prefix = self.config().global.prefix.to_string();
         cleaned + half_made::remove(&self.root.join("nodes"), &prefix)
     }

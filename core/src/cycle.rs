@@ -198,7 +198,7 @@ impl Memory {
             self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
         valid.raise(Validity::MODEL_CHANGED, changed);
 
-        let ready = identification.has_body() && identification.mass_kg > 0.0;
+        let ready = !valid.any_of(Validity::BODY_UNKNOWN) && identification.mass_kg > 0.0;
         let phase = match (ready && !suit_stale && !ground_stale, identification) {
             (true, known) if known.identified == 1 => Phase::Monitoring,
             (true, unknown) if unknown.learning == 1 => Phase::Identifying,

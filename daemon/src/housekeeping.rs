@@ -35,6 +35,8 @@ pub struct Housekeeping {
     roster: Arc<Roster>,
     /// How many changes of the board were published.
     told_changes: u64,
+    /// Whether it was told that something cannot be seen.
+    blind_told: bool,
     status: StatusFile,
     last_cycle: u64,
     // Ports die before the node they hang on.
@@ -65,6 +67,7 @@ impl Housekeeping {
             board,
             roster,
             told_changes: 0,
+            blind_told: false,
             status,
             last_cycle: 0,
             bus,
@@ -87,12 +90,16 @@ impl Housekeeping {
         self.bus.clean_up_dead_nodes();
     }
 
-    /// A broken bus shows nothing, and its other users say so.
     fn supervise(&mut self) {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
-        let _ = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
+        let looked = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
+        if let Err(error) = looked
+            && !std::mem::replace(&mut self.blind_told, true)
+        {
+            warn!("supervision does not see everything: {error}");
+        }
     }
 
     /// On change at once, and once a second for whoever comes late.

@@ -1,6 +1,6 @@
 //! The configuration in force: that of the start, with what was changed live since.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use equipoise_core::cycle::Settings;
 
@@ -19,12 +19,15 @@ pub struct Forced {
 
 /// [`Forced`], for all threads but the loop.
 #[derive(Debug)]
-pub struct InForce(Mutex<Forced>);
+pub struct InForce {
+    forced: Mutex<Forced>,
+    changing: Mutex<()>,
+}
 
 impl InForce {
     /// Begins with the start's.
     pub fn new(forced: Forced) -> InForce {
-        InForce(Mutex::new(forced))
+        InForce { forced: Mutex::new(forced), changing: Mutex::new(()) }
     }
 
     /// A copy of what holds now.
@@ -34,11 +37,16 @@ impl InForce {
 
     /// Looks at what holds now.
     pub fn look<T>(&self, look: impl FnOnce(&Forced) -> T) -> T {
-        look(&self.0.lock().unwrap_or_else(PoisonError::into_inner))
+        look(&self.forced.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Whoever reads, changes and replaces it does so alone, for as long as this is held.
+    pub fn alone(&self) -> MutexGuard<'_, ()> {
+        self.changing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Something else holds from now on.
     pub fn replace(&self, forced: Forced) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = forced;
+        *self.forced.lock().unwrap_or_else(PoisonError::into_inner) = forced;
     }
 }

@@ -27,11 +27,15 @@ pub struct IncidentBoard {
 }
 
 impl IncidentBoard {
-    /// An incident begins; `what` tells where and what to do. Said once: while it goes on, nothing happens.
+    /// An incident begins; `what` tells where and what to do. While it goes on it is not begun again, but what is said of
+    /// it is what was said last.
     pub fn begin(&self, kind: Incident, what: &str) {
+        let before = self.with_said(|said| said.insert(kind.name(), what.to_owned()));
         if self.active.fetch_or(bit(kind), Ordering::Relaxed) & bit(kind) == 0 {
-            self.with_said(|said| said.insert(kind.name(), what.to_owned()));
             self.enter(kind, what);
+        } else if before.as_deref() != Some(what) {
+            self.changes.fetch_add(1, Ordering::Relaxed);
+            warn!(incident = kind.name(), "still: {what}");
         }
     }
 
@@ -117,6 +121,10 @@ mod tests {
         for _ in 0..3 {
             board.begin(Incident::SuitSilent, "for the test");
         }
+        let changes = board.changes();
+        board.begin(Incident::SuitSilent, "for another reason");
+        assert_eq!(board.sentences()["suit_silent"], "for another reason");
+        assert_eq!(board.changes(), changes + 1, "those who tell it must look again");
         board.happened(Incident::InputOverflow, "for the test");
         let message = board.message();
         assert_eq!(message.active().collect::<Vec<_>>(), [Incident::SuitSilent]);

@@ -20,6 +20,7 @@ use self::feed::Drain;
 use self::flight::{Flight, FlightRecorder};
 use self::flight_files::FlightFiles;
 use self::hlog_file::HlogFile;
+use crate::config::Config;
 use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
 use crate::profile;
@@ -39,6 +40,7 @@ pub struct LatencyLog {
     total: PathHistograms,
     hlog: Option<HlogFile>,
     flight: Option<(FlightRecorder, FlightFiles)>,
+    flight_cycles: u32,
     hlog_failed: bool,
     flight_failed: bool,
     dropped_told: u64,
@@ -49,18 +51,14 @@ impl LatencyLog {
     /// What the configuration in force asks for, of a station's outcomes.
     pub fn new(drain: Drain, in_force: Arc<InForce>, board: Arc<IncidentBoard>) -> LatencyLog {
         let config = in_force.now().config;
-        let cycles = config.latency.flight_cycles as usize;
-        let flight = (cycles > 0).then(|| {
-            let files = FlightFiles::new(&profile::state_directory().join("flight"), &config);
-            (FlightRecorder::new(cycles), files)
-        });
         LatencyLog {
             drain,
             in_force,
             board,
             total: PathHistograms::new(),
             hlog: config.latency.hlog.as_deref().map(HlogFile::new),
-            flight,
+            flight: flight_of(&config),
+            flight_cycles: config.latency.flight_cycles,
             hlog_failed: false,
             flight_failed: false,
             dropped_told: 0,
@@ -103,12 +101,25 @@ impl LatencyLog {
         self.keep(flight);
     }
 
-    /// Goes on with another interval log, or none, when another configuration is in force.
+    /// Goes on with another interval log or flight recorder, or none, when another configuration is in force.
     fn follow_reload(&mut self) {
-        let wanted = self.in_force.look(|forced| forced.config.latency.hlog.clone());
-        if self.hlog.as_ref().map(HlogFile::path) != wanted.as_deref() {
+        let latency = self.in_force.look(|forced| forced.config.latency.clone());
+        if self.hlog.as_ref().map(HlogFile::path) != latency.hlog.as_deref() {
             self.write_hlog(true);
-            self.hlog = wanted.as_deref().map(HlogFile::new);
+            if std::mem::take(&mut self.hlog_failed) {
+                warn!("what the latency log could not write is lost with it");
+                self.set_incident(true, None);
+            }
+            self.hlog = latency.hlog.as_deref().map(HlogFile::new);
+        }
+        if latency.flight_cycles != self.flight_cycles {
+            let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
+            self.keep(last);
+            self.flight = flight_of(&self.in_force.now().config);
+            self.flight_cycles = latency.flight_cycles;
+            if std::mem::take(&mut self.flight_failed) {
+                self.set_incident(true, None);
+            }
         }
     }
 
@@ -178,4 +189,13 @@ impl LatencyLog {
             );
         }
     }
+}
+
+/// The flight recorder that a configuration asks for.
+fn flight_of(config: &Config) -> Option<(FlightRecorder, FlightFiles)> {
+    let cycles = config.latency.flight_cycles as usize;
+    (cycles > 0).then(|| {
+        let files = FlightFiles::new(&profile::state_directory().join("flight"), config);
+        (FlightRecorder::new(cycles), files)
+    })
 }

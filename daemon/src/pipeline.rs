@@ -27,7 +27,7 @@ use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::{Rings, Waiting};
 use crate::roster::{MemoryUse, Roster};
 use crate::saving::{self, Saver};
-use crate::status::{Status, StatusFile};
+use crate::status::{self, Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
 
@@ -129,6 +129,8 @@ impl Pipeline {
                 rings.stop();
                 // The first failure is the one to tell.
                 let _ = running.join();
+                // Housekeeping may have written it once more.
+                status::remove(&config.station);
                 Err(error)
             }
         }
@@ -277,11 +279,10 @@ impl Start<'_> {
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
-        })
-        .inspect_err(|_| status.remove())?;
+        })?;
         running.others.push(("housekeeping", housekeeping));
         // Every thread has asked by now, and all the memory that they begin with is there.
-        refuse_or_tell(config, self.board, &self.memory_lock, roster).inspect_err(|_| status.remove())?;
+        refuse_or_tell(config, self.board, &self.memory_lock, roster)?;
         Ok(status)
     }
 }

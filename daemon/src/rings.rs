@@ -192,7 +192,8 @@ impl Rings {
     }
 
     /// Hands the loop other settings and takes back those before. For ordinary threads: it waits until the loop has taken
-    /// up what was handed over before. Whether the loop took it, which it does within a cycle while it runs.
+    /// up what was handed over before. Whether it was handed over; a loop that runs has it
+    /// within a cycle.
     pub fn hand_over_settings(&self, number: u64, settings: Box<Settings>) -> bool {
         let mut handed_over = (number, settings);
         for _ in 0..SETTINGS_TRIES {

@@ -133,6 +133,11 @@ impl StatusFile {
     }
 }
 
+/// Removes the file of a station whose daemon did not get far enough to do it.
+pub fn remove(station: &str) {
+    let _ = std::fs::remove_file(path_of(station));
+}
+
 /// Reads the facts of a station's daemon; `None` if there are none.
 pub fn read(station: &str) -> Option<Status> {
     let text = read_text(&path_of(station), STATUS_BYTES_MAX).ok()?;

@@ -114,12 +114,8 @@ impl Supervision {
         let now_ns = now_ns();
         let gap_ns = now_ns.saturating_sub(self.last_look_ns).min(GAP_COUNTED_MAX_NS);
         self.last_look_ns = now_ns;
-        while let Some(health) = self.health.receive()? {
-            match health.stream {
-                1 => self.suit.watch.hear(&health),
-                _ => self.ground.watch.hear(&health),
-            }
-        }
+        // What one topic does not give is no reason to be blind to the others.
+        let heard = self.hear_health();
         let (mut newest, mut taken, mut stamped) = (None, [0, 0], Stamped::default());
         while let Some(record) = self.cycles.receive()? {
             self.loop_time.see(&record);
@@ -132,7 +128,7 @@ impl Supervision {
         let new = [refused.suit - before.suit, refused.ground - before.ground];
         stamped.see_refused(new[0] + new[1], refused.ahead_ns);
         self.judge_loop(newest.as_ref(), gap_ns, board);
-        let Some(record) = newest else { return Ok(()) };
+        let Some(record) = newest else { return heard };
         self.judge_counts(&record, gap_ns, board);
         if let Some(state) = state {
             let newest_ns = |age_ns: u64| (age_ns < u64::MAX).then(|| state.time_ns.saturating_sub(age_ns));
@@ -152,6 +148,16 @@ impl Supervision {
         }
         let trouble = self.clock.trouble();
         board.set(Incident::ClockTrouble, trouble.is_some(), || trouble.unwrap_or_default());
+        heard
+    }
+
+    fn hear_health(&mut self) -> Result<(), BusError> {
+        while let Some(health) = self.health.receive()? {
+            match health.stream {
+                1 => self.suit.watch.hear(&health),
+                _ => self.ground.watch.hear(&health),
+            }
+        }
         Ok(())
     }
 

@@ -131,9 +131,9 @@ impl Loop {
             self.note_stamps(tick, [woken_ns, compute_start_ns, compute_end_ns]);
             self.note_lateness(&schedule, misses.judge(cycle, compute_end_ns, schedule.deadline_ns()));
             self.note_inputs(suit, ground, command);
+            self.rings.push_outcome(Outcome { state, record: self.record });
             self.take_checkpoint(cycle, command);
             self.keep_if_due(tick.due_ns, command);
-            self.rings.push_outcome(Outcome { state, record: self.record });
 
             observer.cycle_ends(cycle);
             ended_ns = clock.now_ns();

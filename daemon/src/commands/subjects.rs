@@ -56,6 +56,7 @@ pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers
 /// Forgets a subject in every place that the daemon has; the files are the asker's affair, and stay deleted.
 pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
     let id = id_of(command)?;
+    let _alone = in_force.alone();
     let mut forced = in_force.now();
     let is_similar = forced.similar.as_deref() == Some(&id);
     if is_similar && rings.settings.is_full() {

@@ -8,6 +8,7 @@ use super::Pipeline;
 use crate::config::{Config, ConfigError};
 use crate::in_force::Forced;
 use crate::realtime::now_ns;
+use crate::status::Status;
 
 impl Pipeline {
     /// Takes up what of another configuration can change live; gives back what cannot, one sentence for each key.
@@ -31,6 +32,7 @@ impl Pipeline {
         if self.rings.settings.is_full() {
             bail!("the reload before is not taken up yet; ask again");
         }
+        let _alone = self.in_force.alone();
         let before = self.in_force.now();
         let config = before.config.with_live_parts_of(&wanted);
         let not_live = config.keys_that_differ(&wanted);
@@ -41,27 +43,42 @@ impl Pipeline {
         }
         let mut settings = config.settings();
         settings.similar = before.settings.similar;
-        // Told before it is so: a recorder that sees the cycle finds the configuration that goes with it.
+        // Told before it is so: a recorder that sees the cycle finds the configuration that goes with it. If it does not
+        // come to that, what was told is taken back.
         let reload = now_ns() / 1000;
-        self.status.change(|status| {
-            status.config_toml = config.to_toml();
-            status.model_toml = config.model_toml();
-            status.reload = reload;
-        });
-        self.status.write().with_context(|| format!("cannot write {}", self.status.path.display()))?;
+        let told_before = self.tell(&config, reload)?;
+        if !self.rings.hand_over_settings(reload, Box::new(settings)) {
+            self.status.change(|status| *status = told_before);
+            let _ = self.status.write();
+            bail!("the loop takes nothing up; see `equipoise status`");
+        }
         if let Some(model) =
             config.loaded_model.as_ref().filter(|_| before.config.loaded_model != config.loaded_model)
         {
             info!("{}", model.tell());
         }
         self.in_force.replace(Forced { config, settings, similar: before.similar });
-        if !self.rings.hand_over_settings(reload, Box::new(settings)) {
-            bail!("the loop takes nothing up; see `equipoise status`");
-        }
         for key in &changed {
             info!("{key} changed: in force now");
         }
         Ok(told(&not_live))
+    }
+
+    /// Says which configuration comes into force; gives back what was said before. If it cannot be said, nothing is.
+    fn tell(&self, config: &Config, reload: u64) -> anyhow::Result<Status> {
+        let mut before = None;
+        self.status.change(|status| {
+            before = Some(status.clone());
+            status.config_toml = config.to_toml();
+            status.model_toml = config.model_toml();
+            status.reload = reload;
+        });
+        let before = before.context("nothing was told yet")?;
+        if let Err(error) = self.status.write() {
+            self.status.change(|status| status.clone_from(&before));
+            return Err(error).with_context(|| format!("cannot write {}", self.status.path.display()));
+        }
+        Ok(before)
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, bail};
-use equipoise_latency::Report;
+use equipoise_latency::{PathHistograms, Report};
 
 use crate::realtime::Asked;
 use crate::roster::Roster;
@@ -38,14 +38,19 @@ impl Running {
     /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with.
     pub(super) fn join(self) -> anyhow::Result<(LoopSummary, Report)> {
         let cycles = self.looping.map(|thread| joined("loop", thread));
-        let latency = self.latency_log.map(|thread| joined("latency log", thread));
+        let latency = self.latency_log.map(|thread| {
+            joined("latency log", thread).unwrap_or_else(|error| {
+                tracing::warn!("{error:#}; the figures of this run are lost, and nothing else");
+                Report::of(&PathHistograms::new())
+            })
+        });
         let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
         if let Some(Err(error)) = self.metrics.map(|thread| joined("metrics", thread)) {
             tracing::warn!("{error:#}; nothing else was touched by it");
         }
         others.into_iter().collect::<anyhow::Result<()>>()?;
         match (cycles, latency) {
-            (Some(cycles), Some(latency)) => Ok((cycles?, latency?)),
+            (Some(cycles), Some(latency)) => Ok((cycles?, latency)),
             _ => bail!("the pipeline was not started whole"),
         }
     }
