@@ -1,12 +1,15 @@
 # shellcheck shell=bash
 # Sourced by the checks that need the demonstration running. All that is known of its command line stands here.
 
-# The binary; `.ci/run` builds it.
+source .ci/tools.bash
+
+# The binary; it is built below.
 equipoise=${EQUIPOISE:-${CARGO_TARGET_DIR:-target}/release/equipoise}
 demo_seconds=${DEMO_SECONDS:-240}
 demo_station=demo
 
-demo_headless() { "$equipoise" demo --headless --json --duration "$demo_seconds"; }
+# Commands, not functions: a function in the background is a shell whose end leaves its command behind.
+demo_headless=("$equipoise" demo --headless --json --duration "$demo_seconds")
 demo_with_page=("$equipoise" demo --duration "$demo_seconds" --page) # and an address
 record_demo=("$equipoise" record --station "$demo_station")          # and a file
 
@@ -36,13 +39,7 @@ end_started() {
 }
 trap end_started EXIT
 
-need_packages() { # command, Debian packages...
-    local command=$1
-    shift
-    command -v "$command" >/dev/null && return
-    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
-}
-
-if [[ ! -x $equipoise ]]; then
+# Never a binary of yesterday: cargo looks whether there is anything to do.
+if [[ -z ${EQUIPOISE:-} ]]; then
     cargo build --quiet --release -p equipoise-daemon
 fi

@@ -14,6 +14,22 @@ const ACCEPTED: [(&str, &str); 1] = [(
 )];
 
 #[derive(Debug, Deserialize)]
+struct Deny {
+    advisories: DenyAdvisories,
+}
+
+#[derive(Debug, Deserialize)]
+struct DenyAdvisories {
+    ignore: Vec<DenyIgnored>,
+}
+
+#[derive(Debug, Deserialize)]
+struct DenyIgnored {
+    id: String,
+    reason: String,
+}
+
+#[derive(Debug, Deserialize)]
 struct Lock {
     package: Vec<Package>,
 }
@@ -114,6 +130,16 @@ fn no_crate_in_use_has_a_known_weakness() {
     }
     let told: Vec<_> = found.into_values().collect();
     assert!(told.is_empty(), "take another version, or accept it with a reason:\n{}", told.join("\n"));
+}
+
+#[test]
+fn cargo_deny_accepts_what_is_accepted_here_and_nothing_else() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deny.toml");
+    let settings: Deny =
+        toml::from_str(&std::fs::read_to_string(path).expect("deny.toml")).expect("its form");
+    assert!(settings.advisories.ignore.iter().all(|one| !one.reason.is_empty()), "each has a reason");
+    let there: Vec<_> = settings.advisories.ignore.iter().map(|one| &*one.id).collect();
+    assert_eq!(there, ACCEPTED.map(|(id, _)| id), "deny.toml and ACCEPTED name the same, in one order");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 mod source;
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use source::{Crate, committed_texts, crates};
 
@@ -160,6 +161,28 @@ fn files_are_short_enough_to_read() {
         }
     }
     assert!(too_long.is_empty(), "more than {LINES_MAX} lines: {too_long:?}");
+}
+
+#[test]
+fn every_relative_link_of_the_pages_leads_somewhere() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let (mut links, mut broken) = (0, Vec::new());
+    for (page, text) in committed_texts().filter(|(path, _)| path.extension().is_some_and(|end| end == "md"))
+    {
+        for (at, _) in text.match_indices("](") {
+            let Some((target, _)) = text[at + 2..].split_once(')') else { continue };
+            let file = target.split('#').next().unwrap_or_default();
+            if file.is_empty() || file.contains(':') || file.contains(char::is_whitespace) {
+                continue;
+            }
+            links += 1;
+            if !root.join(&page).parent().is_some_and(|folder| folder.join(file).exists()) {
+                broken.push(format!("{}: {file}", page.display()));
+            }
+        }
+    }
+    assert!(links > 20, "only {links} links were found");
+    assert!(broken.is_empty(), "lead nowhere: {broken:#?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What does the loop pay, twice a second, for what must survive it, beside a copy of its whole memory?
 //!
 //! Warm, and as the loop finds it: with caches that other work has filled since. `cargo bench -p equipoise-benches --bench
-//! keep`; figures in `docs/performance.md`.
+//! keep`; figures in `docs/performance/README.md`.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -57,7 +57,10 @@ fn main() {
         Contender::new("Kept::take", || black_box(&mut kept).take(black_box(&memory))),
         Contender::new("Checkpoint::take", || black_box(&mut checkpoint).take(1, black_box(&memory))),
     ];
-    compare(&mut criterion, "copy what survives", &mut contenders);
+    let medians_us = compare(&mut criterion, "copy what survives", &mut contenders);
+    if let [kept_us, checkpoint_us] = medians_us[..] {
+        println!("copy of what is kept ÷ whole checkpoint: {:.3}", kept_us / checkpoint_us);
+    }
     drop(contenders);
     criterion.final_summary();
     if !equipoise_benches::is_measured() {

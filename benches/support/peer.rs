@@ -5,7 +5,7 @@ use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use equipoise_bus::root::ROOT_VARIABLE;
+use equipoise_bus::root::{ROOT_VARIABLE, shared_memory_prefix};
 
 const PEER: &str = "--peer";
 
@@ -98,6 +98,13 @@ pub fn on_an_own_bus(body: impl FnOnce()) -> ExitCode {
     let program = std::env::current_exe().expect("this program has a path");
     let status =
         Command::new(program).args(std::env::args_os().skip(1)).env(ROOT_VARIABLE, root.path()).status();
+    // iceoryx2 leaves 16 bytes behind for each root, and whoever was killed leaves more.
+    let prefix = shared_memory_prefix(root.path());
+    for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        if file.file_name().to_string_lossy().starts_with(&prefix) {
+            let _already_gone = std::fs::remove_file(file.path());
+        }
+    }
     match status {
         Ok(status) if status.success() => ExitCode::SUCCESS,
         _ => ExitCode::FAILURE,

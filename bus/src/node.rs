@@ -57,7 +57,7 @@ impl fmt::Debug for Bus {
 }
 
 impl Bus {
-    /// Joins a station. What dead participants left behind is removed on the way.
+    /// Joins a station. What dead participants left behind stays: see [`Bus::clean_up_dead_nodes`].
     ///
     /// Signals stay the caller's: iceoryx2 installs no handler.
     ///

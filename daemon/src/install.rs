@@ -2,6 +2,7 @@
 //! the service that it carries within it.
 
 mod files;
+mod links;
 
 use std::path::{Path, PathBuf};
 
@@ -84,6 +85,25 @@ impl Place {
     fn under_root(&self, path: &Path) -> PathBuf {
         self.root.join(path.strip_prefix("/").unwrap_or(path))
     }
+
+    /// The same for what is to be changed. Below another root than the system's own, a link would lead out of it: its
+    /// target is meant as the installed system will see it.
+    fn safely_under_root(&self, path: &Path) -> anyhow::Result<PathBuf> {
+        let mut found = self.root.clone();
+        for part in path.strip_prefix("/").unwrap_or(path).components() {
+            found.push(part);
+            if self.root != Path::new("/") && found.is_symlink() {
+                bail!("{} is a link, and might lead out of --root: put a folder there", found.display());
+            }
+        }
+        Ok(found)
+    }
+
+    /// As [`Self::safely_under_root`], for something that may itself be a link: it is replaced or removed, not followed.
+    fn link_under_root(&self, link: &Path) -> anyhow::Result<PathBuf> {
+        let folder = self.safely_under_root(link.parent().unwrap_or(Path::new("/")))?;
+        Ok(folder.join(link.file_name().unwrap_or_default()))
+    }
 }
 
 /// Puts everything in place; again and again does no more than once. Gives lines that say what was done.
@@ -94,7 +114,7 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
     let mut done = Vec::new();
     let content = std::fs::read(program).with_context(|| format!("cannot read {}", program.display()))?;
     let mut write = |path: &Path, content: &[u8], mode| -> anyhow::Result<Put> {
-        let outcome = put(&place.under_root(path), content, mode)?;
+        let outcome = put(&place.safely_under_root(path)?, content, mode)?;
         let word = if outcome == Put::Written { "installed" } else { "unchanged" };
         done.push(format!("{word} {}", path.display()));
         Ok(outcome)
@@ -104,7 +124,7 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
         write(&path, text.as_bytes(), 0o644)?;
     }
     let configuration = Path::new("/etc/equipoise/equipoise.toml");
-    match std::fs::read(place.under_root(configuration)) {
+    match std::fs::read(place.safely_under_root(configuration)?) {
         Ok(existing) if existing != CONFIGURATION.as_bytes() => {
             let sample = configuration.with_extension("toml.new");
             write(&sample, CONFIGURATION.as_bytes(), 0o644)?;
@@ -118,7 +138,7 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
     }
     for (folder, unit) in WANTED.iter().filter(|_| enable) {
         let link = Path::new(ADMIN_UNITS).join(folder).join(unit);
-        files::link(&place.under_root(&link), &place.units().join(unit))?;
+        files::link(&place.link_under_root(&link)?, &place.units().join(unit))?;
         done.push(format!("enabled {unit}"));
     }
     done.extend(hidden(place));
@@ -141,17 +161,27 @@ fn hidden(place: &Place) -> Vec<String> {
 /// A file cannot be removed.
 pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
+    // Where systemd looks there is one place for all prefixes: what lies there may be another installation's.
+    let (others, ours): (Vec<_>, Vec<_>) =
+        place.texts().into_iter().partition(|(path, text)| is_another(&place.under_root(path), text));
+    for (path, _) in &others {
+        let prefix = place.prefix.display();
+        done.push(format!("left {}: not what this release installs for {prefix}", path.display()));
+    }
+    let units = place.units();
+    let has_others_units = others.iter().any(|(path, _)| path.starts_with(&units));
     let mut take = |path: &Path| -> anyhow::Result<()> {
-        if remove(&place.under_root(path))? {
+        if remove(&place.link_under_root(path)?)? {
             done.push(format!("removed {}", path.display()));
         }
         Ok(())
     };
-    for link in links(place) {
+    for link in links::to(place, |unit| ours.iter().any(|(path, _)| path == unit)) {
         take(&link)?;
     }
-    for (path, _) in place.texts() {
-        take(&path)?;
+    // User and directories are of one name for all prefixes: another's service needs them.
+    for (path, _) in ours.iter().filter(|(path, _)| path.starts_with(&units) || !has_others_units) {
+        take(path)?;
     }
     take(&place.program())?;
     for data in DATA.iter().filter(|data| place.under_root(Path::new(data)).exists()) {
@@ -163,29 +193,9 @@ pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
     Ok(done)
 }
 
-/// Links that enable our units, adapters among them, whoever made them.
-fn links(place: &Place) -> Vec<PathBuf> {
-    let ours = |name: &str| {
-        UNITS.iter().any(|(unit, _)| name == *unit)
-            || (name.starts_with("equipoise-adapter@") && name.ends_with(".service"))
-    };
-    let admin = Path::new(ADMIN_UNITS);
-    let mut links = Vec::new();
-    for folder in std::fs::read_dir(place.under_root(admin)).into_iter().flatten().flatten() {
-        let name = folder.file_name();
-        if !name.to_string_lossy().ends_with(".wants") {
-            continue;
-        }
-        for link in std::fs::read_dir(folder.path()).into_iter().flatten().flatten() {
-            if link.file_type().is_ok_and(|kind| kind.is_symlink())
-                && ours(&link.file_name().to_string_lossy())
-            {
-                links.push(admin.join(&name).join(link.file_name()));
-            }
-        }
-    }
-    links.sort();
-    links
+/// Whether something else lies there.
+fn is_another(path: &Path, text: &str) -> bool {
+    path.symlink_metadata().is_ok() && !std::fs::read(path).is_ok_and(|there| there == text.as_bytes())
 }
 
 #[cfg(test)]

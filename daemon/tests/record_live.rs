@@ -4,7 +4,7 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Station, equipoise, free_address, said};
+use common::{Station, equipoise, free_address, remove_shared_memory, said};
 use equipoise_daemon::replay::Replay;
 use equipoise_daemon::replay::input::Input;
 use equipoise_simulator::settings::SimulationSettings;
@@ -108,4 +108,5 @@ fn without_a_daemon_there_is_nothing_to_record() {
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("no daemon runs on station station-1"), "{}", said(&output));
     assert!(!out.exists());
+    remove_shared_memory(&directory.path().join("bus"));
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import re
@@ -51,7 +52,26 @@ def _config(root: str) -> Any:
     config = iox2.config.default()
     config.global_cfg.root_path = iox2.Path.new(text + "/")
     config.global_cfg.prefix = iox2.FileName.new(shared_memory_prefix(root))
+    # Who is killed while clearing away the dead makes remains that nobody can clear away any more: only whoever finds no
+    # place does it (`Bus._take`), as in Rust.
+    config.global_cfg.node.cleanup_dead_nodes_on_creation = False
+    config.global_cfg.node.cleanup_dead_nodes_on_destruction = False
     return config
+
+
+def _close_counters_to_others(root: str) -> None:
+    """iceoryx2 lets everybody write to its counter of participants; on a root of our own it is for its owner alone."""
+    prefix = shared_memory_prefix(root)
+    if prefix == shared_memory_prefix(table.DEFAULT_ROOT):
+        return  # Shared with whatever else speaks iceoryx2 here.
+    try:
+        names = os.listdir("/dev/shm")
+    except OSError:
+        return
+    for name in names:
+        if name.startswith(prefix) and name.endswith(".global_mgmt"):
+            with contextlib.suppress(OSError):  # Somebody else's file is that somebody's affair.
+                os.chmod(os.path.join("/dev/shm", name), 0o600)
 
 
 def _check_name(what: str, name: str) -> None:
@@ -77,6 +97,7 @@ class Bus:
                 f"cannot join the bus under {root}: {cause}; the directory must be writable and belong to this user; "
                 f"or set {table.ROOT_VARIABLE} to another one"
             ) from cause
+        _close_counters_to_others(root)
 
     def close(self) -> None:
         """Leaves the bus; its ports must be closed before."""

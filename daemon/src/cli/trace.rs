@@ -43,6 +43,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     options.write(true).create_new(true).mode(MODE);
     let created = options.open(out).with_context(|| format!("cannot create {}", out.display()))?;
     let summary = write_trace(&recording, cycles.as_ref(), &mut BufWriter::new(created))
+        // Half a trace would be in the way of the next try.
+        .inspect_err(|_| drop(std::fs::remove_file(out)))
         .with_context(|| format!("cannot write {}", out.display()))?;
     if let Some(damage) = &summary.damage {
         eprintln!("equipoise: {damage}");

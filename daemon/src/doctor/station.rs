@@ -12,7 +12,9 @@ use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{AdapterHealth, State, SuitSample, Validity};
 
 use crate::config::{Config, SuitSourceKind};
-use crate::sensors::{GROUND_ROLE, SUIT_ROLE};
+use crate::page_feed::PAGE_ROLE;
+use crate::pipeline::DAEMON_ROLE;
+use crate::sensors::SUIT_ROLE;
 
 /// How long sensors are listened to. Long enough for a word of both adapters, which comes once a second.
 const LISTEN: Duration = Duration::from_millis(2500);
@@ -78,19 +80,20 @@ impl StationFacts {
         let bus = Bus::join(&BusSettings::new(&config.station, "doctor"))?;
         let participants = bus.participants()?;
         let of_role = |role: &str| participants.iter().find(|one| one.role == role).map(|one| one.process_id);
-        let roles = [crate::pipeline::DAEMON_ROLE, SUIT_ROLE, GROUND_ROLE];
-        let listens = |one: &&Participant| roles.contains(&one.role.as_str());
-        let processes = participants.iter().filter(listens).map(|one| one.process_id).collect();
-        let of = |bound: io::Result<()>, tables, address| match port_of(bound) {
-            Port::Taken if holds(&processes, &sockets_at(tables, address)) => Port::Ours,
+        // Each port by whoever is to have it: a page's is not the station's because the suit's adapter took it.
+        let of = |bound: io::Result<()>, roles: &[&str], tables, address| match port_of(bound) {
+            Port::Taken if holds(&processes_of(&participants, roles), &sockets_at(tables, address)) => {
+                Port::Ours
+            }
             found => found,
         };
-        let tcp = |address| of(TcpListener::bind(address).map(drop), TCP, address);
+        let tcp = |roles, address| of(TcpListener::bind(address).map(drop), roles, TCP, address);
+        let suit = config.suit.listen;
         let mut facts = StationFacts {
-            daemon: of_role(crate::pipeline::DAEMON_ROLE),
-            suit_port: of(UdpSocket::bind(config.suit.listen).map(drop), UDP, config.suit.listen),
-            page_port: config.page.as_ref().map(|page| tcp(page.listen)),
-            metrics_port: config.metrics.as_ref().map(|metrics| tcp(metrics.listen)),
+            daemon: of_role(DAEMON_ROLE),
+            suit_port: of(UdpSocket::bind(suit).map(drop), &[DAEMON_ROLE, SUIT_ROLE], UDP, suit),
+            page_port: config.page.as_ref().map(|page| tcp(&[PAGE_ROLE], page.listen)),
+            metrics_port: config.metrics.as_ref().map(|metrics| tcp(&[DAEMON_ROLE], metrics.listen)),
             ..StationFacts::default()
         };
         if facts.daemon.is_some() {
@@ -148,6 +151,12 @@ impl StationFacts {
         });
         Ok(())
     }
+}
+
+/// The processes that take part as one of these.
+fn processes_of(participants: &[Participant], roles: &[&str]) -> BTreeSet<u32> {
+    let is_one = |one: &&Participant| roles.contains(&one.role.as_str());
+    participants.iter().filter(is_one).map(|one| one.process_id).collect()
 }
 
 fn port_of(bound: io::Result<()>) -> Port {

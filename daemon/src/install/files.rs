@@ -1,8 +1,8 @@
 //! Files put in place whole, with the permissions asked for whatever the umask is.
 
-use std::fs::{self, Permissions};
-use std::io::{self, ErrorKind};
-use std::os::unix::fs::{PermissionsExt, symlink};
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use anyhow::Context;
@@ -18,23 +18,38 @@ pub(super) enum Put {
 
 /// Puts a file in place. A program that runs from there goes on running: the old file stays until it has ended.
 pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put> {
-    let there = fs::read(path).is_ok_and(|there| there == content)
-        && fs::metadata(path).is_ok_and(|found| found.permissions().mode() & 0o7777 == mode);
+    let is_such = |found: fs::Metadata| found.is_file() && found.permissions().mode() & 0o7777 == mode;
+    let there =
+        fs::symlink_metadata(path).is_ok_and(is_such) && fs::read(path).is_ok_and(|there| there == content);
     if there {
         return Ok(Put::Unchanged);
     }
     let written = (|| {
-        make_folder(path.parent().unwrap_or(Path::new("/")))?;
+        let folder = path.parent().unwrap_or(Path::new("/"));
+        make_folder(folder)?;
         let mut beside = path.as_os_str().to_owned();
         beside.push(".part");
         let beside = Path::new(&beside);
-        fs::write(beside, content)
-            .and_then(|()| fs::set_permissions(beside, Permissions::from_mode(mode)))
+        // What an attempt that was killed left there, or whatever somebody has put there to be written through.
+        match fs::remove_file(beside) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        write_new(beside, content, mode)
             .and_then(|()| fs::rename(beside, path))
-            .inspect_err(|_| drop(fs::remove_file(beside)))
+            .inspect_err(|_| drop(fs::remove_file(beside)))?;
+        File::open(folder)?.sync_all()
     })();
     written.with_context(|| refused("write", path))?;
     Ok(Put::Written)
+}
+
+/// Writes a file that is not there yet; on the disk when this returns.
+fn write_new(path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
+    let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
+    file.write_all(content)?;
+    file.set_permissions(Permissions::from_mode(mode))?;
+    file.sync_all()
 }
 
 /// Links `link` to `target`, in place of whatever link is there.

@@ -115,6 +115,63 @@ fn a_prefix_that_a_unit_cannot_name_is_refused() {
 }
 
 #[test]
+fn no_link_leads_out_of_the_root() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let outside = directory.path().join("outside");
+    for folder in [&root, &outside] {
+        fs::create_dir(folder).unwrap();
+    }
+    fs::write(outside.join("equipoise.toml"), "theirs").unwrap();
+    let place = at("/usr/local", &root);
+    for (link, target) in [
+        ("usr", outside.clone()),
+        ("etc", outside.clone()),
+        ("etc/equipoise/equipoise.toml", outside.join("x")),
+    ] {
+        let link = root.join(link);
+        fs::create_dir_all(link.parent().unwrap()).unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        let refused = install(&place, &program, true).unwrap_err().to_string();
+        assert!(refused.contains("is a link"), "{refused}");
+        assert_eq!(all(&outside).len(), 1, "{:?}", all(&outside));
+        fs::remove_file(&link).unwrap();
+    }
+    // Nor through what lies where the file is made, nor through the file's own name.
+    let bin = root.join("usr/local/bin");
+    fs::create_dir_all(&bin).unwrap();
+    std::os::unix::fs::symlink(outside.join("equipoise.toml"), bin.join("equipoise.part")).unwrap();
+    install(&place, &program, false).unwrap();
+    assert_eq!(fs::read_to_string(outside.join("equipoise.toml")).unwrap(), "theirs");
+    assert_eq!(fs::read_to_string(bin.join("equipoise")).unwrap(), "a program");
+}
+
+#[test]
+fn what_is_installed_for_another_prefix_is_left() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let (theirs, ours) = (at("/opt/theirs", &root), at("/opt/ours", &root));
+    install(&theirs, &program, true).unwrap();
+    let before = all(&root);
+    let done = uninstall(&ours).unwrap();
+    assert!(
+        done.iter().any(|line| line.starts_with("left /etc/systemd/system/equipoise.service")),
+        "{done:?}"
+    );
+    assert!(!done.iter().any(|line| line.starts_with("removed")), "{done:?}");
+    assert_eq!(all(&root), before);
+    // A link of another's making keeps its unit's name, and stays; ours goes, though it is written from where it lies.
+    let wants = root.join("etc/systemd/system/multi-user.target.wants");
+    let (other, relative) =
+        (wants.join("equipoise-view.service"), wants.join("equipoise-adapter@suit.service"));
+    std::os::unix::fs::symlink("/usr/lib/systemd/system/equipoise-view.service", &other).unwrap();
+    std::os::unix::fs::symlink("../equipoise-adapter@.service", &relative).unwrap();
+    uninstall(&theirs).unwrap();
+    let left: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(left, [root.join("etc/equipoise/equipoise.toml"), other]);
+}
+
+#[test]
 fn units_by_hand_that_would_be_used_instead_are_named() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));

@@ -126,5 +126,16 @@ impl Drop for Station {
         let id = rustix::process::Pid::from_child(&self.daemon);
         let _ = rustix::process::kill_process(id, rustix::process::Signal::TERM);
         let _ = self.daemon.wait();
+        remove_shared_memory(&self.directory.path().join("bus"));
+    }
+}
+
+/// iceoryx2 leaves 16 bytes behind for each root of a bus, outside the temporary directory; what is killed leaves more.
+pub(crate) fn remove_shared_memory(root: &Path) {
+    let prefix = equipoise_bus::root::shared_memory_prefix(root);
+    for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        if file.file_name().to_string_lossy().starts_with(&prefix) {
+            let _already_gone = std::fs::remove_file(file.path());
+        }
     }
 }

@@ -5,6 +5,7 @@ use std::net::UdpSocket;
 use serde_json::Value;
 
 use crate::eyes::Eyes;
+use crate::process::wait_for;
 use crate::station::{Ended, Station, free_tcp_port};
 use crate::streams;
 
@@ -74,6 +75,29 @@ fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
     assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
     assert_eq!(check(&told, "bus root")["verdict"], "ok", "{told}");
     assert_eq!(told["note"], Value::Null);
+}
+
+#[test]
+fn the_ports_of_page_and_metrics_are_the_stations_only_while_page_and_daemon_hold_them() {
+    let station = Station::new();
+    let (page, metrics) = (free_tcp_port(), free_tcp_port());
+    let text = format!(
+        "{}[page]\nlisten = \"{page}\"\n[metrics]\nlisten = \"{metrics}\"\n",
+        station.configuration()
+    );
+    let _daemon = station.daemon(&text);
+    let path = station.write("page.toml", &text).display().to_string();
+    let port = |name: &str| {
+        let told = report(&station.run(&["doctor", "--json", "--config", &path]));
+        check(&told, name)["verdict"].as_str().expect("a verdict").to_owned()
+    };
+    // A stranger has the page's port, though the station is whole without it.
+    let stranger = std::net::TcpListener::bind(page).expect("the port");
+    assert_eq!((port("page.listen").as_str(), port("metrics.listen").as_str()), ("fail", "ok"));
+    drop(stranger);
+    let view = station.spawn(&["view", "--config", &path]);
+    wait_for("the page", || std::net::TcpStream::connect(page).ok());
+    assert_eq!(port("page.listen"), "ok", "{}", view.stderr());
 }
 
 #[test]

@@ -1,0 +1,38 @@
+//! Links that enable units, whoever made them.
+
+use std::path::{Component, Path, PathBuf};
+
+use super::{ADMIN_UNITS, Place};
+
+/// The links to units of which `is_ours` says so, adapters' among them; paths as they are when it runs.
+pub(super) fn to(place: &Place, is_ours: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
+    let admin = Path::new(ADMIN_UNITS);
+    let mut links = Vec::new();
+    for folder in std::fs::read_dir(place.under_root(admin)).into_iter().flatten().flatten() {
+        let name = folder.file_name();
+        if !name.to_string_lossy().ends_with(".wants") {
+            continue;
+        }
+        for link in std::fs::read_dir(folder.path()).into_iter().flatten().flatten() {
+            let path = admin.join(&name).join(link.file_name());
+            if std::fs::read_link(link.path()).is_ok_and(|target| is_ours(&meant(&path, &target))) {
+                links.push(path);
+            }
+        }
+    }
+    links.sort();
+    links
+}
+
+/// What a link points at, as a path from the top.
+fn meant(link: &Path, target: &Path) -> PathBuf {
+    let mut path = PathBuf::new();
+    for part in link.parent().unwrap_or(link).join(target).components() {
+        match part {
+            Component::ParentDir => drop(path.pop()),
+            Component::CurDir => {}
+            part => path.push(part),
+        }
+    }
+    path
+}
