@@ -362,15 +362,43 @@ mod tests {
             ..State::zeroed()
         };
         let mut judge = Judge::new();
-        judge.see(true_state, &person);
-        assert!(judge.wrong.is_empty(), "{:?}", judge.report());
+        // Whether this machine holds up the sensors at this moment is none of the test's business.
+        let mut see = |state: State, held_up: [bool; 2]| {
+            (judge.state, judge.held_up) = (state, held_up);
+            judge.values(&person);
+            judge.wrong.iter().map(|wrong| wrong.what).collect::<Vec<_>>()
+        };
+        assert_eq!(see(true_state, [false; 2]), [""; 0]);
         let off = State { cycle: 2, cop_measured_m: [truth.cop_m.x + 0.05, truth.cop_m.y], ..true_state };
-        judge.see(off, &person);
-        assert_eq!(judge.wrong.iter().map(|wrong| wrong.what).collect::<Vec<_>>(), ["measured cop"]);
-        judge.see(State { cycle: 3, valid: Validity::FEET_OFF_PLATE.0, ..off }, &person);
-        assert_eq!(judge.wrong.len(), 1, "withheld");
+        assert_eq!(see(State { valid: Validity::FEET_OFF_PLATE.0, ..off }, [false; 2]), [""; 0], "withheld");
+        assert_eq!(see(off, GROUND), [""; 0], "the plate is held up");
+        assert_eq!(see(off, SUIT), ["measured cop"], "the plate's value needs no suit");
+        assert_eq!(see(State { cycle: 3, ..off }, [false; 2]), ["measured cop"; 2]);
         judge.see(State { cycle: 4, time_ns: now_ns + 900_000_000, suit_age_ns: 0, ..true_state }, &person);
         let found: Vec<_> = judge.wrong.iter().map(|wrong| wrong.what).collect();
         assert!(found.contains(&"suit's age") && found.contains(&"suit's silence"), "{found:?}");
+        judge.must_say = Some(Validity::SUIT_STALE);
+        judge.see(State { cycle: 5, ..true_state }, &person);
+        assert_eq!(judge.wrong.last().map(|wrong| wrong.what), Some("another clock"));
+        let wrong = judge.wrong.len();
+        judge.see(State { cycle: 6, valid: Validity::SUIT_STALE.0, ..true_state }, &person);
+        assert_eq!(judge.wrong.len(), wrong, "{:?}", judge.report());
+    }
+
+    #[test]
+    fn a_verdict_needs_enough_of_every_value() {
+        let mut judge = Judge::new();
+        judge.begin_to_count();
+        assert_eq!(judge.too_little(), None);
+        judge.states = 1000;
+        judge.told = VALUES.map(|value| (value, 200)).into();
+        assert_eq!(judge.too_little(), None);
+        judge.missed = 21;
+        assert!(judge.too_little().is_some_and(|said| said.contains("21 states were not seen")));
+        judge.missed = 20;
+        judge.told.insert("torques", 199);
+        assert!(judge.too_little().is_some_and(|said| said.contains("torques")));
+        judge.told.remove("torques");
+        assert!(judge.too_little().is_some_and(|said| said.contains("torques")), "never judged");
     }
 }

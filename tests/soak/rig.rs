@@ -20,6 +20,8 @@ use crate::station::{NAME, Station, ready};
 const LASTS: Duration = Duration::from_millis(2000);
 /// And how long everything is well thereafter, at least.
 const CALM: Duration = Duration::from_millis(3500);
+/// A restart or a leap shows within this.
+const FELT_WITHIN: Duration = Duration::from_millis(300);
 /// All must be told again within this.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(40);
 /// However often the machine stood still meanwhile.
@@ -290,6 +292,8 @@ impl Rig {
     pub(crate) fn recover(&mut self, chaos: Chaos) -> Duration {
         let started = Instant::now();
         self.judge.during = chaos.name();
+        // What was done at once must have been felt, or all would be well still.
+        self.pass(FELT_WITHIN);
         self.wait_until_all_is_told();
         let took = started.elapsed();
         self.pass(CALM);
