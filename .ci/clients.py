@@ -1,6 +1,6 @@
 """Judges what three consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
 
-`refusals STATION` asks the Python package for what it must refuse; `free-ports` and `mark NAME` are small things that
+`refusals STATION` asks the Python package for what it must refuse; `mark NAME` is a small thing that
 bash cannot do.
 """
 
@@ -190,18 +190,9 @@ def refusals(station):
     print(f"clients: {len(crowd)} more joined; the last found no place for its report, and read")
 
 
-def free_ports():
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
-    for one in sockets:
-        one.bind(("127.0.0.1", 0))
-    print(*(one.getsockname()[1] for one in sockets))
-
-
 def main():
     what, *rest = sys.argv[1:]
-    if what == "free-ports":
-        free_ports()
-    elif what == "refusals":
+    if what == "refusals":
         refusals(rest[0])
     elif what == "mark":
         print(rest[0], time.monotonic_ns())

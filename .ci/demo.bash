@@ -43,3 +43,21 @@ trap end_started EXIT
 if [[ -z ${EQUIPOISE:-} ]]; then
     cargo build --quiet --release -p equipoise-daemon
 fi
+
+# A free port of loopback, below those that the kernel gives to whoever asks for any: between here and its use nobody
+# else gets it by chance.
+free_port() { # SOCK_STREAM or SOCK_DGRAM
+    python3 - "$1" <<'PY'
+import random, socket, sys
+
+while True:
+    port = random.randrange(20000, 30000)
+    with socket.socket(type=getattr(socket, sys.argv[1])) as one:
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError:
+            continue
+    print(port)
+    break
+PY
+}

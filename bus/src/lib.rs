@@ -28,6 +28,7 @@
 #![forbid(unsafe_code)]
 
 pub mod command;
+mod empty_memory;
 pub mod error;
 pub mod event;
 mod half_made;

@@ -88,8 +88,11 @@ pub(crate) fn open_or_create<F, E: Into<Refusal>>(
             Ok(factory) => return Ok(factory),
             Err(error) => error.into(),
         };
-        if !matches!(refusal, Refusal::InFlux(_)) {
-            break;
+        match refusal {
+            Refusal::InFlux(_) => {}
+            // The dead hold places until they are cleared away.
+            Refusal::NodesFull if bus.clear_away_the_dead() != (0, 0) => {}
+            _ => break,
         }
         thread::sleep(PAUSE);
     }
@@ -135,11 +138,11 @@ pub(crate) fn take<P, E: std::fmt::Debug + PartialEq>(
             Err(cause) if cause == full => {}
             Err(cause) => return Err(BusError::failed("make a port", name)(cause)),
         }
-        let cleaned = bus.node.try_cleanup_dead_nodes();
-        if cleaned.cleanups == 0 && cleaned.failed_cleanups == 0 {
+        let (cleaned, left) = bus.clear_away_the_dead();
+        if cleaned == 0 && left == 0 {
             break;
         }
-        if cleaned.failed_cleanups > 0 {
+        if left > 0 {
             thread::sleep(PAUSE);
         }
     }

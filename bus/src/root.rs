@@ -53,6 +53,7 @@ pub(crate) fn config(root: &std::path::Path) -> Result<Config, BusError> {
     // killed at any time. So only those who must do it: the daemon, and whoever finds no place (`open::take`).
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
     config.global.prefix = FileName::new(shared_memory_prefix(root).as_bytes()).map_err(|_| refused())?;
     Ok(config)
 }

@@ -5,6 +5,7 @@ mod common;
 
 use bytemuck::Zeroable;
 use common::{PATIENCE, join, kill, parents_bus, root, spawn_child, until};
+use equipoise_bus::root::shared_memory_prefix;
 use equipoise_bus::{BusError, Channel, Event};
 use equipoise_core::message::{Command, Reply, State};
 use std::time::{Duration, Instant};
@@ -105,4 +106,33 @@ fn what_was_killed_while_it_joined_is_cleared_away_once_it_is_old() {
         !half_made.exists()
     });
     assert_eq!(bus.participants().unwrap().len(), 1, "the living stay");
+}
+
+/// A reader that is killed between making the memory of a connection and giving it a size: iceoryx2 would wait for ever.
+#[test]
+fn a_connection_that_never_got_its_size_keeps_nobody_from_clearing_away() {
+    let root = root();
+    let bus = join(root.path(), "writer");
+    let publisher = bus.publisher::<State>().unwrap();
+    let child = spawn_child("child_reads", root.path());
+    until("the reader is there", || publisher.send(&state(1)).unwrap() == 1);
+    let prefix = shared_memory_prefix(root.path());
+    let memory = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let mut names = memory.filter_map(|file| file.file_name().into_string().ok());
+    let name = names.find(|name| name.starts_with(&prefix) && name.ends_with(".connection")).unwrap();
+    // prefix, service_writer_reader.connection: the same reader, another writer.
+    let (writer, reader) = name.rsplit_once('_').unwrap();
+    let empty = std::path::Path::new("/dev/shm").join(format!("{writer}7_{reader}"));
+    std::fs::write(&empty, "").unwrap();
+    kill(child);
+    let (done, is_done) = std::sync::mpsc::channel();
+    let path = root.path().to_owned();
+    std::thread::spawn(move || {
+        let cleaner = join(&path, "cleaner");
+        until("the reader is cleared away", || cleaner.clean_up_dead_nodes() == 1);
+        done.send(()).unwrap();
+    });
+    is_done.recv_timeout(2 * PATIENCE).expect("it waits for ever");
+    assert!(!empty.exists());
+    assert_eq!(publisher.subscriber_count(), 0);
 }

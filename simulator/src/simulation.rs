@@ -46,8 +46,10 @@ struct Shared {
     trouble: RwLock<Trouble>,
     /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC.
     sent_ns: [AtomicU64; 2],
-    /// When a sensor was last held up by its machine, CLOCK_MONOTONIC.
-    held_up_ns: AtomicU64,
+    /// When they were sent, CLOCK_MONOTONIC.
+    sent_at_ns: [AtomicU64; 2],
+    /// When each was last held up by its machine, CLOCK_MONOTONIC.
+    held_up_ns: [AtomicU64; 2],
 }
 
 /// What is wrong with devices and network now; may change at any time.
@@ -76,6 +78,7 @@ impl Shared {
     /// Calls `step` with the number of every sample at its time until told to stop.
     fn pace(
         &self,
+        sensor: usize,
         rate_hz: f64,
         latency_s: f64,
         mut step: impl FnMut(&mut DeviceClock) -> io::Result<f64>,
@@ -86,11 +89,11 @@ impl Shared {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(());
             }
+            // Before it is sent, so that nobody sees a late sample and does not know; and after, for sending takes time.
+            let due_s = clock.time_s() + latency_s;
+            self.note_held_up(sensor, due_s);
             let rate_hz = step(&mut clock)?;
-            let now_ns = monotonic_ns();
-            if now_ns > self.start_ns + span_ns(clock.time_s() + latency_s) + HELD_UP_NS {
-                self.held_up_ns.store(now_ns, Ordering::Relaxed);
-            }
+            self.note_held_up(sensor, due_s);
             clock.advance(rate_hz);
         }
     }
@@ -99,8 +102,16 @@ impl Shared {
         *self.trouble.read().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn note_held_up(&self, sensor: usize, due_s: f64) {
+        let now_ns = monotonic_ns();
+        if now_ns > self.start_ns + span_ns(due_s) + HELD_UP_NS {
+            self.held_up_ns[sensor].store(now_ns, Ordering::Relaxed);
+        }
+    }
+
     fn note_sent(&self, sensor: usize, time_s: f64) {
         self.sent_ns[sensor].store(self.start_ns + span_ns(time_s), Ordering::Relaxed);
+        self.sent_at_ns[sensor].store(monotonic_ns(), Ordering::Relaxed);
     }
 
     fn run_suit(&self, mut sender: SuitSender) -> io::Result<()> {
@@ -108,7 +119,7 @@ impl Shared {
         let suit = Suit::new(settings.noise, self.settings.seed);
         let mut luck = Random::new(self.settings.seed, "suit trouble");
         let mut before = self.trouble();
-        self.pace(settings.rate_hz, settings.latency_s, |clock| {
+        self.pace(0, settings.rate_hz, settings.latency_s, |clock| {
             let trouble = self.trouble();
             if trouble.restarts[0] != before.restarts[0] {
                 clock.restart();
@@ -145,7 +156,7 @@ impl Shared {
         let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
         let mut before = self.trouble();
         let mut number = 0_u32;
-        self.pace(settings.rate_hz, 0.0, |clock| {
+        self.pace(1, settings.rate_hz, 0.0, |clock| {
             let trouble = self.trouble();
             if trouble.restarts[1] != before.restarts[1] {
                 clock.restart();
@@ -213,7 +224,8 @@ impl Simulation {
             plate_status: AtomicU32::new(0),
             trouble: RwLock::new(trouble),
             sent_ns: [AtomicU64::new(0), AtomicU64::new(0)],
-            held_up_ns: AtomicU64::new(0),
+            sent_at_ns: [AtomicU64::new(0), AtomicU64::new(0)],
+            held_up_ns: [AtomicU64::new(0), AtomicU64::new(0)],
         });
         let mut handle = SimulationHandle { shared: Arc::clone(&shared), plate_address, threads: Vec::new() };
         let suit = Arc::clone(&shared);
@@ -324,9 +336,15 @@ impl SimulationHandle {
         [0, 1].map(|sensor| self.shared.sent_ns[sensor].load(Ordering::Relaxed))
     }
 
-    /// When the machine last held up a sensor so long (10 ms) that it was no sensor any more, CLOCK_MONOTONIC ns; 0 for never.
-    pub fn held_up_ns(&self) -> u64 {
-        self.shared.held_up_ns.load(Ordering::Relaxed)
+    /// When those samples were sent, CLOCK_MONOTONIC ns; 0 for none.
+    pub fn sent_at_ns(&self) -> [u64; 2] {
+        [0, 1].map(|sensor| self.shared.sent_at_ns[sensor].load(Ordering::Relaxed))
+    }
+
+    /// When the machine last held up suit and plate so long (10 ms) that they were no sensors any more, CLOCK_MONOTONIC
+    /// ns; 0 for never.
+    pub fn held_up_ns(&self) -> [u64; 2] {
+        [0, 1].map(|sensor| self.shared.held_up_ns[sensor].load(Ordering::Relaxed))
     }
 
     /// What is so at a simulated time. For times to come: if nothing more is asked of the worker.

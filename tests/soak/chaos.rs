@@ -24,13 +24,13 @@ pub(crate) enum Chaos {
     SuitAdapterKilled,
     GroundAdapterKilled,
     DaemonStopped,
-    /// An adapter whose clock is ahead by so many seconds.
-    OtherClock(u32),
+    /// An adapter whose clock is ahead by so many seconds, or behind.
+    OtherClock(i32),
 }
 
 use Chaos::*;
 
-const ALL: [Chaos; 23] = [
+const ALL: [Chaos; 25] = [
     Loss,
     Reorder,
     Duplicates,
@@ -54,6 +54,8 @@ const ALL: [Chaos; 23] = [
     DaemonStopped,
     OtherClock(1),
     OtherClock(1000),
+    OtherClock(-1),
+    OtherClock(-10),
 ];
 
 impl Chaos {
@@ -91,7 +93,9 @@ impl Chaos {
             GroundAdapterKilled => "ground adapter killed",
             DaemonStopped => "daemon stopped for 1 s",
             OtherClock(1) => "adapter 1 s ahead",
-            OtherClock(_) => "adapter of another clock",
+            OtherClock(-1) => "adapter 1 s behind",
+            OtherClock(shift_s) if shift_s < 0 => "adapter far behind",
+            OtherClock(_) => "adapter far ahead",
         }
     }
 }

@@ -32,8 +32,30 @@ const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
 /// A sample cannot be newer than the newest that was sent; sent and dated are two clocks' readings.
 const AHEAD_AT_MOST_NS: u64 = 25_000_000;
 
+/// What must have been judged, and how much of all states since the model was known: one in so many. Trouble withholds the
+/// rest.
+const VALUES: [&str; 8] = [
+    "measured cop",
+    "ground force",
+    "com",
+    "estimated cop",
+    "segments",
+    "external force",
+    "lifted mass",
+    "torques",
+];
+const JUDGED_ONE_IN: u64 = 5;
+/// States that the eyes may miss: one in so many.
+const MISSED_ONE_IN: u64 = 50;
+
 /// How long the clock fit needs to forget that the sensors were held up: a break must last a second before it is one.
 const HELD_UP_FOR_NS: u64 = 3_000_000_000;
+
+/// The streams that a value depends on: suit, ground.
+type Needs = [bool; 2];
+const SUIT: Needs = [true, false];
+const GROUND: Needs = [false, true];
+const BOTH: Needs = [true, true];
 
 /// One value that was wrong.
 #[derive(Debug, Clone)]
@@ -53,8 +75,11 @@ pub(crate) struct Judge {
     pub(crate) during: &'static str,
     pub(crate) states: u64,
     pub(crate) missed: u64,
-    /// States that came while the simulated sensors were held up, or just after.
-    pub(crate) excused: u64,
+    /// States that came while a simulated sensor was held up, or just after; suit, ground.
+    pub(crate) excused: [u64; 2],
+    held_up: [bool; 2],
+    /// What every state must say now.
+    pub(crate) must_say: Option<Validity>,
     pub(crate) told: BTreeMap<&'static str, u64>,
     /// Largest share of its bound that an error took, by value; and during what.
     worst: BTreeMap<&'static str, (f64, &'static str)>,
@@ -70,7 +95,9 @@ impl Judge {
             during: "identification",
             states: 0,
             missed: 0,
-            excused: 0,
+            excused: [0; 2],
+            held_up: [false; 2],
+            must_say: None,
             told: BTreeMap::new(),
             worst: BTreeMap::new(),
             wrong: Vec::new(),
@@ -87,18 +114,38 @@ impl Judge {
         self.missed += if self.state.cycle > 0 { state.cycle - self.state.cycle - 1 } else { 0 };
         self.state = state;
         // A simulated sensor that its own machine holds up is none: it sends old samples as new ones, and nobody can
-        // tell that from a device that is late.
-        let now_ns = state.time_ns.max(person.sent_ns()[1]);
-        if now_ns < person.held_up_ns() + HELD_UP_FOR_NS {
-            self.excused += 1;
-            return;
+        // tell that from a device that is late. What comes from the other sensor is judged all the same.
+        let now_ns = state.time_ns.max(person.sent_at_ns()[1]);
+        self.held_up = person.held_up_ns().map(|at_ns| now_ns < at_ns + HELD_UP_FOR_NS);
+        for (excused, held_up) in self.excused.iter_mut().zip(self.held_up) {
+            *excused += u64::from(held_up);
+        }
+        if let Some(reason) = self.must_say {
+            self.hold("another clock", f64::from(!state.validity().any_of(reason)), 0.5);
         }
         self.ages(person);
         self.values(person);
     }
 
+    /// From here on counts what is judged: the model is known.
+    pub(crate) fn begin_to_count(&mut self) {
+        (self.states, self.missed, self.excused) = (0, 0, [0; 2]);
+        self.told.clear();
+    }
+
+    /// A value that was judged too seldom for a verdict, or too many states that nobody saw.
+    pub(crate) fn too_little(&self) -> Option<String> {
+        let told = |value: &&str| self.told.get(value).copied().unwrap_or(0);
+        if let Some(seldom) = VALUES.iter().find(|value| told(value) * JUDGED_ONE_IN < self.states) {
+            return Some(format!("{seldom} was judged in {} of {} states only", told(seldom), self.states));
+        }
+        (self.missed * MISSED_ONE_IN > self.states)
+            .then(|| format!("{} states were not seen beside {}", self.missed, self.states))
+    }
+
+    /// Held up or not: silence and age are judged always.
     fn ages(&mut self, person: &SimulationHandle) {
-        let (state, sent_ns) = (self.state, person.sent_ns());
+        let (state, sent_ns, sent_at_ns) = (self.state, person.sent_ns(), person.sent_at_ns());
         let streams = [
             (state.suit_age_ns, Validity::SUIT_STALE, "suit's age", "suit's silence"),
             (state.ground_age_ns, Validity::GROUND_STALE, "ground's age", "ground's silence"),
@@ -107,11 +154,13 @@ impl Judge {
             if state.validity().any_of(stale) || age_ns == u64::MAX {
                 continue;
             }
-            // What was sent is read after the state came, so it can only be newer.
+            // What was sent is read after the state came, so it can only be newer. A sample that was held up was as new
+            // as its sending, as far as anybody can know.
             let newest_ns = state.time_ns - age_ns;
-            let ahead_ns = newest_ns.saturating_sub(sent_ns[sensor]);
+            let sent_ns = if self.held_up[sensor] { sent_at_ns[sensor] } else { sent_ns[sensor] };
+            let ahead_ns = newest_ns.saturating_sub(sent_ns);
             self.hold(of_age, ahead_ns as f64 * 1e-9, AHEAD_AT_MOST_NS as f64 * 1e-9);
-            let silent_ns = state.time_ns.saturating_sub(sent_ns[sensor]);
+            let silent_ns = state.time_ns.saturating_sub(sent_at_ns[sensor]);
             self.hold(of_silence, silent_ns as f64 * 1e-9, SILENT_AT_MOST_NS[sensor] as f64 * 1e-9);
         }
     }
@@ -130,14 +179,17 @@ impl Judge {
             let about_s = (about_ns as f64 - person.start_ns() as f64) * 1e-9;
             self.truths = (about_ns, vec![person.truth_at(about_s)]);
         }
-        let told = |spoilers: Validity| !valid.any_of(spoilers);
-        if told(Validity::SPOILS_COP_MEASURED) {
+        let held_up = self.held_up;
+        let told = |spoilers: Validity, needs: Needs| {
+            !valid.any_of(spoilers) && !(0..2).any(|sensor| needs[sensor] && held_up[sensor])
+        };
+        if told(Validity::SPOILS_COP_MEASURED, GROUND) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_measured_sigma_m);
             self.compare("measured cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_measured_m) - truth.cop_m).norm()
             });
         }
-        if told(Validity::SPOILS_GROUND_FORCE) {
+        if told(Validity::SPOILS_GROUND_FORCE, GROUND) {
             self.compare("ground force", person, FORCE_FLOOR_N, |truth| {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
@@ -146,38 +198,38 @@ impl Judge {
         if !suit_told || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             return;
         }
-        if told(Validity::SPOILS_COM) {
+        if told(Validity::SPOILS_COM, SUIT) {
             let bound_m = COM_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
             self.compare("com", person, bound_m, |truth| {
                 (Vector3::from(state.com_m) - truth.com_m).xy().norm()
             });
         }
-        if told(Validity::SPOILS_COP_ESTIMATED) {
+        if told(Validity::SPOILS_COP_ESTIMATED, SUIT) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
             self.compare("estimated cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m).norm()
             });
         }
-        if told(Validity::SPOILS_COM) {
+        if told(Validity::SPOILS_COM, SUIT) {
             self.compare("segments", person, SEGMENT_FLOOR_M, |truth| {
                 let error_m =
                     |i: usize| (Vector3::from(state.segment_origin_m[i]) - truth.body.origin_m[i]).norm();
                 (0..SEGMENTS).map(error_m).fold(0.0, f64::max)
             });
         }
-        if told(Validity::SPOILS_DELTA_F) {
+        if told(Validity::SPOILS_DELTA_F, BOTH) {
             let bound_n = FORCE_FLOOR_N + SIGMAS * state.delta_f_sigma_n;
             self.compare("external force", person, bound_n, |truth| {
                 (state.delta_f_n[2] + truth.load_force_in_motion_n.z).abs()
             });
         }
-        if told(Validity::SPOILS_LIFTED_MASS.and(Validity::NOT_IDENTIFIED)) {
+        if told(Validity::SPOILS_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
             let bound_kg = MASS_FLOOR_KG + SIGMAS * state.lifted_mass_sigma_kg;
             self.compare("lifted mass", person, bound_kg, |truth| {
                 (state.lifted_mass_kg - truth.body.load_kg).abs()
             });
         }
-        if told(Validity::SPOILS_TORQUES) {
+        if told(Validity::SPOILS_TORQUES, BOTH) {
             let error_nm = |j: usize| {
                 (Vector3::from(state.torque_nm[j]) - self.truths.1[0].overload_in_motion_nm[j]).norm()
             };
@@ -310,15 +362,43 @@ mod tests {
             ..State::zeroed()
         };
         let mut judge = Judge::new();
-        judge.see(true_state, &person);
-        assert!(judge.wrong.is_empty(), "{:?}", judge.report());
+        // Whether this machine holds up the sensors at this moment is none of the test's business.
+        let mut see = |state: State, held_up: [bool; 2]| {
+            (judge.state, judge.held_up) = (state, held_up);
+            judge.values(&person);
+            judge.wrong.iter().map(|wrong| wrong.what).collect::<Vec<_>>()
+        };
+        assert_eq!(see(true_state, [false; 2]), [""; 0]);
         let off = State { cycle: 2, cop_measured_m: [truth.cop_m.x + 0.05, truth.cop_m.y], ..true_state };
-        judge.see(off, &person);
-        assert_eq!(judge.wrong.iter().map(|wrong| wrong.what).collect::<Vec<_>>(), ["measured cop"]);
-        judge.see(State { cycle: 3, valid: Validity::FEET_OFF_PLATE.0, ..off }, &person);
-        assert_eq!(judge.wrong.len(), 1, "withheld");
+        assert_eq!(see(State { valid: Validity::FEET_OFF_PLATE.0, ..off }, [false; 2]), [""; 0], "withheld");
+        assert_eq!(see(off, GROUND), [""; 0], "the plate is held up");
+        assert_eq!(see(off, SUIT), ["measured cop"], "the plate's value needs no suit");
+        assert_eq!(see(State { cycle: 3, ..off }, [false; 2]), ["measured cop"; 2]);
         judge.see(State { cycle: 4, time_ns: now_ns + 900_000_000, suit_age_ns: 0, ..true_state }, &person);
         let found: Vec<_> = judge.wrong.iter().map(|wrong| wrong.what).collect();
         assert!(found.contains(&"suit's age") && found.contains(&"suit's silence"), "{found:?}");
+        judge.must_say = Some(Validity::SUIT_STALE);
+        judge.see(State { cycle: 5, ..true_state }, &person);
+        assert_eq!(judge.wrong.last().map(|wrong| wrong.what), Some("another clock"));
+        let wrong = judge.wrong.len();
+        judge.see(State { cycle: 6, valid: Validity::SUIT_STALE.0, ..true_state }, &person);
+        assert_eq!(judge.wrong.len(), wrong, "{:?}", judge.report());
+    }
+
+    #[test]
+    fn a_verdict_needs_enough_of_every_value() {
+        let mut judge = Judge::new();
+        judge.begin_to_count();
+        assert_eq!(judge.too_little(), None);
+        judge.states = 1000;
+        judge.told = VALUES.map(|value| (value, 200)).into();
+        assert_eq!(judge.too_little(), None);
+        judge.missed = 21;
+        assert!(judge.too_little().is_some_and(|said| said.contains("21 states were not seen")));
+        judge.missed = 20;
+        judge.told.insert("torques", 199);
+        assert!(judge.too_little().is_some_and(|said| said.contains("torques")));
+        judge.told.remove("torques");
+        assert!(judge.too_little().is_some_and(|said| said.contains("torques")), "never judged");
     }
 }

@@ -13,7 +13,7 @@ use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use rustix::process::Signal;
 
-use crate::consumers::start;
+use crate::consumers::{must_have_found_no_place, start};
 use crate::process::wait_for;
 
 /// How often each was done.
@@ -22,7 +22,10 @@ pub(crate) struct Churn {
     pub(crate) sensor_drops: AtomicU64,
     pub(crate) sensor_restarts: AtomicU64,
     pub(crate) page_loads: AtomicU64,
+    /// Recorders that were started; those that recorded; those that found every place taken by the dead.
+    pub(crate) recorders: AtomicU64,
     pub(crate) recordings: AtomicU64,
+    pub(crate) recorders_without_place: AtomicU64,
     pub(crate) commands: AtomicU64,
 }
 
@@ -115,12 +118,16 @@ impl Churn {
             wait_for("the recorder", || {
                 (recorder.stderr().contains("recording") || !recorder.is_running()).then_some(())
             });
+            self.recorders.fetch_add(1, Ordering::Relaxed);
             pass(Duration::from_millis(1000), stop);
             if recorder.is_running() {
                 let code = recorder.stop(Signal::TERM);
                 // 3: it could not keep up, and says so.
                 assert!(matches!(code, Some(0 | 3)), "{code:?} {}", recorder.stderr());
                 self.recordings.fetch_add(1, Ordering::Relaxed);
+            } else {
+                must_have_found_no_place(&mut recorder);
+                self.recorders_without_place.fetch_add(1, Ordering::Relaxed);
             }
             let _ = std::fs::remove_file(&out);
             pass(Duration::from_millis(500), stop);

@@ -18,6 +18,8 @@ pub(crate) struct Storm {
     left: AtomicU64,
     killed: AtomicU64,
     killed_joining: AtomicU64,
+    /// Found all places taken, by those that were killed and not cleared away yet.
+    pub(crate) turned_away: AtomicU64,
 }
 
 impl Storm {
@@ -37,25 +39,35 @@ impl Storm {
         });
     }
 
+    fn turned_away(&self, consumer: &mut Process) {
+        must_have_found_no_place(consumer);
+        self.turned_away.fetch_add(1, Ordering::Relaxed);
+    }
+
     fn one(&self, directory: &Path, lane: u64, round: u64) {
         let luck = crate::churn::luck(lane * 1_000_003 + round);
         let mut consumer = start(directory, &format!("consumer-{lane}"), &["watch", "--for", "0.2"]);
         match (lane + round) % 3 {
             0 => {
-                // It may find all places taken for a moment; then it did not join.
                 if consumer.wait().success() && !consumer.stdout().is_empty() {
                     self.joined.fetch_add(1, Ordering::Relaxed);
                     self.left.fetch_add(1, Ordering::Relaxed);
+                } else {
+                    self.turned_away(&mut consumer);
                 }
             }
             1 => {
                 let joined = wait_for("a consumer's first line", || match consumer.stdout().is_empty() {
                     false => Some(true),
-                    true => (!consumer.is_running()).then_some(false),
+                    true => (!consumer.is_running()).then(|| !consumer.stdout().is_empty()),
                 });
-                consumer.kill();
-                self.joined.fetch_add(u64::from(joined), Ordering::Relaxed);
-                self.killed.fetch_add(1, Ordering::Relaxed);
+                if joined {
+                    consumer.kill();
+                    self.joined.fetch_add(1, Ordering::Relaxed);
+                    self.killed.fetch_add(1, Ordering::Relaxed);
+                } else {
+                    self.turned_away(&mut consumer);
+                }
             }
             _ => {
                 std::thread::sleep(Duration::from_micros(luck % 60_000));
@@ -65,6 +77,13 @@ impl Storm {
         }
         std::thread::sleep(Duration::from_millis(luck % 300));
     }
+}
+
+/// It ended by itself before its time: for want of a place, and for no other reason.
+pub(crate) fn must_have_found_no_place(process: &mut Process) {
+    let (code, said) = (process.wait().code(), process.stderr());
+    let full = said.contains("all its ") && said.contains(" are taken");
+    assert!(code == Some(1) && full, "it ended with {code:?} and said: {said}");
 }
 
 /// Starts the program on the station that the environment names.

@@ -145,7 +145,13 @@ fn inside() {
     }
     assert!(summary.cycles.adds_up, "{:?}", summary.cycles);
     assert!(churn.sensor_drops.into_inner() > 0 && churn.page_loads.into_inner() > 0, "no churn");
-    assert!(churn.recordings.into_inner() > 0 && churn.commands.into_inner() > 0, "no churn");
+    let [recorders, recordings] =
+        [&churn.recorders, &churn.recordings].map(|count| count.load(Ordering::Relaxed));
+    assert!(recordings > 0 && 2 * recordings >= recorders, "{recordings} of {recorders} recorders recorded");
+    let [joined, turned_away] =
+        [&storm.joined, &storm.turned_away].map(|count| count.load(Ordering::Relaxed));
+    assert!(joined > turned_away, "{turned_away} consumers found no place, {joined} did");
+    assert!(churn.commands.into_inner() > 0, "no churn");
 }
 
 /// Ends the churn, by a panic too.
