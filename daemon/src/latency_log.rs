@@ -22,8 +22,8 @@ use self::flight_files::FlightFiles;
 use self::hlog_file::HlogFile;
 use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
-use crate::profile;
 use crate::rings::Outcome;
+use crate::state_directory::StateDirectory;
 
 /// How often the ring is emptied: a small part of what it holds. Nobody wakes us, since that would cost egress a call.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -47,11 +47,16 @@ pub struct LatencyLog {
 
 impl LatencyLog {
     /// What the configuration in force asks for, of a station's outcomes.
-    pub fn new(drain: Drain, in_force: Arc<InForce>, board: Arc<IncidentBoard>) -> LatencyLog {
+    pub fn new(
+        drain: Drain,
+        in_force: Arc<InForce>,
+        board: Arc<IncidentBoard>,
+        state: &StateDirectory,
+    ) -> LatencyLog {
         let config = in_force.now().config;
         let cycles = config.latency.flight_cycles as usize;
         let flight = (cycles > 0).then(|| {
-            let files = FlightFiles::new(&profile::state_directory().join("flight"), &config);
+            let files = FlightFiles::new(&state.flights(), &config);
             (FlightRecorder::new(cycles), files)
         });
         LatencyLog {

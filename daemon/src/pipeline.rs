@@ -22,11 +22,11 @@ use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
-use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::{Rings, Waiting};
 use crate::roster::{MemoryUse, Roster};
 use crate::saving::{self, Saver};
+use crate::state_directory::StateDirectory;
 use crate::status::{Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
@@ -79,7 +79,8 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
-        let (settings, similar) = config.settings_among(&profile::folder());
+        let state = StateDirectory::of_environment()?;
+        let (settings, similar) = config.settings_among(&state.profiles());
         let in_force = Forced { config: config.clone(), settings, similar };
         let in_force = Arc::new(InForce::new(in_force));
         let station = config.station.clone();
@@ -90,12 +91,9 @@ impl Pipeline {
 
         // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
         // so it is opened there, and this thread waits for the word.
-        let workers = Workers::new(Saving::of(
-            &config.subject.id,
-            Some(config.subject.build()),
-            config.subject.remember,
-        ));
-        let workers = Arc::new(workers);
+        let subject = &config.subject;
+        let configured = Saving::of(&state, &subject.id, Some(subject.build()), subject.remember);
+        let workers = Arc::new(Workers::new(state, configured));
         // Read before anybody may ask for anything, and written by the station's daemon only, further down.
         let remembered = Remembered::find(config, &settings, &workers);
         let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
@@ -200,7 +198,8 @@ impl Start<'_> {
         }
 
         let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::PLACES);
-        let log = LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board));
+        let log =
+            LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board), self.workers.state());
         let (latency_log, ()) = started("latency log", ORDINARY, roster, move |ready| {
             let _ = ready.send(());
             Ok(log.run())
@@ -243,6 +242,7 @@ impl Start<'_> {
             station: config.station.clone(),
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
+            state_directory: self.workers.state().path().to_owned(),
             subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
             remembered: told,
             reload: 0,

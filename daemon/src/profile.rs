@@ -275,33 +275,9 @@ pub fn unix_s() -> u64 {
     since.map_or(0, |since| since.as_secs())
 }
 
-/// Where state lives: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else `~/.local/state/equipoise`.
-pub fn state_directory() -> PathBuf {
-    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
-    if let Some(directories) = set("STATE_DIRECTORY") {
-        let first = directories.to_string_lossy().split(':').next().unwrap_or_default().to_owned();
-        return PathBuf::from(first);
-    }
-    match (set("XDG_STATE_HOME"), set("HOME")) {
-        (Some(state), _) => PathBuf::from(state).join("equipoise"),
-        (None, Some(home)) => PathBuf::from(home).join(".local/state/equipoise"),
-        (None, None) => std::env::temp_dir().join("equipoise"),
-    }
-}
-
 /// Whether a name is made of letters, digits, '-' and '_', so that it can be a file's and no path.
 pub fn is_plain(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
-}
-
-/// Where profiles are kept.
-pub fn folder() -> PathBuf {
-    state_directory().join("subjects")
-}
-
-/// The file of a subject; the id is checked by the configuration.
-pub fn path_of(subject: &str) -> PathBuf {
-    folder().join(format!("{subject}.toml"))
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::Rings;
-use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart, path_of};
+use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
 use crate::status::StatusFile;
 use crate::whole_file::write_whole;
 use crate::workers::Workers;
@@ -179,7 +179,8 @@ impl Keeper {
             written.is_err()
         });
         if let Some(text) = &self.station_text {
-            let path = path_of(&self.saver.in_force.look(|forced| forced.config.station.clone()));
+            let station = self.saver.in_force.look(|forced| forced.config.station.clone());
+            let path = workers.state().station(&station);
             match write_whole(&path, text.as_bytes()) {
                 Ok(()) => self.station_text = None,
                 Err(error) => {

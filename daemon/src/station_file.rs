@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::model::sha256_of_text;
-use crate::profile::state_directory;
 
 /// Grows with every change of the file's layout or meaning.
 const FORMAT: u32 = 1;
@@ -260,16 +259,6 @@ fn plate_of(config: &Config) -> String {
 fn boot() -> Option<String> {
     let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
     Some(id.trim().to_owned())
-}
-
-/// Where the stations' files are kept.
-pub fn folder() -> PathBuf {
-    state_directory().join("stations")
-}
-
-/// The file of a station; the name is checked by the configuration.
-pub fn path_of(station: &str) -> PathBuf {
-    folder().join(format!("{station}.toml"))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use tracing::{info, warn};
 use crate::config::Config;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::station_file::{self, StationFile};
+use crate::station_file::StationFile;
 use crate::workers::{self, Saving, Workers};
 
 /// The loop's memory at its start, and what goes with it.
@@ -35,7 +35,7 @@ impl Remembered {
             told: Vec::new(),
         };
         if config.subject.remember {
-            let station = found.station(config);
+            let station = found.station(config, workers);
             found.subject(config, settings, workers, station.as_ref());
             if let Some(station) = &station {
                 found.of_station(config, settings, station);
@@ -44,8 +44,8 @@ impl Remembered {
         found
     }
 
-    fn station(&mut self, config: &Config) -> Option<StationFile> {
-        match StationFile::read(&station_file::path_of(&config.station)) {
+    fn station(&mut self, config: &Config, workers: &Workers) -> Option<StationFile> {
+        match StationFile::read(&workers.state().station(&config.station)) {
             Ok(file) => {
                 self.station_refused = false;
                 file
@@ -66,7 +66,7 @@ impl Remembered {
         station: Option<&StationFile>,
     ) {
         if let Some(loaded) = station.and_then(|file| file.loaded_subject(config)) {
-            let mut saving = Saving::of(loaded, None, true);
+            let mut saving = Saving::of(workers.state(), loaded, None, true);
             match self.read(&saving, settings) {
                 Ok(Some(profile)) => {
                     saving.build = profile.build();
