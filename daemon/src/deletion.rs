@@ -11,7 +11,7 @@ use equipoise_adapters::recording::{Recording, RecordingHeader};
 use crate::state_directory::{NoStateDirectory, StateDirectory};
 use crate::station_file::StationFile;
 use crate::status::{self, Status};
-use crate::whole_file::write_whole;
+use crate::whole_file::{Leftover, clear_leftovers, runs, write_whole};
 
 /// How long a daemon may take to write its station's file anew.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -172,18 +172,16 @@ impl Deletion {
             remove(&path)?;
             self.flights.push(path);
         }
+        clear_leftovers(folder, |of| of.ends_with(".mcap"));
         sync(folder);
         Ok(())
     }
 
     fn clear_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if let Some(station) = name.strip_suffix(".toml.new") {
+        if let Some(leftover) = Leftover::named(&name) {
             // What a kill left of a write; a daemon that runs has it under way.
-            if !self.running.iter().any(|running| running == station) {
-                remove(&path)?;
-            }
-            return Ok(());
+            return if leftover.is_abandoned { remove(&path) } else { Ok(()) };
         }
         let names = |file: &StationFile| file.subject.as_ref().is_some_and(|subject| subject.in_use == id);
         match StationFile::read(&path) {
@@ -199,8 +197,9 @@ impl Deletion {
             }
             Ok(Some(mut file)) if names(&file) => {
                 file.subject = None;
-                write_whole(&path, file.to_toml().as_bytes())
-                    .with_context(|| format!("cannot write {}", path.display()))?;
+                let unwritten = || format!("cannot write {}", path.display());
+                let text = file.to_toml().with_context(unwritten)?;
+                write_whole(&path, text.as_bytes()).with_context(unwritten)?;
                 self.changed.push(path);
             }
             Ok(_) => {}
@@ -272,10 +271,6 @@ fn holds(header: &RecordingHeader, id: &str) -> bool {
     let configs = std::iter::once(&header.config_toml)
         .chain(header.reloads.values().map(|reloaded| &reloaded.config_toml));
     profiles.into_iter().any(|text| profiled(text)) || configs.into_iter().any(|text| configured(text))
-}
-
-fn runs(process_id: u32) -> bool {
-    Path::new("/proc").join(process_id.to_string()).exists()
 }
 
 /// Whether a daemon writes profiles; it does unless its configuration says otherwise.

@@ -260,8 +260,11 @@ impl Profile {
     }
 
     /// The text of the file.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(self).unwrap_or_default()
+    ///
+    /// # Errors
+    /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
     }
 }
 
@@ -334,7 +337,7 @@ mod tests {
         kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3 };
         let written = Profile::of("a", None, &kept, &shift, 1_000_000).unwrap();
-        let read: Profile = toml::from_str(&written.to_toml()).unwrap();
+        let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
         assert_eq!(read.shift(1_000_060), Ok(shift));
         let mut again = bytemuck::zeroed_box::<KeptWorker>();

@@ -137,7 +137,7 @@ impl Accelerated<'_> {
             self.seen.workers += 1;
         }
         // The same settings again, as after a reload.
-        if self.naps % 50_021 == 0
+        if self.naps.is_multiple_of(50_021)
             && let Some(settings) = self.settings.take()
         {
             let _ = self.rings.settings.push((1, settings));

@@ -7,6 +7,7 @@ use crate::config::Config;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::station_file::StationFile;
+use crate::whole_file::clear_leftovers;
 use crate::workers::{self, Saving, Workers};
 
 /// The loop's memory at its start, and what goes with it.
@@ -35,6 +36,9 @@ impl Remembered {
             told: Vec::new(),
         };
         if config.subject.remember {
+            for folder in [workers.state().profiles(), workers.state().stations()] {
+                clear_leftovers(&folder, |_| true);
+            }
             let station = found.station(config, workers);
             found.subject(config, settings, workers, station.as_ref());
             if let Some(station) = &station {
