@@ -5,7 +5,6 @@ bash cannot do.
 """
 
 import pathlib
-import socket
 import sys
 import time
 

@@ -24,8 +24,6 @@ pub struct Commands {
     server: CommandServer,
     state: Subscriber<State>,
     rings: Arc<Rings>,
-    in_force: Arc<InForce>,
-    workers: Arc<Workers>,
     latest: Option<State>,
     // Ports die before the node they hang on.
     _bus: Bus,
@@ -39,28 +37,21 @@ impl Commands {
     ///
     /// # Errors
     /// Another daemon runs on this station, or the bus breaks.
-    pub fn open(
-        bus: Bus,
-        server: CommandServer,
-        rings: Arc<Rings>,
-        in_force: Arc<InForce>,
-        workers: Arc<Workers>,
-    ) -> Result<Commands, BusError> {
+    pub fn open(bus: Bus, server: CommandServer, rings: Arc<Rings>) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        Ok(Commands { server, state, rings, in_force, workers, latest: None, _bus: bus })
+        Ok(Commands { server, state, rings, latest: None, _bus: bus })
     }
 
-    /// Answers until it shall stop.
+    /// Answers until it shall stop. The station's one command server is held until this is dropped.
     ///
     /// # Errors
     /// The bus breaks.
-    pub fn run(mut self) -> Result<(), BusError> {
+    pub fn run(&mut self, in_force: &InForce, workers: &Workers) -> Result<(), BusError> {
         while !self.rings.is_stopping() {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
             }
-            let (rings, in_force, workers, latest) =
-                (&self.rings, &self.in_force, &self.workers, self.latest.as_ref());
+            let (rings, latest) = (&self.rings, self.latest.as_ref());
             while self.server.poll(|command| answer(command, rings, in_force, workers, latest))? {}
             while self.rings.worker_back.pop().is_some() {}
             while self.rings.settings_back.pop().is_some() {}

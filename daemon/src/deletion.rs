@@ -1,15 +1,17 @@
-//! Deletes a subject for good: from running daemons, profiles, station files and, if asked, recordings.
+//! Deletes a subject for good: from running daemons, profiles, station files, flight records and, if asked, recordings.
 
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recording, RecordingHeader};
 
-use crate::station_file::{self, StationFile};
-use crate::whole_file::write_whole;
-use crate::{profile, status};
+use crate::state_directory::{NoStateDirectory, StateDirectory};
+use crate::station_file::StationFile;
+use crate::status::{self, Status};
+use crate::whole_file::{Leftover, clear_leftovers, runs, write_whole};
 
 /// How long a daemon may take to write its station's file anew.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -21,35 +23,68 @@ pub struct Deletion {
     pub daemons: Vec<String>,
     /// Files that are gone.
     pub deleted: Vec<PathBuf>,
+    /// Flight records that are gone.
+    pub flights: Vec<PathBuf>,
     /// Files that do not mention the subject any more.
     pub changed: Vec<PathBuf>,
     /// Recordings that hold the subject and are still there.
     pub recordings: Vec<PathBuf>,
     /// What could not be looked into, and why.
     pub unknown: Vec<String>,
-    /// Whether a daemon had the subject in use.
-    was_in_use: bool,
+    /// Files among the recordings that are none by their name.
+    pub skipped: Vec<PathBuf>,
+    /// Where was looked for the subject's files.
+    pub directories: Vec<StateDirectory>,
+    /// Daemons that had the subject in use.
+    users: Vec<User>,
     /// Stations whose daemons run: they write their files themselves.
     running: Vec<String>,
+}
+
+/// A daemon that had the subject in use.
+#[derive(Debug)]
+struct User {
+    station: String,
+    directory: StateDirectory,
+    /// Whether it writes profiles.
+    remembers: bool,
 }
 
 impl Deletion {
     /// Whether anything of the subject was found.
     pub fn found(&self) -> bool {
         let files = !(self.deleted.is_empty() && self.changed.is_empty() && self.recordings.is_empty());
-        files || self.was_in_use
+        files || !self.users.is_empty()
     }
 
     /// Has every running daemon of this bus forget the subject, so that none writes it again. `ask` asks the daemon of
     /// a station and gives back its sentence.
     ///
     /// # Errors
-    /// A daemon runs and does not do it; nothing was deleted then.
+    /// A daemon runs and does not do it, or does not say where its files are, or nobody can tell whether it runs;
+    /// nothing was deleted then.
     pub fn ask_daemons(&mut self, ask: impl Fn(&str) -> anyhow::Result<String>) -> anyhow::Result<()> {
-        for facts in status::all() {
+        let all = status::all().context("nothing is deleted: a daemon might write it again")?;
+        for facts in &all {
+            if runs(facts.process_id) && StateDirectory::of_daemon(facts).is_none() {
+                bail!(
+                    "nothing is deleted: the daemon of station {} (process {}, version {}) does not say where its files \
+                     are; restart it with this version first",
+                    facts.station,
+                    facts.process_id,
+                    facts.version
+                );
+            }
+        }
+        for facts in all {
+            // That of a daemon that was killed is looked into as well.
+            let Some(directory) = StateDirectory::of_daemon(&facts) else { continue };
             match ask(&facts.station) {
                 Ok(told) => {
-                    self.was_in_use |= told.contains("was in use");
+                    if told.contains("was in use") {
+                        let (station, remembers) = (facts.station.clone(), remembers(&facts));
+                        self.users.push(User { station, directory: directory.clone(), remembers });
+                    }
                     self.daemons.push(format!("station {}: {told}", facts.station));
                     self.running.push(facts.station);
                 }
@@ -62,15 +97,60 @@ impl Deletion {
                     )));
                 }
             }
+            directory.join_into(&mut self.directories);
         }
         Ok(())
     }
 
-    /// Removes profile and leftovers, and the mentions in stations' files.
+    /// Removes profile and leftovers, and the mentions in stations' files, wherever the daemons keep state and in the
+    /// environment's directory. Where there was something of the subject, all flight records go, too: they say how
+    /// somebody moved and not who, so nobody can tell which are not of this subject.
     ///
     /// # Errors
-    /// A file cannot be removed or changed; those before it are.
-    pub fn clear_state(&mut self, id: &str) -> anyhow::Result<()> {
+    /// A file cannot be removed or changed; those before it are. Or there is nowhere to look.
+    pub fn clear_state(
+        &mut self,
+        id: &str,
+        own: Result<StateDirectory, NoStateDirectory>,
+    ) -> anyhow::Result<()> {
+        match own {
+            Ok(own) => own.join_into(&mut self.directories),
+            Err(_) if !self.directories.is_empty() => {}
+            Err(why) => return Err(why.into()),
+        }
+        for directory in self.directories.clone() {
+            let before = self.deleted.len() + self.changed.len();
+            self.clear_profiles(id, &directory)?;
+            for path in files_in(&directory.stations())? {
+                self.clear_station(id, path)?;
+            }
+            let used = self.users.iter().any(|user| user.directory.path() == directory.path());
+            if used || self.deleted.len() + self.changed.len() > before {
+                self.clear_flights(&directory.flights())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Daemons that had the subject in use and keep profiles, and no file of it was where they keep them: in words.
+    pub fn missing(&self, id: &str) -> Option<String> {
+        let has_files = |user: &User| {
+            let profiles = user.directory.profiles().canonicalize().unwrap_or(user.directory.profiles());
+            self.deleted.iter().any(|path| {
+                let folder = path.parent().unwrap_or(path);
+                folder.canonicalize().is_ok_and(|folder| folder == profiles)
+            })
+        };
+        let user = self.users.iter().find(|user| user.remembers && !has_files(user))?;
+        Some(format!(
+            "the daemon of station {} had {id} in use and has forgotten it, but there was no profile {id} in {}; if it was \
+             saved before, that file is still somewhere else",
+            user.station,
+            user.directory.profiles().display()
+        ))
+    }
+
+    fn clear_profiles(&mut self, id: &str, directory: &StateDirectory) -> anyhow::Result<()> {
         let own = format!("{id}.toml");
         let is_own = |path: &Path| {
             path.file_name().is_some_and(|name| {
@@ -78,25 +158,30 @@ impl Deletion {
                 name == own || name.strip_prefix(&own).is_some_and(|rest| rest.starts_with('.'))
             })
         };
-        for path in files_in(&profile::folder()).filter(|path| is_own(path)) {
-            fs::remove_file(&path).with_context(|| format!("cannot delete {}", path.display()))?;
+        for path in files_in(&directory.profiles())?.into_iter().filter(|path| is_own(path)) {
+            remove(&path)?;
             self.deleted.push(path);
         }
-        sync(&profile::folder());
-        for path in files_in(&station_file::folder()) {
-            self.clear_station(id, path)?;
+        sync(&directory.profiles());
+        Ok(())
+    }
+
+    fn clear_flights(&mut self, folder: &Path) -> anyhow::Result<()> {
+        let is_record = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "mcap");
+        for path in files_in(folder)?.into_iter().filter(is_record) {
+            remove(&path)?;
+            self.flights.push(path);
         }
+        clear_leftovers(folder, |of| of.ends_with(".mcap"));
+        sync(folder);
         Ok(())
     }
 
     fn clear_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if let Some(station) = name.strip_suffix(".toml.new") {
+        if let Some(leftover) = Leftover::named(&name) {
             // What a kill left of a write; a daemon that runs has it under way.
-            if !self.running.iter().any(|running| running == station) {
-                fs::remove_file(&path).with_context(|| format!("cannot delete {}", path.display()))?;
-            }
-            return Ok(());
+            return if leftover.is_abandoned { remove(&path) } else { Ok(()) };
         }
         let names = |file: &StationFile| file.subject.as_ref().is_some_and(|subject| subject.in_use == id);
         match StationFile::read(&path) {
@@ -112,8 +197,9 @@ impl Deletion {
             }
             Ok(Some(mut file)) if names(&file) => {
                 file.subject = None;
-                write_whole(&path, file.to_toml().as_bytes())
-                    .with_context(|| format!("cannot write {}", path.display()))?;
+                let unwritten = || format!("cannot write {}", path.display());
+                let text = file.to_toml().with_context(unwritten)?;
+                write_whole(&path, text.as_bytes()).with_context(unwritten)?;
                 self.changed.push(path);
             }
             Ok(_) => {}
@@ -130,14 +216,15 @@ impl Deletion {
         if !folder.is_dir() {
             bail!("--recordings {}: there is no such folder", folder.display());
         }
-        for path in below(folder) {
+        for path in self.below(folder) {
             if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("mcap")) {
+                self.skipped.push(path);
                 continue;
             }
             match Recording::open(&path) {
                 Ok(recording) if !holds(recording.header(), id) => {}
                 Ok(_) if delete => {
-                    fs::remove_file(&path).with_context(|| format!("cannot delete {}", path.display()))?;
+                    remove(&path)?;
                     sync(path.parent().unwrap_or(folder));
                     self.deleted.push(path);
                 }
@@ -146,6 +233,29 @@ impl Deletion {
             }
         }
         Ok(())
+    }
+
+    /// Every file below a folder; links are not followed, and what cannot be read is told.
+    fn below(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+        while let Some(folder) = folders.pop() {
+            let entries = match fs::read_dir(&folder) {
+                Ok(entries) => entries,
+                Err(why) => {
+                    self.unknown.push(format!("{}: {why}", folder.display()));
+                    continue;
+                }
+            };
+            for entry in entries.flatten() {
+                match entry.file_type() {
+                    Ok(kind) if kind.is_dir() => folders.push(entry.path()),
+                    Ok(kind) if kind.is_file() => files.push(entry.path()),
+                    _ => self.skipped.push(entry.path()),
+                }
+            }
+        }
+        files.sort();
+        files
     }
 }
 
@@ -163,29 +273,38 @@ fn holds(header: &RecordingHeader, id: &str) -> bool {
     profiles.into_iter().any(|text| profiled(text)) || configs.into_iter().any(|text| configured(text))
 }
 
-fn runs(process_id: u32) -> bool {
-    Path::new("/proc").join(process_id.to_string()).exists()
+/// Whether a daemon writes profiles; it does unless its configuration says otherwise.
+fn remembers(facts: &Status) -> bool {
+    let table = facts.config_toml.parse::<toml::Table>().unwrap_or_default();
+    let found = table.get("subject").and_then(|subject| subject.get("remember"));
+    found.and_then(toml::Value::as_bool).unwrap_or(true)
 }
 
-fn files_in(folder: &Path) -> impl Iterator<Item = PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect::<Vec<_>>().into_iter()
-}
-
-/// Every file below a folder; links are not followed.
-fn below(folder: &Path) -> Vec<PathBuf> {
-    let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
-            match entry.file_type() {
-                Ok(kind) if kind.is_dir() => folders.push(entry.path()),
-                Ok(kind) if kind.is_file() => files.push(entry.path()),
-                _ => {}
-            }
+/// The files of a folder, none if there is no such folder.
+fn files_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let unread = || format!("cannot read {}: run this as the user of the daemon", folder.display());
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(error).with_context(unread),
+    };
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry.with_context(unread)?.path();
+        if path.is_file() {
+            files.push(path);
         }
     }
     files.sort();
-    files
+    Ok(files)
+}
+
+fn remove(path: &Path) -> anyhow::Result<()> {
+    match fs::remove_file(path) {
+        // Whose it is has removed it, as daemons do with what they have not written yet.
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        removed => removed.with_context(|| format!("cannot delete {}", path.display())),
+    }
 }
 
 /// A removal itself lies in the folder.

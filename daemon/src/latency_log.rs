@@ -9,6 +9,7 @@ pub mod flight;
 pub mod flight_files;
 pub mod hlog_file;
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -23,8 +24,8 @@ use self::hlog_file::HlogFile;
 use crate::config::Config;
 use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
-use crate::profile;
 use crate::rings::Outcome;
+use crate::state_directory::StateDirectory;
 
 /// How often the ring is emptied: a small part of what it holds. Nobody wakes us, since that would cost egress a call.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -41,6 +42,8 @@ pub struct LatencyLog {
     hlog: Option<HlogFile>,
     flight: Option<(FlightRecorder, FlightFiles)>,
     flight_cycles: u32,
+    /// Where flight records go.
+    flights: PathBuf,
     hlog_failed: bool,
     flight_failed: bool,
     dropped_told: u64,
@@ -49,7 +52,12 @@ pub struct LatencyLog {
 
 impl LatencyLog {
     /// What the configuration in force asks for, of a station's outcomes.
-    pub fn new(drain: Drain, in_force: Arc<InForce>, board: Arc<IncidentBoard>) -> LatencyLog {
+    pub fn new(
+        drain: Drain,
+        in_force: Arc<InForce>,
+        board: Arc<IncidentBoard>,
+        state: &StateDirectory,
+    ) -> LatencyLog {
         let config = in_force.now().config;
         LatencyLog {
             drain,
@@ -57,7 +65,8 @@ impl LatencyLog {
             board,
             total: PathHistograms::new(),
             hlog: config.latency.hlog.as_deref().map(HlogFile::new),
-            flight: flight_of(&config),
+            flight: flight_of(&config, &state.flights()),
+            flights: state.flights(),
             flight_cycles: config.latency.flight_cycles,
             hlog_failed: false,
             flight_failed: false,
@@ -115,7 +124,7 @@ impl LatencyLog {
         if latency.flight_cycles != self.flight_cycles {
             let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
             self.keep(last);
-            self.flight = flight_of(&self.in_force.now().config);
+            self.flight = flight_of(&self.in_force.now().config, &self.flights);
             self.flight_cycles = latency.flight_cycles;
             if std::mem::take(&mut self.flight_failed) {
                 self.set_incident(true, None);
@@ -192,10 +201,10 @@ impl LatencyLog {
 }
 
 /// The flight recorder that a configuration asks for.
-fn flight_of(config: &Config) -> Option<(FlightRecorder, FlightFiles)> {
+fn flight_of(config: &Config, directory: &Path) -> Option<(FlightRecorder, FlightFiles)> {
     let cycles = config.latency.flight_cycles as usize;
     (cycles > 0).then(|| {
-        let files = FlightFiles::new(&profile::state_directory().join("flight"), config);
+        let files = FlightFiles::new(directory, config);
         (FlightRecorder::new(cycles), files)
     })
 }

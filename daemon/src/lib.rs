@@ -34,6 +34,7 @@ pub mod saving;
 pub mod schedule;
 pub mod sensors;
 pub mod similar;
+pub mod state_directory;
 pub mod station_file;
 pub mod status;
 pub mod supervision;

@@ -5,7 +5,7 @@ mod reload;
 mod remembered;
 mod threads;
 
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
@@ -22,17 +22,17 @@ use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
-use crate::profile;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::{Rings, Waiting};
 use crate::roster::{MemoryUse, Roster};
 use crate::saving::{self, Saver};
+use crate::state_directory::StateDirectory;
 use crate::status::{self, Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::workers::{Saving, Workers};
 
 use self::remembered::Remembered;
-use self::threads::{Running, started};
+use self::threads::{Held, Running, started};
 
 /// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
 const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
@@ -79,9 +79,7 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
-        let (settings, similar) = config.settings_among(&profile::folder());
-        let in_force = Forced { config: config.clone(), settings, similar };
-        let in_force = Arc::new(InForce::new(in_force));
+        let state = StateDirectory::of_environment()?;
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
         let memory_lock = lock_memory(config)?;
@@ -90,27 +88,32 @@ impl Pipeline {
 
         // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
         // so it is opened there, and this thread waits for the word.
-        let workers = Workers::new(Saving::of(
-            &config.subject.id,
-            Some(config.subject.build()),
-            config.subject.remember,
-        ));
-        let workers = Arc::new(workers);
-        // Read before anybody may ask for anything, and written by the station's daemon only, further down.
-        let remembered = Remembered::find(config, &settings, &workers);
-        let (commands_rings, commands_workers) = (Arc::clone(&rings), Arc::clone(&workers));
-        let commands_in_force = Arc::clone(&in_force);
+        let commands_rings = Arc::clone(&rings);
+        let (hold, held) = mpsc::channel::<Held>();
         let (commands, ()) = started("commands", ORDINARY, &roster, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             // Of a daemon before this one, say.
             bus.clean_up_dead_nodes();
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
-            let commands = Commands::open(bus, server, commands_rings, commands_in_force, commands_workers)?;
+            let mut commands = Commands::open(bus, server, commands_rings)?;
             let _ = ready.send(());
-            Ok(commands.run()?)
+            // Nobody is answered before the state is read.
+            let Ok((in_force, workers)) = held.recv() else { return Ok(()) };
+            commands.run(&in_force, &workers)?;
+            // The station stays this daemon's until all the others have ended: whoever comes next reads their last word.
+            let _ = held.recv();
+            Ok(())
         })?;
+        // The station is ours: what is read from here on nobody else writes.
+        let (settings, similar) = config.settings_among(&state.profiles());
+        let in_force = Arc::new(InForce::new(Forced { config: config.clone(), settings, similar }));
+        let subject = &config.subject;
+        let configured = Saving::of(&state, &subject.id, Some(subject.build()), subject.remember);
+        let workers = Arc::new(Workers::new(state, configured));
+        let remembered = Remembered::find(config, &settings, &workers);
+        let _ = hold.send((Arc::clone(&in_force), Arc::clone(&workers)));
         // From here on threads run: a failure must end them, and wait until they have left the bus.
-        let mut running = Running { others: vec![("commands", commands)], ..Running::default() };
+        let mut running = Running::holding(commands, hold);
         let board = Arc::new(IncidentBoard::default());
         let start = Start {
             config,
@@ -128,7 +131,7 @@ impl Pipeline {
             Err(error) => {
                 rings.stop();
                 // The first failure is the one to tell.
-                let _ = running.join();
+                let _ = running.join(|| {});
                 // Housekeeping may have written it once more.
                 status::remove(&config.station);
                 Err(error)
@@ -157,10 +160,8 @@ impl Pipeline {
     /// What a thread died of, if one did.
     pub fn stop(self) -> anyhow::Result<Summary> {
         self.rings.stop();
-        let outcome = self.running.join();
-        // Housekeeping, which keeps the file in place, has ended.
-        self.status.remove();
-        let (cycles, latency) = outcome?;
+        // Housekeeping, which keeps the file in place, has ended then; and the file is not yet that of a next daemon.
+        let (cycles, latency) = self.running.join(|| self.status.remove())?;
         Ok(Summary { cycles, latency, threads: self.roster.reports() })
     }
 }
@@ -202,7 +203,8 @@ impl Start<'_> {
         }
 
         let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::PLACES);
-        let log = LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board));
+        let log =
+            LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board), self.workers.state());
         let (latency_log, ()) = started("latency log", ORDINARY, roster, move |ready| {
             let _ = ready.send(());
             Ok(log.run())
@@ -245,6 +247,7 @@ impl Start<'_> {
             station: config.station.clone(),
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
+            state_directory: self.workers.state().path().to_owned(),
             subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
             remembered: told,
             reload: 0,

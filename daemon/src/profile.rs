@@ -260,8 +260,11 @@ impl Profile {
     }
 
     /// The text of the file.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(self).unwrap_or_default()
+    ///
+    /// # Errors
+    /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
     }
 }
 
@@ -275,33 +278,9 @@ pub fn unix_s() -> u64 {
     since.map_or(0, |since| since.as_secs())
 }
 
-/// Where state lives: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else `~/.local/state/equipoise`.
-pub fn state_directory() -> PathBuf {
-    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
-    if let Some(directories) = set("STATE_DIRECTORY") {
-        let first = directories.to_string_lossy().split(':').next().unwrap_or_default().to_owned();
-        return PathBuf::from(first);
-    }
-    match (set("XDG_STATE_HOME"), set("HOME")) {
-        (Some(state), _) => PathBuf::from(state).join("equipoise"),
-        (None, Some(home)) => PathBuf::from(home).join(".local/state/equipoise"),
-        (None, None) => std::env::temp_dir().join("equipoise"),
-    }
-}
-
 /// Whether a name is made of letters, digits, '-' and '_', so that it can be a file's and no path.
 pub fn is_plain(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
-}
-
-/// Where profiles are kept.
-pub fn folder() -> PathBuf {
-    state_directory().join("subjects")
-}
-
-/// The file of a subject; the id is checked by the configuration.
-pub fn path_of(subject: &str) -> PathBuf {
-    folder().join(format!("{subject}.toml"))
 }
 
 #[cfg(test)]
@@ -358,7 +337,7 @@ mod tests {
         kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3 };
         let written = Profile::of("a", None, &kept, &shift, 1_000_000).unwrap();
-        let read: Profile = toml::from_str(&written.to_toml()).unwrap();
+        let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
         assert_eq!(read.shift(1_000_060), Ok(shift));
         let mut again = bytemuck::zeroed_box::<KeptWorker>();

@@ -23,7 +23,8 @@ pub use summary::RecordSummary;
 
 use crate::config::Config;
 use crate::realtime::now_ns;
-use crate::{profile, status};
+use crate::state_directory::StateDirectory;
+use crate::status::{self, Status};
 
 /// How often messages are fetched: well within the buffers, a quarter of a second at the highest rates.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
@@ -59,11 +60,12 @@ pub fn record(
     let mut ports = Ports::open(&bus)?;
     // Also shows that the daemon of the status file lives, before a file is made.
     ask_for_checkpoint(&commands)?;
+    let subject_toml = profile_of(&facts);
     let header = RecordingHeader {
         software_version: facts.version,
         started_unix_ns: unix_ns(),
         started_monotonic_ns: now_ns(),
-        subject_toml: profile_of(&facts.subject),
+        subject_toml,
         config_toml: recorded_config(&facts.config_toml)?,
         model_toml: facts.model_toml,
         ..RecordingHeader::default()
@@ -114,8 +116,10 @@ fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
 }
 
 /// The worker's profile as it stands on disk, if there is one.
-fn profile_of(subject: &str) -> String {
-    read_text(&profile::path_of(subject), TEXT_BYTES_MAX).unwrap_or_default()
+fn profile_of(facts: &Status) -> String {
+    let state = StateDirectory::of_daemon(facts).or_else(|| StateDirectory::of_environment().ok());
+    let text = state.and_then(|state| read_text(&state.profile(&facts.subject), TEXT_BYTES_MAX).ok());
+    text.unwrap_or_default()
 }
 
 /// The daemon's configuration as recordings keep it.
@@ -163,8 +167,8 @@ impl Sink {
         let Some(facts) = status::read(&self.station).filter(|facts| facts.subject != self.subject) else {
             return Ok(());
         };
+        let profile = profile_of(&facts);
         self.subject = facts.subject;
-        let profile = profile_of(&self.subject);
         if !profile.is_empty() {
             self.recorder.add_subject(self.newest_ns, &profile)?;
         }

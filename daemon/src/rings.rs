@@ -30,6 +30,8 @@ const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
 /// One that the disk is busy with, one of the worker before, one of the worker now, one to spare.
 const KEPT: usize = 4;
+/// So many of them stay blank for the last word of a worker who is exchanged: what is kept now and then can wait.
+pub const KEPT_FOR_LAST_WORD: usize = 1;
 /// Whoever hands over settings empties it first: the loop never finds it full, and so never frees settings itself.
 const SETTINGS_BACK: usize = 4;
 
@@ -143,7 +145,8 @@ impl Rings {
             settings: Ring::new(1),
             settings_back: Ring::new(SETTINGS_BACK),
             keep_blank,
-            kept: Ring::new(KEPT),
+            // The loop's own last word finds a place however slow the disk is.
+            kept: Ring::new(KEPT + 1),
             blank,
             taken: Ring::new(CHECKPOINTS),
             outcome: Ring::touched(

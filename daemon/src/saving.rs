@@ -18,7 +18,7 @@ use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::Rings;
-use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart, path_of};
+use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
 use crate::status::StatusFile;
 use crate::whole_file::write_whole;
 use crate::workers::Workers;
@@ -61,11 +61,14 @@ pub fn run(saver: Saver) {
         station_written: None,
         profiles: BTreeMap::new(),
         station_text: None,
+        unencoded: None,
     };
     loop {
         let ended = keeper.saver.rings.has_ended();
         keeper.take_all();
         if ended {
+            // What could not be written with the last copy.
+            keeper.write();
             if !(keeper.profiles.is_empty() && keeper.station_text.is_none()) {
                 warn!("what was learnt last is lost: it could not be written");
             }
@@ -86,6 +89,8 @@ struct Keeper {
     /// What is to be written of each worker.
     profiles: BTreeMap<u64, String>,
     station_text: Option<String>,
+    /// What cannot be put into words, and so not be written.
+    unencoded: Option<String>,
 }
 
 impl Keeper {
@@ -128,9 +133,17 @@ impl Keeper {
         if same && dated {
             return;
         }
-        self.profile_dated = Instant::now();
-        self.profile = Some((number, undated));
-        self.profiles.extend(of(unix_s()).map(|profile| (number, profile.to_toml())));
+        match of(unix_s()).map(|profile| profile.to_toml()) {
+            Some(Ok(text)) => {
+                self.profile_dated = Instant::now();
+                self.profile = Some((number, undated));
+                self.profiles.insert(number, text);
+            }
+            Some(Err(why)) => {
+                self.unencoded = Some(format!("cannot encode the profile of {}: {why}", saving.subject));
+            }
+            None => {}
+        }
     }
 
     fn take_station(&mut self, number: u64, kept: &Kept) {
@@ -160,14 +173,19 @@ impl Keeper {
         if self.station.as_ref() == Some(&undated) || (only_moved && recently) {
             return;
         }
-        self.station_written = Some(Instant::now());
-        self.station_text = Some(StationFile { saved_unix_s: unix_s(), ..undated.clone() }.to_toml());
-        self.station = Some(undated);
+        match (StationFile { saved_unix_s: unix_s(), ..undated.clone() }).to_toml() {
+            Ok(text) => {
+                self.station_written = Some(Instant::now());
+                self.station_text = Some(text);
+                self.station = Some(undated);
+            }
+            Err(why) => self.unencoded = Some(format!("cannot encode the station's file: {why}")),
+        }
     }
 
     /// Writes all that is to be written; what cannot be stays for the next time.
     fn write(&mut self) {
-        let mut failed: Option<String> = None;
+        let mut failed = self.unencoded.take();
         let workers = &self.saver.workers;
         self.profiles.retain(|number, text| {
             let mut note = |path: &PathBuf, error: std::io::Error| {
@@ -179,7 +197,8 @@ impl Keeper {
             written.is_err()
         });
         if let Some(text) = &self.station_text {
-            let path = path_of(&self.saver.in_force.look(|forced| forced.config.station.clone()));
+            let station = self.saver.in_force.look(|forced| forced.config.station.clone());
+            let path = workers.state().station(&station);
             match write_whole(&path, text.as_bytes()) {
                 Ok(()) => self.station_text = None,
                 Err(error) => {

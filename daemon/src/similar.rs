@@ -137,7 +137,7 @@ mod tests {
         let mut kept = bytemuck::zeroed_box();
         worker.keep(&mut kept);
         let profile = Profile::of(subject, build, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
-        std::fs::write(folder.join(format!("{subject}.toml")), profile.to_toml()).unwrap();
+        std::fs::write(folder.join(format!("{subject}.toml")), profile.to_toml().unwrap()).unwrap();
     }
 
     #[test]

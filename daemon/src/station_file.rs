@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::model::sha256_of_text;
-use crate::profile::state_directory;
 
 /// Grows with every change of the file's layout or meaning.
 const FORMAT: u32 = 1;
@@ -151,8 +150,11 @@ impl StationFile {
     }
 
     /// The text of the file.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(self).unwrap_or_default()
+    ///
+    /// # Errors
+    /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
     }
 
     /// Who is to be loaded, if the configuration still names whom it named when somebody else was.
@@ -262,16 +264,6 @@ fn boot() -> Option<String> {
     Some(id.trim().to_owned())
 }
 
-/// Where the stations' files are kept.
-pub fn folder() -> PathBuf {
-    state_directory().join("stations")
-}
-
-/// The file of a station; the name is checked by the configuration.
-pub fn path_of(station: &str) -> PathBuf {
-    folder().join(format!("{station}.toml"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -307,7 +299,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");
         assert_eq!(StationFile::read(&path).unwrap(), None);
-        fs::write(&path, file.to_toml()).unwrap();
+        fs::write(&path, file.to_toml().unwrap()).unwrap();
         let read = StationFile::read(&path).unwrap().unwrap();
         assert_eq!(read, file);
         assert_eq!(read.loaded_subject(&config), Some("b"));
@@ -316,7 +308,7 @@ mod tests {
         assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
         assert_eq!(read.registration.unwrap().registration(now_ns()), Ok(kept.registration));
         for (change, why) in [("format = 1", "format = 2"), ("format", "formats"), ("station", "= =")] {
-            fs::write(&path, file.to_toml().replacen(change, why, 1)).unwrap();
+            fs::write(&path, file.to_toml().unwrap().replacen(change, why, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }
     }

@@ -1,9 +1,11 @@
 //! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use anyhow::Context;
 use equipoise_adapters::text_file::read_text;
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +16,8 @@ pub use crate::roster::ThreadStatus;
 
 /// The longest of these files, bytes: a configuration and a model, written as JSON.
 const STATUS_BYTES_MAX: u64 = 8 << 20;
+/// How the file of a page ends, which lies among them.
+const PAGE_ENDING: &str = ".page.json";
 
 /// The facts of one daemon.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -29,6 +33,9 @@ pub struct Status {
     /// The model in use beside the body; empty without one.
     #[serde(default)]
     pub model_toml: String,
+    /// Where the daemon keeps its state; empty in the status of a version that does not tell.
+    #[serde(default)]
+    pub state_directory: PathBuf,
     /// The subject in use; empty if nobody with a name is.
     #[serde(default)]
     pub subject: String,
@@ -145,13 +152,44 @@ pub fn read(station: &str) -> Option<Status> {
 }
 
 /// The facts of all daemons on this bus, also of such as were killed.
-pub fn all() -> Vec<Status> {
-    let files = std::fs::read_dir(equipoise_bus::root::root_of_environment()).into_iter().flatten().flatten();
-    let is_ours = |name: &str| name.starts_with("equipoise-") && name.ends_with(".json");
-    files
-        .filter(|file| is_ours(&file.file_name().to_string_lossy()))
-        .filter_map(|file| serde_json::from_str(&read_text(&file.path(), STATUS_BYTES_MAX).ok()?).ok())
-        .collect()
+///
+/// # Errors
+/// One of the files is there and cannot be understood, for instance because it is another version's: whoever needs to
+/// know of all daemons does not.
+pub fn all() -> anyhow::Result<Vec<Status>> {
+    all_in(&equipoise_bus::root::root_of_environment())
+}
+
+fn all_in(root: &Path) -> anyhow::Result<Vec<Status>> {
+    let files = match std::fs::read_dir(root) {
+        Ok(files) => files,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", root.display())),
+    };
+    let is_ours = |name: &str| {
+        name.starts_with("equipoise-") && name.ends_with(".json") && !name.ends_with(PAGE_ENDING)
+    };
+    let mut all = Vec::new();
+    for file in files {
+        let path = file.with_context(|| format!("cannot read {}", root.display()))?.path();
+        if !path.file_name().is_some_and(|name| is_ours(&name.to_string_lossy())) {
+            continue;
+        }
+        let unreadable = || {
+            format!(
+                "{} is no status that this version understands; stop its daemon, or remove the file if that does not \
+                 run any more",
+                path.display()
+            )
+        };
+        match read_text(&path, STATUS_BYTES_MAX) {
+            Ok(text) => all.push(serde_json::from_str(&text).with_context(unreadable)?),
+            // Its daemon has ended just now.
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => return Err(error).with_context(unreadable),
+        }
+    }
+    Ok(all)
 }
 
 /// Where a station's page is, told by the process that serves it.
@@ -186,7 +224,7 @@ impl PageFile {
     /// # Errors
     /// What the system said.
     pub fn write(&self) -> std::io::Result<()> {
-        write_whole(&self.path, serde_json::to_string(&self.status).unwrap_or_default().as_bytes())
+        write_whole(&self.path, serde_json::to_string(&self.status)?.as_bytes())
     }
 
     /// Removes it, unless another page has taken its place.
@@ -207,10 +245,33 @@ fn read_page_file(path: &Path) -> Option<PageStatus> {
 }
 
 fn page_path_of(station: &str) -> PathBuf {
-    equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}.page.json"))
+    equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}{PAGE_ENDING}"))
 }
 
 /// Beside the files of the bus, so that whoever finds the one finds the other.
 fn path_of(station: &str) -> PathBuf {
     equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}.json"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_that_cannot_be_understood_is_named_and_a_page_is_none() {
+        let root = tempfile::tempdir().unwrap();
+        assert!(all_in(&root.path().join("nothing")).unwrap().is_empty());
+        for passed_over in ["equipoise-a.page.json", "equipoise-a.json.new", "other.json"] {
+            std::fs::write(root.path().join(passed_over), "{").unwrap();
+        }
+        assert!(all_in(root.path()).unwrap().is_empty());
+        for content in ["{", "{\"version\": \"99\"}", "{}"] {
+            std::fs::write(root.path().join("equipoise-b.json"), content).unwrap();
+            let said = format!("{:#}", all_in(root.path()).unwrap_err());
+            assert!(said.contains("equipoise-b.json") && said.contains("stop its daemon"), "{said}");
+        }
+        let file = std::fs::File::create(root.path().join("equipoise-b.json")).unwrap();
+        file.set_len(STATUS_BYTES_MAX + 1).unwrap();
+        assert!(all_in(root.path()).is_err(), "too long");
+    }
 }

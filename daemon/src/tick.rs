@@ -9,12 +9,12 @@ mod lateness;
 
 use std::sync::Arc;
 
-use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Identification, Inputs, Kept, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
 use crate::realtime::touch;
-use crate::rings::{Outcome, Rings, TakenIn};
+use crate::rings::{KEPT_FOR_LAST_WORD, Outcome, Rings, TakenIn};
 use crate::schedule::Schedule;
 
 pub use clock::{Clock, Monotonic};
@@ -55,6 +55,8 @@ pub struct Loop {
     worker: u64,
     /// When `memory` was last copied out to be kept.
     kept_ns: u64,
+    /// A copy is owed: taken as soon as a box can be had.
+    owes_copy: bool,
 }
 
 /// What of the worker was last checkpointed.
@@ -101,6 +103,7 @@ impl Loop {
             told,
             worker,
             kept_ns: 0,
+            owes_copy: false,
         };
         // Memory that was only asked for is given page by page, at the first touch: that shall not be a cycle's.
         touch(&mut *new.memory);
@@ -139,7 +142,7 @@ impl Loop {
             ended_ns = clock.now_ns();
             schedule.advance(ended_ns);
         }
-        self.keep();
+        self.keep_at_the_end();
         LoopSummary::of(cycle, misses, &schedule, ended_ns)
     }
 
@@ -215,19 +218,31 @@ impl Loop {
     }
 
     fn keep_if_due(&mut self, due_ns: u64, command: Option<CommandKind>) {
-        if command.is_some() || due_ns.saturating_sub(self.kept_ns) >= KEEP_EVERY_NS {
-            self.kept_ns = due_ns;
+        self.owes_copy |= command.is_some() || due_ns.saturating_sub(self.kept_ns) >= KEEP_EVERY_NS;
+        // Nothing is lost by waiting for a slow disk: the worker is still here.
+        if self.owes_copy && self.rings.keep_blank.waiting() > KEPT_FOR_LAST_WORD {
+            (self.owes_copy, self.kept_ns) = (false, due_ns);
             self.keep();
         }
     }
 
-    /// Copies what outlives the process; while the disk is so slow that no box is blank, the next time.
+    /// Copies what outlives the process, if a box is blank.
     fn keep(&mut self) {
-        if let Some(mut kept) = self.rings.keep_blank.pop() {
-            kept.take(&self.memory);
-            // There are as many places as boxes.
-            let _ = self.rings.kept.push((self.worker, kept));
+        if let Some(kept) = self.rings.keep_blank.pop() {
+            self.keep_in(kept);
         }
+    }
+
+    /// The same however slow the disk is: no time is kept any more, so memory may be asked for.
+    fn keep_at_the_end(&mut self) {
+        let kept = self.rings.keep_blank.pop().unwrap_or_else(bytemuck::zeroed_box);
+        self.keep_in(kept);
+    }
+
+    fn keep_in(&self, mut kept: Box<Kept>) {
+        kept.take(&self.memory);
+        // There are more places than boxes.
+        let _ = self.rings.kept.push((self.worker, kept));
     }
 
     fn take_checkpoint(&mut self, cycle: u64, command: Option<CommandKind>) {
@@ -256,4 +271,59 @@ fn take<S>(places: &mut [S], ingress_ns: &mut u64, mut next: impl FnMut() -> Opt
         taken += 1;
     }
     taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use equipoise_core::cycle::Worker;
+
+    const LOAD_AT: u64 = 1000;
+
+    /// Runs through its cycles at once, loads another worker in the middle, and ends.
+    struct Steps {
+        now_ns: u64,
+        cycle: u64,
+        rings: Arc<Rings>,
+        blank_before_and_after: [usize; 2],
+    }
+
+    impl Clock for Steps {
+        fn now_ns(&mut self) -> u64 {
+            self.now_ns += 10;
+            self.now_ns
+        }
+
+        fn sleep_until(&mut self, due_ns: u64) {
+            (self.now_ns, self.cycle) = (due_ns, self.cycle + 1);
+            if self.cycle == LOAD_AT {
+                let worker = bytemuck::zeroed_box::<Worker>();
+                assert!(self.rings.worker.push((1, worker)).is_ok());
+                self.rings.command.push(CommandKind::SubjectLoad).unwrap();
+                self.blank_before_and_after[0] = self.rings.keep_blank.waiting();
+            }
+            if self.cycle == LOAD_AT + 1 {
+                self.blank_before_and_after[1] = self.rings.keep_blank.waiting();
+            }
+            if self.cycle == 2 * LOAD_AT {
+                self.rings.stop();
+            }
+        }
+    }
+
+    #[test]
+    fn on_a_disk_that_never_ends_a_write_the_last_words_still_get_out() {
+        let rings = Arc::new(Rings::new().unwrap());
+        let settings = Settings::for_height(1.77);
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&settings);
+        let mut clock =
+            Steps { now_ns: 0, cycle: 0, rings: Arc::clone(&rings), blank_before_and_after: [9; 2] };
+        // 20 s at 100 Hz, and nobody brings a box back.
+        let the_loop = Loop::new(settings, memory, 0, Arc::clone(&rings), 10_000_000);
+        the_loop.run(&mut clock, &mut NoObserver);
+        assert_eq!(clock.blank_before_and_after, [1, 0], "what is kept now and then leaves one");
+        let kept: Vec<u64> = std::iter::from_fn(|| rings.kept.pop()).map(|(number, _)| number).collect();
+        assert_eq!(kept, [0, 0, 0, 0, 1], "the exchanged one's and the end's");
+    }
 }

@@ -4,35 +4,91 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Owner writes, group reads, nobody else.
 const MODE: u32 = 0o640;
+/// How many temporary files this process has made.
+static MADE: AtomicU64 = AtomicU64::new(0);
 
-/// Writes a file so that a crash at any instant leaves either the old content or the new.
+/// Writes a file so that a crash at any instant leaves either the old content or the new. Several may write the same
+/// file: one of them is the last, and every one whole.
 ///
 /// # Errors
 /// What the system said; the old content is then still there.
 pub fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(directory)?;
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(".new");
-    let temporary = PathBuf::from(temporary);
-    // What a kill left of an earlier write means nothing, and may be readable by others.
-    let _ = fs::remove_file(&temporary);
-    let written = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .mode(MODE)
-        .open(&temporary)
-        .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()));
-    if let Err(error) = written {
+    let (mut file, temporary) = temporary_of(path)?;
+    let written = file.write_all(content).and_then(|()| file.sync_all());
+    if let Err(error) = written.and_then(|()| fs::rename(&temporary, path)) {
         let _ = fs::remove_file(&temporary);
         return Err(error);
     }
-    fs::rename(&temporary, path)?;
     // The rename itself lies in the directory.
     File::open(directory)?.sync_all()
+}
+
+/// A new file `<path>.<process>-<number>.new`: nobody else writes into it.
+fn temporary_of(path: &Path) -> std::io::Result<(File, PathBuf)> {
+    loop {
+        let number = MADE.fetch_add(1, Ordering::Relaxed);
+        let mut name = path.as_os_str().to_owned();
+        name.push(format!(".{}-{number}.new", std::process::id()));
+        let temporary = PathBuf::from(name);
+        match OpenOptions::new().write(true).create_new(true).mode(MODE).open(&temporary) {
+            // Left by a process before that had our id, as in a container.
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+            opened => return opened.map(|file| (file, temporary)),
+        }
+    }
+}
+
+/// What a write leaves that was cut off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Leftover<'a> {
+    /// Name of the file that it was to become.
+    pub of: &'a str,
+    /// Whether nobody writes it any more.
+    pub is_abandoned: bool,
+}
+
+impl Leftover<'_> {
+    /// What a file's name says; `None` if it is no leftover. Older versions wrote `<name>.new`.
+    pub fn named(name: &str) -> Option<Leftover<'_>> {
+        let stem = name.strip_suffix(".new")?;
+        let numbered = stem.rsplit_once('.').and_then(|(of, writer)| {
+            let (process, number) = writer.split_once('-')?;
+            Some((of, process.parse::<u32>().ok()?, number.parse::<u64>().ok()?))
+        });
+        Some(match numbered {
+            Some((of, process, number)) => Leftover { of, is_abandoned: !writes(process, number) },
+            None => Leftover { of: stem, is_abandoned: true },
+        })
+    }
+}
+
+fn writes(process: u32, number: u64) -> bool {
+    match process == std::process::id() {
+        true => number < MADE.load(Ordering::Relaxed),
+        false => runs(process),
+    }
+}
+
+/// Whether a process runs.
+pub fn runs(process: u32) -> bool {
+    Path::new("/proc").join(process.to_string()).exists()
+}
+
+/// Removes what writes that were cut off have left in a folder, of files that `is_ours` says yes to.
+pub fn clear_leftovers(folder: &Path, is_ours: impl Fn(&str) -> bool) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if Leftover::named(&name).is_some_and(|found| found.is_abandoned && is_ours(found.of)) {
+            // If it cannot be removed, it is in nobody's way.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 #[cfg(test)]
@@ -47,5 +103,46 @@ mod tests {
         write_whole(&path, b"two").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"two");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn who_writes_at_the_same_time_has_another_temporary_file() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.toml");
+        let (_one, first) = temporary_of(&path).unwrap();
+        let (_other, second) = temporary_of(&path).unwrap();
+        assert_ne!(first, second);
+        let content = |of: u8| vec![of; 100_000];
+        std::thread::scope(|scope| {
+            for of in 0..4 {
+                let path = &path;
+                scope.spawn(move || (0..50).for_each(|_| write_whole(path, &content(of)).unwrap()));
+            }
+            for _ in 0..200 {
+                let read = fs::read(&path).unwrap_or_else(|_| content(0));
+                assert!(read.len() == 100_000 && read.iter().all(|byte| *byte == read[0]), "half a file");
+            }
+        });
+    }
+
+    #[test]
+    fn only_what_nobody_writes_any_more_is_cleared() {
+        let directory = tempfile::tempdir().unwrap();
+        // No process has this id: they end below 2^22.
+        let dead = "a.toml.4194305-3.new";
+        let living = format!("a.toml.{}-0.new", std::os::unix::process::parent_id());
+        let own = format!("a.toml.{}-{}.new", std::process::id(), u64::MAX);
+        let (_file, now) = temporary_of(&directory.path().join("a.toml")).unwrap();
+        let others = ["a.toml", "b.toml.new", &living, &now.file_name().unwrap().to_string_lossy()];
+        for name in others.into_iter().chain([dead, "a.toml.new", &own]) {
+            fs::write(directory.path().join(name), "").unwrap();
+        }
+        clear_leftovers(directory.path(), |of| of == "a.toml");
+        let mut left: Vec<_> =
+            fs::read_dir(directory.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        left.sort();
+        let mut others = others.map(std::ffi::OsString::from);
+        others.sort();
+        assert_eq!(left, others);
     }
 }

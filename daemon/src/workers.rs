@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::profile::{self, Build};
+use crate::profile::Build;
+use crate::state_directory::StateDirectory;
 
 /// The configured worker.
 pub const CONFIGURED: u64 = 0;
@@ -29,10 +30,10 @@ pub struct Saving {
 
 impl Saving {
     /// Saves a subject under its own name; not, with a reason, if nobody asked to remember.
-    pub fn of(subject: &str, build: Option<Build>, remember: bool) -> Saving {
+    pub fn of(state: &StateDirectory, subject: &str, build: Option<Build>, remember: bool) -> Saving {
         let refusal = (!remember)
             .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
-        Saving { subject: subject.to_owned(), path: profile::path_of(subject), build, remember, refusal }
+        Saving { subject: subject.to_owned(), path: state.profile(subject), build, remember, refusal }
     }
 
     /// Somebody without a name, of whom nothing is kept.
@@ -50,6 +51,7 @@ impl Saving {
 /// All workers so far; the last one loaded is the one in use.
 #[derive(Debug)]
 pub struct Workers {
+    state: StateDirectory,
     all: Mutex<Vec<Saving>>,
     in_use: AtomicU64,
     /// Held while a profile is written, so that none is written once it is forgotten.
@@ -58,12 +60,18 @@ pub struct Workers {
 
 impl Workers {
     /// Begins with the configured worker.
-    pub fn new(configured: Saving) -> Workers {
+    pub fn new(state: StateDirectory, configured: Saving) -> Workers {
         Workers {
+            state,
             all: Mutex::new(vec![configured]),
             in_use: AtomicU64::new(CONFIGURED),
             disk: Mutex::new(()),
         }
+    }
+
+    /// Where all of them are saved.
+    pub fn state(&self) -> &StateDirectory {
+        &self.state
     }
 
     /// Takes in one more and gives back its number.
@@ -130,10 +138,16 @@ impl Workers {
 mod tests {
     use super::*;
 
+    fn workers() -> Workers {
+        let state = StateDirectory::at(std::path::Path::new("/nowhere"));
+        let configured = Saving::of(&state, "a", None, true);
+        Workers::new(state, configured)
+    }
+
     #[test]
     fn every_worker_keeps_a_file_of_its_own() {
-        let workers = Workers::new(Saving::of("a", None, true));
-        let second = workers.add(Saving::of("b", None, false));
+        let workers = workers();
+        let second = workers.add(Saving::of(workers.state(), "b", None, false));
         let of = |number| workers.get(number).unwrap();
         assert_eq!((of(CONFIGURED).subject.as_str(), of(CONFIGURED).refusal), ("a", None));
         assert_eq!(of(second).subject, "b");
@@ -143,8 +157,8 @@ mod tests {
 
     #[test]
     fn who_is_forgotten_is_written_no_more() {
-        let workers = Workers::new(Saving::of("a", None, true));
-        let again = workers.add(Saving::of("a", None, true));
+        let workers = workers();
+        let again = workers.add(Saving::of(workers.state(), "a", None, true));
         let written = |number| {
             let mut written = false;
             let _ = workers.write::<()>(number, |_| {

@@ -6,7 +6,8 @@ use equipoise_core::cycle::PriorKind;
 
 use super::Outcome;
 use crate::config::Config;
-use crate::{profile, similar};
+use crate::similar;
+use crate::state_directory::StateDirectory;
 
 /// Check a configuration file, and the model that it names
 #[derive(Debug, clap::Args)]
@@ -30,7 +31,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let settings = config.settings();
     if settings.prior == PriorKind::SimilarSubject {
-        let chosen = similar::choose(&config.subject.id, &settings, &profile::folder());
+        let chosen = similar::choose(
+            &config.subject.id,
+            &settings,
+            &StateDirectory::of_station(&config.station)?.profiles(),
+        );
         println!("{}", similar::tell(chosen.as_ref()));
     }
     Ok(Outcome::Done)

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::{Outcome, StationArgument};
 use crate::config::Config;
 use crate::doctor::{Check, Facts, StationFacts, Verdict, judge};
+use crate::state_directory::StateDirectory;
 use crate::status;
 
 /// Look at this computer and station: limits, kernel, clock, memory, ports, plate, suit; say how to mend each
@@ -33,7 +34,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             .map(|facts| Config::parse(&facts.config_toml, "the daemon's configuration"))
             .transpose()?,
     };
-    let facts = Facts::gather();
+    let name = config.as_ref().map_or(&arguments.station.station, |config| &config.station);
+    let facts = Facts::gather(StateDirectory::of_station(name));
     // Without a bus there is no station to look at; that the bus cannot be joined is a check of its own.
     let (station, no_bus) = match config.as_ref().map(StationFacts::gather) {
         Some(Ok(station)) => (Some(station), None),

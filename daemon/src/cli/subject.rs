@@ -9,6 +9,7 @@ use equipoise_core::message::command::CommandKind;
 use super::{Outcome, StationArgument, client};
 use crate::deletion::Deletion;
 use crate::profile::{self, Profile};
+use crate::state_directory::StateDirectory;
 
 /// List, load, save or delete workers' profiles
 #[derive(Debug, clap::Args)]
@@ -38,7 +39,8 @@ enum Action {
     /// Delete a subject for good
     ///
     /// Profile, mentions in stations' files, and what running daemons on this bus know; one that has the subject in use
-    /// goes on with an unknown worker. Says what is not deleted.
+    /// goes on with an unknown worker. Looks where those daemons keep their state, and where the environment says. Flight
+    /// records beside the profile go, all of them: they name nobody. Says what is not deleted.
     Delete {
         /// Pseudonymous id
         id: String,
@@ -69,8 +71,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 fn list() -> anyhow::Result<Outcome> {
-    let directory = profile::folder();
-    let mut files: Vec<_> = match std::fs::read_dir(&directory) {
+    let mut outcome = Outcome::Done;
+    for directory in StateDirectory::of_bus()? {
+        if let Outcome::PartRejected = list_folder(&directory.profiles())? {
+            outcome = Outcome::PartRejected;
+        }
+    }
+    Ok(outcome)
+}
+
+fn list_folder(directory: &Path) -> anyhow::Result<Outcome> {
+    let mut files: Vec<_> = match std::fs::read_dir(directory) {
         Ok(entries) => entries.filter_map(Result::ok).map(|entry| entry.path()).collect(),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
         Err(error) => return Err(error).with_context(|| format!("cannot read {}", directory.display())),
@@ -108,7 +119,7 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     let mut deletion = Deletion::default();
     // Daemons first: what none of them writes any more stays deleted.
     deletion.ask_daemons(|station| client::ask(station, CommandKind::SubjectForget, id))?;
-    deletion.clear_state(id)?;
+    deletion.clear_state(id, StateDirectory::of_environment())?;
     if let Some(folder) = recordings {
         deletion.look_into_recordings(id, folder, with_recordings)?;
     }
@@ -117,6 +128,9 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     }
     for path in &deletion.deleted {
         println!("{} is deleted", path.display());
+    }
+    for path in &deletion.flights {
+        println!("{} is deleted: flight records name nobody, so it may have held {id}", path.display());
     }
     for path in &deletion.changed {
         println!("{} does not name {id} any more", path.display());
@@ -127,8 +141,19 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     for why in &deletion.unknown {
         println!("NOT looked into: {why}");
     }
+    for path in &deletion.skipped {
+        println!("NOT looked into: {} is no .mcap file", path.display());
+    }
     if !deletion.found() {
-        bail!("there is no profile {id} in {}", profile::folder().display());
+        let looked: Vec<String> =
+            deletion.directories.iter().map(|found| found.profiles().display().to_string()).collect();
+        bail!(
+            "there is no profile {id} in {}; another place is named by STATE_DIRECTORY",
+            looked.join(" nor in ")
+        );
+    }
+    if let Some(missing) = deletion.missing(id) {
+        bail!("{missing}");
     }
     match recordings {
         Some(_) => println!("NOT looked for: reports, model files and replays made from recordings; backups"),

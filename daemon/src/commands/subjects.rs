@@ -28,7 +28,7 @@ pub(super) fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> 
 pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
     let id = id_of(command)?;
     let settings = in_force.look(|forced| forced.settings);
-    let path = profile::path_of(&id);
+    let path = workers.state().profile(&id);
     let profile = Profile::read(&path)
         .map_err(|error| error.to_string())?
         .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
@@ -49,7 +49,7 @@ pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers
         Err(_) => "a new shift begins".to_owned(),
     };
     let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
-    put_in_place(rings, workers, worker, Saving::of(&id, profile.build(), remember))?;
+    put_in_place(rings, workers, worker, Saving::of(workers.state(), &id, profile.build(), remember))?;
     Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
 }
 

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{Access, access, statvfs};
 use rustix::process::{Resource, geteuid, getrlimit};
 
+use crate::state_directory::{NoStateDirectory, StateDirectory};
+
 /// Facts; what is not told is `None` or empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Facts {
@@ -42,7 +44,7 @@ pub struct Facts {
     /// Free space of /dev/shm, bytes.
     pub shm_free: Option<u64>,
     /// Where what is learnt is kept.
-    pub state_directory: Place,
+    pub state_directory: Result<Place, NoStateDirectory>,
 }
 
 /// How far the kernel lets itself be interrupted.
@@ -74,8 +76,8 @@ pub struct Place {
 }
 
 impl Facts {
-    /// Reads them all.
-    pub fn gather() -> Facts {
+    /// Reads them all; with the state directory that is in use, or why there is none.
+    pub fn gather(state: Result<StateDirectory, NoStateDirectory>) -> Facts {
         let status = text("/proc/self/status").unwrap_or_default();
         let user_id = geteuid().as_raw();
         let shm = Path::new("/dev/shm");
@@ -100,7 +102,7 @@ impl Facts {
             remove_ipc: Path::new("/run/systemd/seats").exists().then(remove_ipc_is_on),
             bus_root: Place::look(&equipoise_bus::root::root_of_environment()),
             shm_free: shm.exists().then(|| free_bytes(shm)),
-            state_directory: Place::look(&crate::profile::state_directory()),
+            state_directory: state.map(|state| Place::look(state.path())),
         }
     }
 }
@@ -250,7 +252,7 @@ impl Facts {
             remove_ipc: Some(true),
             bus_root: place("/run/equipoise/iceoryx2"),
             shm_free: Some(1 << 30),
-            state_directory: place("/var/lib/equipoise"),
+            state_directory: Ok(place("/var/lib/equipoise")),
         }
     }
 }
@@ -270,10 +272,10 @@ mod tests {
 
     #[test]
     fn this_computer_can_be_read() {
-        let facts = Facts::gather();
+        let facts = Facts::gather(Ok(StateDirectory::at(Path::new("/tmp"))));
         assert!(facts.cores > 0 && facts.bus_root.path.is_absolute());
         assert_ne!(facts.bus_root.file_system, "an unknown file system");
-        assert!(facts.state_directory.free > 0);
+        assert!(facts.state_directory.unwrap().free > 0);
     }
 
     #[test]

@@ -72,15 +72,15 @@ pub(super) fn remove_ipc(facts: &Facts) -> Check {
 
 pub(super) fn state_directory(facts: &Facts) -> Check {
     const NAME: &str = "state directory";
-    let Place { path, file_system, writable, free, .. } = &facts.state_directory;
+    const MEND: &str = "set STATE_DIRECTORY (systemd: StateDirectory=) to a directory of this user";
+    let Place { path, file_system, writable, free, .. } = match &facts.state_directory {
+        Ok(place) => place,
+        Err(why) => return Check::fail(NAME, why.to_string(), MEND),
+    };
     let found = format!("{} on {file_system}, {} free", path.display(), megabytes(*free));
     const ROOM: &str = "make room there, or set STATE_DIRECTORY to another place";
     if !writable {
-        return Check::fail(
-            NAME,
-            format!("{}: this user may not write there", path.display()),
-            "set STATE_DIRECTORY (systemd: StateDirectory=) to a directory of this user",
-        );
+        return Check::fail(NAME, format!("{}: this user may not write there", path.display()), MEND);
     }
     match *free {
         free if free < STATE_FREE_MIN => Check::fail(NAME, found, ROOM),
@@ -97,6 +97,7 @@ fn megabytes(bytes: u64) -> String {
 mod tests {
     use super::super::Verdict::{Fail, Ok, Warn};
     use super::*;
+    use crate::state_directory::NoStateDirectory;
 
     #[test]
     fn a_root_must_be_local_writable_and_one_s_own() {
@@ -141,12 +142,15 @@ mod tests {
     #[test]
     fn state_needs_a_writable_place_with_room() {
         let of = |writable, free| {
-            let state_directory = Place { writable, free, ..Facts::sound().state_directory };
+            let state_directory =
+                Facts::sound().state_directory.map(|place| Place { writable, free, ..place });
             super::state_directory(&Facts { state_directory, ..Facts::sound() }).verdict
         };
         assert_eq!(
             [of(true, 1 << 30), of(true, 50 << 20), of(true, 0), of(false, 1 << 30)],
             [Ok, Warn, Fail, Fail]
         );
+        let nowhere = Facts { state_directory: Err(NoStateDirectory), ..Facts::sound() };
+        assert_eq!(state_directory(&nowhere).verdict, Fail);
     }
 }

@@ -11,7 +11,7 @@ use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use super::flight::Flight;
 use crate::config::Config;
 use crate::realtime::now_ns;
-use crate::whole_file::write_whole;
+use crate::whole_file::{clear_leftovers, write_whole};
 
 /// So many records of a station are kept; then the oldest goes.
 pub const FILES_MAX: usize = 32;
@@ -58,13 +58,7 @@ impl FlightFiles {
 
     /// Removes what a daemon that was killed while it wrote has left.
     pub fn clear_unfinished(&self) {
-        for entry in fs::read_dir(&self.directory).into_iter().flatten().flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            if name.strip_suffix(".new").is_some_and(|name| self.cycle_of(name).is_some()) {
-                // If it cannot be removed, it is in nobody's way.
-                let _ = fs::remove_file(entry.path());
-            }
-        }
+        clear_leftovers(&self.directory, |of| self.cycle_of(of).is_some());
     }
 
     fn recording(&self, path: &Path, flight: &Flight) -> anyhow::Result<Vec<u8>> {
@@ -202,7 +196,9 @@ mod tests {
         for _ in 0..3 {
             files.write(&flight(9)).unwrap();
         }
-        fs::write(directory.path().join("s-1-cycle-4.mcap.new"), "half").unwrap();
+        for name in ["s-1-cycle-4.mcap.new", "s-1-cycle-5.mcap.4194305-0.new"] {
+            fs::write(directory.path().join(name), "half").unwrap();
+        }
         files.clear_unfinished();
         let expected = ["s-1-cycle-9-2.mcap", "s-1-cycle-9-3.mcap", "s-1-cycle-9.mcap"];
         assert_eq!(names(directory.path()), expected);

@@ -6,7 +6,8 @@ use tracing::{info, warn};
 use crate::config::Config;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::station_file::{self, StationFile};
+use crate::station_file::StationFile;
+use crate::whole_file::clear_leftovers;
 use crate::workers::{self, Saving, Workers};
 
 /// The loop's memory at its start, and what goes with it.
@@ -35,7 +36,10 @@ impl Remembered {
             told: Vec::new(),
         };
         if config.subject.remember {
-            let station = found.station(config);
+            for folder in [workers.state().profiles(), workers.state().stations()] {
+                clear_leftovers(&folder, |_| true);
+            }
+            let station = found.station(config, workers);
             found.subject(config, settings, workers, station.as_ref());
             if let Some(station) = &station {
                 found.of_station(config, settings, station);
@@ -44,8 +48,8 @@ impl Remembered {
         found
     }
 
-    fn station(&mut self, config: &Config) -> Option<StationFile> {
-        match StationFile::read(&station_file::path_of(&config.station)) {
+    fn station(&mut self, config: &Config, workers: &Workers) -> Option<StationFile> {
+        match StationFile::read(&workers.state().station(&config.station)) {
             Ok(file) => {
                 self.station_refused = false;
                 file
@@ -66,7 +70,7 @@ impl Remembered {
         station: Option<&StationFile>,
     ) {
         if let Some(loaded) = station.and_then(|file| file.loaded_subject(config)) {
-            let mut saving = Saving::of(loaded, None, true);
+            let mut saving = Saving::of(workers.state(), loaded, None, true);
             match self.read(&saving, settings) {
                 Ok(Some(profile)) => {
                     saving.build = profile.build();

@@ -1,14 +1,17 @@
 //! Starting threads and waiting for them.
 
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_latency::{PathHistograms, Report};
 
+use crate::in_force::InForce;
 use crate::realtime::Asked;
 use crate::roster::Roster;
 use crate::tick::LoopSummary;
+use crate::workers::Workers;
 
 /// Stack of every thread; the loop's is prefaulted, and locked memory counts each.
 const STACK_BYTES: usize = 2 << 20;
@@ -16,9 +19,14 @@ const STACK_BYTES: usize = 2 << 20;
 /// A thread that has nothing to say at its end.
 pub(super) type Other = (&'static str, JoinHandle<anyhow::Result<()>>);
 
+/// What the thread of the commands is given once it holds the station.
+pub(super) type Held = (Arc<InForce>, Arc<Workers>);
+
 /// The threads that were started so far.
-#[derive(Default)]
 pub(super) struct Running {
+    commands: JoinHandle<anyhow::Result<()>>,
+    /// While it is there, the thread of the commands holds the station.
+    hold: Sender<Held>,
     pub(super) looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
     /// Its death costs figures and nothing else, so that all goes on.
     pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
@@ -28,15 +36,23 @@ pub(super) struct Running {
 }
 
 impl Running {
+    /// None yet but that of the commands.
+    pub(super) fn holding(commands: JoinHandle<anyhow::Result<()>>, hold: Sender<Held>) -> Running {
+        Running { commands, hold, looping: None, latency_log: None, others: Vec::new(), metrics: None }
+    }
+
     pub(super) fn is_whole(&self) -> bool {
         fn runs<T>(thread: &Option<JoinHandle<T>>) -> bool {
             thread.as_ref().is_some_and(|thread| !thread.is_finished())
         }
-        runs(&self.looping) && self.others.iter().all(|(_, thread)| !thread.is_finished())
+        runs(&self.looping)
+            && !self.commands.is_finished()
+            && self.others.iter().all(|(_, thread)| !thread.is_finished())
     }
 
-    /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with.
-    pub(super) fn join(self) -> anyhow::Result<(LoopSummary, Report)> {
+    /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with. `last` is
+    /// done before the station is given free.
+    pub(super) fn join(self, last: impl FnOnce()) -> anyhow::Result<(LoopSummary, Report)> {
         let cycles = self.looping.map(|thread| joined("loop", thread));
         let latency = self.latency_log.map(|thread| {
             joined("latency log", thread).unwrap_or_else(|error| {
@@ -48,6 +64,9 @@ impl Running {
         if let Some(Err(error)) = self.metrics.map(|thread| joined("metrics", thread)) {
             tracing::warn!("{error:#}; nothing else was touched by it");
         }
+        last();
+        drop(self.hold);
+        joined("commands", self.commands)?;
         others.into_iter().collect::<anyhow::Result<()>>()?;
         match (cycles, latency) {
             (Some(cycles), Some(latency)) => Ok((cycles?, latency)),
@@ -69,7 +88,7 @@ pub(super) fn started<Ready: Send + 'static, T: Send + 'static>(
     name: &'static str,
     asked: Asked,
     roster: &Arc<Roster>,
-    body: impl FnOnce(mpsc::Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
+    body: impl FnOnce(Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
 ) -> anyhow::Result<(JoinHandle<anyhow::Result<T>>, Ready)> {
     let (sender, receiver) = mpsc::channel();
     let roster = Arc::clone(roster);
@@ -84,5 +103,38 @@ pub(super) fn started<Ready: Send + 'static, T: Send + 'static>(
             Ok(Err(error)) => Err(error),
             _ => Err(anyhow!("thread {name} ended before it began")),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+    use std::time::Duration;
+
+    #[test]
+    fn the_station_is_given_free_when_all_is_written_and_the_status_is_gone() {
+        let order = Arc::new(Mutex::new(Vec::new()));
+        let note = |what: &'static str| {
+            let order = Arc::clone(&order);
+            move || order.lock().unwrap().push(what)
+        };
+        let (hold, held) = mpsc::channel::<Held>();
+        let (free, saved) = (note("free"), note("saved"));
+        let commands = std::thread::spawn(move || {
+            let _ = held.recv();
+            free();
+            Ok(())
+        });
+        let mut running = Running::holding(commands, hold);
+        let saving = std::thread::spawn(move || {
+            // A disk that takes its time.
+            std::thread::sleep(Duration::from_millis(100));
+            saved();
+            Ok(())
+        });
+        running.others.push(("saving", saving));
+        assert!(running.join(note("status")).is_err(), "there is no loop");
+        assert_eq!(*order.lock().unwrap(), ["saved", "status", "free"]);
     }
 }

@@ -46,6 +46,11 @@ impl<T> Ring<T> {
         self.consumer.try_lock().is_ok_and(|consumer| consumer.is_empty())
     }
 
+    /// How many the taker would find now.
+    pub fn waiting(&self) -> usize {
+        self.consumer.try_lock().map_or(0, |consumer| consumer.slots())
+    }
+
     /// Whether the giver would find no room now.
     pub fn is_full(&self) -> bool {
         self.producer.try_lock().is_ok_and(|producer| producer.is_full())
@@ -79,6 +84,7 @@ mod tests {
         assert!(ring.is_empty() && !ring.is_full());
         assert_eq!((ring.push(1), ring.push(2), ring.push(3)), (Ok(()), Ok(()), Err(3)));
         assert!(ring.is_full());
+        assert_eq!(ring.waiting(), 2);
         assert_eq!((ring.pop(), ring.pop(), ring.pop()), (Some(1), Some(2), None));
     }
 

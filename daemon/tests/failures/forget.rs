@@ -55,12 +55,20 @@ fn a_deleted_subject_is_gone_from_files_and_from_a_running_daemon() {
         station.status().filter(|status| status["daemon"]["subject"] == "anon-77").map(drop)
     });
     assert!(matches!(station.run(&["record", &recording, "--for", "1.5"]).code, Some(0 | 3)));
+    std::fs::write(recordings.join("of-77.mcap.gz"), "packed").expect("a file");
 
     // Listed, not deleted, unless asked for.
     let folder = recordings.to_string_lossy().into_owned();
     let said = station.run(&["subject", "delete", "anon-77", "--recordings", &folder]);
     let said = said.done();
-    for part in ["was in use", "anon-77.toml is deleted", "NOT deleted: ", "of-77.mcap", "NOT looked for: "] {
+    for part in [
+        "was in use",
+        "anon-77.toml is deleted",
+        "NOT deleted: ",
+        "of-77.mcap",
+        "of-77.mcap.gz is no",
+        "NOT looked for: ",
+    ] {
         assert!(said.contains(part), "{part:?} is not in {said}");
     }
     assert!(Path::new(&recording).exists());
@@ -100,4 +108,80 @@ fn a_daemon_that_does_not_answer_keeps_a_subject_from_being_deleted() {
     // Nor does a dead one's status hold anybody up.
     station.run(&["subject", "delete", "anon-5"]).done();
     assert!(!profile.exists());
+}
+
+/// Only the service manager tells a daemon where its state lies; who runs `subject` or `doctor` has another environment.
+#[test]
+fn a_subject_is_found_where_the_daemon_keeps_it_whatever_the_environment_says() {
+    let station = Station::new();
+    let person = station.person();
+    let (service, own) = (station.file("service"), station.state_directory());
+    let mut daemon = station.daemon_keeping_state_in(&service);
+    let mut eyes = Eyes::open(&station);
+    eyes.until_poses(&person, 1);
+    let profile = service.join("subjects/anon-1.toml");
+    wait_for("a profile", || profile.exists().then_some(()));
+    assert!(station.run(&["subject", "list"]).done().contains("anon-1"));
+    let told = station.run(&["doctor", "--json"]).stdout;
+    assert!(told.contains(&*service.to_string_lossy()) && !told.contains(&*own.to_string_lossy()), "{told}");
+    wait_for("the status", || {
+        station.status().filter(|status| status["daemon"]["subject"] == "anon-1").map(drop)
+    });
+    let recording = station.file("live.mcap");
+    let out = recording.to_string_lossy().into_owned();
+    assert!(matches!(station.run(&["record", &out, "--for", "1"]).code, Some(0 | 3)));
+    let recorded = equipoise_adapters::recording::Recording::open(&recording).expect("a recording");
+    assert!(recorded.header().subject_toml.contains("anon-1"), "the profile of the daemon is in it");
+
+    // What is in the environment's directory goes as well; flight records only where the subject was.
+    std::fs::create_dir_all(own.join("flight")).expect("a folder");
+    std::fs::create_dir_all(service.join("flight")).expect("a folder");
+    std::fs::write(own.join("flight/other-cycle-7.mcap"), "x").expect("a record");
+    std::fs::write(service.join("flight/bench-cycle-7.mcap"), "x").expect("a record");
+    let said = station.run(&["subject", "delete", "anon-1"]);
+    assert!(
+        said.done().contains("bench-cycle-7.mcap is deleted: flight records name nobody"),
+        "{}",
+        said.stdout
+    );
+    assert!(!profile.exists() && !service.join("flight/bench-cycle-7.mcap").exists());
+    assert!(own.join("flight/other-cycle-7.mcap").exists());
+    assert_eq!(mentions(&service.join("subjects"), "anon-1"), [] as [PathBuf; 0]);
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
+
+#[test]
+fn a_deletion_that_finds_no_file_or_cannot_know_of_every_daemon_fails() {
+    let station = Station::new();
+    let mut daemon = station.daemon(&station.configuration());
+    // No suit streams: the configured subject is in use and was never saved.
+    let said = station.run(&["subject", "delete", "anon-1"]);
+    said.failed_with(1, &["had anon-1 in use", "there was no profile", "somewhere else"]);
+    let profile = station.profile("anon-5");
+    std::fs::create_dir_all(profile.parent().expect("a folder")).expect("a folder");
+    std::fs::write(&profile, "x").expect("a file");
+    let other = station.root().join("equipoise-other.json");
+    std::fs::write(&other, "{\"format\": 99}").expect("a status of another version");
+    let said = station.run(&["subject", "delete", "anon-5"]);
+    said.failed_with(1, &["nothing is deleted", "equipoise-other.json"]);
+    assert!(profile.exists());
+    std::fs::remove_file(other).expect("the file");
+    station.run(&["subject", "delete", "anon-5"]).done();
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
+
+#[test]
+fn without_a_place_for_state_nothing_is_kept_in_a_folder_that_anybody_may_make() {
+    let station = Station::new();
+    let nothing = std::ffi::OsStr::new("");
+    let environment = [("STATE_DIRECTORY", nothing), ("XDG_STATE_HOME", nothing), ("HOME", nothing)];
+    let configuration = station.write("nowhere.toml", &station.configuration());
+    let configuration = configuration.to_string_lossy().into_owned();
+    for arguments in
+        [&["run", "--config", &configuration][..], &["subject", "list"], &["subject", "delete", "a"]]
+    {
+        let mut process = station.spawn_with(arguments, &environment);
+        assert_eq!(process.wait().code(), Some(1), "{arguments:?}");
+        assert!(process.stderr().contains("set STATE_DIRECTORY"), "{arguments:?}: {}", process.stderr());
+    }
 }

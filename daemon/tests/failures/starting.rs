@@ -8,6 +8,25 @@ use crate::ending::assert_nothing_left;
 use crate::eyes::Eyes;
 use crate::station::Station;
 
+/// Whoever reads it sooner may read what the daemon before has not written yet.
+#[test]
+fn state_is_read_only_once_the_station_is_held() {
+    let station = Station::new();
+    let mut first = station.daemon(&station.configuration());
+    // Reading a pipe into which nobody writes would never end.
+    let other = station.file("other");
+    std::fs::create_dir_all(other.join("stations")).expect("a folder");
+    let pipe = other.join("stations").join("bench.toml");
+    let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, mode, 0).expect("a pipe");
+    let configuration = station.write("second.toml", &station.configuration()).to_string_lossy().into_owned();
+    let environment = [("STATE_DIRECTORY", other.as_os_str())];
+    let mut second = station.spawn_with(&["run", "--config", &configuration], &environment);
+    assert_eq!(second.wait().code(), Some(1));
+    assert!(second.stderr().contains("already has a daemon"), "{}", second.stderr());
+    assert_eq!(first.stop(Signal::TERM), Some(0));
+}
+
 #[test]
 fn a_second_daemon_names_the_first_and_does_it_no_harm() {
     let station = Station::new();

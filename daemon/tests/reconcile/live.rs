@@ -86,7 +86,7 @@ impl Live {
             worker.keep(&mut kept);
             let profile = Profile::of("anon-1", None, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
             std::fs::create_dir_all(state.join("subjects")).unwrap();
-            std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml()).unwrap();
+            std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml().unwrap()).unwrap();
         });
         let root = station.file("bus");
         let bus =
