@@ -278,14 +278,19 @@ impl Judge {
         if share > 1.0 {
             let (state, joint) = (&self.state, self.worst_joint);
             let reasons: Vec<_> = state.validity().names().collect();
-            let torque = Joint::ALL.get(joint).map_or(String::new(), |named| {
+            let about = self.truths.1.first();
+            let torque = Joint::ALL.get(joint).zip(about).map_or(String::new(), |(named, truth)| {
                 let (told, sigma) = (state.torque_nm[joint], state.torque_sigma_nm[joint]);
-                format!(", {} {told:.1?} ± {sigma:.1} N m", named.name())
+                let (force_n, sigma_n) = (state.delta_f_n[2], state.delta_f_sigma_n);
+                let is: [f64; 3] = truth.overload_in_motion_nm[joint].into();
+                let is_n = -truth.load_force_in_motion_n.z;
+                let name = named.name();
+                format!(
+                    ", {name} {told:.1?} ± {sigma:.1} N m is {is:.1?}, force {force_n:.1} ± {sigma_n:.1} N is {is_n:.1}"
+                )
             });
-            let beside = format!(
-                "{reasons:?}, load {:.1} kg{torque}",
-                self.truths.1.first().map_or(0.0, |truth| truth.body.load_kg)
-            );
+            let load_kg = about.map_or(0.0, |truth| truth.body.load_kg);
+            let beside = format!("{reasons:?}, load {load_kg:.1} kg{torque}");
             self.wrong.push(Wrong { what, during: self.during, cycle: state.cycle, error, bound, beside });
         }
     }
