@@ -340,15 +340,15 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
     })
 }
 
-/// What one plate cannot know of each joint, N m: how the displacement of the centre of pressure that a load makes is shared
-/// between the feet. At most all of it is one leg's, which bears half the body: docs/motion.md says how far off legs are,
-/// and that their σ does not hold it.
+/// What one plate cannot know of each joint, N m: how both legs share what the load adds to them, which is the weight times
+/// the displacement of the centre of pressure. All of it may be one leg's. Geometry guesses, and the told σ does not hold
+/// how far off it can be (docs/realtime.md).
 fn uneven_nm(state: &State) -> [f64; JOINTS] {
     let moved_m = (Vector2::from(state.cop_measured_m) - Vector2::from(state.cop_estimated_m)).norm();
-    let one_leg_nm = 0.5 * state.mass_kg * 9.81 * moved_m;
+    let both_legs_nm = state.mass_kg * 9.81 * moved_m;
     Joint::ALL.map(|joint| {
         let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
-        if is_leg && state.sharing_source == 0 { one_leg_nm } else { 0.0 }
+        if is_leg && state.sharing_source == 0 { both_legs_nm } else { 0.0 }
     })
 }
 

@@ -4,6 +4,8 @@ use std::time::Instant;
 
 /// Growth of a run that is no leak: pages of threads and of the allocator that are touched late, KiB.
 const GROWTH_AT_MOST_KIB: f64 = 3072.0;
+/// In a shorter run the first flight record, which is packed in memory, would be taken for a slope, s.
+const JUDGED_FROM_S: f64 = 60.0;
 
 /// What a process used over time.
 pub(crate) struct Resources {
@@ -45,7 +47,7 @@ impl Resources {
         let slope_kib_per_s = if spread > 0.0 { over / spread } else { 0.0 };
         let grown_kib = slope_kib_per_s * 2.0 * (late[late.len() - 1].0 - late[0].0);
         assert!(
-            grown_kib < GROWTH_AT_MOST_KIB,
+            grown_kib < GROWTH_AT_MOST_KIB || late[late.len() - 1].0 < JUDGED_FROM_S,
             "memory grows by {slope_kib_per_s:.1} KiB/s: {:?}",
             self.resident
         );
