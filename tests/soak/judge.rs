@@ -340,15 +340,22 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
     })
 }
 
-/// What one plate cannot know of each joint, N m: how both legs share what the load adds to them, which is the weight times
-/// the displacement of the centre of pressure. All of it may be one leg's. Geometry guesses, and the told σ does not hold
-/// how far off it can be (docs/realtime.md).
+/// What one plate cannot know of each joint, N m: how both legs share what the load adds to them, which is the moment of the
+/// ground reaction with the load less that without it. All of it may be one leg's. Geometry guesses, and the told σ does
+/// not hold how far off it can be (docs/realtime.md).
 fn uneven_nm(state: &State) -> [f64; JOINTS] {
-    let moved_m = (Vector2::from(state.cop_measured_m) - Vector2::from(state.cop_estimated_m)).norm();
-    let both_legs_nm = state.mass_kg * 9.81 * moved_m;
+    let weight_n = state.mass_kg * 9.81;
+    let [with_m, without_m] = [state.cop_measured_m, state.cop_estimated_m].map(Vector2::from);
     Joint::ALL.map(|joint| {
         let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
-        if is_leg && state.sharing_source == 0 { both_legs_nm } else { 0.0 }
+        if !is_leg || state.sharing_source != 0 {
+            return 0.0;
+        }
+        let [x_m, y_m, _] = state.segment_origin_m[joint.segment().index()];
+        let joint_m = Vector2::new(x_m, y_m);
+        let added_nm =
+            (weight_n + state.delta_f_n[2]) * (with_m - joint_m) - weight_n * (without_m - joint_m);
+        added_nm.norm()
     })
 }
 
