@@ -203,7 +203,9 @@ fn write_thread(out: &mut impl Write, thread: &ThreadStatus) -> std::io::Result<
 fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     writeln!(out, "  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock)?;
     let memory = facts.memory;
-    writeln!(out, "  memory  {} KiB locked of {} KiB in memory", memory.locked_kib, memory.resident_kib)?;
+    // What is locked counts every mapping, shared memory once for each; what is in memory counts each page once.
+    let locked = if memory.is_locked() { "all of it locked" } else { "not all of it locked" };
+    writeln!(out, "  memory  {} KiB resident, {locked}", memory.resident_kib)?;
     for thread in &facts.threads {
         write_thread(out, thread)?;
     }
