@@ -27,7 +27,9 @@ impl Resources {
         }
         let status =
             std::fs::read_to_string(format!("/proc/{}/status", self.process)).expect("a living daemon");
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("VmRSS");
+        // Its own memory. Shared memory has its size from the start (`bus/src/service.rs`); only which pages of it were ever
+        // touched grows for a while.
+        let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).expect("RssAnon");
         let kib: f64 = line.trim().trim_end_matches(" kB").parse().expect("a number");
         self.resident.push((now_s, kib));
     }
