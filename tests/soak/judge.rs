@@ -230,19 +230,19 @@ impl Judge {
             });
         }
         if told(Validity::SPOILS_TORQUES, BOTH) {
-            let uneven_nm = uneven_nm(&state);
+            let judged = || (0..JOINTS).filter(|j| !is_guessed(&state, Joint::ALL[*j]));
             let error_nm = |j: usize| {
                 (Vector3::from(state.torque_nm[j]) - self.truths.1[0].overload_in_motion_nm[j]).norm()
             };
-            let worst = (0..JOINTS).max_by(|a, b| error_nm(*a).total_cmp(&error_nm(*b)));
+            let worst = judged().max_by(|a, b| error_nm(*a).total_cmp(&error_nm(*b)));
             self.worst_joint = worst.unwrap_or(JOINTS);
             self.compare("torques", person, 1.0, |truth| {
                 let share = |j: usize| {
                     let error_nm =
                         (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
-                    error_nm / (TORQUE_FLOOR_NM + SIGMAS * state.torque_sigma_nm[j] + uneven_nm[j])
+                    error_nm / (TORQUE_FLOOR_NM + SIGMAS * state.torque_sigma_nm[j])
                 };
-                (0..JOINTS).map(share).fold(0.0, f64::max)
+                judged().map(share).fold(0.0, f64::max)
             });
         }
         self.worst_joint = JOINTS;
@@ -340,23 +340,11 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
     })
 }
 
-/// What one plate cannot know of each joint, N m: how both legs share what the load adds to them, which is the moment of the
-/// ground reaction with the load less that without it. All of it may be one leg's. Geometry guesses, and the told σ does
-/// not hold how far off it can be (docs/realtime.md).
-fn uneven_nm(state: &State) -> [f64; JOINTS] {
-    let weight_n = state.mass_kg * 9.81;
-    let [with_m, without_m] = [state.cop_measured_m, state.cop_estimated_m].map(Vector2::from);
-    Joint::ALL.map(|joint| {
-        let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
-        if !is_leg || state.sharing_source != 0 {
-            return 0.0;
-        }
-        let [x_m, y_m, _] = state.segment_origin_m[joint.segment().index()];
-        let joint_m = Vector2::new(x_m, y_m);
-        let added_nm =
-            (weight_n + state.delta_f_n[2]) * (with_m - joint_m) - weight_n * (without_m - joint_m);
-        added_nm.norm()
-    })
+/// Whether a joint's torque hangs on how the feet share the ground reaction, which one plate does not know: geometry
+/// guesses, and neither torque nor σ tells how far off it can be (docs/realtime.md). Such joints are not judged.
+fn is_guessed(state: &State, joint: Joint) -> bool {
+    let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
+    is_leg && state.sharing_source == 0
 }
 
 #[cfg(test)]
