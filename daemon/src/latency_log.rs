@@ -117,7 +117,7 @@ impl LatencyLog {
             self.write_hlog(true);
             if std::mem::take(&mut self.hlog_failed) {
                 warn!("what the latency log could not write is lost with it");
-                self.set_incident(true, None);
+                self.set_incident(None);
             }
             self.hlog = latency.hlog.as_deref().map(HlogFile::new);
         }
@@ -127,7 +127,7 @@ impl LatencyLog {
             self.flight = flight_of(&self.in_force.now().config, &self.flights);
             self.flight_cycles = latency.flight_cycles;
             if std::mem::take(&mut self.flight_failed) {
-                self.set_incident(true, None);
+                self.set_incident(None);
             }
         }
     }
@@ -142,8 +142,8 @@ impl LatencyLog {
                 hlog.path().display()
             )
         });
-        let before = std::mem::replace(&mut self.hlog_failed, failed.is_some());
-        self.set_incident(before, failed);
+        self.hlog_failed = failed.is_some();
+        self.set_incident(failed);
     }
 
     fn keep(&mut self, flight: Option<Flight>) {
@@ -159,17 +159,13 @@ impl LatencyLog {
                 flight.cycle
             )),
         };
-        let before = std::mem::replace(&mut self.flight_failed, failed.is_some());
-        self.set_incident(before, failed);
+        self.flight_failed = failed.is_some();
+        self.set_incident(failed);
     }
 
-    /// One incident for both kinds of file; each failure is told when it begins, each end when nothing fails any more.
-    fn set_incident(&self, failed_before: bool, failed: Option<String>) {
+    /// One incident for both kinds of file; it ends when nothing fails any more.
+    fn set_incident(&self, failed: Option<String>) {
         if let Some(what) = failed {
-            // Begun by the other kind of file: the board has been told and says nothing.
-            if !failed_before && self.board.is_active(Incident::LatencyNotLogged) {
-                warn!("{what}");
-            }
             self.board.begin(Incident::LatencyNotLogged, &what);
         } else if !self.hlog_failed && !self.flight_failed {
             self.board.end(Incident::LatencyNotLogged);
