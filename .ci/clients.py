@@ -1,12 +1,14 @@
-"""Judges what three consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
+"""Judges what the consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
 
-`refusals STATION` asks the Python package for what it must refuse; `mark NAME` is a small thing that
-bash cannot do.
+`refusals STATION` asks the Python package for what it must refuse, `arrays STATION` for its arrays and tables; `datagram
+PORT STATION` reads the UDP outlet by the table of the documents; `mark NAME` is a small thing that bash cannot do.
 """
 
 import pathlib
+import socket
 import sys
 import time
+import zlib
 
 MS = 1_000_000
 # A consumer's own limit of age, and the time until a line of its second is printed.
@@ -145,8 +147,103 @@ def judge(folder, processes):
             f"clients: {name}: {len(consumer.reports)} reports, {last['states']} states, {last['missed']} missed; "
             f"{told} of {passed} cycles; p50 {p50_ns / 1000:.1f} µs, reported {low / 1000:.1f} to {high / 1000:.1f} µs"
         )
+    for name in ("udp_c", "udp_python"):
+        check_udp(folder, name, marks)
     check_daemon(folder, reports, marks)
     assert any(report["consumer"] == "victim" for report in reports), "the victim never reported"
+
+
+def check_udp(folder, name, marks):
+    """A reader of datagrams: each taken, and the daemon's silence told apart from the network's."""
+    lines = [(line, pairs(line)) for line in (folder / f"{name}.out").read_text().splitlines() if line.startswith("state=")]
+    states = [told["state"] for _, told in lines]
+    assert states.count("current") >= 10, f"{name}: {states}"
+    last_current = len(states) - 1 - states[::-1].index("current")
+    assert "silent" in states[:last_current], f"{name} did not hear that the daemon was dead: {states}"
+    assert states[-1] == "network_silent", f"{name} did not notice that the outlet was gone: {states}"
+    for line, told in lines:
+        moves = told["state"] != "current" and told["speed_percent"] != "0"
+        assert not moves, f"{name}: the robot moves: {line}"
+        assert told["refused"] == "0", f"{name}: {line}"
+    last = numbers(lines[-1][0])
+    assert last["missed"] <= last["taken"] // 20, f"{name}: {last}"
+    print(f"clients: {name}: {last['taken']} datagrams, {last['missed']} missed; the daemon's silence and the network's told apart")
+
+
+def by_the_documents():
+    """The layout as the page has it, for a reader that is not ours."""
+    import construct
+
+    kinds = {"u8": construct.Int8ul, "u16": construct.Int16ul, "u32": construct.Int32ul, "u64": construct.Int64ul,
+             "f32": construct.Float32l}
+    table = pathlib.Path("docs/consumers/udp.md").read_text().split("| offset |")[1].split("\n\n")[0]
+    fields, end = [], 0
+    for line in table.splitlines()[2:]:
+        offset, declared, name = [cell.strip() for cell in line.split("|")[1:4]]
+        kind, *shape = declared.replace("]", "").split("[")
+        count = 1
+        for size in shape:
+            count *= int(size)
+        assert int(offset) == end, f"{name} is at {offset}, the field before ends at {end}"
+        field = construct.Bytes(count) if kind == "char" else kinds[kind][count] if shape else kinds[kind]
+        fields.append(name.strip("`") / field)
+        end += field.sizeof()
+    return construct.Struct(*fields)
+
+
+def datagram(port, station):
+    layout, receiver = by_the_documents(), socket.socket(type=socket.SOCK_DGRAM)
+    receiver.bind(("127.0.0.1", port))
+    receiver.settimeout(10)
+    before = 0
+    for _ in range(100):
+        data = receiver.recv(2048)
+        assert len(data) == layout.sizeof(), f"{len(data)} bytes, by the documents {layout.sizeof()}"
+        read = layout.parse(data)
+        assert read.magic == b"EQPU" and read.version == 2 and read.length == len(data)
+        assert read.crc32 == zlib.crc32(data[:-4]), "zlib finds another sum"
+        assert read.station.rstrip(b"\0") == station.encode() and read.sequence > before
+        before = read.sequence
+        if read.status == 0:
+            assert read.age_ns < 25 * MS and read.cycle > 0
+            assert read.usable & 256 or not any(read.torque_nm), "a torque that may not be used is not 0"
+    print(f"clients: construct reads datagrams by the documents' table, {len(data)} bytes, last {before}")
+
+
+def arrays(station):
+    """NumPy and pandas on real states."""
+    import equipoise
+    import numpy
+
+    readings = []
+    for reading in equipoise.subscribe(station, name="arrays"):
+        readings.append(reading)
+        if sum(map(bool, readings)) >= 50:
+            break
+    states = [reading for reading in readings if reading]
+    told = 0
+    for reading in states:
+        fatigue, level = reading.array("fatigue"), reading.array("joint_level")
+        assert list(fatigue) == list(reading.state.fatigue) and fatigue.dtype == numpy.float64
+        assert (level is None) == reading.spoilt_by(equipoise.SPOILS_TORQUES) == (reading.array("torque_nm") is None)
+        origins = reading.array("segment_origin_m")
+        if origins is not None:
+            told += 1
+            assert origins.shape == (equipoise.SEGMENTS, 3) and list(origins.ravel()) == list(reading.state.segment_origin_m)
+        cycle = reading.array("cycle")
+        assert cycle.shape == (1,) and cycle[0] == reading.state.cycle
+        reading.state.cycle += 1
+        assert cycle[0] == reading.state.cycle, "an array is a copy"
+        reading.state.cycle -= 1
+        assert not cycle.flags.writeable
+    assert told, "the suit was never there"
+    frame = equipoise.to_pandas(readings)
+    assert list(frame["cycle"]) == [reading.state.cycle for reading in states]
+    withheld = [reading.spoilt_by(equipoise.SPOILS_TORQUES) for reading in states]
+    assert list(frame["torque_l5s1_nm"].isna()) == withheld
+    one = equipoise.latest(station, name="once")
+    assert one and one.state.cycle > states[-1].state.cycle
+    print(f"clients: {len(states)} states as arrays and as a table of {len(frame.columns)} columns")
 
 
 def refusals(station):
@@ -193,6 +290,10 @@ def main():
     what, *rest = sys.argv[1:]
     if what == "refusals":
         refusals(rest[0])
+    elif what == "arrays":
+        arrays(rest[0])
+    elif what == "datagram":
+        datagram(int(rest[0]), rest[1])
     elif what == "mark":
         print(rest[0], time.monotonic_ns())
     else:

@@ -61,3 +61,11 @@ while True:
     break
 PY
 }
+
+# The program of an outlet that stands on a big library, as `cargo test --workspace` has left it: there is nothing to build
+# after that stage. The test is one of the outlet's own, whose build brings the program; `cargo build -p` would build the
+# third parties' crates anew, with other features.
+outlet_program() { # KIND, TEST
+    cargo test --quiet --workspace --test "$2" --no-run >&2
+    echo "${CARGO_TARGET_DIR:-target}/debug/equipoise-outlet-$1"
+}

@@ -1,11 +1,14 @@
 """Reads a recording with the mcap package and judges what it finds: python-mcap.py FILE SECONDS."""
 
 import collections
+import json
 import math
 import sys
 
 from mcap.reader import make_reader
 from mcap_ros1.decoder import DecoderFactory
+
+import scene
 
 SEGMENTS, JOINTS = 23, 22
 # Topic, and how many messages a second there must be at the least.
@@ -26,6 +29,39 @@ def check_state(state):
 
 
 CHECKS = {"/equipoise/suit": check_suit, "/equipoise/state": check_state}
+# Pictures, and how many a second there must be at the least.
+PICTURES = {scene.SCENE: 20, scene.STATE: 20}
+
+
+def check_pictures(path, seconds):
+    """Figure and state: by the schemas in the file, and by Foxglove's own messages."""
+    count, known, drawn, times = collections.Counter(), {}, collections.Counter(), {}
+    with open(path, "rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages(topics=list(PICTURES)):
+            topic = channel.topic
+            assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema"), topic
+            if topic not in known:
+                text = json.loads(schema.data)
+                assert text["title"] == schema.name, schema.name
+                known[topic] = scene.validator(text)
+            decoded = json.loads(message.data)
+            scene.must_fit(known[topic], decoded, topic)
+            count[topic] += 1
+            times.setdefault(topic, []).append(message.log_time)
+            if topic == scene.SCENE:
+                drawn.update(scene.check_scene(decoded))
+            else:
+                scene.check_state(decoded)
+                assert abs(decoded["t"] * 1e9 - message.log_time) < 1e3, "a state of another time"
+    for topic, rate in PICTURES.items():
+        assert count[topic] >= 0.5 * rate * seconds, f"{topic}: only {count[topic]} in {seconds} s"
+        assert times[topic] == sorted(times[topic]), f"{topic}: time runs backwards"
+    assert times[scene.SCENE] == times[scene.STATE], "a picture without its state"
+    for name in ("figure", "support polygon", "centre of pressure, measured"):
+        assert drawn[name] > 0, f"never drawn: {name}"
+    # A validator that refuses nothing proves nothing.
+    assert list(known[scene.STATE].iter_errors({"t": "now"})) and list(known[scene.SCENE].iter_errors({"entities": 1}))
+    return ", ".join(f"{topic} {count[topic]}" for topic in PICTURES)
 
 
 def main():
@@ -33,7 +69,7 @@ def main():
     count, last = collections.Counter(), {}
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, message, decoded in reader.iter_decoded_messages():
+        for _, channel, message, decoded in reader.iter_decoded_messages(topics=list(TOPICS)):
             topic = channel.topic
             count[topic] += 1
             CHECKS.get(topic, lambda _: None)(decoded)
@@ -43,7 +79,7 @@ def main():
                 assert decoded.cycle > last[topic][1].cycle, "a cycle twice"
             last[topic] = (message.log_time, decoded)
         for channel in reader.get_summary().channels.values():
-            if channel.topic.startswith("/equipoise/"):
+            if channel.topic.startswith("/equipoise/") and channel.topic not in PICTURES:
                 assert channel.metadata["equipoise.type_name"].startswith("equipoise/"), channel.topic
                 assert len(channel.metadata["equipoise.schema_hash"]) == 16, channel.topic
     for topic, rate in TOPICS.items():
@@ -51,6 +87,7 @@ def main():
         assert count[topic] >= 0.5 * rate * seconds, f"{topic}: only {count[topic]} messages in {seconds} s"
     assert last["/equipoise/ground"][1].force_n[2] > 200.0, "nobody stands on the plate"
     print("python-mcap: " + ", ".join(f"{topic} {count[topic]}" for topic in sorted(count)))
+    print("python-mcap: " + check_pictures(path, seconds))
 
 
 if __name__ == "__main__":

@@ -13,3 +13,12 @@ skipped() { # stage, reason
     echo "$1: skipped: $2" >&2
     [[ ${CI:-} != true ]]
 }
+
+# A Python of its own, where pip may install without touching the machine's.
+make_venv() { # FOLDER
+    python3 -m venv "$1" 2>/dev/null || {
+        rm -rf "$1"
+        apt-get update -qq && apt-get install -y -qq --no-install-recommends python3-venv >/dev/null
+        python3 -m venv "$1"
+    }
+}

@@ -8,10 +8,29 @@ use serde::Deserialize;
 
 /// Advisories that affect a version in use and are accepted, each with the reason. One that affects nothing any more is
 /// to be deleted.
-const ACCEPTED: [(&str, &str); 1] = [(
-    "RUSTSEC-2024-0436",
-    "paste is no longer maintained; a macro that faer (gemm) uses while it is built, and nothing at run time",
-)];
+const ACCEPTED: [(&str, &str); 5] = [
+    (
+        "RUSTSEC-2024-0436",
+        "paste is no longer maintained; a macro that faer (gemm) uses while it is built, and nothing at run time",
+    ),
+    (
+        "RUSTSEC-2023-0071",
+        "rsa tells its key by the time it takes, in every version; OPC UA's policies are RSA, and only \
+         equipoise-outlet-opcua has it (docs/consumers/opcua.md)",
+    ),
+    (
+        "RUSTSEC-2023-0089",
+        "atomic-polyfill is no longer maintained; for processors without atomics, so never built here",
+    ),
+    (
+        "RUSTSEC-2025-0134",
+        "rustls-pemfile is no longer maintained; zenoh reads the certificates of its own configuration with it",
+    ),
+    (
+        "RUSTSEC-2026-0041",
+        "lz4_flex decompresses unsafely; zenoh calls it in its feature transport_compression only, which is off",
+    ),
+];
 
 #[derive(Debug, Deserialize)]
 struct Deny {

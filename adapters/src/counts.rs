@@ -62,7 +62,8 @@ impl HealthReporter {
             process_id: std::process::id(),
             rate_hz: if seconds > 0.0 { samples / seconds } else { 0.0 },
             refused: counts.refused,
-            reserved_tail: [0; 2],
+            block_latency_ns: 0,
+            reserved_tail: 0,
         }
     }
 }

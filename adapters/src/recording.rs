@@ -23,4 +23,4 @@ pub use error::ReadError;
 pub use header::{RecordingHeader, Reloaded};
 pub use reader::{Entries, Recording};
 pub use topic::{Entry, Recorded, TimedEntry};
-pub use writer::{Recorder, WriteError};
+pub use writer::{ExtraChannel, Recorder, WriteError};

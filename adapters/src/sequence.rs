@@ -4,7 +4,8 @@ const NS_PER_S: u64 = 1_000_000_000;
 /// So many samples in a row must move forward, each within [`RESTART_WITHIN_NS`], before a jump is believed.
 const RESTART_CONFIRMATIONS: u32 = 2;
 const RESTART_WITHIN_NS: u64 = NS_PER_S / 4;
-/// A step back of at most so many counts is a datagram that was overtaken, never a new session.
+/// A step back of at most so many counts is a datagram that was overtaken, never a new session, where one count is one
+/// datagram.
 const REORDER_WINDOW: u32 = 8;
 /// A leap of at most so many counts is a gap, however short the time.
 const PLAUSIBLE_LEAP: u64 = 1000;
@@ -33,6 +34,7 @@ pub enum Place {
 #[derive(Debug, Clone)]
 pub struct Sequence {
     max_rate_hz: u64,
+    overtaken_max: u32,
     newest: Option<Seen>,
     suspect: Option<(Seen, u32)>,
 }
@@ -53,7 +55,12 @@ impl Seen {
 impl Sequence {
     /// For a device whose counter runs at `max_rate_hz` at most; a faster leap is not believed.
     pub fn new(max_rate_hz: u64) -> Self {
-        Sequence { max_rate_hz, newest: None, suspect: None }
+        Sequence { max_rate_hz, overtaken_max: REORDER_WINDOW, newest: None, suspect: None }
+    }
+
+    /// For one of whose counts a datagram takes many: what is at most so many behind was overtaken.
+    pub fn overtaken_by_at_most(self, counts: u32) -> Self {
+        Sequence { overtaken_max: counts, ..self }
     }
 
     /// The next sample is the first: the stream was asked to start anew.
@@ -81,7 +88,7 @@ impl Sequence {
             self.suspect = None;
             return Place::Next { gap: steps.unsigned_abs() };
         }
-        if steps < 0 && steps.unsigned_abs() <= REORDER_WINDOW {
+        if steps < 0 && steps.unsigned_abs() <= self.overtaken_max {
             return Place::Old;
         }
         self.doubt(seen)

@@ -1,10 +1,42 @@
-//! The doors: sockets with the kernel's receive stamps, driving the sans-IO brains of [`crate::suit`] and
-//! [`crate::ground`].
+//! The doors: sockets with the kernel's receive stamps and other ways to devices, driving the sans-IO brains of
+//! [`crate::suit`] and [`crate::ground`].
+//!
+//! One engine a stream ([`ground`], [`mvn`]), one [`transport`] a kind of connection; [`fused`] runs two ground engines at
+//! once.
 
-pub mod ati_rdt;
-pub mod mvn_udp;
+pub mod error;
+pub mod file_line;
+pub mod fused;
+pub mod ground;
+pub mod http;
+pub mod labamp;
+pub mod lsl;
+pub mod mvn;
+pub mod mvn_survey;
+pub mod netft_line;
+pub mod serial_line;
+pub mod tcp_door;
+pub mod tcp_line;
+pub mod transport;
 pub mod udp;
+pub mod udp_line;
 
-pub use ati_rdt::{RdtSource, RdtSourceSettings};
-pub use mvn_udp::{MvnUdpSettings, MvnUdpSource};
-pub use udp::{SourceError, UdpDoor};
+mod mvn_tcp;
+mod mvn_udp;
+
+pub use error::SourceError;
+pub use file_line::FileLine;
+pub use fused::FusedSource;
+pub use ground::GroundSource;
+pub use http::HttpClient;
+pub use labamp::{LabAmpLine, LabAmpLineSettings};
+pub use lsl::{LslLine, LslLineSettings};
+pub use mvn::{MvnSettings, MvnTransport, SuitSource};
+pub use mvn_survey::survey;
+pub use netft_line::{NetFtLine, NetFtLineSettings};
+pub use serial_line::{Flow, LineSettings, SerialLine};
+pub use tcp_door::TcpDoor;
+pub use tcp_line::TcpLine;
+pub use transport::{Incoming, Transport};
+pub use udp::UdpDoor;
+pub use udp_line::UdpLine;

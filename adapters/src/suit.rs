@@ -2,16 +2,19 @@
 
 pub mod assembler;
 pub mod refusal;
+pub mod router;
 pub mod settings;
 pub mod subject;
+pub mod survey;
 
 mod part;
-mod stride;
 
 pub use assembler::SuitAssembler;
 pub use refusal::SuitRefusal;
-pub use settings::{SuitSettings, TypeSet};
+pub use router::SuitRouter;
+pub use settings::{SuitSettings, TypeSet, UpAxis};
 pub use subject::{NullPose, SuitSubject};
+pub use survey::Survey;
 
 #[cfg(test)]
 mod tests;

@@ -104,21 +104,18 @@ fn what_is_written_is_read() {
 #[test]
 fn every_link_layer_gives_the_same_datagram() {
     let ip = ipv4_packet(b"MXTP02");
-    let ethernet = |vlan: bool| {
+    // So many VLAN tags, as a switch's mirror port adds them.
+    let ethernet = |tags: u16| {
         let mut packet = Vec::new();
         let builder = PacketBuilder::ethernet2([1; 6], [2; 6]);
-        match vlan {
-            true => builder
-                .single_vlan(VlanId::try_new(17).unwrap())
-                .ipv4([192, 168, 0, 7], [192, 168, 0, 9], 64)
-                .udp(51000, 9763)
-                .write(&mut packet, b"MXTP02"),
-            false => builder
-                .ipv4([192, 168, 0, 7], [192, 168, 0, 9], 64)
-                .udp(51000, 9763)
-                .write(&mut packet, b"MXTP02"),
-        }
-        .unwrap();
+        let [from, to] = [[192, 168, 0, 7], [192, 168, 0, 9]];
+        let id = |number| VlanId::try_new(number).unwrap();
+        let builder = match tags {
+            0 => builder.ipv4(from, to, 64),
+            1 => builder.single_vlan(id(17)).ipv4(from, to, 64),
+            _ => builder.double_vlan(id(17), id(18)).ipv4(from, to, 64),
+        };
+        builder.udp(51000, 9763).write(&mut packet, b"MXTP02").unwrap();
         // Ethernet pads short frames; the padding is not payload.
         packet.resize(packet.len().max(60), 0);
         packet
@@ -128,15 +125,28 @@ fn every_link_layer_gives_the_same_datagram() {
     sll.extend([8, 0]);
     let mut sll2 = vec![8, 0];
     sll2.extend([0; 18]);
+    // The head says that a VLAN tag follows, and the tag that IPv4 does.
+    let tagged = |ether_type_at: usize, head: &[u8]| {
+        let mut head = head.to_vec();
+        head[ether_type_at..ether_type_at + 2].copy_from_slice(&[0x81, 0]);
+        head.extend([0, 17, 8, 0]);
+        head
+    };
     let files = [
-        (1, ethernet(false)),
-        (1, ethernet(true)),
+        (1, ethernet(0)),
+        (1, ethernet(1)),
+        (1, ethernet(2)),
         (0, with_head(&[2, 0, 0, 0])),
+        (0, with_head(&[0, 0, 0, 2])),
         (108, with_head(&[0, 0, 0, 2])),
         (101, ip.clone()),
+        (12, ip.clone()),
+        (14, ip.clone()),
         (228, ip.clone()),
         (113, with_head(&sll)),
+        (113, with_head(&tagged(14, &sll))),
         (276, with_head(&sll2)),
+        (276, with_head(&tagged(0, &sll2))),
     ];
     for (link_type, packet) in files {
         for big_endian in [false, true] {
@@ -146,6 +156,35 @@ fn every_link_layer_gives_the_same_datagram() {
         }
         let datagram = only(pcapng(link_type as u16, &[packet]));
         assert_eq!((datagram.payload.as_slice(), datagram.time_ns), (&b"MXTP02"[..], 5_000_000_000));
+    }
+}
+
+#[test]
+fn ipv6_comes_on_every_link_layer_too() {
+    let (from, to) = ("[fe80::1]:51000", "[fe80::2]:9763");
+    let mut writer = PcapWriter::new(Vec::new()).unwrap();
+    writer.write_udp(7, address(from), address(to), b"MXTP02").unwrap();
+    let written = writer.finish().unwrap();
+    // Behind the file's head and the packet's.
+    let ip = written[24 + 16..].to_vec();
+    let behind = |head: &[u8]| [head, &ip[..]].concat();
+    let ethernet = [&[1; 12][..], &[0x86, 0xdd]].concat();
+    let sll = [&[0; 14][..], &[0x86, 0xdd]].concat();
+    let sll2 = [&[0x86, 0xdd][..], &[0; 18]].concat();
+    let files = [
+        (1, behind(&ethernet)),
+        (0, behind(&[30, 0, 0, 0])),
+        (101, ip.clone()),
+        (229, ip.clone()),
+        (113, behind(&sll)),
+        (276, behind(&sll2)),
+    ];
+    for (link_type, packet) in files {
+        let mut capture = PcapCapture::from_bytes(pcap(link_type, &[packet], false)).unwrap();
+        let datagrams: Vec<_> = capture.by_ref().collect();
+        let [datagram] = &datagrams[..] else { panic!("{link_type}: {}", capture.rejected()) };
+        assert_eq!((datagram.source, datagram.destination), (address(from), address(to)));
+        assert_eq!(datagram.payload, b"MXTP02");
     }
 }
 

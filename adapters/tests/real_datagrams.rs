@@ -2,8 +2,8 @@
 //! absent, these tests say so and pass.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
-use equipoise_adapters::suit::{SuitAssembler, SuitSettings};
-use equipoise_adapters::wire::mvn::{Datagram, TrackerKinematics};
+use equipoise_adapters::suit::{SuitAssembler, SuitSettings, TypeSet};
+use equipoise_adapters::wire::mvn::{Cut, Datagram, DatagramType, Layout, StreamCutter, TrackerKinematics};
 use equipoise_core::body::{Joint, SEGMENTS, Segment};
 use equipoise_core::message::SuitSample;
 use equipoise_core::message::suit::SuitBlocks;
@@ -29,6 +29,8 @@ fn euler_and_quaternion_poses_of_one_sample_agree() {
     let Ok(Datagram::PoseQuaternion(header, poses)) = Datagram::parse(&quaternion) else {
         panic!("not type 02")
     };
+    let body = Some(Layout { body: 23, props: 0, fingers: 0 });
+    assert_eq!((euler_header.layout(), header.layout()), (body, body));
     for header in [euler_header, header] {
         assert_eq!(
             (header.sample_counter, header.time_code_ms, header.datagram_counter),
@@ -116,25 +118,31 @@ fn a_recording_of_all_types_is_assembled_to_its_values() {
     };
     let expected: serde_json::Value = serde_json::from_slice(&expected).unwrap();
     let datagrams = length_prefixed(&bytes);
-    let mut assembler = SuitAssembler::new(SuitSettings::default());
+    // Types 02, 20, 21, 22 and 24; without learning, so that no frame waits for its successor.
+    let required = [
+        TypeSet::POSE_QUATERNION,
+        TypeSet::JOINT_ANGLES,
+        TypeSet::LINEAR_KINEMATICS,
+        TypeSet::ANGULAR_KINEMATICS,
+        TypeSet::CENTRE_OF_MASS,
+    ];
+    let required = required.into_iter().reduce(TypeSet::and);
+    let mut assembler = SuitAssembler::new(SuitSettings { required, ..SuitSettings::default() });
     let mut samples: Vec<SuitSample> = Vec::new();
     let mut times_of_day = Vec::new();
     for (index, datagram) in datagrams.iter().enumerate() {
         match Datagram::parse(datagram) {
-            Ok(Datagram::TimeCode(_, time)) => times_of_day.push(time.to_string()),
-            Ok(Datagram::TrackerKinematics(_, trackers)) => {
-                let trackers: Vec<TrackerKinematics> = trackers.collect();
-                assert_eq!(trackers.len(), 17);
-                assert!(trackers.iter().all(|tracker| tracker.inertial.is_some()));
-            }
+            Ok(Datagram::TimeCode(_, time)) => times_of_day.push(time),
+            Ok(Datagram::TrackerKinematics(_, trackers)) => assert_trackers_agree_with_themselves(trackers),
             Ok(_) => {}
             Err(malformed) => panic!("datagram {index}: {malformed}"),
         }
         samples.extend(assembler.receive(datagram, 1_000_000 * index as u64));
     }
     let frames = expected["frames"].as_array().unwrap();
-    // The last frame still waits for its successor: with so few, the set of types is not settled.
-    assert!(samples.len() + 1 >= frames.len(), "{} samples of {} frames", samples.len(), frames.len());
+    assert_eq!((samples.len(), datagrams.len()), (frames.len(), 7 * frames.len()));
+    let lengths: Vec<usize> = datagrams[..7].iter().map(|datagram| datagram.len()).collect();
+    assert_eq!(lengths, [760, 464, 944, 1036, 1180, 36, 40]);
     for (sample, frame) in samples.iter().zip(frames) {
         assert_eq!(u64::from(sample.device_counter), frame["sample"].as_u64().unwrap());
         assert_eq!(u64::from(sample.device_time_ms), frame["time_ms"].as_u64().unwrap());
@@ -155,7 +163,131 @@ fn a_recording_of_all_types_is_assembled_to_its_values() {
             assert!(sample.has(block), "{block:?}");
         }
     }
+    assert_rates(&samples);
     let expected_times: Vec<&str> = frames.iter().map(|frame| frame["tc"].as_str().unwrap()).collect();
-    assert_eq!(times_of_day, expected_times);
+    assert_eq!(times_of_day.iter().map(ToString::to_string).collect::<Vec<_>>(), expected_times);
+    for (time, frame) in times_of_day.iter().zip(frames) {
+        let unix_ms = frame["unix_ms"].as_u64().unwrap();
+        assert_eq!(u64::from(time.time_of_day_ms), unix_ms % 86_400_000, "the time of day is UTC's");
+    }
     assert_eq!(assembler.counts().refused.iter().sum::<u64>(), 0);
+}
+
+/// 17 trackers, and of each: what it feels, turned into the world and without gravity, is its free acceleration.
+fn assert_trackers_agree_with_themselves(trackers: impl Iterator<Item = TrackerKinematics>) {
+    let trackers: Vec<TrackerKinematics> = trackers.collect();
+    let worn: Vec<u32> = trackers.iter().map(|tracker| tracker.segment_id).collect();
+    assert_eq!(worn, [1, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 20, 21, 22]);
+    for tracker in trackers {
+        let felt = tracker.inertial.expect("items of 68 bytes").acceleration_m_per_s2.map(f64::from);
+        let world = turned(tracker.orientation_wxyz.map(f64::from), felt);
+        for (axis, gravity) in [0.0, 0.0, 9.81].into_iter().enumerate() {
+            let free = f64::from(tracker.free_acceleration_m_per_s2[axis]);
+            assert!((world[axis] - gravity - free).abs() < 2e-3, "{tracker:?}");
+        }
+        let field: f32 = tracker.magnetic_field.iter().map(|part| part * part).sum();
+        assert!((0.2..3.0).contains(&field.sqrt()), "{tracker:?}");
+    }
+}
+
+fn turned([w, x, y, z]: [f64; 4], [a, b, c]: [f64; 3]) -> [f64; 3] {
+    let (p, q, r) = (w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a);
+    let s = -x * a - y * b - z * c;
+    [w * p - s * x - q * z + r * y, w * q - s * y - r * x + p * z, w * r - s * z - p * y + q * x]
+}
+
+/// Type 22 against type 02: where a segment turns at all, its rate is the difference of its orientations, in rad/s. The
+/// median, since a foot that is held to the floor jumps without a rate.
+fn assert_rates(samples: &[SuitSample]) {
+    const PERIOD_S: f64 = 1.0 / 240.0;
+    const TURNS_RAD_PER_S: f64 = 5e-3;
+    let mut ratios = Vec::new();
+    for pair in samples.windows(2) {
+        for segment in 0..SEGMENTS {
+            let [bw, bx, by, bz] = pair[0].orientation_wxyz[segment];
+            let [aw, ax, ay, az] = pair[1].orientation_wxyz[segment];
+            // Twice the vector part of `after · before⁻¹` is the turn, as long as it is small.
+            let turn_rad = [
+                2.0 * (-aw * bx + ax * bw - ay * bz + az * by),
+                2.0 * (-aw * by + ax * bz + ay * bw - az * bx),
+                2.0 * (-aw * bz - ax * by + ay * bx + az * bw),
+            ];
+            for (axis, turn_rad) in turn_rad.into_iter().enumerate() {
+                let rates = [0, 1].map(|at: usize| pair[at].angular_velocity_rad_per_s[segment][axis]);
+                let rate = (rates[0] + rates[1]) / 2.0;
+                if rate.abs() > TURNS_RAD_PER_S {
+                    ratios.push(turn_rad / PERIOD_S / rate);
+                }
+            }
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    assert!(ratios.len() > 50, "{} turns", ratios.len());
+    let median = ratios[ratios.len() / 2];
+    assert!((0.95..1.05).contains(&median), "{median}: not rad/s");
+}
+
+#[test]
+fn real_datagrams_are_cut_out_of_a_byte_stream_as_they_were() {
+    let names = ["mxtp01.bin", "mxtp02.bin", "mxtp12.bin", "mxtp13.bin"];
+    let Some(mut sent) = names.into_iter().map(wire_file).collect::<Option<Vec<_>>>() else { return };
+    let Some(recording) = wire_file("meri020.mxtp.bin") else { return };
+    sent.extend(length_prefixed(&recording).into_iter().map(<[u8]>::to_vec));
+    let stream = sent.concat();
+    for portion in [1, 7, 1448, 65_536] {
+        let mut cutter = StreamCutter::new();
+        let mut cut = Vec::new();
+        for bytes in stream.chunks(portion) {
+            cutter.push(bytes);
+            while let Some(what) = cutter.advance() {
+                assert_eq!(what, Cut::Datagram, "in portions of {portion}");
+                cut.push(cutter.datagram().to_vec());
+            }
+        }
+        assert_eq!(cut, sent, "in portions of {portion}");
+    }
+}
+
+#[test]
+fn euler_poses_alone_make_the_sample_that_quaternions_make() {
+    let (Some(euler), Some(quaternion)) = (wire_file("mxtp01.bin"), wire_file("mxtp02.bin")) else { return };
+    let sample = |required, bytes: &[u8]| {
+        let settings = SuitSettings { required: Some(required), ..SuitSettings::default() };
+        SuitAssembler::new(settings).receive(bytes, 1).expect("a sample")
+    };
+    let from_euler = sample(TypeSet::POSE_EULER, &euler);
+    let from_quaternion = sample(TypeSet::POSE_QUATERNION, &quaternion);
+    assert_eq!((from_euler.device_counter, from_euler.device_time_ms), (6681, 27837));
+    for segment in 0..SEGMENTS {
+        for axis in 0..3 {
+            let apart = from_euler.position_m[segment][axis] - from_quaternion.position_m[segment][axis];
+            assert!(apart.abs() < 2e-7, "{segment}: {apart} m");
+        }
+    }
+    // Both in one sample: the quaternions are what is taken, whichever comes first.
+    for datagrams in [[&euler, &quaternion], [&quaternion, &euler]] {
+        let required = Some(TypeSet::POSE_EULER.and(TypeSet::POSE_QUATERNION));
+        let mut assembler = SuitAssembler::new(SuitSettings { required, ..SuitSettings::default() });
+        assert!(assembler.receive(datagrams[0], 1).is_none());
+        let both = assembler.receive(datagrams[1], 1).expect("a sample");
+        assert_eq!(both.position_m, from_quaternion.position_m);
+    }
+}
+
+#[test]
+fn lengths_and_types_are_what_the_headers_say() {
+    for (name, length, kind) in [
+        ("mxtp01.bin", 668, DatagramType::POSE_EULER),
+        ("mxtp02.bin", 760, DatagramType::POSE_QUATERNION),
+        ("mxtp12.bin", 82, DatagramType::META),
+        ("mxtp13.bin", 595, DatagramType::SCALE),
+    ] {
+        let Some(bytes) = wire_file(name) else { return };
+        let header = *Datagram::parse(&bytes).unwrap().header().expect("a header");
+        assert_eq!((bytes.len(), header.datagram_type), (length, kind), "{name}");
+        assert_eq!(usize::from(header.payload_size), length - 24, "{name}");
+        for cut in 0..bytes.len() {
+            assert!(Datagram::parse(&bytes[..cut]).is_err(), "{name} cut at {cut}");
+        }
+    }
 }

@@ -217,13 +217,13 @@ fn foreign_and_newer_files_are_named() {
     let other = refusal(&foreign("/camera/image", "sensor_msgs/Image", &none));
     assert!(other.contains("not of Equipoise") && other.contains("/camera/image"), "{other}");
 
-    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_4", &none));
-    assert!(newer.contains("equipoise/State_4") && newer.contains("equipoise/State/3"), "{newer}");
+    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_5", &none));
+    assert!(newer.contains("equipoise/State_5") && newer.contains("equipoise/State/4"), "{newer}");
 
     let mut metadata = BTreeMap::new();
     metadata.insert("equipoise.type_name".to_owned(), State::TYPE_NAME.to_owned());
     metadata.insert("equipoise.schema_hash".to_owned(), "00000000deadbeef".to_owned());
-    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_3", &metadata));
+    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_4", &metadata));
     assert!(fields.contains("deadbeef") && fields.contains("other fields"), "{fields}");
 
     let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);
@@ -239,7 +239,7 @@ fn unknown_topics_come_through_as_they_are() {
             // The memory of another release.
             Checkpoint::TOPIC => ("equipoise/Checkpoint_1", "uint8[192] memory\n".to_owned()),
             GroundSample::TOPIC => {
-                ("equipoise/Ground_2", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
+                ("equipoise/Ground_3", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
             }
             _ => ("equipoise/Novelty_1", "uint8[192] x\n".to_owned()),
         };

@@ -1,8 +1,9 @@
 //! The sources over real sockets on loopback, against a suit and a device played by the test.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
-use equipoise_adapters::source::{MvnUdpSettings, MvnUdpSource, RdtSource, RdtSourceSettings};
-use equipoise_adapters::suit::SuitSettings;
+use equipoise_adapters::ground::GroundSettings;
+use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
+use equipoise_adapters::source::{GroundSource, MvnSettings, SuitSource, UdpLine};
 use equipoise_adapters::wire::ati_rdt::{Command, Record, Request};
 use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
 use std::net::UdpSocket;
@@ -13,12 +14,9 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 #[test]
 fn a_suit_on_the_wire_becomes_samples() {
-    let mut source = MvnUdpSource::open(MvnUdpSettings {
-        listen: "127.0.0.1:0".parse().unwrap(),
-        suit: SuitSettings::default(),
-        ..MvnUdpSettings::default()
-    })
-    .unwrap();
+    let mut source =
+        SuitSource::open(&MvnSettings { listen: "127.0.0.1:0".parse().unwrap(), ..MvnSettings::default() })
+            .unwrap();
     let suit = UdpSocket::bind("127.0.0.1:0").unwrap();
     let poses: Vec<_> = (1..=23)
         .map(|segment_id| SegmentPose {
@@ -87,7 +85,9 @@ fn a_plate_is_asked_until_it_streams_and_told_to_stop() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = socket.local_addr().unwrap();
     let played = std::thread::spawn(move || device(&socket));
-    let mut source = RdtSource::open(RdtSourceSettings { address, ..RdtSourceSettings::default() }).unwrap();
+    let device = Box::new(AtiRdt::new(RdtSettings::default()));
+    let line = Box::new(UdpLine::to(address, "ground.address"));
+    let mut source = GroundSource::open(line, device, GroundSettings::default()).unwrap();
     let mut samples = Vec::new();
     let began = Instant::now();
     while samples.len() < 50 && began.elapsed() < PATIENCE {

@@ -115,7 +115,8 @@ impl Session {
         let ground: GroundSample = self.worker.ground(&pose, load_n, due_ns);
         let all_learnt = self.cycle == POSES_LEARNT * HOLD_STEPS;
         let command = all_learnt.then_some(CommandKind::IdentifyStop);
-        let inputs = Inputs { suit: suit.as_slice(), ground: std::slice::from_ref(&ground), command };
+        let inputs =
+            Inputs { suit: suit.as_slice(), ground: std::slice::from_ref(&ground), body: None, command };
 
         let before = (self.memory.state.suit_sample_time_ns, self.memory.identification.poses_used);
         let begun = Instant::now();

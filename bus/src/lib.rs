@@ -38,6 +38,7 @@ pub mod publisher;
 pub mod root;
 pub mod service;
 pub mod subscriber;
+pub mod words;
 
 pub use command::{CommandClient, CommandServer};
 pub use error::BusError;

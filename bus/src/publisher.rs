@@ -16,7 +16,7 @@ pub(crate) type Factory<M> = PortFactory<ipc::Service, M, ()>;
 pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), BusError> {
     let row = M::SERVICE;
     let name = row.name(&bus.station);
-    let schema = format!("0x{:016x}", M::SCHEMA_HASH);
+    let schema = format!("0x{:016x}", M::schema());
     let factory =
         open_or_create(bus, &name, MessagingPattern::PublishSubscribe, &schema, |name, attributes| {
             bus.node

@@ -4,10 +4,13 @@
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Incidents, Message, PickUp, Reply, State, SuitSample,
+    AdapterHealth, Command, CycleRecord, GroundSample, Incidents, Message, PickUp, Reply, State, SuitBody,
+    SuitSample,
 };
 use std::fmt;
 use std::time::Duration;
+
+use crate::words::{self, Each, folded};
 
 /// Processes and threads that may take part in one service.
 pub const NODES_MAX: usize = 64;
@@ -82,11 +85,23 @@ pub(crate) fn full_name(station: &str, suffix: &str) -> String {
 pub trait Topic: Message {
     /// Its row.
     const SERVICE: Service;
+
+    /// Each word in it that readers take for granted: what it is a word of, its name, its number ([`crate::words`]).
+    fn words(_each: Each<'_>) {}
+
+    /// What writers and readers must have in common: the hash of its fields, and of its words if it has any.
+    fn schema() -> u64
+    where
+        Self: Sized,
+    {
+        folded(Self::SCHEMA_HASH, Self::words)
+    }
 }
 
 macro_rules! topics {
     ($($Message:ty => $suffix:literal, by $writers:literal $writer:literal, $rate:literal, deadline $deadline:expr,
-       depth $depth:literal of $depth_max:literal, $subscribers:literal subscribers $(, $exclusive:ident)?;)*) => {
+       depth $depth:literal of $depth_max:literal, $subscribers:literal subscribers $(, $exclusive:ident)?
+       $(with $words:path)?;)*) => {
         $(impl Topic for $Message {
             const SERVICE: Service = Service {
                 suffix: $suffix,
@@ -102,6 +117,10 @@ macro_rules! topics {
                 subscribers_max: $subscribers,
                 history: 1,
             };
+
+            $(fn words(each: Each<'_>) {
+                $words(each);
+            })?
         })*
 
         /// Every publish-subscribe service of a station.
@@ -118,7 +137,8 @@ const fn ms(milliseconds: u64) -> Option<Duration> {
 topics! {
     SuitSample => "suit", by 1 "suit adapter", "60-240 Hz", deadline ms(40), depth 64 of 128, 16 subscribers, exclusive;
     GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers, exclusive;
-    State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 24 subscribers;
+    SuitBody => "body", by 1 "suit adapter", "1 Hz and on change", deadline None, depth 4 of 8, 16 subscribers, exclusive;
+    State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 24 subscribers with words::of_state;
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
     Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;

@@ -8,6 +8,7 @@ use std::os::unix::fs::PermissionsExt;
 use bytemuck::{Pod, Zeroable};
 use common::{join, root, root_of_length};
 use equipoise_bus::root::ROOT_BYTES_MAX;
+use equipoise_bus::words::Each;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Participant, Service, Topic};
 use equipoise_core::message::layout::{Field, Primitive};
 use equipoise_core::message::{AdapterHealth, Message};
@@ -16,7 +17,7 @@ use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 /// The health message of another release: same name, same size, other meaning.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable, iceoryx2_bb_derive_macros::ZeroCopySend)]
-#[type_name("equipoise/Health/1")]
+#[type_name("equipoise/Health/2")]
 struct OtherHealth {
     received: u64,
     time_ns: u64,
@@ -24,7 +25,7 @@ struct OtherHealth {
 }
 
 impl Message for OtherHealth {
-    const TYPE_NAME: &'static str = "equipoise/Health/1";
+    const TYPE_NAME: &'static str = "equipoise/Health/2";
     const FIELDS: &'static [Field] = &[
         Field { name: "received", primitive: Primitive::U64, count: 1, offset: 0 },
         Field { name: "time_ns", primitive: Primitive::U64, count: 1, offset: 8 },
@@ -52,6 +53,35 @@ fn another_layout_of_one_name_and_size_is_refused() {
             OtherHealth::SCHEMA_HASH
         )
     );
+}
+
+/// The health message of a release in which a number of the same fields says something else.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable, iceoryx2_bb_derive_macros::ZeroCopySend)]
+#[type_name("equipoise/Health/2")]
+struct OtherWords([u64; 32]);
+
+impl Message for OtherWords {
+    const TYPE_NAME: &'static str = AdapterHealth::TYPE_NAME;
+    const FIELDS: &'static [Field] = AdapterHealth::FIELDS;
+}
+
+impl Topic for OtherWords {
+    const SERVICE: Service = AdapterHealth::SERVICE;
+
+    fn words(each: Each<'_>) {
+        each("state", "well", 1);
+    }
+}
+
+#[test]
+fn other_words_of_one_layout_are_refused() {
+    assert_eq!(OtherWords::SCHEMA_HASH, AdapterHealth::SCHEMA_HASH);
+    let root = root();
+    let bus = join(root.path(), "ours");
+    let _ours = bus.publisher::<AdapterHealth>().unwrap();
+    let error = join(root.path(), "theirs").subscriber::<OtherWords>(1).unwrap_err();
+    assert!(matches!(error, BusError::OtherSchema { .. }), "{error}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use equipoise_bus::root::shared_memory_prefix;
 use equipoise_bus::service::{STATION_MEMORY_MAX, TABLE, Table, station_memory_bytes};
 use equipoise_bus::{BusError, Topic};
 use equipoise_core::message::{
-    AdapterHealth, CycleRecord, GroundSample, Incidents, PickUp, State, SuitSample,
+    AdapterHealth, CycleRecord, GroundSample, Incidents, PickUp, State, SuitBody, SuitSample,
 };
 
 /// A message whose every byte tells where it stands.
@@ -40,6 +40,7 @@ fn comes_through<M: Topic>() {
 fn every_message_comes_through_unchanged() {
     comes_through::<SuitSample>();
     comes_through::<GroundSample>();
+    comes_through::<SuitBody>();
     comes_through::<State>();
     comes_through::<CycleRecord>();
     comes_through::<AdapterHealth>();

@@ -3,11 +3,14 @@
  *     cargo build --release -p equipoise-c
  *     cc -I clients/c controller.c -L target/release -lequipoise_c
  *
- * clients/c/controller.c is a whole program; clients/README.md says what to check before a value is used.
+ * clients/c/controller.c is a whole program; docs/consumers/c.md says what to check before a value is used.
  *
  * Library and daemon must be of one release, and run as the same user. The directory of the bus is that of
- * EQUIPOISE_BUS_ROOT, as for the daemon. Written by hand; clients/c/tests/header.rs compiles it and holds it to what
- * the library is.
+ * EQUIPOISE_BUS_ROOT, as for the daemon.
+ *
+ * Written from clients/c/equipoise.h.in and the declarations in Rust: do not edit.
+ *
+ *     EQUIPOISE_WRITE=1 cargo test -p equipoise-c --test generated
  */
 #ifndef EQUIPOISE_H
 #define EQUIPOISE_H
@@ -21,9 +24,9 @@ extern "C" {
 #define EQUIPOISE_JOINTS 22
 #define EQUIPOISE_SEGMENTS 23
 
-/* The layout of equipoise_state that a program is compiled with: see equipoise_options. */
-#define EQUIPOISE_STATE_TYPE "equipoise/State/3"
-#define EQUIPOISE_STATE_SCHEMA UINT64_C(0xeeb2d53abe2d8b69)
+/* What a program is compiled with: fields of all structs, and all names and numbers. See equipoise_options. */
+#define EQUIPOISE_STATE_TYPE "equipoise/State/4"
+#define EQUIPOISE_LAYOUT UINT64_C(0x58b3dd009083cc54)
 
 /* Reasons why values of a state must not be used: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
@@ -50,20 +53,51 @@ extern "C" {
 #define EQUIPOISE_REASON_BODY_UNKNOWN (UINT64_C(1) << 10)
 /* The plate reports a fault. */
 #define EQUIPOISE_REASON_PLATE_FAULT (UINT64_C(1) << 11)
+/* The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either. */
+#define EQUIPOISE_REASON_COP_NOT_MEASURED (UINT64_C(1) << 12)
 
 /* Which reasons spoil which values: no bit of the set may be raised. A spoilt value is 0 and means nothing. */
-#define EQUIPOISE_SPOILS_GROUND_FORCE (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_PLATE_FAULT)
-#define EQUIPOISE_SPOILS_COP_MEASURED (EQUIPOISE_SPOILS_GROUND_FORCE | EQUIPOISE_REASON_FEET_OFF_PLATE)
-#define EQUIPOISE_SPOILS_COM (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_BODY_UNKNOWN)
-#define EQUIPOISE_SPOILS_COP_ESTIMATED (EQUIPOISE_SPOILS_COM | EQUIPOISE_REASON_MOVING)
+#define EQUIPOISE_SPOILS_GROUND_FORCE \
+    (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_PLATE_FAULT)
+#define EQUIPOISE_SPOILS_COP_MEASURED \
+    (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_FEET_OFF_PLATE | \
+     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED)
+#define EQUIPOISE_SPOILS_COM \
+    (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_BODY_UNKNOWN)
+#define EQUIPOISE_SPOILS_COP_ESTIMATED \
+    (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_MOVING | \
+     EQUIPOISE_REASON_BODY_UNKNOWN)
 #define EQUIPOISE_SPOILS_DELTA_F \
-    (EQUIPOISE_SPOILS_COP_MEASURED | EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_MOVING)
+    (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
+     EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MASS_UNKNOWN | \
+     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED)
 #define EQUIPOISE_SPOILS_RESIDUAL \
-    (EQUIPOISE_SPOILS_COP_ESTIMATED | EQUIPOISE_SPOILS_DELTA_F | EQUIPOISE_REASON_NOT_IDENTIFIED | \
-     EQUIPOISE_REASON_MODEL_CHANGED | EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED)
-#define EQUIPOISE_SPOILS_LIFTED_MASS (EQUIPOISE_SPOILS_DELTA_F | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD)
-#define EQUIPOISE_SPOILS_BACK (EQUIPOISE_SPOILS_RESIDUAL | EQUIPOISE_REASON_LOAD_NOT_AT_HANDS)
-#define EQUIPOISE_SPOILS_TORQUES (EQUIPOISE_SPOILS_BACK | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD)
+    (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
+     EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
+     EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
+     EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_MASS_UNKNOWN | \
+     EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED)
+#define EQUIPOISE_SPOILS_LIFTED_MASS \
+    (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
+     EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
+     EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED)
+#define EQUIPOISE_SPOILS_BACK \
+    (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
+     EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
+     EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
+     EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | \
+     EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_BODY_UNKNOWN | \
+     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED)
+#define EQUIPOISE_SPOILS_TORQUES \
+    (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
+     EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
+     EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
+     EQUIPOISE_REASON_MODEL_CHANGED | EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | \
+     EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | EQUIPOISE_REASON_MASS_UNKNOWN | \
+     EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED)
 
 enum equipoise_phase {
     EQUIPOISE_PHASE_WAITING = 0,
@@ -85,6 +119,48 @@ enum equipoise_level {
 enum equipoise_sharing {
     EQUIPOISE_SHARING_GEOMETRY = 0,
     EQUIPOISE_SHARING_MEASURED = 1
+};
+
+/* What this station's sensors do not give: bits of equipoise_state.not_given. Those values are 0 and mean nothing. */
+/* suit_com_m: the suit does not send it (MVN type 24). */
+#define EQUIPOISE_NOT_GIVEN_SUIT_COM (UINT32_C(1) << 0)
+/* The horizontal part of ground_force_n: insoles feel only what presses on them. */
+#define EQUIPOISE_NOT_GIVEN_SHEAR (UINT32_C(1) << 1)
+
+/* What the ground's sample is made of: bits of equipoise_state.ground_devices. */
+/* The force plate of [ground]. */
+#define EQUIPOISE_GROUND_PLATE (UINT32_C(1) << 0)
+/* The one of [ground.second]. */
+#define EQUIPOISE_GROUND_SECOND_PLATE (UINT32_C(1) << 1)
+/* Insoles. */
+#define EQUIPOISE_GROUND_INSOLES (UINT32_C(1) << 2)
+
+/* Where the worker's bones come from. */
+enum equipoise_body_source {
+    EQUIPOISE_BODY_SOURCE_UNKNOWN = 0,
+    EQUIPOISE_BODY_SOURCE_POSES = 1,
+    EQUIPOISE_BODY_SOURCE_NULL_POSE = 2,
+    EQUIPOISE_BODY_SOURCE_STORED = 3
+};
+
+/* Why the suit's null pose is not used. */
+enum equipoise_body_refused {
+    EQUIPOISE_BODY_REFUSED_NONE = 0,
+    EQUIPOISE_BODY_REFUSED_IMPOSSIBLE = 1,
+    EQUIPOISE_BODY_REFUSED_STALE = 2,
+    EQUIPOISE_BODY_REFUSED_OTHER_CHARACTER = 3,
+    EQUIPOISE_BODY_REFUSED_CONTRADICTS_POSES = 4,
+    EQUIPOISE_BODY_REFUSED_CONTRADICTS_WORKER = 5
+};
+
+enum equipoise_sole {
+    EQUIPOISE_SOLE_STATURE = 0,
+    EQUIPOISE_SOLE_SUIT = 1
+};
+
+enum equipoise_acceleration {
+    EQUIPOISE_ACCELERATION_POSITIONS = 0,
+    EQUIPOISE_ACCELERATION_SUIT = 1
 };
 
 /* Indices of arrays of EQUIPOISE_JOINTS. */
@@ -152,6 +228,19 @@ typedef struct equipoise_state {
     uint32_t worst_joint;
     /* Lifts that entered the cumulative dose. */
     uint32_t lifts;
+    /* Where the worker's bones come from: an enum equipoise_body_source. */
+    uint32_t body_source;
+    /* Where the outline of the soles comes from: an enum equipoise_sole. */
+    uint32_t sole_source;
+    /* Why the build that the suit told last is not used: an enum equipoise_body_refused. */
+    uint32_t body_refused;
+    /* What this station's sensors do not give: EQUIPOISE_NOT_GIVEN_…. Those values are zero and mean nothing,
+       whatever valid says. */
+    uint32_t not_given;
+    /* Where the body's accelerations come from: an enum equipoise_acceleration. */
+    uint32_t acceleration_source;
+    /* What the ground's sample was made of: EQUIPOISE_GROUND_…. */
+    uint32_t ground_devices;
     /* Overload level per joint: an enum equipoise_level. */
     uint32_t joint_level[EQUIPOISE_JOINTS];
     /* Measured centre of pressure, m. */
@@ -164,7 +253,9 @@ typedef struct equipoise_state {
     double cop_sigma_m[2];
     /* Estimated centre of mass of the unloaded body, m. */
     double com_m[3];
-    /* Ground reaction force on the person, N. */
+    /* The suit maker's own centre of mass, held to the floor as the segments are, m; see not_given. */
+    double suit_com_m[3];
+    /* Ground reaction force on the person, N; see not_given for its horizontal part. */
     double ground_force_n[3];
     /* External force carried: measured ground reaction less what the body alone needs in this motion, N. */
     double delta_f_n[3];
@@ -192,8 +283,8 @@ typedef struct equipoise_state {
     double nis;
     /* How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all. */
     double prior_inflation;
-    /* How far the worker is from the suggested pose: RMS joint angle, or the turn of the body that is still to be
-       made, rad. */
+    /* How far the worker is from the suggested pose: RMS joint angle, or the turn of the body that is still to
+       be made, rad. */
     double pose_mismatch_rad;
     /* How much later than the ground's the suit's sample times are than they should be, s. */
     double suit_skew_s;
@@ -229,7 +320,7 @@ typedef struct equipoise_state {
        replay does not repeat. */
     uint64_t published_ns;
     /* Always zero; fills the message to a multiple of 64 bytes. */
-    uint64_t reserved_tail[3];
+    uint64_t reserved_tail[5];
 } equipoise_state;
 
 /* A state that is current, with what a controller must know about it. Without one (any outcome but EQUIPOISE_OK) every
@@ -252,6 +343,7 @@ typedef struct equipoise_reading {
 } equipoise_reading;
 
 enum equipoise_outcome {
+    /* It was done. */
     EQUIPOISE_OK = 0,
     /* No new state came in time: the daemon is not running, or hangs. */
     EQUIPOISE_SILENT = 1,
@@ -261,9 +353,9 @@ enum equipoise_outcome {
     EQUIPOISE_OTHER_CLOCK = 3,
     /* The bus cannot be joined or read. An open consumer joins anew by itself. */
     EQUIPOISE_BUS = 4,
-    /* A null pointer, another thread's consumer, another header. */
+    /* The call itself is wrong: a null pointer, another thread's consumer, another header. */
     EQUIPOISE_WRONG_USE = 5,
-    /* A defect of the library. */
+    /* A defect of this library. */
     EQUIPOISE_DEFECT = 6
 };
 
@@ -271,7 +363,7 @@ enum equipoise_outcome {
  * one than the library's is refused.
  */
 typedef struct equipoise_options {
-    uint64_t state_schema;
+    uint64_t layout;
     /* A state is handed out only while it is younger than this, counted from when its cycle was due; 0: 25 ms. */
     uint64_t stale_after_ns;
     /* States that wait while the program is busy; 0: 8. 1 for who only wants the newest. */
@@ -280,7 +372,7 @@ typedef struct equipoise_options {
     uint32_t no_report;
 } equipoise_options;
 
-#define EQUIPOISE_OPTIONS_DEFAULT {EQUIPOISE_STATE_SCHEMA, 0, 0, 0}
+#define EQUIPOISE_OPTIONS_DEFAULT {EQUIPOISE_LAYOUT, 0, 0, 0}
 
 /* Reads one station. Belongs to the thread that opened it. */
 typedef struct equipoise_consumer equipoise_consumer;
@@ -305,7 +397,8 @@ int equipoise_latest(equipoise_consumer *consumer, equipoise_reading *reading);
 int equipoise_close(equipoise_consumer *consumer);
 
 /* Why nothing is published about how late states come, though it should be: all places may be taken. Reading does not
- * suffer. "" if it is published. Until the next call for this consumer.
+ * suffer. "" if it is published, or was not asked for. Until the next call for this consumer. Of NULL or another thread's
+ * consumer it is the sentence that says so, as equipoise_error() has it.
  */
 const char *equipoise_report_refusal(equipoise_consumer *consumer);
 

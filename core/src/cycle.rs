@@ -7,10 +7,11 @@
 pub mod alignment;
 mod asked;
 pub mod body_motion;
+pub mod build;
 pub mod checkpoint;
 mod exposure;
-mod feet;
 pub mod identification;
+mod insoles;
 pub mod kept;
 mod loading;
 pub mod memory;
@@ -19,6 +20,7 @@ pub mod monitoring;
 mod residual;
 pub mod settings;
 pub mod skew_watch;
+pub mod sole;
 pub mod support;
 mod tare;
 
@@ -26,15 +28,18 @@ use alignment::PATIENCE_NS;
 
 use crate::message::command::CommandKind;
 use crate::message::state::Phase;
-use crate::message::{GroundSample, State, SuitSample, Validity};
+use crate::message::{GroundSample, State, SuitBody, SuitSample, Validity};
 use crate::overload::Levels;
 use crate::time::NS_PER_S;
 
+pub use build::{BodyRefusal, Build};
 pub use checkpoint::Checkpoint;
-pub use identification::{Identification, NO_POSE};
+pub use identification::{BodySource, Identification, NO_POSE};
 pub use kept::{Kept, Registration};
 pub use memory::{Memory, Worker};
-pub use settings::{Asked, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule};
+pub use settings::{
+    Accelerations, Asked, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule,
+};
 pub use tare::Tare;
 
 /// How late a stream may be beyond two of its periods, ns.
@@ -64,6 +69,8 @@ pub struct Inputs<'a> {
     pub suit: &'a [SuitSample],
     /// Ground samples in order of arrival.
     pub ground: &'a [GroundSample],
+    /// At most one build of the worker, as the suit tells it; taken in before the samples.
+    pub body: Option<&'a SuitBody>,
     /// At most one command, applied first.
     pub command: Option<CommandKind>,
 }
@@ -73,8 +80,13 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     if let Some(command) = inputs.command {
         memory.obey(settings, command, tick);
     }
+    if let Some(body) = inputs.body {
+        memory.hear_build(body, tick.due_ns);
+    }
     for sample in inputs.ground {
-        memory.alignment.push_ground(&memory.tare.off(sample), tick.due_ns);
+        // Off first: a tare may know of more than this device measures.
+        let sample = memory.tare.off(sample).without_what_was_not_measured();
+        memory.alignment.push_ground(&sample, tick.due_ns);
     }
     for sample in inputs.suit {
         let sample_time_ns = memory.terms.without_lag_ns(&settings.model, sample.sample_time_ns);
@@ -84,8 +96,9 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     while let Some(aligned) = memory.alignment.next(tick.due_ns, memory.patience_ns(settings, tick)) {
         memory.take_in(settings, &aligned);
     }
-    let stands = !memory.findings().any_of(Validity::FEET_OFF_PLATE);
-    memory.identification.plan_one(memory.known.suit_sample_time_ns, stands, settings);
+    let stands = !memory.findings().any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));
+    let told_ns = memory.known.suit_sample_time_ns;
+    memory.identification.plan_one(told_ns, stands, memory.build.body(), settings);
     memory.tell(settings, tick);
     &memory.state
 }
@@ -210,6 +223,9 @@ impl Memory {
         }
 
         let state = &mut self.known;
+        state.body_source = identification.body_source() as u32;
+        state.sole_source = self.build.sole_source() as u32;
+        state.body_refused = self.build.refused();
         state.cycle = tick.cycle;
         state.time_ns = now_ns;
         state.suit_age_ns = suit_age_ns;
@@ -239,10 +255,11 @@ fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
         state.cop_measured_m = [0.0; 2];
     }
     if valid.any_of(Validity::SPOILS_GROUND_FORCE) {
-        state.ground_force_n = [0.0; 3];
+        (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
     if valid.any_of(Validity::SUIT_STALE) {
         state.segment_origin_m = bytemuck::Zeroable::zeroed();
+        state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;
     }
     if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {

@@ -54,6 +54,12 @@ impl<W> Pose<W> {
         self.origin[index] + self.world_from_segment[index] * Vector3::from(from_origin_m)
     }
 
+    /// A segment's origin from another's, in the other's axes, m.
+    pub fn offset_in(&self, other: Segment, segment: Segment) -> Vector3<f64> {
+        let along = self.origin_of(segment) - self.origin_of(other);
+        self.world_from_segment[other.index()].inverse() * along
+    }
+
     /// `parent_from_segment` of every joint.
     pub fn joint_rotations(&self) -> [UnitQuaternion<f64>; SEGMENTS - 1] {
         core::array::from_fn(|joint| {

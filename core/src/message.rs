@@ -13,15 +13,17 @@ pub mod layout;
 pub mod pick_up;
 pub mod state;
 pub mod suit;
+pub mod suit_body;
 pub mod validity;
 
 pub use command::{Command, CommandKind, Reply};
 pub use cycle_record::CycleRecord;
-pub use ground::GroundSample;
+pub use ground::{Component, FootFrame, GroundDevice, GroundSample};
 pub use health::AdapterHealth;
 pub use incident::{Incident, Incidents};
 pub use layout::Message;
 pub use pick_up::PickUp;
 pub use state::State;
 pub use suit::SuitSample;
+pub use suit_body::SuitBody;
 pub use validity::Validity;

@@ -4,15 +4,18 @@
 //! the angular momentum about it L̇, both over the body's mass, the ground reaction of the body alone acts at
 //! `CoP = C_xy − C_z C̈_xy/(g + C̈_z) + (−L̇_y, L̇_x)/(g + C̈_z)` (from Newton and Euler, the floor at height 0).
 //!
-//! Accelerations come from positions: a parabola is laid through the samples on both sides of a moment ([`weights`]).
+//! Accelerations come from positions: a parabola is laid through the samples on both sides of a moment ([`weights`]);
+//! and from the suit itself where it sends its own ([`accelerations`]).
 //! So everything said about a moment comes half a window late, and is right about it.
 
+pub mod accelerations;
 pub mod confidence;
 pub mod history;
 pub mod inertia;
 pub mod unloaded;
 pub mod weights;
 
+pub use accelerations::Accelerations;
 pub use confidence::{Confidence, Envelope};
 pub use history::{History, Moment, Motion};
 pub use inertia::{Build, Inertia};

@@ -2,23 +2,30 @@
 
 mod adapter;
 mod check;
-mod client;
+pub(crate) mod client;
 mod demo;
 mod doctor;
+mod export;
 mod identify;
 mod import;
 mod install;
 mod latency;
+mod outlet;
 mod reconcile;
 mod record;
+mod register;
 mod replay;
+mod report;
 mod run;
 mod simulate;
 mod status;
+mod stomp;
 mod subject;
 mod token;
 mod trace;
+mod verify;
 mod view;
+mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -57,15 +64,21 @@ enum Command {
     Adapter(adapter::Arguments),
     Check(check::Arguments),
     Status(status::Arguments),
-    Watch(status::WatchArguments),
+    Watch(watch::Arguments),
     Identify(identify::Arguments),
     Subject(subject::Arguments),
     Tare(identify::TareArguments),
+    Verify(verify::Arguments),
+    Register(register::Arguments),
+    Stomp(stomp::Arguments),
     Record(record::Arguments),
     Import(import::Arguments),
     Replay(replay::Arguments),
+    Report(report::Arguments),
+    Export(export::Arguments),
     Reconcile(reconcile::Arguments),
     Latency(latency::Arguments),
+    Outlet(outlet::Arguments),
     Trace(trace::Arguments),
     Simulate(simulate::Arguments),
     Token(token::Arguments),
@@ -102,15 +115,21 @@ pub fn main() -> ExitCode {
         Command::Adapter(arguments) => adapter::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
-        Command::Watch(arguments) => status::watch(&arguments),
+        Command::Watch(arguments) => watch::run(&arguments),
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Subject(arguments) => subject::run(&arguments),
         Command::Tare(arguments) => identify::tare(&arguments),
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Register(arguments) => register::run(&arguments),
+        Command::Stomp(arguments) => stomp::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
+        Command::Outlet(arguments) => outlet::run(&arguments),
         Command::Trace(arguments) => trace::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Token(arguments) => token::run(&arguments),

@@ -19,12 +19,18 @@ use crate::workers::Workers;
 /// How often waiting commands are looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
+/// Nobody was on the plate for so long before it is tared: the loop looks at its last 0.3 s, and what is told of the plate is
+/// a little behind.
+const EMPTY_FOR_NS: u64 = 500_000_000;
+
 /// The command server's thread.
 pub struct Commands {
     server: CommandServer,
     state: Subscriber<State>,
     rings: Arc<Rings>,
     latest: Option<State>,
+    /// When somebody was last seen on the plate, CLOCK_MONOTONIC; 0 for never.
+    stood_ns: u64,
     // Ports die before the node they hang on.
     _bus: Bus,
 }
@@ -39,7 +45,7 @@ impl Commands {
     /// Another daemon runs on this station, or the bus breaks.
     pub fn open(bus: Bus, server: CommandServer, rings: Arc<Rings>) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        Ok(Commands { server, state, rings, latest: None, _bus: bus })
+        Ok(Commands { server, state, rings, latest: None, stood_ns: 0, _bus: bus })
     }
 
     /// Answers until it shall stop. The station's one command server is held until this is dropped.
@@ -50,9 +56,13 @@ impl Commands {
         while !self.rings.is_stopping() {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
+                if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
+                    self.stood_ns = state.time_ns;
+                }
             }
             let (rings, latest) = (&self.rings, self.latest.as_ref());
-            while self.server.poll(|command| answer(command, rings, in_force, workers, latest))? {}
+            let empty_ns = latest.map_or(0, |state| state.time_ns.saturating_sub(self.stood_ns));
+            while self.server.poll(|command| answer(command, rings, in_force, workers, latest, empty_ns))? {}
             while self.rings.worker_back.pop().is_some() {}
             while self.rings.settings_back.pop().is_some() {}
             std::thread::sleep(LOOK_EVERY);
@@ -67,10 +77,11 @@ fn answer(
     in_force: &InForce,
     workers: &Workers,
     latest: Option<&State>,
+    empty_ns: u64,
 ) -> Reply {
     let outcome = match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
-        Some(CommandKind::Tare) => tare(rings, latest),
+        Some(CommandKind::Tare) => tare(rings, latest, empty_ns),
         Some(CommandKind::SubjectLoad) => subjects::load(command, rings, in_force, workers),
         Some(CommandKind::SubjectSave) => subjects::save(rings, workers, latest),
         Some(CommandKind::SubjectForget) => subjects::forget(command, rings, in_force, workers),
@@ -126,12 +137,16 @@ fn how_it_stopped(latest: Option<&State>, settings: &Settings) -> String {
     format!("stopped after {poses}: {known} ({asked})")
 }
 
-fn tare(rings: &Rings, latest: Option<&State>) -> Answer {
+/// `empty_ns` is for how long nobody was seen on the plate.
+fn tare(rings: &Rings, latest: Option<&State>, empty_ns: u64) -> Answer {
     let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::SPOILS_GROUND_FORCE)) else {
         return Err("the plate is silent or faulty; nothing to tare".to_owned());
     };
     if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
         return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
+    }
+    if empty_ns < EMPTY_FOR_NS {
+        return Err("somebody stood on the plate a moment ago; ask again".to_owned());
     }
     hand_over(rings, CommandKind::Tare).map(|()| "what the empty plate shows is zero from now on".to_owned())
 }

@@ -1,11 +1,15 @@
 //! The one configuration file: what every key means, which values it may have, and what to say when it is wrong.
 
+pub mod ground;
+mod latencies;
 mod live;
 mod message;
 pub mod method;
 pub mod overload;
-pub mod sensors;
+mod recording;
+pub mod suit;
 
+use std::borrow::Cow;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -13,15 +17,18 @@ use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::cycle::{PriorKind, Settings};
 use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFileError;
+use equipoise_outlets::OutletsConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::model::LoadedModel;
 use crate::rings::Waiting;
 use crate::similar;
 
+pub use ground::{GroundConfig, GroundSourceKind};
 pub use method::{IdentificationConfig, StaticPoseConfig, SubjectConfig};
 pub use overload::OverloadConfig;
-pub use sensors::{GroundConfig, GroundSourceKind, SuitConfig, SuitPosition, SuitSourceKind};
+pub use recording::RecordingConfig;
+pub use suit::{SuitConfig, SuitPosition, SuitSourceKind};
 
 /// A whole configuration file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -59,6 +66,12 @@ pub struct Config {
     /// Latency figures.
     #[serde(default)]
     pub latency: LatencyConfig,
+    /// What `equipoise record --config` keeps, and for how long; without this section it does not run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingConfig>,
+    /// What leaves this machine, by `equipoise outlet`; nothing without a section.
+    #[serde(default, skip_serializing_if = "OutletsConfig::is_empty")]
+    pub outlets: OutletsConfig,
     /// The model that is in use; no key, but what `[model]` names.
     #[serde(skip)]
     pub loaded_model: Option<LoadedModel>,
@@ -114,6 +127,13 @@ pub struct PageConfig {
     /// The token itself never stands in a configuration, which recordings keep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub token_file: Option<PathBuf>,
+    /// File with the token that every command of the engineer's page must bring; without it the page takes none. As
+    /// with `token_file`, of the same form; give it to fewer people.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command_token_file: Option<PathBuf>,
+    /// The report.html that `equipoise reconcile --out` wrote, to which the engineer's page links.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub report: Option<PathBuf>,
 }
 
 /// `[metrics]`
@@ -188,15 +208,23 @@ impl Config {
     pub fn parse(text: &str, name: &str) -> Result<Config, ConfigError> {
         let config: Config = toml::from_str(text).map_err(|error| message::explain(&error, text, name))?;
         config.check().map_err(|(field, what)| ConfigError::Wrong {
-            place: message::place_of(field, text, name),
+            place: message::place_of(&field, text, name),
             what: format!("{field}: {what}"),
+        })?;
+        config.ground.check_description().map_err(|mistake| ConfigError::Wrong {
+            place: message::place_of_mistake(&mistake, text, name),
+            what: format!("{}: {}", mistake.key, mistake.what),
         })?;
         Ok(config)
     }
 
     /// Rules that single values cannot express; the error names the field.
-    fn check(&self) -> Result<(), (&'static str, String)> {
-        let name_is_plain = |name: &str| (1..=32).contains(&name.len()) && crate::profile::is_plain(name);
+    fn check(&self) -> Result<(), ground::Wrong> {
+        self.ground.check_second()?;
+        self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))
+    }
+
+    fn check_parts(&self) -> method::Checked {
         if !name_is_plain(&self.station) {
             return Err(("station", "use 1 to 32 letters, digits, '-' or '_'".to_owned()));
         }
@@ -207,12 +235,15 @@ impl Config {
         method::between("loop.priority", f64::from(self.tick.priority), 0.0, 90.0)?;
         method::between("latency.flight_cycles", f64::from(self.latency.flight_cycles), 0.0, 2048.0)?;
         self.suit.check()?;
+        self.suit.check_others(&self.station)?;
         self.ground.check()?;
-        sensors::check_latencies(&self.suit, &self.ground)?;
+        latencies::check(&self.suit, &self.ground)?;
         self.subject.check()?;
         self.identification.check()?;
         self.static_pose.check()?;
         self.overload.check()?;
+        self.outlets.check()?;
+        self.recording.as_ref().map_or(Ok(()), RecordingConfig::check)?;
         let open = |page: &PageConfig| !page.listen.ip().is_loopback() && page.token_file.is_none();
         if self.page.as_ref().is_some_and(open) {
             return Err((
@@ -279,8 +310,18 @@ impl Config {
         }
         if let Some(page) = &mut self.page {
             page.token_file = page.token_file.as_deref().map(name_of);
+            page.command_token_file = page.command_token_file.as_deref().map(name_of);
+            page.report = page.report.as_deref().map(name_of);
+        }
+        let second = self.ground.second.as_deref_mut().and_then(|second| second.file.as_mut());
+        for file in self.ground.file.iter_mut().chain(second) {
+            file.path = name_of(&file.path);
         }
         self.latency.hlog = self.latency.hlog.as_deref().map(name_of);
+        if let Some(recording) = &mut self.recording {
+            recording.directory = name_of(&recording.directory);
+        }
+        self.outlets = self.outlets.without_paths();
         self
     }
 
@@ -298,6 +339,11 @@ impl Config {
     pub fn period_ns(&self) -> u64 {
         equipoise_core::time::NS_PER_S / u64::from(self.tick.rate_hz)
     }
+}
+
+/// Whether a name can be a station's or a subject's.
+fn name_is_plain(name: &str) -> bool {
+    (1..=32).contains(&name.len()) && crate::profile::is_plain(name)
 }
 
 #[cfg(test)]

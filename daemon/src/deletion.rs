@@ -1,6 +1,6 @@
 //! Deletes a subject for good: from running daemons, profiles, station files, flight records and, if asked, recordings.
 
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -13,7 +13,7 @@ use crate::station_file::StationFile;
 use crate::status::{self, Status};
 use crate::whole_file::{Leftover, clear_leftovers, runs, write_whole};
 
-/// How long a daemon may take to write its station's file anew.
+/// How long a daemon may take to write its station's file anew, and a recorder to let go of a file that was removed.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What became of a subject.
@@ -224,8 +224,16 @@ impl Deletion {
             match Recording::open(&path) {
                 Ok(recording) if !holds(recording.header(), id) => {}
                 Ok(_) if delete => {
+                    let written = being_written(&path);
                     remove(&path)?;
                     sync(path.parent().unwrap_or(folder));
+                    if written.is_some_and(|file| !is_let_go(&file)) {
+                        self.unknown.push(format!(
+                            "{}: its name is gone, but what writes it has it still open: stop that recorder, then it is \
+                             gone",
+                            path.display()
+                        ));
+                    }
                     self.deleted.push(path);
                 }
                 Ok(_) => self.recordings.push(path),
@@ -305,6 +313,25 @@ fn remove(path: &Path) -> anyhow::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         removed => removed.with_context(|| format!("cannot delete {}", path.display())),
     }
+}
+
+/// The recording, opened, if somebody writes it: a recorder holds a lock on its file.
+fn being_written(path: &Path) -> Option<File> {
+    let file = File::open(path).ok()?;
+    matches!(file.try_lock(), Err(TryLockError::WouldBlock)).then_some(file)
+}
+
+/// Waits until nobody writes a removed file any more. A recorder sees within a second that its file is gone, ends it and
+/// begins another, in whose head the deleted subject is not.
+fn is_let_go(file: &File) -> bool {
+    let removed = Instant::now();
+    while removed.elapsed() < PATIENCE {
+        if file.try_lock().is_ok() {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    false
 }
 
 /// A removal itself lies in the folder.

@@ -1,18 +1,23 @@
 //! `equipoise doctor`: what on this computer stands in the way of real time, and how to mend it.
 //!
-//! [`facts`] reads the computer, [`station`] the station; everything else judges what they found and reads nothing.
+//! [`facts`] reads the computer, [`station`] the station, [`suit_facts`] the suit's port; everything else judges what they found and reads nothing.
 
 mod capacity;
 pub mod facts;
 mod machine;
 mod network;
 mod place;
+pub mod ports;
 pub mod station;
+pub mod suit;
+pub mod suit_facts;
 
 use serde::Serialize;
 
 pub use facts::Facts;
 pub use station::StationFacts;
+pub use suit::judge_suit;
+pub use suit_facts::SuitFacts;
 
 use crate::config::Config;
 

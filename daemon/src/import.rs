@@ -1,4 +1,8 @@
-//! Turns a capture by another program into a recording: samples and a configuration, no cycle records.
+//! Turns captures by other programs into a recording: samples and a configuration, no cycle records.
+
+mod join;
+mod plate;
+pub mod unix_time;
 
 use std::fmt;
 use std::path::Path;
@@ -6,9 +10,27 @@ use std::path::Path;
 use anyhow::bail;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 
-use crate::replay::input::Input;
+pub use self::join::{Join, Joined};
+use self::join::{JoinedSamples, find};
+use self::plate::PlateFile;
+pub use self::plate::PlateOptions;
+use crate::replay::input::{Chosen, Input};
 use crate::replay::left_out_lines;
-use crate::replay::samples::{LeftOut, Sample};
+use crate::replay::samples::{LeftOut, Sample, Samples};
+
+/// Below this vertical force on the person, N, the plate is not merely noisy: its sign or its axes are wrong.
+const WRONG_SIGN_N: f64 = -50.0;
+
+/// The plate's file beside the suit's.
+#[derive(Debug, Clone, Copy)]
+pub struct With<'a> {
+    /// The file.
+    pub plate: &'a Path,
+    /// What it does not say of itself.
+    pub options: PlateOptions,
+    /// How the clocks are joined.
+    pub join: Join,
+}
 
 /// What an import made.
 #[derive(Debug, Clone)]
@@ -21,22 +43,84 @@ pub struct ImportSummary {
     pub length_s: f64,
     /// Where the configuration in the header comes from.
     pub config_origin: String,
-    /// What of the capture was not used.
+    /// How two files were joined.
+    pub joined: Option<Joined>,
+    /// What of the captures was not used.
     pub left_out: LeftOut,
 }
 
-/// Imports `file` into the new recording `out`, with the given configuration or defaults.
+/// Imports `file`, with the plate's file beside it or not, into the new recording `out`, with the given configuration or
+/// defaults.
 ///
 /// # Errors
-/// A sentence: the file cannot be read or holds no sample, the configuration is refused, `out` exists or cannot be
-/// written.
-pub fn import(file: &Path, out: &Path, config: Option<&Path>) -> anyhow::Result<ImportSummary> {
+/// A sentence: a file cannot be read or holds no sample, the two cannot be joined, the configuration is refused, `out`
+/// exists or cannot be written.
+pub fn import(
+    file: &Path,
+    with: Option<&With<'_>>,
+    out: &Path,
+    config: Option<&Path>,
+) -> anyhow::Result<ImportSummary> {
     let input = Input::open(file)?;
     if let Input::Recording(_) = input {
         bail!("{} is a recording already; give it to `equipoise replay`", file.display());
     }
     let chosen = input.configuration(config)?;
-    let mut samples = input.samples(&chosen.config)?;
+    let Some(with) = with else {
+        return write(
+            Both::One(Box::new(input.samples(&chosen.config)?)),
+            file,
+            &chosen,
+            out,
+            input.started_ns(),
+        );
+    };
+    if config.is_none() {
+        bail!(
+            "--with needs --config FILE, whose [ground.frame] says where the plate stands, and which way its z points"
+        );
+    }
+    let plate = PlateFile::open(with.plate, with.options)?;
+    let joined = find(&input, &plate, &chosen.config, with.join)?;
+    let samples = JoinedSamples::new(&input, &plate, &chosen.config, &joined)?;
+    let mut summary = write(Both::Two(Box::new(samples)), file, &chosen, out, input.started_ns())?;
+    summary.joined = Some(joined);
+    Ok(summary)
+}
+
+/// The samples of one file, or of two.
+enum Both<'a> {
+    One(Box<Samples<'a>>),
+    Two(Box<JoinedSamples<'a>>),
+}
+
+impl Both<'_> {
+    fn left_out(&self) -> LeftOut {
+        match self {
+            Both::One(samples) => samples.left_out(),
+            Both::Two(samples) => samples.left_out(),
+        }
+    }
+}
+
+impl Iterator for Both<'_> {
+    type Item = Sample;
+
+    fn next(&mut self) -> Option<Sample> {
+        match self {
+            Both::One(samples) => samples.next(),
+            Both::Two(samples) => samples.next(),
+        }
+    }
+}
+
+fn write(
+    mut samples: Both<'_>,
+    file: &Path,
+    chosen: &Chosen,
+    out: &Path,
+    started_monotonic_ns: u64,
+) -> anyhow::Result<ImportSummary> {
     // Looked for first, so that nothing is created of a file without data.
     let Some(mut sample) = samples.next() else {
         let left_out = left_out_lines(&samples.left_out());
@@ -44,13 +128,13 @@ pub fn import(file: &Path, out: &Path, config: Option<&Path>) -> anyhow::Result<
     };
     let header = RecordingHeader {
         software_version: env!("CARGO_PKG_VERSION").to_owned(),
-        started_monotonic_ns: input.started_ns(),
-        config_toml: chosen.config.to_toml(),
+        started_monotonic_ns,
+        config_toml: chosen.config.clone().without_paths().to_toml(),
         model_toml: chosen.config.model_toml(),
         ..RecordingHeader::default()
     };
     let mut recorder = Recorder::create(out, &header)?;
-    let (mut suit, mut ground) = (0, 0);
+    let (mut suit, mut ground, mut upside_down) = (0, 0, 0_u64);
     let (first_ns, mut last_ns) = (sample.delivered_ns(), 0);
     loop {
         last_ns = sample.delivered_ns().max(last_ns);
@@ -61,8 +145,10 @@ pub fn import(file: &Path, out: &Path, config: Option<&Path>) -> anyhow::Result<
             }
             Sample::Ground(message) => {
                 ground += 1;
+                upside_down += u64::from(message.force_n[2] < WRONG_SIGN_N);
                 recorder.write(sample.delivered_ns(), &**message)?;
             }
+            Sample::Body(message) => recorder.write(sample.delivered_ns(), &**message)?,
         }
         match samples.next() {
             Some(next) => sample = next,
@@ -71,14 +157,24 @@ pub fn import(file: &Path, out: &Path, config: Option<&Path>) -> anyhow::Result<
     }
     recorder.finish()?;
     let length_s = last_ns.saturating_sub(first_ns) as f64 / 1e9;
-    let left_out = samples.left_out();
-    Ok(ImportSummary { suit, ground, length_s, config_origin: chosen.origin, left_out })
+    let mut left_out = samples.left_out();
+    if upside_down * 2 > ground {
+        left_out.rejected.push(format!(
+            "in {upside_down} of {ground} ground samples the person pulls the plate up: `measures` or `axes` of \
+             [ground.frame] is the other one"
+        ));
+    }
+    let config_origin = chosen.origin.clone();
+    Ok(ImportSummary { suit, ground, length_s, config_origin, joined: None, left_out })
 }
 
 impl fmt::Display for ImportSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} suit and {} ground samples over {:.3} s", self.suit, self.ground, self.length_s)?;
         writeln!(f, "configuration: {}", self.config_origin)?;
+        if let Some(joined) = &self.joined {
+            writeln!(f, "{joined}")?;
+        }
         f.write_str(&left_out_lines(&self.left_out))
     }
 }

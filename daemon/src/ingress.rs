@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber};
-use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 
 use crate::realtime::now_ns;
 use crate::rings::{Rings, Waiting};
@@ -14,6 +14,7 @@ const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 /// Buffers of the subscribers: a stall of this thread of a quarter of a second loses nothing.
 const SUIT_DEPTH: usize = 64;
 const GROUND_DEPTH: usize = 256;
+const BODY_DEPTH: usize = 4;
 
 /// Ingress, with its ports open.
 #[derive(Debug)]
@@ -22,6 +23,7 @@ pub struct Ingress {
     waiting: Waiting,
     suit: Subscriber<SuitSample>,
     ground: Subscriber<GroundSample>,
+    body: Subscriber<SuitBody>,
     listener: Listener,
     // Ports die before the node they hang on.
     _bus: Bus,
@@ -39,6 +41,7 @@ impl Ingress {
             waiting,
             suit: bus.subscriber(SUIT_DEPTH)?,
             ground: bus.subscriber(GROUND_DEPTH)?,
+            body: bus.subscriber(BODY_DEPTH)?,
             listener: bus.listener(Channel::Inputs)?,
             _bus: bus,
         })
@@ -71,6 +74,16 @@ impl Ingress {
             }
         };
         while self.ground.receive_with(ground)?.is_some() {
+            taken += 1;
+        }
+        let body = |body: &SuitBody| {
+            let now_ns = now_ns();
+            match Stamps::of_body(body).ahead_ns(now_ns) {
+                0 => rings.push_body(*body, now_ns),
+                ahead_ns => rings.refuse_suit(ahead_ns),
+            }
+        };
+        while self.body.receive_with(body)?.is_some() {
             taken += 1;
         }
         let suit = |sample: &SuitSample| {
@@ -111,6 +124,10 @@ impl Stamps {
 
     fn of_ground(sample: &GroundSample) -> Stamps {
         Stamps([sample.sample_time_ns, sample.arrival_ns, sample.published_ns])
+    }
+
+    fn of_body(body: &SuitBody) -> Stamps {
+        Stamps([body.arrival_ns, body.arrival_ns, body.published_ns])
     }
 
     /// How far the latest lies ahead. Nothing is received before it was sent: an adapter in another time namespace, or on

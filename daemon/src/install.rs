@@ -3,6 +3,7 @@
 
 mod files;
 mod links;
+mod others;
 
 use std::path::{Path, PathBuf};
 
@@ -10,13 +11,17 @@ use anyhow::{Context, bail};
 
 use files::{Put, put, remove};
 
+pub use others::PROGRAMS;
+
 /// Where the units expect the program; another prefix is written into them.
 const PROGRAM_IN_UNITS: &str = "/usr/local/bin/equipoise";
 /// Where systemd itself looks, whatever the prefix.
 const PREFIXES_OF_SYSTEMD: [&str; 2] = ["/usr", "/usr/local"];
-const UNITS: [(&str, &str); 3] = [
+const UNITS: [(&str, &str); 5] = [
     ("equipoise.service", include_str!("../../systemd/equipoise.service")),
     ("equipoise-adapter@.service", include_str!("../../systemd/equipoise-adapter@.service")),
+    ("equipoise-outlet@.service", include_str!("../../systemd/equipoise-outlet@.service")),
+    ("equipoise-record.service", include_str!("../../systemd/equipoise-record.service")),
     ("equipoise-view.service", include_str!("../../systemd/equipoise-view.service")),
 ];
 const SYSUSERS: &str = include_str!("../../systemd/sysusers.d/equipoise.conf");
@@ -27,8 +32,9 @@ const ADMIN_UNITS: &str = "/etc/systemd/system";
 /// What `--enable` links: the daemon at boot, and the page with the daemon.
 const WANTED: [(&str, &str); 2] =
     [("multi-user.target.wants", "equipoise.service"), ("equipoise.service.wants", "equipoise-view.service")];
-/// Neither is ever removed.
-const DATA: [&str; 2] = ["/etc/equipoise", "/var/lib/equipoise"];
+const CONFIGURATION_FILE: &str = "/etc/equipoise/equipoise.toml";
+/// None is ever removed.
+const DATA: [&str; 3] = ["/etc/equipoise", "/var/lib/equipoise", "/var/lib/equipoise-outlets"];
 
 /// Where to install to.
 #[derive(Debug, Clone)]
@@ -56,7 +62,11 @@ impl Place {
     }
 
     fn program(&self) -> PathBuf {
-        self.prefix.join("bin/equipoise")
+        self.other_program("equipoise")
+    }
+
+    fn other_program(&self, name: &str) -> PathBuf {
+        self.prefix.join("bin").join(name)
     }
 
     /// A folder of systemd's: beside the program where systemd looks there, among the administrator's otherwise.
@@ -106,24 +116,28 @@ impl Place {
     }
 }
 
-/// Puts everything in place; again and again does no more than once. Gives lines that say what was done.
+/// Puts everything in place, with those of [`PROGRAMS`] that lie beside `program`; again and again does no more than once.
+/// Gives lines that say what was done.
 ///
 /// # Errors
 /// A file cannot be written; what was written before it stays.
 pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
-    let content = std::fs::read(program).with_context(|| format!("cannot read {}", program.display()))?;
+    let read = |path: &Path| std::fs::read(path).with_context(|| format!("cannot read {}", path.display()));
     let mut write = |path: &Path, content: &[u8], mode| -> anyhow::Result<Put> {
         let outcome = put(&place.safely_under_root(path)?, content, mode)?;
         let word = if outcome == Put::Written { "installed" } else { "unchanged" };
         done.push(format!("{word} {}", path.display()));
         Ok(outcome)
     };
-    write(&place.program(), &content, 0o755)?;
+    write(&place.program(), &read(program)?, 0o755)?;
+    for name in others::beside(program) {
+        write(&place.other_program(name), &read(&program.with_file_name(name))?, 0o755)?;
+    }
     for (path, text) in place.texts() {
         write(&path, text.as_bytes(), 0o644)?;
     }
-    let configuration = Path::new("/etc/equipoise/equipoise.toml");
+    let configuration = Path::new(CONFIGURATION_FILE);
     match std::fs::read(place.safely_under_root(configuration)?) {
         Ok(existing) if existing != CONFIGURATION.as_bytes() => {
             let sample = configuration.with_extension("toml.new");
@@ -141,6 +155,8 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
         files::link(&place.link_under_root(&link)?, &place.units().join(unit))?;
         done.push(format!("enabled {unit}"));
     }
+    done.extend(others::missing(place, program));
+    done.extend(others::configured(place));
     done.extend(hidden(place));
     Ok(done)
 }
@@ -184,8 +200,13 @@ pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
         take(path)?;
     }
     take(&place.program())?;
+    for name in PROGRAMS {
+        take(&place.other_program(name))?;
+    }
     for data in DATA.iter().filter(|data| place.under_root(Path::new(data)).exists()) {
-        done.push(format!("left {data} as it is: configuration and workers are yours to delete"));
+        done.push(format!(
+            "left {data} as it is: what you configured and what was learnt is yours to delete"
+        ));
     }
     if done.is_empty() {
         done.push(format!("nothing is installed under {}", place.prefix.display()));

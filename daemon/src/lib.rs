@@ -3,6 +3,7 @@
 //! `adapters → bus → ingress → ring → LOOP → ring → egress → bus → consumers`; one file each:
 //! [`sensors`], [`ingress`], [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
 
+pub mod calibration;
 pub mod cli;
 pub mod commands;
 pub mod config;
@@ -16,18 +17,22 @@ pub mod in_force;
 pub mod incidents;
 pub mod ingress;
 pub mod install;
+mod joined;
 pub mod keeper;
 pub mod latency_log;
 pub mod metrics_feed;
 pub mod model;
 pub mod model_watch;
 pub mod page_feed;
+pub mod picked_up;
 pub mod pipeline;
 pub mod profile;
+mod provenance;
 pub mod realtime;
 pub mod reconcile;
 pub mod record;
 pub mod replay;
+pub mod report;
 pub mod rings;
 pub mod roster;
 pub mod saving;

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
-use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusError, BusSettings, Subscriber};
 use equipoise_core::body::JOINTS;
@@ -72,7 +72,7 @@ impl Feed {
             version: env!("CARGO_PKG_VERSION"),
             state: None,
             record: None,
-            streams: [stream("suit", SuitRefusal::NAMES), stream("ground", RdtRefusal::NAMES)],
+            streams: [stream("suit", SuitRefusal::NAMES), stream("ground", GroundRefusal::NAMES)],
             incidents: None,
             joint_cycles: [[0; _]; JOINTS],
         };

@@ -7,7 +7,7 @@
 //! Floors, ground first: `date`, [`survey`] → [`learn`], `known` → `session` → this file → [`output`],
 //! [`summary`].
 
-mod date;
+pub(crate) mod date;
 mod known;
 pub mod learn;
 pub mod output;

@@ -4,8 +4,12 @@
 //! slow loses messages and says so; the loop never waits for it. After a loss it asks for a new checkpoint, so that
 //! the rest can be replayed exactly again.
 
+pub mod keeping;
+mod pictures;
+pub mod service;
 pub mod summary;
 
+use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -16,12 +20,15 @@ use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitSample,
+    AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample,
 };
 
 pub use summary::RecordSummary;
 
+use pictures::Pictures;
+
 use crate::config::Config;
+use crate::joined::Joined;
 use crate::realtime::now_ns;
 use crate::state_directory::StateDirectory;
 use crate::status::{self, Status};
@@ -34,10 +41,12 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 /// Samples that the loop took in just before we joined are in its memory by then.
 const SETTLE: Duration = Duration::from_millis(300);
+/// How often it is looked whether the file is still where it was made.
+const PLACE_EVERY: Duration = Duration::from_secs(1);
 /// At most so often is a new checkpoint asked for after losses.
 const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 
-/// Records `station` into a new file until `stopping` says so.
+/// Records `station` into a new file until `stopping` says so, with `pictures_hz` pictures a second; 0 leaves them out.
 ///
 /// `started` is called once messages are being written.
 ///
@@ -46,63 +55,134 @@ const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 pub fn record(
     station: &str,
     out: &Path,
+    pictures_hz: f64,
     stopping: &dyn Fn() -> bool,
     started: impl FnOnce(),
 ) -> anyhow::Result<RecordSummary> {
-    let Some(facts) = status::read(station) else {
+    let mut tap = Tap::open(station)?;
+    let (looked, gone) = (Cell::new(Instant::now()), Cell::new(false));
+    let ending = |progress: &Progress<'_>| {
+        if looked.get().elapsed() >= PLACE_EVERY {
+            looked.set(Instant::now());
+            gone.set(progress.recorder.bytes_in_place().is_none());
+        }
+        gone.get() || stopping()
+    };
+    tap.record(out, pictures_hz, &ending, started)?;
+    if gone.get() {
         bail!(
-            "no daemon runs on station {station}, so there is nothing to record; start `equipoise run`, or name \
-             another --station"
+            "{} was removed or replaced while it was written: recording ends, and what it held is gone",
+            out.display()
         );
-    };
-    let bus = Bus::join(&BusSettings::new(station, "record"))?;
-    let commands = bus.command_client()?;
-    let mut ports = Ports::open(&bus)?;
-    // Also shows that the daemon of the status file lives, before a file is made.
-    ask_for_checkpoint(&commands)?;
-    let subject_toml = profile_of(&facts);
-    let header = RecordingHeader {
-        software_version: facts.version,
-        started_unix_ns: unix_ns(),
-        started_monotonic_ns: now_ns(),
-        subject_toml,
-        config_toml: recorded_config(&facts.config_toml)?,
-        model_toml: facts.model_toml,
-        ..RecordingHeader::default()
-    };
-    let mut sink = Sink {
-        recorder: Recorder::create(out, &header)?,
-        newest_ns: header.started_monotonic_ns,
-        station: station.to_owned(),
-        subject: facts.subject,
-    };
-    started();
-
-    let mut summary = RecordSummary::default();
-    let mut checkpoint_due = Some(Instant::now() + SETTLE);
-    let (mut flushed, mut lost) = (Instant::now(), 0);
-    while !stopping() {
-        std::thread::sleep(LOOK_EVERY);
-        ports.fetch(&mut sink, &mut summary)?;
-        if summary.lost() > lost {
-            lost = summary.lost();
-            checkpoint_due.get_or_insert(Instant::now() + CHECKPOINT_PAUSE);
-        }
-        if checkpoint_due.is_some_and(|due| Instant::now() >= due) {
-            checkpoint_due = None;
-            // A daemon that has ended may come back, and then sends a checkpoint by itself.
-            let _ = ask_for_checkpoint(&commands);
-        }
-        if flushed.elapsed() >= FLUSH_EVERY {
-            flushed = Instant::now();
-            sink.note_subject()?;
-            sink.recorder.flush()?;
-        }
     }
-    ports.fetch(&mut sink, &mut summary)?;
-    sink.note_subject()?;
-    sink.recorder.finish()?;
-    Ok(summary)
+    Ok(tap.summary)
+}
+
+/// How a file fares that is being written.
+struct Progress<'a> {
+    recorder: &'a Recorder,
+    summary: &'a RecordSummary,
+    /// Process of the daemon whose configuration stands in the file's head.
+    process_id: u32,
+    joined: &'a Joined,
+}
+
+/// A station's bus, tapped: one file after the other can be recorded, and between them nothing is lost.
+struct Tap {
+    station: String,
+    summary: RecordSummary,
+    ports: Ports,
+    commands: CommandClient,
+    // Outlives its ports.
+    _bus: Bus,
+    joined: Joined,
+}
+
+impl Tap {
+    fn open(station: &str) -> anyhow::Result<Tap> {
+        if status::read(station).is_none() {
+            bail!(
+                "no daemon runs on station {station}, so there is nothing to record; start `equipoise run`, or name \
+                 another --station"
+            );
+        }
+        let settings = BusSettings::new(station, "record");
+        let bus = Bus::join(&settings)?;
+        let commands = bus.command_client()?;
+        let ports = Ports::open(&bus)?;
+        // Also shows that the daemon of the status file lives, before a file is made.
+        ask_for_checkpoint(&commands)?;
+        let joined = Joined::now(&settings.root);
+        let (station, summary) = (station.to_owned(), RecordSummary::default());
+        Ok(Tap { station, summary, ports, commands, _bus: bus, joined })
+    }
+
+    /// Whether the bus's directory is another one by now: whoever joins anew is not heard here.
+    fn is_cut_off(&self) -> bool {
+        self.joined.is_cut_off()
+    }
+
+    /// Makes a file with its head.
+    fn begin(&self, out: &Path, pictures_hz: f64) -> anyhow::Result<Sink> {
+        let Some(facts) = status::read(&self.station) else {
+            bail!("the daemon of station {} has ended", self.station);
+        };
+        let header = RecordingHeader {
+            subject_toml: profile_of(&facts),
+            software_version: facts.version,
+            started_unix_ns: unix_ns(),
+            started_monotonic_ns: now_ns(),
+            config_toml: recorded_config(&facts.config_toml)?,
+            model_toml: facts.model_toml,
+            ..RecordingHeader::default()
+        };
+        let mut recorder = Recorder::create(out, &header)?;
+        let pictures = Pictures::announce(&mut recorder, pictures_hz)?;
+        let (newest_ns, station) = (header.started_monotonic_ns, self.station.clone());
+        let (subject, process_id) = (facts.subject, facts.process_id);
+        Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id })
+    }
+
+    /// Records into a new file until `ending` says so.
+    fn record(
+        &mut self,
+        out: &Path,
+        pictures_hz: f64,
+        ending: &dyn Fn(&Progress<'_>) -> bool,
+        started: impl FnOnce(),
+    ) -> anyhow::Result<()> {
+        let mut sink = self.begin(out, pictures_hz)?;
+        started();
+        let (ports, summary) = (&mut self.ports, &mut self.summary);
+        let joined = &self.joined;
+        let mut checkpoint_due = Some(Instant::now() + SETTLE);
+        let (mut flushed, mut lost) = (Instant::now(), summary.lost());
+        loop {
+            let (recorder, process_id) = (&sink.recorder, sink.process_id);
+            if ending(&Progress { recorder, summary, process_id, joined }) {
+                break;
+            }
+            std::thread::sleep(LOOK_EVERY);
+            ports.fetch(&mut sink, summary)?;
+            if summary.lost() > lost {
+                lost = summary.lost();
+                checkpoint_due.get_or_insert(Instant::now() + CHECKPOINT_PAUSE);
+            }
+            if checkpoint_due.is_some_and(|due| Instant::now() >= due) {
+                checkpoint_due = None;
+                // A daemon that has ended may come back, and then sends a checkpoint by itself.
+                let _ = ask_for_checkpoint(&self.commands);
+            }
+            if flushed.elapsed() >= FLUSH_EVERY {
+                flushed = Instant::now();
+                sink.note_subject()?;
+                sink.recorder.flush()?;
+            }
+        }
+        ports.fetch(&mut sink, summary)?;
+        sink.note_subject()?;
+        Ok(sink.recorder.finish()?)
+    }
 }
 
 /// The daemon publishes its whole memory as soon as it comes to it; egress hands it on.
@@ -135,10 +215,12 @@ fn unix_ns() -> u64 {
 /// The file, and the newest time in it.
 struct Sink {
     recorder: Recorder,
+    pictures: Pictures,
     newest_ns: u64,
     station: String,
     /// Whose profile is in the file already.
     subject: String,
+    process_id: u32,
 }
 
 impl Sink {
@@ -183,6 +265,7 @@ struct Ports {
     checkpoint: Subscriber<Checkpoint>,
     suit: Subscriber<SuitSample>,
     ground: Subscriber<GroundSample>,
+    body: Subscriber<SuitBody>,
     health: Subscriber<AdapterHealth>,
 }
 
@@ -194,6 +277,7 @@ impl Ports {
             checkpoint: bus.subscriber(Checkpoint::SERVICE.depth_max)?,
             suit: bus.subscriber(SuitSample::SERVICE.depth_max)?,
             ground: bus.subscriber(GroundSample::SERVICE.depth_max)?,
+            body: bus.subscriber(SuitBody::SERVICE.depth_max)?,
             health: bus.subscriber(AdapterHealth::SERVICE.depth_max)?,
         })
     }
@@ -208,7 +292,8 @@ impl Ports {
         })?;
         take(&mut self.state, |state| {
             summary.states.see(state.cycle);
-            sink.write(state.time_ns, state)
+            sink.write(state.time_ns, state)?;
+            sink.pictures.add(&mut sink.recorder, state)
         })?;
         take(&mut self.checkpoint, |checkpoint| {
             summary.checkpoints += 1;
@@ -223,6 +308,7 @@ impl Ports {
             summary.ground.see(sample.sequence);
             sink.write(sample.published_ns, sample)
         })?;
+        take(&mut self.body, |body| sink.write(body.published_ns, body))?;
         take(&mut self.health, |health| {
             summary.health += 1;
             sink.write(health.time_ns, health)

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use equipoise_core::cycle::{Checkpoint, Kept, Settings, Worker};
-use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
 use crate::realtime::touch;
@@ -22,6 +22,8 @@ pub use ring::Ring;
 const SUIT_RING: usize = 64;
 /// One second of the fastest plate that the loop keeps up with.
 const GROUND_RING: usize = 1024;
+/// Every datagram of one null pose, which come within a millisecond.
+const BODY_RING: usize = 8;
 /// A quarter of a second of cycles at the highest rate.
 const OUTCOME_RING: usize = 1024;
 const COMMAND_RING: usize = 16;
@@ -85,6 +87,8 @@ pub struct Rings {
     pub suit: Ring<TakenIn<SuitSample>>,
     /// Ingress to loop.
     pub ground: Ring<TakenIn<GroundSample>>,
+    /// Ingress to loop, one a cycle.
+    pub body: Ring<TakenIn<SuitBody>>,
     /// Commands to the loop, one a cycle.
     pub command: Ring<CommandKind>,
     /// A worker to take over and its number, with the command that says so.
@@ -139,6 +143,7 @@ impl Rings {
         Ok(Rings {
             suit: Ring::touched(SUIT_RING, TakenIn { sample: SuitSample::zeroed(), ingress_ns: 0 }),
             ground: Ring::touched(GROUND_RING, TakenIn { sample: GroundSample::zeroed(), ingress_ns: 0 }),
+            body: Ring::touched(BODY_RING, TakenIn { sample: SuitBody::zeroed(), ingress_ns: 0 }),
             command: Ring::new(COMMAND_RING),
             worker: Ring::new(1),
             worker_back: Ring::new(WORKERS_BACK),
@@ -175,6 +180,13 @@ impl Rings {
     /// Hands a ground sample to the loop; a full ring turns it away.
     pub fn push_ground(&self, sample: GroundSample, ingress_ns: u64) {
         if self.ground.push(TakenIn { sample, ingress_ns }).is_err() {
+            self.input_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Hands the loop what the suit says of its wearer's build; a full ring turns it away.
+    pub fn push_body(&self, sample: SuitBody, ingress_ns: u64) {
+        if self.body.push(TakenIn { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }

@@ -162,7 +162,7 @@ impl Keeper {
                 subject: SubjectPart::of(&subject, config),
                 model: ModelPart::of(config),
                 tare: TarePart::of(&tare, taken_unix_s, config),
-                registration: RegistrationPart::of(kept),
+                registration: RegistrationPart::of(kept, config),
                 ..StationFile::new(&config.station)
             }
         });

@@ -2,16 +2,22 @@
 //!
 //! An adapter that fails ends with the reason: the daemon's keeper or systemd starts it again.
 
+mod build;
+mod others;
+
 use std::time::{Duration, Instant};
 
 use equipoise_adapters::clock::now_monotonic_ns;
-use equipoise_adapters::ground::{GroundFrame, Measures, RdtSettings};
-use equipoise_adapters::source::{MvnUdpSettings, MvnUdpSource, RdtSource, RdtSourceSettings, SourceError};
+use equipoise_adapters::ground::GroundSettings;
+use equipoise_adapters::source::{FusedSource, GroundSource, MvnSettings, SourceError, SuitSource};
 use equipoise_adapters::suit::SuitSettings;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Publisher, Topic};
 use equipoise_core::message::{AdapterHealth, GroundSample, SuitSample};
 
-use crate::config::sensors::Measures as MeasuresConfig;
+use self::build::Build;
+pub(crate) use self::build::BuildCadence;
+use self::others::Others;
+use crate::config::ground::second::{error_of_second, of_second};
 use crate::config::{Config, GroundConfig, SuitConfig};
 use crate::realtime::Asked;
 
@@ -83,53 +89,53 @@ pub fn run_suit(
     ready: &mut dyn FnMut(),
     stopping: &dyn Fn() -> bool,
 ) -> Result<(), AdapterError> {
-    let settings = MvnUdpSettings {
-        listen: config.listen,
-        allow_remote: config.allow_remote,
-        suit: suit_settings(config),
-        ..MvnUdpSettings::default()
-    };
     let bus = Bus::join(&BusSettings::new(station, SUIT_ROLE))?;
     let samples = only_publisher::<SuitSample>(&bus, SUIT_ROLE)?;
     let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
-    let mut source = MvnUdpSource::open(settings)?;
+    let mut build = Build::new(&bus)?;
+    let mut source = SuitSource::open(&mvn_settings(config)?)?;
+    let mut others = Others::start(&config.others);
     ready();
     while !stopping() {
-        if let Some(mut sample) = source.receive()? {
+        if let Some(mut sample) = source.receive()?.filter(|sample| !others.take(sample)) {
+            // Before the sample, so that the first one already has its bones.
+            build.tell_if_due(source.body())?;
             sample.published_ns = now_monotonic_ns();
             samples.send(&sample)?;
             wake.notify(Event::NewSuit)?;
         }
-        health.tell_if_due(|| source.health())?;
+        if health.tell_if_due(|| source.health())? {
+            others.tell(|avatar| source.health_of(avatar));
+            others.tell_builds(|avatar| source.assembler(avatar)?.body());
+        }
     }
     Ok(())
 }
 
-/// Runs the ground's adapter until `stopping` says so; `ready` is called once the device was asked to stream.
+/// Runs the ground's adapter until `stopping` says so; `ready` is called once the way to the device was tried, and
+/// `trouble` whenever what is wrong with the device changes: a sentence, or `None` once all is well.
 ///
-/// A silent device is asked again and again.
+/// A device that is off or unplugged is tried again and again.
 ///
 /// # Errors
-/// No socket can be had, another living process publishes the ground, the socket fails, or the bus does.
+/// What does not mend itself: a port that is taken, a configuration that cannot work, another living process that publishes
+/// the ground, the bus.
 pub fn run_ground(
     station: &str,
     config: &GroundConfig,
     ready: &mut dyn FnMut(),
+    trouble: &dyn Fn(Option<&str>),
     stopping: &dyn Fn() -> bool,
 ) -> Result<(), AdapterError> {
-    let settings = RdtSourceSettings {
-        address: config.address,
-        rdt: rdt_settings(config),
-        ..RdtSourceSettings::default()
-    };
     let bus = Bus::join(&BusSettings::new(station, GROUND_ROLE))?;
     let publisher = only_publisher::<GroundSample>(&bus, GROUND_ROLE)?;
     let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
-    let mut source = RdtSource::open(settings)?;
+    let mut source = Ground::open(config)?;
     ready();
     let mut samples = Vec::with_capacity(64);
+    let (mut told, mut noted) = (None, None);
     while !stopping() {
         samples.clear();
         source.receive(&mut samples)?;
@@ -140,33 +146,118 @@ pub fn run_ground(
         if !samples.is_empty() {
             wake.notify(Event::NewGround)?;
         }
+        let note = source.note();
+        if note != noted {
+            if let Some(note) = &note {
+                tracing::info!("ground: {note}");
+            }
+            noted = note;
+        }
+        let now = source.trouble();
+        if now != told {
+            trouble(now.as_deref());
+            told = now;
+        }
         health.tell_if_due(|| source.health())?;
     }
     Ok(())
 }
 
-/// The character and its constant delay, as configured.
-pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
-    SuitSettings { avatar: config.avatar, latency_ns: config.latency_ns(), ..SuitSettings::default() }
+/// One device, or two as one.
+#[derive(Debug)]
+pub enum Ground {
+    /// One.
+    One(Box<GroundSource>),
+    /// Two.
+    Two(Box<FusedSource>),
 }
 
-/// Scale, sign, place and constant delay of the plate, as configured.
-pub fn rdt_settings(config: &GroundConfig) -> RdtSettings {
-    let default = RdtSettings::default();
-    RdtSettings {
-        counts_per_newton: config.counts_per_newton.unwrap_or(default.counts_per_newton),
-        counts_per_newton_metre: config.counts_per_newton_metre.unwrap_or(default.counts_per_newton_metre),
-        measures: match config.measures {
-            MeasuresConfig::Action => Measures::Action,
-            MeasuresConfig::Reaction => Measures::Reaction,
-        },
-        frame: GroundFrame {
-            origin_m: config.frame.origin_m,
-            yaw_rad: config.frame.yaw_deg.to_radians(),
-            surface_height_m: config.frame.surface_height_m,
-        },
-        latency_ns: config.latency_ns(),
+impl Ground {
+    /// Opens what a section of the configuration asks for.
+    ///
+    /// # Errors
+    /// Another process' samples are asked for, or what this machine cannot do.
+    pub fn open(config: &GroundConfig) -> Result<Ground, SourceError> {
+        let first = open_device(config, config.settings())?;
+        let (Some(second), Some(fusion)) = (config.second.as_deref(), config.fusion()) else {
+            return Ok(Ground::One(Box::new(first)));
+        };
+        let other = open_device(second, second.settings_of_second()).map_err(error_of_second)?;
+        let names = [config.own_place(), of_second(&second.own_place())];
+        let [name, other_name] = names.map(|place| format!("the device at {place}"));
+        Ok(Ground::Two(Box::new(FusedSource::start([(name, first), (other_name, other)], fusion)?)))
     }
+
+    /// As [`GroundSource::receive`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn receive(&mut self, samples: &mut Vec<GroundSample>) -> Result<usize, SourceError> {
+        match self {
+            Ground::One(source) => source.receive(samples),
+            Ground::Two(source) => source.receive(samples),
+        }
+    }
+
+    /// As [`GroundSource::trouble`].
+    pub fn trouble(&self) -> Option<String> {
+        match self {
+            Ground::One(source) => source.trouble(),
+            Ground::Two(source) => source.trouble(),
+        }
+    }
+
+    /// As [`GroundSource::note`].
+    pub fn note(&self) -> Option<String> {
+        match self {
+            Ground::One(source) => source.note(),
+            Ground::Two(source) => source.note(),
+        }
+    }
+
+    /// As [`GroundSource::health`].
+    pub fn health(&mut self) -> AdapterHealth {
+        match self {
+            Ground::One(source) => source.health(),
+            Ground::Two(source) => source.health(),
+        }
+    }
+}
+
+fn open_device(config: &GroundConfig, settings: GroundSettings) -> Result<GroundSource, SourceError> {
+    let elsewhere =
+        || SourceError::Unusable("ground.source is \"external\": another process publishes it".to_owned());
+    let transport = config.transport()?.ok_or_else(elsewhere)?;
+    let device = config.device()?.ok_or_else(elsewhere)?;
+    GroundSource::open(transport, device, settings)
+}
+
+/// The character, which axis is up, and its constant delay, as configured.
+pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
+    SuitSettings {
+        avatar: config.avatar,
+        up: config.up.axis(),
+        latency_ns: config.latency_ns(),
+        ..SuitSettings::default()
+    }
+}
+
+/// Where MVN sends to, and whom, as configured.
+///
+/// # Errors
+/// The samples come from another process.
+pub fn mvn_settings(config: &SuitConfig) -> Result<MvnSettings, SourceError> {
+    let transport = config.source.transport().ok_or_else(|| {
+        SourceError::Unusable("suit.source is \"external\": another process publishes it".to_owned())
+    })?;
+    Ok(MvnSettings {
+        transport,
+        listen: config.listen,
+        allow_remote: config.allow_remote,
+        suit: suit_settings(config),
+        others: config.others.iter().map(|other| other.avatar).collect(),
+        ..MvnSettings::default()
+    })
 }
 
 /// Publishes an adapter's counts once a second.
@@ -180,11 +271,13 @@ impl Health {
         Ok(Health { publisher: bus.publisher()?, last: Instant::now() })
     }
 
-    fn tell_if_due(&mut self, health: impl FnOnce() -> AdapterHealth) -> Result<(), BusError> {
-        if self.last.elapsed() >= HEALTH_INTERVAL {
+    /// Whether it was due.
+    fn tell_if_due(&mut self, health: impl FnOnce() -> AdapterHealth) -> Result<bool, BusError> {
+        let is_due = self.last.elapsed() >= HEALTH_INTERVAL;
+        if is_due {
             self.last = Instant::now();
             self.publisher.send(&health())?;
         }
-        Ok(())
+        Ok(is_due)
     }
 }

@@ -88,6 +88,9 @@ pub struct TarePart {
     force_n: [f64; 3],
     moment_nm: [f64; 3],
     foot_vertical_n: [f64; 2],
+    /// Not in files of before feet had one.
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    foot_lever_nm: [[f64; 2]; 2],
 }
 
 /// `[registration]`
@@ -96,6 +99,10 @@ pub struct TarePart {
 pub struct RegistrationPart {
     /// Which start of the machine the time belongs to.
     boot: String,
+    /// SHA-256 of the plates' frames: where the worker stands is told in the world that they were put into. Empty in files of
+    /// before it was kept.
+    #[serde(default)]
+    frames: String,
     station_from_suit_m: [f64; 2],
     /// CLOCK_MONOTONIC.
     suit_time_ns: u64,
@@ -195,7 +202,7 @@ impl ModelPart {
 impl TarePart {
     /// A tare as it was taken with this configuration; nothing while none was taken.
     pub fn of(tare: &Tare, taken_unix_s: u64, config: &Config) -> Option<TarePart> {
-        let Tare { force_n, moment_nm, foot_vertical_n } = *tare;
+        let Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm } = *tare;
         let plate = plate_of(config);
         (*tare != bytemuck::Zeroable::zeroed()).then_some(TarePart {
             taken_unix_s,
@@ -203,6 +210,7 @@ impl TarePart {
             force_n,
             moment_nm,
             foot_vertical_n,
+            foot_lever_nm,
         })
     }
 
@@ -214,22 +222,23 @@ impl TarePart {
         if self.plate != plate_of(config) {
             return Err("[ground] is another than when it was taken; tare again".to_owned());
         }
-        let &TarePart { force_n, moment_nm, foot_vertical_n, .. } = self;
+        let &TarePart { force_n, moment_nm, foot_vertical_n, foot_lever_nm, .. } = self;
         let age_s = now_unix_s.saturating_sub(self.taken_unix_s);
         let old = if age_s > TARE_IS_OLD_S { "; tare again as soon as the plate is empty" } else { "" };
         let told =
             format!("the tare of {:.1} h ago is in force ({:.1} N){old}", age_s as f64 / 3600.0, force_n[2]);
-        Ok((Tare { force_n, moment_nm, foot_vertical_n }, told))
+        Ok((Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm }, told))
     }
 }
 
 impl RegistrationPart {
     /// A registration that was found; nothing while none was, or where the machine's start cannot be told.
-    pub fn of(kept: &Kept) -> Option<RegistrationPart> {
+    pub fn of(kept: &Kept, config: &Config) -> Option<RegistrationPart> {
         let Registration { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns } =
             kept.registration;
         (suit_time_ns > 0).then_some(RegistrationPart {
             boot: boot()?,
+            frames: frames_of(config),
             station_from_suit_m,
             suit_time_ns,
             suit_counter,
@@ -241,9 +250,12 @@ impl RegistrationPart {
     ///
     /// # Errors
     /// Why it does not hold any more.
-    pub fn registration(&self, now_ns: u64) -> Result<Registration, String> {
+    pub fn registration(&self, config: &Config, now_ns: u64) -> Result<Registration, String> {
         if boot().as_deref() != Some(&self.boot) {
             return Err("the machine was started anew".to_owned());
+        }
+        if !self.frames.is_empty() && self.frames != frames_of(config) {
+            return Err("[ground.frame] is another than it was".to_owned());
         }
         let age_ns = now_ns.saturating_sub(self.suit_time_ns);
         if age_ns > SHIFT_HOLDS_NS {
@@ -254,8 +266,18 @@ impl RegistrationPart {
     }
 }
 
+fn is_nothing(levers_nm: &[[f64; 2]; 2]) -> bool {
+    *levers_nm == [[0.0; 2]; 2]
+}
+
 fn plate_of(config: &Config) -> String {
     sha256_of_text(&toml::to_string(&config.ground).unwrap_or_default())
+}
+
+fn frames_of(config: &Config) -> String {
+    let frames = [Some(&config.ground), config.ground.second.as_deref()];
+    let told = frames.map(|ground| ground.and_then(|ground| toml::to_string(&ground.frame).ok()));
+    sha256_of_text(&told.map(Option::unwrap_or_default).join("and"))
 }
 
 /// Which start of the machine this is; `None` if the kernel does not say.
@@ -294,7 +316,7 @@ mod tests {
         let (config, kept) = (config(""), kept());
         let mut file = StationFile::new("s");
         file.tare = TarePart::of(&kept.tare, 1000, &config);
-        file.registration = RegistrationPart::of(&kept);
+        file.registration = RegistrationPart::of(&kept, &config);
         file.subject = SubjectPart::of("b", &config);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");
@@ -306,7 +328,7 @@ mod tests {
         let mut other = config.clone();
         other.subject.id = "c".to_owned();
         assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
-        assert_eq!(read.registration.unwrap().registration(now_ns()), Ok(kept.registration));
+        assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(kept.registration));
         for (change, why) in [("format = 1", "format = 2"), ("format", "formats"), ("station", "= =")] {
             fs::write(&path, file.to_toml().unwrap().replacen(change, why, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
@@ -327,9 +349,14 @@ mod tests {
 
     #[test]
     fn a_registration_is_not_of_another_start_of_the_machine_nor_of_long_ago() {
-        let mut part = RegistrationPart::of(&kept()).unwrap();
-        assert!(part.registration(now_ns() + 2 * SHIFT_HOLDS_NS).unwrap_err().contains("last seen"));
+        let mut part = RegistrationPart::of(&kept(), &config("")).unwrap();
+        let moved = config("[ground.frame]\nyaw_deg = 90.0");
+        assert!(part.registration(&moved, now_ns()).unwrap_err().contains("[ground.frame]"));
+        assert!(part.registration(&config("latency_ms = 2.0"), now_ns()).is_ok());
+        assert!(
+            part.registration(&config(""), now_ns() + 2 * SHIFT_HOLDS_NS).unwrap_err().contains("last seen")
+        );
         part.boot.push('x');
-        assert!(part.registration(now_ns()).unwrap_err().contains("machine"));
+        assert!(part.registration(&config(""), now_ns()).unwrap_err().contains("machine"));
     }
 }

@@ -9,7 +9,7 @@ mod loop_time;
 mod page_faults;
 mod streams;
 
-use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusError, Subscriber};
 use equipoise_core::message::{AdapterHealth, CycleRecord, Incident, State, Validity};
@@ -249,24 +249,30 @@ fn suit_wire(config: &SuitConfig) -> Wire {
     const OF_TIME: [usize; 3] =
         [SuitRefusal::Duplicate.index(), SuitRefusal::OutOfOrder.index(), SuitRefusal::Late.index()];
     let check = match config.source {
-        SuitSourceKind::External => "is `equipoise adapter suit` running?".to_owned(),
-        SuitSourceKind::MvnUdp => format!(
-            "is MVN's Network Streamer on, not paused, and does it send to {}?{}",
+        SuitSourceKind::External => {
+            "is `equipoise adapter suit` running, or the daemon that has this station in its suit.others?"
+                .to_owned()
+        }
+        SuitSourceKind::MvnUdp | SuitSourceKind::MvnTcp => format!(
+            "is MVN's Network Streamer on, not paused, and does it send to {}{}?{}",
             config.listen,
+            if config.source == SuitSourceKind::MvnTcp { " with Protocol TCP" } else { "" },
             if config.allow_remote { "" } else { " If MVN runs on another PC: suit.allow_remote" }
         ),
     };
-    Wire { what: "the suit", check, reasons: SuitRefusal::NAMES, of_time: &OF_TIME }
+    const REFUSED: &str =
+        "; `equipoise doctor suit` says more (upside_down: if MVN sends with Y up, suit.up = \"y\")";
+    Wire { what: "the suit", check, reasons: SuitRefusal::NAMES, refused: REFUSED, of_time: &OF_TIME }
 }
 
 fn ground_wire(config: &GroundConfig) -> Wire {
-    const OF_TIME: [usize; 2] = [RdtRefusal::Duplicate.index(), RdtRefusal::OutOfOrder.index()];
+    const OF_TIME: [usize; 2] = [GroundRefusal::Duplicate.index(), GroundRefusal::OutOfOrder.index()];
     let check = match config.source {
         GroundSourceKind::External => "is `equipoise adapter ground` running?".to_owned(),
-        GroundSourceKind::AtiRdt => format!(
-            "is it on, and is ground.address = {} right? Another client may have taken its stream",
-            config.address
-        ),
+        GroundSourceKind::AtiRdt => {
+            format!("is it on, and is {} right? Another client may have taken its stream", config.place())
+        }
+        _ => format!("is it on, and is {} right?", config.place()),
     };
-    Wire { what: "the plate", check, reasons: RdtRefusal::NAMES, of_time: &OF_TIME }
+    Wire { what: "the plate", check, reasons: GroundRefusal::NAMES, refused: "", of_time: &OF_TIME }
 }

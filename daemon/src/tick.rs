@@ -125,8 +125,10 @@ impl Loop {
 
             let command = self.command();
             let (suit, ground) = self.take_samples();
+            let body = self.rings.body.pop().map(|taken| taken.sample);
             let tick = Tick { cycle, due_ns: schedule.due_ns() };
-            let inputs = Inputs { suit: &self.suit[..suit], ground: &self.ground[..ground], command };
+            let (suits, grounds) = (&self.suit[..suit], &self.ground[..ground]);
+            let inputs = Inputs { suit: suits, ground: grounds, body: body.as_ref(), command };
             let compute_start_ns = clock.now_ns();
             let state = *step(&self.settings, &mut self.memory, tick, inputs);
             let compute_end_ns = clock.now_ns();
@@ -134,6 +136,7 @@ impl Loop {
             self.note_stamps(tick, [woken_ns, compute_start_ns, compute_end_ns]);
             self.note_lateness(&schedule, misses.judge(cycle, compute_end_ns, schedule.deadline_ns()));
             self.note_inputs(suit, ground, command);
+            self.record.body_published_ns = body.map_or(0, |body| body.published_ns);
             self.rings.push_outcome(Outcome { state, record: self.record });
             self.take_checkpoint(cycle, command);
             self.keep_if_due(tick.due_ns, command);

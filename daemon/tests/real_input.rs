@@ -216,7 +216,7 @@ fn of_rows(rows: &[(SuitSample, GroundSample)], config: &Config) -> Cops {
     let mut cops = Cops::new();
     for (cycle, (suit, ground)) in (1..).zip(rows) {
         let due_ns = suit.sample_time_ns.max(ground.sample_time_ns) + config.period_ns();
-        let inputs = Inputs { suit: &[*suit], ground: &[*ground], command: None };
+        let inputs = Inputs { suit: &[*suit], ground: &[*ground], body: None, command: None };
         let state = step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
         if let (Some(row), Some(of_state)) = (row_at.get(&state.suit_sample_time_ns), cops_of(state)) {
             cops.insert(*row, of_state);

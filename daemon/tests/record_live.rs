@@ -4,32 +4,9 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Station, equipoise, free_address, remove_shared_memory, said};
+use common::{Station, equipoise, person, remove_shared_memory, said};
 use equipoise_daemon::replay::Replay;
 use equipoise_daemon::replay::input::Input;
-use equipoise_simulator::settings::SimulationSettings;
-use equipoise_simulator::simulation::Simulation;
-
-fn config(suit: std::net::SocketAddr, plate: std::net::SocketAddr) -> String {
-    format!(
-        r#"
-station = "test"
-[loop]
-lock_memory = false
-[suit]
-source = "mvn-udp"
-listen = "{suit}"
-[ground]
-source = "ati-rdt"
-address = "{plate}"
-counts_per_newton = 1000000
-counts_per_newton_metre = 1000000
-[subject]
-id = "anon-1"
-height_m = 1.77
-"#
-    )
-}
 
 const MODEL: &str = r#"version = 1
 [[effect]]
@@ -42,12 +19,7 @@ parameters = { dx_m = { value = 0.003, sigma = 0.001, unit = "m" } }
 
 #[test]
 fn a_live_recording_and_its_replay_give_the_same_states() {
-    let suit = free_address();
-    let mut settings = SimulationSettings::default();
-    settings.suit.target = suit;
-    settings.plate.address = "127.0.0.1:0".parse().unwrap();
-    let simulation = Simulation::start(settings).unwrap();
-    let text = config(suit, simulation.plate_address());
+    let (simulation, text) = person();
     let station = Station::start(&text);
     std::fs::write(station.file("model.toml"), MODEL).unwrap();
 

@@ -56,9 +56,7 @@ fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
             avatar: 0,
             position_m: suit.position_m,
             orientation_wxyz: suit.orientation_wxyz,
-            motion: None,
-            joint_angle_deg: None,
-            com_m: None,
+            ..SuitFrame::default()
         };
         for datagram in frame.datagrams().unwrap() {
             writer.write_udp(at_ns, mvn, us, &datagram).unwrap();

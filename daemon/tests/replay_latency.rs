@@ -64,9 +64,7 @@ fn write_pcap(path: &Path) {
             avatar: 0,
             position_m: Segment::ALL.map(|segment| [0.0, 0.0, height_m(segment)]),
             orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; SEGMENTS],
-            motion: None,
-            joint_angle_deg: None,
-            com_m: None,
+            ..SuitFrame::default()
         };
         for datagram in frame.datagrams().unwrap() {
             writer.write_udp(at_ns, mvn, us, &datagram).unwrap();

@@ -118,7 +118,7 @@ fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
             settings = Config::parse(&reloaded_toml(), "test").unwrap().settings();
             record.command_argument[0] = RELOAD as f64;
         }
-        let inputs = Inputs { suit: &suit, ground: &ground, command };
+        let inputs = Inputs { suit: &suit, ground: &ground, body: None, command };
         live.states.push(*step(&settings, &mut memory, Tick { cycle, due_ns }, inputs));
         live.cycles.push(record);
         live.suit.extend(suit);

@@ -52,6 +52,7 @@ pub struct Comparison {
     kept: Kept,
     last: Option<Last>,
     shear: bool,
+    shear_missing: bool,
 }
 
 /// What the moment before was like.
@@ -75,6 +76,7 @@ impl Comparison {
             kept: Kept::new(&options),
             last: None,
             shear: false,
+            shear_missing: false,
             worker,
             options,
         }
@@ -112,9 +114,10 @@ impl Comparison {
         self.still.push_back((self.options.seconds(time_ns), still));
     }
 
-    /// Whether any horizontal force was measured.
+    /// Whether the horizontal force was measured in all that was compared: where it was not, its rows would hold zeros
+    /// that nobody measured.
     pub fn has_shear(&self) -> bool {
-        self.shear
+        self.shear && !self.shear_missing
     }
 
     /// All blocks by time, once the last moment has been pushed.
@@ -125,6 +128,7 @@ impl Comparison {
 
     fn take(&mut self, point: Point) {
         self.shear |= point.slope_is_measured;
+        self.shear_missing |= !point.slope_is_measured;
         if !point.is_moderate() {
             self.spoil(point.time_s, self.options.half_window_s);
         }

@@ -4,7 +4,7 @@
 //! change, the same picture again on data held out, what is left. An answer that names nothing is told as openly. Both
 //! forms are made of one document, so they cannot tell different numbers.
 
-mod document;
+pub mod document;
 mod escape;
 mod figures;
 mod figures_by_row;
@@ -12,7 +12,7 @@ mod figures_left;
 mod html;
 mod markdown;
 mod story;
-mod svg;
+pub mod svg;
 mod words;
 
 use crate::finding::Finding;
@@ -56,6 +56,18 @@ pub struct Recording {
     pub name: String,
     /// SHA-256 of its bytes, in hexadecimal.
     pub sha256: String,
+}
+
+/// A document as one page that needs nothing else: no script, nothing from elsewhere; light, dark and printed.
+///
+/// The style sheet knows the verdicts of a finding by their colour; any other word stands there without one.
+pub fn page(document: &Document) -> String {
+    html::html(document)
+}
+
+/// Text from elsewhere made harmless, for the body of a drawing.
+pub fn escaped(text: &str) -> String {
+    escape::xml(text)
 }
 
 /// A report, ready to be written.

@@ -1,11 +1,11 @@
-//! A network that loses, reorders, repeats and damages datagrams: a wrapper around a socket.
+//! A network that loses, reorders, repeats and damages datagrams, or the pieces of a stream.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
 use crate::random::Random;
 
-/// How bad the network is: probabilities for each datagram.
+/// How bad the network is: probabilities for each datagram, or each packet of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Faults {
     /// It never arrives.
@@ -18,35 +18,119 @@ pub struct Faults {
     pub corrupt: f64,
     /// Its end is missing.
     pub truncate: f64,
-    /// One of as many bytes, all of them 0xff, arrives before it.
+    /// One of as many bytes, all of them 0xff, arrives before it; in a stream up to 40 bytes of noise.
     pub garbage: f64,
+    /// A stream's bytes come in pieces of any length, whatever they were sent in; certain at 1.
+    pub chop: f64,
+}
+
+/// What a way made of what was sent on it, in samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Suffered {
+    /// Sent.
+    pub sent: u64,
+    /// Never arrived.
+    pub lost: u64,
+    /// Arrived damaged or cut.
+    pub damaged: u64,
+    /// Arrived twice.
+    pub doubled: u64,
+    /// Arrived after those behind them.
+    pub late: u64,
+    /// How often garbage came in between.
+    pub garbage: u64,
+}
+
+impl core::ops::Add for Suffered {
+    type Output = Suffered;
+
+    fn add(self, other: Suffered) -> Suffered {
+        Suffered {
+            sent: self.sent + other.sent,
+            lost: self.lost + other.lost,
+            damaged: self.damaged + other.damaged,
+            doubled: self.doubled + other.doubled,
+            late: self.late + other.late,
+            garbage: self.garbage + other.garbage,
+        }
+    }
+}
+
+/// What happens to one packet.
+#[derive(Debug, Clone, Copy)]
+struct Fate {
+    lost: bool,
+    late: bool,
+    twice: bool,
+    damaged: bool,
+    cut: bool,
+    garbage: bool,
+    chopped: bool,
+}
+
+impl Fate {
+    fn draw(faults: Faults, random: &mut Random) -> Fate {
+        let Faults { loss, reorder, duplicate, corrupt, truncate, garbage, chop } = faults;
+        // Every draw is taken, so that one fault's probability does not shift another's luck.
+        let [lost, late, twice, damaged, cut, garbage] =
+            [loss, reorder, duplicate, corrupt, truncate, garbage].map(|chance| random.happens(chance));
+        Fate { lost, late, twice, damaged, cut, garbage, chopped: chop > 0.0 && random.happens(chop) }
+    }
+
+    /// The packet as it arrives.
+    fn leaves(self, packet: &[u8], random: &mut Random) -> Vec<u8> {
+        let mut copy = packet.to_vec();
+        if self.damaged && !copy.is_empty() {
+            let place = random.between(0.0, copy.len() as f64) as usize;
+            copy[place] ^= 1 << (random.between(0.0, 8.0) as u32);
+        }
+        if self.cut {
+            copy.truncate(random.between(0.0, copy.len() as f64) as usize);
+        }
+        copy
+    }
 }
 
 /// Sends datagrams through the faults.
 #[derive(Debug)]
-pub struct FaultySender {
-    faults: Faults,
-    random: Random,
-    held: Option<Vec<u8>>,
-}
+pub struct FaultySender(FaultyStream);
 
 impl FaultySender {
     /// A sender with the misfortunes of a seed.
     pub fn new(faults: Faults, seed: u64) -> FaultySender {
-        FaultySender { faults, random: Random::new(seed, "faults"), held: None }
+        FaultySender(FaultyStream::new(faults, seed))
     }
 
     /// The network is another from the next datagram on.
     pub fn set_faults(&mut self, faults: Faults) {
-        self.faults = faults;
+        self.0.set_faults(faults);
     }
 
-    /// Sends one datagram, or what the faults make of it.
+    /// What became of what was sent.
+    pub fn suffered(&self) -> Suffered {
+        self.0.suffered()
+    }
+
+    /// Sends one datagram of one sample, or what the faults make of it.
     ///
     /// # Errors
     /// Those of the socket, but not that nobody listens: a real sensor does not care.
     pub fn send(&mut self, socket: &UdpSocket, datagram: &[u8], to: SocketAddr) -> io::Result<()> {
-        for datagram in self.afflict(datagram) {
+        self.send_samples(socket, datagram, 1, to)
+    }
+
+    /// The same with a datagram of several samples.
+    ///
+    /// # Errors
+    /// As [`Self::send`].
+    pub fn send_samples(
+        &mut self,
+        socket: &UdpSocket,
+        datagram: &[u8],
+        samples: u32,
+        to: SocketAddr,
+    ) -> io::Result<()> {
+        for datagram in self.0.datagrams(datagram, samples) {
             match socket.send_to(&datagram, to) {
                 Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => return Err(error),
                 _ => {}
@@ -54,38 +138,94 @@ impl FaultySender {
         }
         Ok(())
     }
+}
+
+/// Does to packets what the faults say, and counts it.
+#[derive(Debug)]
+pub struct FaultyStream {
+    faults: Faults,
+    random: Random,
+    /// A datagram that comes behind the next one.
+    held: Option<Vec<u8>>,
+    /// The end of a stream's packet that comes with the next one.
+    rest: Vec<u8>,
+    suffered: Suffered,
+}
+
+impl FaultyStream {
+    /// With the misfortunes of a seed.
+    pub fn new(faults: Faults, seed: u64) -> FaultyStream {
+        let random = Random::new(seed, "faults");
+        FaultyStream { faults, random, held: None, rest: Vec::new(), suffered: Suffered::default() }
+    }
+
+    /// Other faults from the next packet on.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
+    /// What became of what was sent.
+    pub fn suffered(&self) -> Suffered {
+        self.suffered
+    }
+
+    fn fate(&mut self, samples: u32) -> Fate {
+        let fate = Fate::draw(self.faults, &mut self.random);
+        let (samples, told) = (u64::from(samples), &mut self.suffered);
+        told.sent += samples;
+        told.garbage += u64::from(fate.garbage);
+        if fate.lost {
+            told.lost += samples;
+        } else if fate.damaged || fate.cut {
+            told.damaged += samples;
+        } else if fate.twice {
+            told.doubled += samples;
+        }
+        fate
+    }
 
     /// What arrives when this datagram is sent.
-    fn afflict(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
+    pub fn datagrams(&mut self, datagram: &[u8], samples: u32) -> Vec<Vec<u8>> {
         let mut arriving = Vec::new();
-        // Every draw is taken, so that one fault's probability does not shift another's luck.
-        let Faults { loss, reorder, duplicate, corrupt, truncate, garbage } = self.faults;
-        let [lost, late, twice, damaged, cut, garbage] =
-            [loss, reorder, duplicate, corrupt, truncate, garbage]
-                .map(|probability| self.random.happens(probability));
+        let fate = self.fate(samples);
         let before = self.held.take();
-        if garbage {
+        if fate.garbage {
             arriving.push(vec![0xff; datagram.len()]);
         }
-        if !lost {
-            let mut copy = datagram.to_vec();
-            if damaged && !copy.is_empty() {
-                let place = self.random.between(0.0, copy.len() as f64) as usize;
-                copy[place] ^= 1 << (self.random.between(0.0, 8.0) as u32);
-            }
-            if cut {
-                copy.truncate(self.random.between(0.0, copy.len() as f64) as usize);
-            }
-            if late && before.is_none() {
+        if !fate.lost {
+            let copy = fate.leaves(datagram, &mut self.random);
+            if fate.late && before.is_none() {
+                self.suffered.late += u64::from(samples);
                 self.held = Some(copy);
             } else {
-                if twice {
+                if fate.twice {
                     arriving.push(copy.clone());
                 }
                 arriving.push(copy);
             }
         }
         arriving.extend(before);
+        arriving
+    }
+
+    /// What a stream brings when this packet is sent on it: nothing overtakes there.
+    pub fn bytes(&mut self, packet: &[u8], samples: u32) -> Vec<u8> {
+        let fate = self.fate(samples);
+        let mut arriving = std::mem::take(&mut self.rest);
+        if fate.garbage {
+            let length = self.random.between(1.0, 41.0) as usize;
+            arriving.extend((0..length).map(|_| self.random.between(0.0, 256.0) as u8));
+        }
+        if !fate.lost {
+            let copy = fate.leaves(packet, &mut self.random);
+            arriving.extend_from_slice(&copy);
+            if fate.twice {
+                arriving.extend_from_slice(&copy);
+            }
+        }
+        if fate.chopped {
+            self.rest = arriving.split_off(self.random.between(0.0, arriving.len() as f64 + 1.0) as usize);
+        }
         arriving
     }
 }
@@ -95,8 +235,8 @@ mod tests {
     use super::*;
 
     fn arriving(faults: Faults) -> Vec<u8> {
-        let mut sender = FaultySender::new(faults, 1);
-        (0..100).flat_map(|number| sender.afflict(&[number])).map(|datagram| datagram[0]).collect()
+        let mut sender = FaultyStream::new(faults, 1);
+        (0..100).flat_map(|number| sender.datagrams(&[number], 1)).map(|datagram| datagram[0]).collect()
     }
 
     #[test]
@@ -122,14 +262,37 @@ mod tests {
     #[test]
     fn what_is_cut_or_garbage_is_not_the_datagram_that_was_sent() {
         let arriving = |faults| {
-            let mut sender = FaultySender::new(Faults::default(), 1);
+            let mut sender = FaultyStream::new(Faults::default(), 1);
             sender.set_faults(faults);
-            (0..100).flat_map(|number| sender.afflict(&[number; 20])).collect::<Vec<_>>()
+            (0..100).flat_map(|number| sender.datagrams(&[number; 20], 1)).collect::<Vec<_>>()
         };
         let cut = arriving(Faults { truncate: 0.2, ..Faults::default() });
         assert!(cut.len() == 100 && cut.iter().filter(|datagram| datagram.len() < 20).count() > 5);
         let garbage = arriving(Faults { garbage: 0.2, ..Faults::default() });
         assert_eq!(garbage.iter().filter(|datagram| **datagram == [0xff; 20]).count(), garbage.len() - 100);
         assert!(garbage.len() > 105);
+    }
+
+    #[test]
+    fn a_chopped_stream_loses_nothing_and_keeps_no_boundaries() {
+        let mut stream = FaultyStream::new(Faults { chop: 1.0, ..Faults::default() }, 1);
+        let pieces: Vec<_> = (0..100).map(|number| stream.bytes(&[number; 20], 1)).collect();
+        let joined = pieces.concat();
+        assert!(joined.is_sorted() && joined.len() > 100 * 20 - 120);
+        assert!(pieces.iter().filter(|piece| piece.len() != 20).count() > 50);
+        assert_eq!(stream.suffered(), Suffered { sent: 100, ..Suffered::default() });
+    }
+
+    #[test]
+    fn a_stream_is_cut_damaged_and_full_of_noise_as_it_counts() {
+        let faults = Faults { loss: 0.1, corrupt: 0.1, truncate: 0.1, garbage: 0.1, ..Faults::default() };
+        let mut stream = FaultyStream::new(faults, 3);
+        let arriving: Vec<_> = (0..400).map(|number| stream.bytes(&[number as u8; 20], 2)).collect();
+        let told = stream.suffered();
+        let empty = arriving.iter().filter(|bytes| bytes.is_empty()).count() as u64;
+        assert!(told.sent == 800 && told.lost / 2 >= empty && empty > 20, "{told:?}");
+        let sound =
+            arriving.iter().zip(0..).filter(|(bytes, number)| **bytes == [*number as u8; 20]).count() as u64;
+        assert!(sound * 2 >= 800 - told.lost - told.damaged - 2 * told.garbage, "{told:?} {sound}");
     }
 }

@@ -1,9 +1,9 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`walk`] → [`motion`] → [`dynamics`] → [`truth`] →
-//! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wire`], [`plate`] →
-//! [`suit_sender`], [`plate_server`] (through [`faults`]), [`device`] → [`simulation`], [`player`].
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] → [`dynamics`] → [`truth`] →
+//! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wires`] → [`wire`], [`plate`] →
+//! [`suit_sender`], [`plate_server`] (through [`faults`]), [`device`] → [`devices`] → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
 //!
@@ -15,6 +15,7 @@ pub mod burden;
 pub mod clock;
 pub mod colour;
 pub mod device;
+pub mod devices;
 pub mod dynamics;
 pub mod faults;
 pub mod intention;
@@ -37,11 +38,14 @@ pub mod schedule;
 pub mod settings;
 pub mod simulation;
 pub mod stance;
+pub mod stomp;
+mod suit_more;
 pub mod suit_sender;
 pub mod truth;
 pub mod two_plates;
 pub mod walk;
 pub mod wire;
+pub mod wires;
 
 /// Standard gravity as the simulated plate feels it, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;

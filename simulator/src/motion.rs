@@ -16,6 +16,7 @@ use crate::pose::Pose;
 use crate::random::{Random, Wander};
 use crate::schedule::Schedule;
 use crate::stance::Stance;
+use crate::stomp::Stomps;
 use crate::walk::{Place, Walk};
 
 /// Half the span of the central differences of dynamics, s.
@@ -116,6 +117,7 @@ pub struct Worker {
     load_kg: Schedule<f64>,
     expected_load_kg: Schedule<f64>,
     marches: Vec<March>,
+    stomps: Vec<Stomps>,
     walk: Walk,
     deviation: Random,
     sway: [Wander; 4],
@@ -144,6 +146,7 @@ impl Worker {
             load_kg: Schedule::starting_with(0.0),
             expected_load_kg: Schedule::starting_with(0.0),
             marches: Vec::new(),
+            stomps: Vec::new(),
             walk,
             deviation: Random::new(seed, "deviation from the pose"),
             sway,
@@ -219,6 +222,14 @@ impl Worker {
         march.end_s()
     }
 
+    /// Stamps the right foot down, that many times at an irregular beat, with the weight on the left. Returns when it is over,
+    /// s. As with [`Worker::march_on_the_spot`] nothing else should be under way.
+    pub fn stomp(&mut self, at_s: f64, count: u32) -> f64 {
+        let stomps = Stomps::new(&self.stance, at_s, count);
+        self.stomps.push(stomps);
+        stomps.end_s()
+    }
+
     fn follow(&mut self, mut pose: Pose, at_s: f64, over_s: f64) {
         let habits = self.habits;
         let mut off = |sigma: f64| sigma * self.deviation.normal();
@@ -250,6 +261,13 @@ impl Worker {
             }
             aim.balance_m.y += march.aside_m(time_s);
             aim.pose.pelvis_height -= march.sink(time_s);
+        }
+        for stomps in self.stomps.iter().filter(|stomps| stomps.lasts(time_s)) {
+            for (ankle_m, lift_m) in stance.to_mut().ankle_m.iter_mut().zip(stomps.lift_m(time_s)) {
+                ankle_m.z += lift_m;
+            }
+            aim.balance_m.y += stomps.aside_m(time_s);
+            aim.pose.pelvis_height -= stomps.sink(time_s);
         }
         if !self.walk.is_empty() {
             self.turn_towards(&mut aim, time_s);

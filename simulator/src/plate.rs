@@ -1,9 +1,9 @@
 //! A force plate as a thing: where it stands, what it feels, how it counts.
 
-use equipoise_adapters::wire::ati_rdt::Record;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::dynamics::Wrench;
+use crate::wires::ati_rdt::Record;
 
 /// How a plate stands in the station's world and what its numbers mean.
 #[derive(Debug, Clone, Copy, PartialEq)]

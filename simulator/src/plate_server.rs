@@ -3,9 +3,8 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-use equipoise_adapters::wire::ati_rdt::{Command, Record, Request};
-
-use crate::faults::{Faults, FaultySender};
+use crate::faults::{Faults, FaultySender, Suffered};
+use crate::wires::ati_rdt::{Command, Family, Record, request};
 
 /// Records of a datagram in the buffered mode.
 const BUFFERED_RECORDS: usize = 10;
@@ -23,6 +22,7 @@ pub struct PlateServer {
     socket: UdpSocket,
     network: FaultySender,
     client: Option<Client>,
+    family: Family,
 }
 
 #[derive(Debug)]
@@ -44,7 +44,18 @@ impl PlateServer {
     pub fn bind(address: SocketAddr, faults: Faults, seed: u64) -> io::Result<PlateServer> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        Ok(PlateServer { socket, network: FaultySender::new(faults, seed), client: None })
+        Ok(PlateServer {
+            socket,
+            network: FaultySender::new(faults, seed),
+            client: None,
+            family: Family::NetFt,
+        })
+    }
+
+    /// It numbers its commands as this family does.
+    #[must_use]
+    pub fn of_family(self, family: Family) -> PlateServer {
+        PlateServer { family, ..self }
     }
 
     /// Where it listens.
@@ -58,6 +69,11 @@ impl PlateServer {
     /// The network is another from the next datagram on.
     pub fn set_faults(&mut self, faults: Faults) {
         self.network.set_faults(faults);
+    }
+
+    /// What became of what was sent.
+    pub fn suffered(&self) -> Suffered {
+        self.network.suffered()
     }
 
     /// The device is switched off and on: it knows no client any more.
@@ -77,15 +93,13 @@ impl PlateServer {
         // An error is either "nothing there" or an echo of a client that has gone: nothing to do in both cases.
         while let Ok((length, address)) = self.socket.recv_from(&mut bytes) {
             // A real device ignores what it does not understand.
-            let Ok(request) = Request::parse(&bytes[..length]) else { continue };
-            match request.command {
+            let Some((command, count)) = request(&bytes[..length], self.family) else { continue };
+            match command {
                 Command::Stop => self.client = None,
-                Command::StartBuffered => self.start(address, request.sample_count, BUFFERED_RECORDS),
-                Command::StartRealTime | Command::StartSingleBlock | Command::StartMultiUnit => {
-                    self.start(address, request.sample_count, 1);
-                }
-                Command::SetBias => wish = Some(Wish::SetBias),
-                Command::ResetThresholdLatch => {}
+                Command::StreamBlocks => self.start(address, count, BUFFERED_RECORDS),
+                Command::Stream => self.start(address, count, 1),
+                Command::Bias => wish = Some(Wish::SetBias),
+                Command::ResetLatch => {}
             }
         }
         wish
@@ -116,8 +130,8 @@ impl PlateServer {
         let done = client.left == Some(0);
         if done || client.waiting_records >= client.records_per_datagram {
             let datagram = std::mem::take(&mut client.waiting);
-            client.waiting_records = 0;
-            self.network.send(&self.socket, &datagram, client.address)?;
+            let records = std::mem::take(&mut client.waiting_records) as u32;
+            self.network.send_samples(&self.socket, &datagram, records, client.address)?;
         }
         if done {
             self.client = None;

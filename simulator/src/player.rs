@@ -126,6 +126,7 @@ impl Player {
             }),
             joint_angle_deg: sample.has(SuitBlocks::JointAngles).then_some(sample.joint_angle_deg),
             com_m: sample.has(SuitBlocks::CentreOfMass).then_some(sample.com_m),
+            ..SuitFrame::default()
         })
     }
 

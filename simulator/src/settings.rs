@@ -7,6 +7,7 @@ use crate::motion::Habits;
 use crate::noise::{PlateNoise, SuitNoise};
 use crate::plate::Plate;
 use crate::suit_sender::{Streams, SuitWorld};
+use crate::wires;
 
 /// What to simulate.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +24,8 @@ pub struct SimulationSettings {
     pub suit: SuitSettings,
     /// The plate.
     pub plate: PlateSettings,
+    /// A second plate; then each foot stands on one of its own.
+    pub second_plate: Option<SecondPlateSettings>,
 }
 
 /// The suit's side.
@@ -30,6 +33,8 @@ pub struct SimulationSettings {
 pub struct SuitSettings {
     /// Where MVN streams to: the receiver's address.
     pub target: SocketAddr,
+    /// Over TCP, connecting to the receiver, instead of UDP.
+    pub tcp: bool,
     /// Samples per second, 60 to 240.
     pub rate_hz: f64,
     /// Character id.
@@ -61,6 +66,19 @@ pub struct PlateSettings {
     pub faults: Faults,
 }
 
+/// A second plate, as good as the first: the right foot stands on it, and the left one alone on the first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SecondPlateSettings {
+    /// Where it listens for requests.
+    pub address: SocketAddr,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Where it stands and what it counts; its surface is as high as the first one's.
+    pub plate: Plate,
+    /// Where the left and the right foot press, from their ankles along the world's axes, m.
+    pub press_m: [[f64; 2]; 2],
+}
+
 impl Default for SimulationSettings {
     /// An ordinary person of 1.77 m and 72 kg in an ordinary suit on a good plate, on loopback and default ports.
     fn default() -> SimulationSettings {
@@ -71,7 +89,8 @@ impl Default for SimulationSettings {
             mass_kg: 72.0,
             habits: Habits::ORDINARY,
             suit: SuitSettings {
-                target: loopback(equipoise_adapters::wire::mvn::DEFAULT_PORT),
+                target: loopback(wires::mvn::DEFAULT_PORT),
+                tcp: false,
                 rate_hz: 60.0,
                 avatar: 0,
                 latency_s: 0.0,
@@ -81,12 +100,13 @@ impl Default for SimulationSettings {
                 faults: Faults::default(),
             },
             plate: PlateSettings {
-                address: loopback(equipoise_adapters::wire::ati_rdt::DEFAULT_PORT),
+                address: loopback(wires::ati_rdt::DEFAULT_PORT),
                 rate_hz: 1000.0,
                 plate: Plate::default(),
                 noise: PlateNoise::ORDINARY,
                 faults: Faults::default(),
             },
+            second_plate: None,
         }
     }
 }

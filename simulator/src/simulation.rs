@@ -3,6 +3,10 @@
 //! Simulated time runs one to one with CLOCK_MONOTONIC from the moment of the start. Each sensor is a thread that
 //! sleeps to absolute times and never skips a sample: what is late is sent at once.
 
+mod plates;
+
+pub use plates::OnPlates;
+
 use std::io;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -10,26 +14,30 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::thread::JoinHandle;
 
 use equipoise_core::pose_suggestion::library::LIBRARY;
-use nalgebra::Vector3;
+use nalgebra::Vector2;
 
 use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
 use crate::device::DeviceClock;
-use crate::dynamics::Wrench;
+use crate::devices::felt::OnFeet;
+use crate::devices::running::Load;
 use crate::faults::Faults;
 use crate::intention::Intention;
 use crate::motion::Worker;
 use crate::noise::Suit;
 use crate::person::Person;
-use crate::plate_server::{PlateServer, Wish};
+use crate::plate_server::PlateServer;
 use crate::random::Random;
-use crate::settings::SimulationSettings;
+use crate::settings::{SimulationSettings, SuitSettings};
 use crate::suit_sender::{SuitSender, frame_at};
 use crate::truth::Truth;
+use crate::walk::Place;
 
 /// The worker obeys this long after a command, so that no sensor has yet seen the time from which it holds, s.
 const REACTION_S: f64 = 0.02;
 /// A sample that is sent so much later than it should be was held up, ns.
 const HELD_UP_NS: u64 = 10_000_000;
+/// Where each foot presses, from its ankle, m.
+const PRESS_M: [Vector2<f64>; 2] = [Vector2::new(0.05, 0.0), Vector2::new(0.05, 0.0)];
 /// How long a pose takes unless said otherwise, s.
 const POSE_S: f64 = 1.8;
 
@@ -38,10 +46,11 @@ const POSE_S: f64 = 1.8;
 struct Shared {
     settings: SimulationSettings,
     worker: RwLock<Worker>,
+    on_plates: RwLock<OnPlates>,
     start_ns: u64,
     stop: AtomicBool,
     suit_silent: AtomicBool,
-    plate_silent: AtomicBool,
+    plate_silent: [AtomicBool; 2],
     plate_status: AtomicU32,
     trouble: RwLock<Trouble>,
     /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC.
@@ -150,45 +159,6 @@ impl Shared {
             Ok(trouble.suit_rate_hz)
         })
     }
-
-    fn run_plate(&self, mut server: PlateServer) -> io::Result<()> {
-        let settings = &self.settings.plate;
-        let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
-        let mut before = self.trouble();
-        let mut number = 0_u32;
-        self.pace(1, settings.rate_hz, 0.0, |clock| {
-            let trouble = self.trouble();
-            if trouble.restarts[1] != before.restarts[1] {
-                clock.restart();
-                server.restart();
-            }
-            before = trouble;
-            number = number.wrapping_add(1);
-            let wish = server.poll();
-            if !server.has_client() && wish.is_none() {
-                return Ok(settings.rate_hz);
-            }
-            let time_s = clock.time_s();
-            let on_person = self.with_worker(|worker| worker.ground_reaction(time_s));
-            let felt = settings.plate.felt(&settings.plate.in_the_station(&on_person));
-            // Each sample has noise of its own, whether or not those before it were asked for.
-            let mut random = Random::numbered(self.settings.seed, "plate noise", number - 1);
-            let felt = settings.noise.on(felt, &mut random);
-            if wish == Some(Wish::SetBias) {
-                bias = felt;
-            }
-            if self.plate_silent.load(Ordering::Relaxed) {
-                return Ok(settings.rate_hz);
-            }
-            let unbiased =
-                Wrench { force_n: felt.force_n - bias.force_n, moment_nm: felt.moment_nm - bias.moment_nm };
-            let status = self.plate_status.load(Ordering::Relaxed);
-            server.set_faults(trouble.plate_faults);
-            server.send(settings.plate.record(&unbiased, clock.counter(), status))?;
-            self.note_sent(1, time_s);
-            Ok(settings.rate_hz)
-        })
-    }
 }
 
 /// A simulated station.
@@ -201,10 +171,19 @@ impl Simulation {
     /// # Errors
     /// Those of the sockets, for example that the plate's address is taken.
     pub fn start(settings: SimulationSettings) -> io::Result<SimulationHandle> {
-        let sender = SuitSender::new(settings.suit.target, settings.suit.faults, settings.seed)?;
+        let SuitSettings { target, faults, tcp, .. } = settings.suit;
+        let sender = match tcp {
+            true => SuitSender::over_tcp(target, faults, settings.seed),
+            false => SuitSender::new(target, faults, settings.seed)?,
+        };
         let server =
             PlateServer::bind(settings.plate.address, settings.plate.faults, settings.seed.wrapping_add(1))?;
         let plate_address = server.address()?;
+        let seed = settings.seed.wrapping_add(2);
+        let second_server = settings.second_plate.as_ref();
+        let second_server = second_server
+            .map(|second| PlateServer::bind(second.address, settings.plate.faults, seed))
+            .transpose()?;
         let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
         let trouble = Trouble {
             suit_rate_hz: settings.suit.rate_hz,
@@ -216,11 +195,12 @@ impl Simulation {
         };
         let shared = Arc::new(Shared {
             worker: RwLock::new(Worker::with_habits(person, settings.seed, settings.habits)),
+            on_plates: RwLock::new(OnPlates::Worker),
             settings,
             start_ns: monotonic_ns(),
             stop: AtomicBool::new(false),
             suit_silent: AtomicBool::new(false),
-            plate_silent: AtomicBool::new(false),
+            plate_silent: [AtomicBool::new(false), AtomicBool::new(false)],
             plate_status: AtomicU32::new(0),
             trouble: RwLock::new(trouble),
             sent_ns: [AtomicU64::new(0), AtomicU64::new(0)],
@@ -230,7 +210,11 @@ impl Simulation {
         let mut handle = SimulationHandle { shared: Arc::clone(&shared), plate_address, threads: Vec::new() };
         let suit = Arc::clone(&shared);
         handle.spawn("sim-suit", move || suit.run_suit(sender))?;
-        handle.spawn("sim-plate", move || shared.run_plate(server))?;
+        if let Some(server) = second_server {
+            let second = Arc::clone(&shared);
+            handle.spawn("sim-plate-2", move || second.run_plate(server, 1))?;
+        }
+        handle.spawn("sim-plate", move || shared.run_plate(server, 0))?;
         Ok(handle)
     }
 }
@@ -311,6 +295,26 @@ impl SimulationHandle {
         self.command(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
     }
 
+    /// The worker walks to another place: [`Worker::go`]; the first step begins in so many seconds. Less than 2.5 would be a
+    /// leap, for who walks leans before. Returns when it is over, s.
+    pub fn go(&self, in_s: f64, to: Place) -> f64 {
+        let mut end_s = 0.0;
+        self.command(|worker, at_s| end_s = worker.go(at_s + in_s, to));
+        end_s
+    }
+
+    /// The worker stamps a foot down so many times: [`Worker::stomp`]. Returns when it is over, s.
+    pub fn stomp(&self, count: u32) -> f64 {
+        let mut end_s = 0.0;
+        self.command(|worker, at_s| end_s = worker.stomp(at_s, count));
+        end_s
+    }
+
+    /// The worker steps off the plates, or back on, or something else lies there; at once.
+    pub fn put_on_plates(&self, what: OnPlates) {
+        *self.shared.on_plates.write().unwrap_or_else(PoisonError::into_inner) = what;
+    }
+
     /// The suit stops (or starts again) sending, as when its battery is changed.
     pub fn silence_suit(&self, silent: bool) {
         self.shared.suit_silent.store(silent, Ordering::Relaxed);
@@ -318,7 +322,12 @@ impl SimulationHandle {
 
     /// The plate stops (or starts again) sending, as when its cable is pulled.
     pub fn silence_plate(&self, silent: bool) {
-        self.shared.plate_silent.store(silent, Ordering::Relaxed);
+        self.shared.plate_silent[0].store(silent, Ordering::Relaxed);
+    }
+
+    /// The same of the second plate, if there is one.
+    pub fn silence_second_plate(&self, silent: bool) {
+        self.shared.plate_silent[1].store(silent, Ordering::Relaxed);
     }
 
     /// The status word of all records from now on; 0 is sound.
@@ -355,6 +364,12 @@ impl SimulationHandle {
     /// What is so now.
     pub fn truth(&self) -> Truth {
         self.truth_at(self.now_s())
+    }
+
+    /// What presses on the feet at a simulated time, for further devices under the same worker.
+    pub fn load(&self) -> Load {
+        let shared = Arc::clone(&self.shared);
+        Arc::new(move |time_s| shared.with_worker(|worker| OnFeet::of(worker, time_s, PRESS_M)))
     }
 
     /// Stops both sensors.

@@ -1,13 +1,17 @@
 //! A motion-capture suit as MVN streams it: frames to datagrams to an address.
 
 use std::io;
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+use std::net::SocketAddr;
 
-use crate::faults::{Faults, FaultySender};
+use crate::devices::line::Line;
+use crate::devices::tcp_out::TcpOutPort;
+use crate::devices::udp::UdpPort;
+use crate::faults::Faults;
 use crate::kinematics::{centre_m, relative_to_parents};
 use crate::motion::Worker;
 use crate::noise::Suit;
-use crate::wire::{SuitFrame, introduction, joint_angles_deg};
+use crate::suit_more::{Seen, more};
+use crate::wire::{More, SuitFrame, introduction, joint_angles_deg};
 
 /// Half the span of the differences that give velocity and acceleration, s.
 const DIFFERENCE_S: f64 = 0.004;
@@ -21,11 +25,72 @@ pub struct Streams {
     pub linear_kinematics: bool,
     /// Type 24.
     pub centre_of_mass: bool,
+    /// Leave out type 02, which is sent otherwise.
+    pub without_quaternions: bool,
+    /// Type 01.
+    pub euler: bool,
+    /// Type 05.
+    pub unity: bool,
+    /// Type 03.
+    pub markers: bool,
+    /// Ergonomic angles behind the joints of type 20.
+    pub ergonomic: bool,
+    /// Type 22.
+    pub angular: bool,
+    /// Type 23.
+    pub trackers: bool,
+    /// Velocity and acceleration in type 24.
+    pub com_motion: bool,
+    /// Type 25.
+    pub time_of_day: bool,
+    /// Types 23 to 25 as older versions send them.
+    pub old_sizes: bool,
+    /// Gloves are worn: 40 finger segments with every pose.
+    pub fingers: bool,
+    /// Props in the right hand, 0 to 4.
+    pub props: u8,
+}
+
+impl Streams {
+    /// Type 02 alone.
+    pub const NONE: Streams = Streams {
+        joint_angles: false,
+        linear_kinematics: false,
+        centre_of_mass: false,
+        without_quaternions: false,
+        euler: false,
+        unity: false,
+        markers: false,
+        ergonomic: false,
+        angular: false,
+        trackers: false,
+        com_motion: false,
+        time_of_day: false,
+        old_sizes: false,
+        fingers: false,
+        props: 0,
+    };
+
+    /// Everything that there is, without gloves and props.
+    pub const ALL: Streams = Streams {
+        joint_angles: true,
+        linear_kinematics: true,
+        centre_of_mass: true,
+        euler: true,
+        unity: true,
+        markers: true,
+        ergonomic: true,
+        angular: true,
+        trackers: true,
+        com_motion: true,
+        time_of_day: true,
+        ..Streams::NONE
+    };
 }
 
 impl Default for Streams {
     fn default() -> Streams {
-        Streams { joint_angles: true, linear_kinematics: true, centre_of_mass: true }
+        Streams { joint_angles: true, linear_kinematics: true, centre_of_mass: true, ..Streams::NONE }
     }
 }
 
@@ -74,22 +139,30 @@ pub fn frame_at(
         (origin_m, rotation.map(|rotation| suit_from_station.rotation * rotation))
     };
     let (origin_m, rotation) = see(time_s);
+    let h = DIFFERENCE_S;
+    let differs = streams.linear_kinematics || streams.angular || streams.trackers || streams.com_motion;
+    // Three times the work, which nobody wants who sends poses only.
+    let [before, after] =
+        if differs { [-h, h].map(|step_s| see(time_s + step_s)) } else { [(origin_m, rotation); 2] };
+    let motion_of = |[before, now, after]: [nalgebra::Vector3<f64>; 3]| {
+        let velocity = (after - before) / (2.0 * h);
+        let acceleration = ((after - now) - (now - before)) / (h * h);
+        [velocity.into(), acceleration.into()]
+    };
     let motion = streams.linear_kinematics.then(|| {
-        let h = DIFFERENCE_S;
-        let ((before, _), (after, _)) = (see(time_s - h), see(time_s + h));
-        std::array::from_fn(|i| {
-            let velocity = (after[i] - before[i]) / (2.0 * h);
-            let acceleration = ((after[i] - origin_m[i]) - (origin_m[i] - before[i])) / (h * h);
-            [velocity.into(), acceleration.into()]
-        })
+        std::array::from_fn(|i| motion_of([before.0[i].coords, origin_m[i].coords, after.0[i].coords]))
     });
-    let com = |origin_m: &[nalgebra::Point3<f64>]| {
+    let com = |(origin_m, rotation): &Seen| {
         // MVN's own model is an average body, not this one.
         let average = crate::person::Person::nominal(worker.person().height_m, worker.person().mass_kg);
         let coms: Vec<_> =
             (0..origin_m.len()).map(|i| origin_m[i].coords + rotation[i] * average.com_m[i]).collect();
-        centre_m(&average.segment_mass_kg, &coms).into()
+        centre_m(&average.segment_mass_kg, &coms)
     };
+    let now = (origin_m, rotation);
+    let com_motion = streams.com_motion.then(|| motion_of([&before, &now, &after].map(com)));
+    let com_m = streams.centre_of_mass.then(|| com(&now).into());
+    let grip_m = &worker.person().grip_m;
     SuitFrame {
         sample_counter,
         time_code_ms,
@@ -98,34 +171,36 @@ pub fn frame_at(
         orientation_wxyz: rotation.map(|q| [q.w, q.i, q.j, q.k]),
         motion,
         joint_angle_deg: streams.joint_angles.then(|| joint_angles_deg(&relative_to_parents(&rotation))),
-        com_m: streams.centre_of_mass.then(|| com(&origin_m)),
+        com_m,
+        more: More { com_motion, ..more(streams, time_code_ms, grip_m, &[before, now, after], h) },
     }
 }
 
-/// Sends frames over UDP.
-#[derive(Debug)]
-pub struct SuitSender {
-    socket: UdpSocket,
-    target: SocketAddr,
-    network: FaultySender,
-}
+/// Sends frames over UDP, or over TCP to a receiver that listens.
+pub struct SuitSender(Line);
 
 impl SuitSender {
-    /// A sender to an address.
+    /// A sender to an address over UDP.
     ///
     /// # Errors
     /// Those of the socket.
     pub fn new(target: SocketAddr, faults: Faults, seed: u64) -> io::Result<SuitSender> {
-        let any: SocketAddr = match target {
-            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
-            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
-        };
-        Ok(SuitSender { socket: UdpSocket::bind(any)?, target, network: FaultySender::new(faults, seed) })
+        Ok(SuitSender::over(Line::new(Box::new(UdpPort::to(target)?), seed), faults))
+    }
+
+    /// A sender that connects to an address over TCP, again and again until it is let in.
+    pub fn over_tcp(target: SocketAddr, faults: Faults, seed: u64) -> SuitSender {
+        SuitSender::over(Line::new(Box::new(TcpOutPort::to(target)), seed), faults)
+    }
+
+    fn over(mut line: Line, faults: Faults) -> SuitSender {
+        line.set_faults(faults);
+        SuitSender(line)
     }
 
     /// The network is another from the next datagram on.
     pub fn set_faults(&mut self, faults: Faults) {
-        self.network.set_faults(faults);
+        self.0.set_faults(faults);
     }
 
     /// Sends all datagrams of a frame.
@@ -145,10 +220,9 @@ impl SuitSender {
     }
 
     fn send_all(&mut self, datagrams: impl IntoIterator<Item = Vec<u8>>) -> io::Result<()> {
-        for datagram in datagrams {
-            self.network.send(&self.socket, &datagram, self.target)?;
-        }
-        Ok(())
+        // Over TCP this lets the sender in, and notices that the receiver has gone.
+        let _nothing_is_said_to_it = self.0.port().hear()?;
+        datagrams.into_iter().try_for_each(|datagram| self.0.send(&datagram, 1))
     }
 }
 

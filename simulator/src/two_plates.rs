@@ -1,10 +1,11 @@
-//! Each foot on a plate of its own: the ground's wrench, split. For studies without a wire.
+//! Each foot on a plate of its own, or on an insole: the ground's wrench, split. For studies without a wire.
 //!
 //! One wrench does not say how two feet share it: where each foot presses on its sole is the person's own affair. So it
 //! is an input here, and the split is the one whose sum is the wrench of the whole.
 
 use bytemuck::Zeroable;
-use equipoise_core::message::GroundSample;
+use equipoise_core::body::Side;
+use equipoise_core::message::{Component, FootFrame, GroundDevice, GroundSample};
 use nalgebra::{Vector2, Vector3};
 
 use crate::dynamics::Wrench;
@@ -37,6 +38,34 @@ pub fn ground_sample(feet: &[Wrench; 2]) -> GroundSample {
         moment_nm: (feet[0].moment_nm + feet[1].moment_nm).into(),
         foot_vertical_n: [0, 1].map(|k| feet[k].force_n.z),
         foot_cop_m: [0, 1].map(|k| if bears(&feet[k]) { feet[k].cop_m().into() } else { [0.0; 2] }),
+        ..GroundSample::zeroed()
+    }
+}
+
+/// What insoles tell of it: how hard each sole is pressed, and where on it, from its middle, forward and to the left.
+/// Feet are taken to stand flat. Times, counters and sequence are the caller's.
+pub fn insole_sample(worker: &Worker, time_s: f64, feet: &[Wrench; 2]) -> GroundSample {
+    let (body, sole) = (worker.sample(time_s), worker.person().sole_m);
+    let middle_m = 0.5 * (sole.forward - sole.back);
+    let on_sole = |side: Side| {
+        let (foot, index) = (&feet[side as usize], side.foot().index());
+        if foot.force_n.z <= 0.0 {
+            return [0.0; 2];
+        }
+        let from_ankle = foot.cop_m() - body.origin_m[index].xy();
+        let on_foot =
+            body.world_from_segment[index].inverse() * Vector3::new(from_ankle.x, from_ankle.y, 0.0);
+        [on_foot.x - middle_m, on_foot.y]
+    };
+    let vertical_n = [0, 1].map(|k| feet[k].force_n.z);
+    GroundSample {
+        per_foot: 1,
+        force_n: [0.0, 0.0, vertical_n[0] + vertical_n[1]],
+        foot_vertical_n: vertical_n,
+        foot_cop_m: Side::BOTH.map(on_sole),
+        foot_frame: FootFrame::Sole as u32,
+        not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
+        devices: GroundDevice::Insoles as u32,
         ..GroundSample::zeroed()
     }
 }

@@ -1,13 +1,14 @@
 //! From bodies to the bytes of a real suit.
 
-use equipoise_adapters::wire::mvn;
-use equipoise_adapters::wire::mvn::header::{Header, Oversized};
-use equipoise_adapters::wire::mvn::joint_angles::BODY_JOINT_POINTS;
-use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
-use nalgebra::{UnitQuaternion, Vector3};
+pub mod introduction;
 
-use crate::kinematics::origins_m;
-use crate::person::Person;
+use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
+use nalgebra::UnitQuaternion;
+
+pub use self::introduction::introduction;
+use crate::wires::mvn::describe::time_of_day;
+use crate::wires::mvn::items::{self, ERGONOMIC_POINTS, JOINT_POINTS, Tracker, UNITY_ORDER};
+use crate::wires::mvn::{Stamp, TooLong};
 
 /// One sample of a suit, in the suit's world (Z up), with what MVN would send of it. Lengths in metres, angles in
 /// degrees; `None` is not sent.
@@ -29,81 +30,152 @@ pub struct SuitFrame {
     pub joint_angle_deg: Option<[[f64; 3]; JOINTS]>,
     /// Centre of mass by the suit's own model, m: type 24.
     pub com_m: Option<[f64; 3]>,
+    /// What fewer people tick.
+    pub more: More,
+}
+
+/// What MVN sends besides, if it is ticked.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct More {
+    /// Leave out type 02, as where only Euler angles are ticked.
+    pub without_quaternions: bool,
+    /// Type 01.
+    pub euler: bool,
+    /// Type 05.
+    pub unity: bool,
+    /// Type 03: points and their places, m.
+    pub markers_m: Vec<(u32, [f64; 3])>,
+    /// The six ergonomic angles behind the joints of type 20, degrees.
+    pub ergonomic_deg: Option<[[f64; 3]; 6]>,
+    /// Angular velocity (rad/s) and acceleration (rad/s²): type 22.
+    pub angular: Option<[[[f64; 3]; 2]; SEGMENTS]>,
+    /// Type 23.
+    pub trackers: Vec<Tracker>,
+    /// Velocity (m/s) and acceleration (m/s²) of the centre of mass: type 24 with 36 bytes.
+    pub com_motion: Option<[[f64; 3]; 2]>,
+    /// Time of day, ms: type 25.
+    pub time_of_day_ms: Option<u32>,
+    /// Types 23 to 25 as older versions send them: shorter.
+    pub old_sizes: bool,
+    /// Props behind the body's segments: place (m) and orientation.
+    pub props: Vec<([f64; 3], [f64; 4])>,
+    /// The finger segments of both hands, left first, 40 in all; empty without gloves.
+    pub fingers: Vec<([f64; 3], [f64; 4])>,
 }
 
 fn single<const N: usize>(value: [f64; N]) -> [f32; N] {
     value.map(|number| number as f32)
 }
 
+/// Segment ids of a body without props and fingers.
+fn bodily<Item>(item: impl Fn(usize) -> Item) -> [(u32, Item); SEGMENTS] {
+    core::array::from_fn(|index| (index as u32 + 1, item(index)))
+}
+
 impl SuitFrame {
-    /// The datagrams of this sample, type 02 first.
+    /// The datagrams of this sample, poses first.
     ///
     /// # Errors
-    /// Never for a body's 23 segments; the encoders' own.
-    pub fn datagrams(&self) -> Result<Vec<Vec<u8>>, Oversized> {
-        let header = Header::new(self.sample_counter, self.time_code_ms, self.avatar);
-        let mut datagrams = Vec::new();
-        let mut append = |encode: &dyn Fn(&mut Vec<u8>) -> Result<(), Oversized>| {
-            let mut bytes = Vec::new();
-            encode(&mut bytes).map(|()| datagrams.push(bytes))
+    /// [`TooLong`] with more props or points than a datagram's header can count.
+    pub fn datagrams(&self) -> Result<Vec<Vec<u8>>, TooLong> {
+        let more = &self.more;
+        let stamp = Stamp {
+            segments: [SEGMENTS as u8, more.props.len() as u8, more.fingers.len() as u8],
+            ..Stamp::of_a_body(self.sample_counter, self.time_code_ms, self.avatar)
         };
-        let poses: [mvn::SegmentPose; SEGMENTS] = std::array::from_fn(|i| mvn::SegmentPose {
-            segment_id: i as u32 + 1,
-            position_m: single(self.position_m[i]),
-            orientation_wxyz: single(self.orientation_wxyz[i]),
-        });
-        append(&|out| mvn::pose_quaternion::encode(&header, &poses, out))?;
+        let poses = self.poses();
+        let mut datagrams = Vec::new();
+        if !more.without_quaternions {
+            let single = |(id, place, turn): &(u32, [f64; 3], [f64; 4])| (*id, single(*place), single(*turn));
+            datagrams.push(items::pose_quaternion(&stamp, &poses.iter().map(single).collect::<Vec<_>>())?);
+        }
+        if more.euler {
+            let euler: Vec<_> =
+                poses.iter().map(|(id, place, turn)| y_up_euler(*id, *place, *turn)).collect();
+            datagrams.push(items::pose_euler(&stamp, &euler)?);
+        }
+        if more.unity {
+            datagrams.push(items::pose_unity(&stamp, &self.unity_poses())?);
+        }
+        if !more.markers_m.is_empty() {
+            let y_up_cm = |[x, y, z]: [f64; 3]| single([y, z, x].map(|metres| 100.0 * metres));
+            let points: Vec<_> = more.markers_m.iter().map(|(id, place)| (*id, y_up_cm(*place))).collect();
+            datagrams.push(items::markers(&stamp, &points)?);
+        }
         if let Some(angles) = self.joint_angle_deg {
-            let items: [mvn::JointAngle; JOINTS] = std::array::from_fn(|j| mvn::JointAngle {
-                parent_point: BODY_JOINT_POINTS[j].0,
-                child_point: BODY_JOINT_POINTS[j].1,
-                angle_deg: single(angles[j]),
-            });
-            append(&|out| mvn::joint_angles::encode(&header, &items, out))?;
+            let ergonomic = more.ergonomic_deg.iter().flatten();
+            let joints: Vec<_> = (JOINT_POINTS.into_iter().chain(ERGONOMIC_POINTS))
+                .zip(angles.iter().chain(ergonomic))
+                .map(|(points, angle_deg)| (points, single(*angle_deg)))
+                .collect();
+            datagrams.push(items::joint_angles(&stamp, &joints)?);
         }
         if let Some(motion) = self.motion {
-            let items: [mvn::LinearKinematics; SEGMENTS] = std::array::from_fn(|i| mvn::LinearKinematics {
-                segment_id: i as u32 + 1,
-                position_m: single(self.position_m[i]),
-                velocity_m_per_s: single(motion[i][0]),
-                acceleration_m_per_s2: single(motion[i][1]),
-            });
-            append(&|out| mvn::linear_kinematics::encode(&header, &items, out))?;
+            let segments = bodily(|i| [self.position_m[i], motion[i][0], motion[i][1]].map(single));
+            datagrams.push(items::linear_kinematics(&stamp, &segments)?);
         }
-        if let Some(com) = self.com_m {
-            let com = mvn::CentreOfMass { position_m: single(com), motion: None };
-            append(&|out| mvn::centre_of_mass::encode(&header, &com, out))?;
+        if let Some(angular) = more.angular {
+            let segments = bodily(|i| (single(self.orientation_wxyz[i]), angular[i].map(single)))
+                .map(|(id, (orientation, motion))| (id, orientation, motion));
+            datagrams.push(items::angular_kinematics(&stamp, &segments)?);
+        }
+        if !more.trackers.is_empty() {
+            let felt = |tracker: &Tracker| tracker.felt.filter(|_| !more.old_sizes);
+            let trackers: Vec<_> =
+                more.trackers.iter().map(|tracker| Tracker { felt: felt(tracker), ..*tracker }).collect();
+            datagrams.push(items::trackers(&stamp, &trackers)?);
+        }
+        if let Some(com_m) = self.com_m {
+            let motion = more.com_motion.filter(|_| !more.old_sizes).map(|motion| motion.map(single));
+            datagrams.push(items::centre_of_mass(&stamp, single(com_m), motion)?);
+        }
+        if let Some(at_ms) = more.time_of_day_ms {
+            datagrams.push(time_of_day(&stamp, at_ms, !more.old_sizes)?);
         }
         Ok(datagrams)
     }
+
+    /// All items of a pose, in their order: body, props, fingers.
+    fn poses(&self) -> Vec<(u32, [f64; 3], [f64; 4])> {
+        let body = self.position_m.iter().copied().zip(self.orientation_wxyz);
+        let others = self.more.props.iter().chain(&self.more.fingers).copied();
+        (1..).zip(body.chain(others)).map(|(id, (place, turn))| (id, place, turn)).collect()
+    }
+
+    /// Type 05: forward is Unity's Z, left its −X, up its Y; the pelvis in the world, all others from their parents. That
+    /// X, Y and Z come from these is our reading of "Y up, left-handed".
+    fn unity_poses(&self) -> Vec<items::Pose<4>> {
+        let turn = |i: usize| {
+            let [w, x, y, z] = self.orientation_wxyz[i];
+            UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+        };
+        let place = |i: usize| nalgebra::Vector3::from(self.position_m[i]);
+        let left_handed = |place: nalgebra::Vector3<f64>, turn: UnitQuaternion<f64>| {
+            (single([-place.y, place.z, place.x]), single([turn.w, turn.j, -turn.k, -turn.i]))
+        };
+        UNITY_ORDER
+            .into_iter()
+            .map(|id| {
+                let i = id - 1;
+                let (place, turn) = match Segment::ALL[i].parent() {
+                    None => left_handed(place(i), turn(i)),
+                    Some(parent) => {
+                        let (p, from_world) = (parent.index(), turn(parent.index()).inverse());
+                        left_handed(from_world * (place(i) - place(p)), from_world * turn(i))
+                    }
+                };
+                (id as u32, place, turn)
+            })
+            .collect()
+    }
 }
 
-/// Who it is and how long its segments are, as MVN tells once a second: types 12 and 13.
-///
-/// # Errors
-/// Never for 23 segments; the encoders' own.
-pub fn introduction(person: &Person, avatar: u8) -> Result<[Vec<u8>; 2], Oversized> {
-    let header = Header::new(0, 0, avatar);
-    let (mut meta, mut scale) = (Vec::new(), Vec::new());
-    mvn::meta::encode(
-        &header,
-        &[("color", "e96417"), ("name", "Simulated"), ("timeOffset", "0")],
-        &mut meta,
-    )?;
-    let height = crate::pose::straight_height_m(person);
-    let origin = origins_m(person, Vector3::z() * height, &[UnitQuaternion::identity(); SEGMENTS]);
-    let segments: [mvn::scale::NullPoseSegment; SEGMENTS] =
-        std::array::from_fn(|i| mvn::scale::NullPoseSegment {
-            // MVN writes these two with a capital inside.
-            name: match Segment::ALL[i] {
-                Segment::RightForearm => "RightForeArm",
-                Segment::LeftForearm => "LeftForeArm",
-                segment => segment.name(),
-            },
-            origin_m: single(origin[i].into()),
-        });
-    mvn::scale::encode(&header, &segments, &[], &mut scale)?;
-    Ok([meta, scale])
+/// A pose as type 01 has it: Y up (Z forward, X left), centimetres, degrees of `Rz Ry Rx`.
+fn y_up_euler(id: u32, [x, y, z]: [f64; 3], [w, i, j, k]: [f64; 4]) -> items::Pose<3> {
+    let turned = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, j, k, i));
+    let (about_x, about_y, about_z) = turned.euler_angles();
+    let angles = [about_x, about_y, about_z].map(f64::to_degrees);
+    (id, single([y, z, x].map(|metres| 100.0 * metres)), single(angles))
 }
 
 /// Joint angles as MVN has them (Euler ZXY in ISB axes: X forward, Y up, Z right): abduction, axial rotation, flexion.
@@ -131,6 +203,7 @@ pub fn joint_angles_deg(parent_from_segment: &[UnitQuaternion<f64>; SEGMENTS]) -
 mod tests {
     use super::*;
     use equipoise_adapters::wire::mvn::Datagram;
+    use nalgebra::Vector3;
 
     #[test]
     fn a_frame_is_read_back_from_its_datagrams() {
@@ -147,16 +220,6 @@ mod tests {
         for bytes in &datagrams {
             assert_eq!(Datagram::parse(bytes).unwrap().header().unwrap().sample_counter, 60);
         }
-    }
-
-    #[test]
-    fn the_introduction_names_every_segment_in_the_null_pose() {
-        let [meta, scale] = introduction(&Person::nominal(1.77, 72.0), 0).unwrap();
-        assert!(matches!(Datagram::parse(&meta), Ok(Datagram::Meta(..))));
-        let Ok(Datagram::Scale(_, scale)) = Datagram::parse(&scale) else { panic!("not a scale") };
-        let segments: Vec<_> = scale.segments().collect();
-        assert_eq!(segments.len(), SEGMENTS);
-        assert!((0.9..1.0).contains(&segments[0].origin_m[2]));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::table::Table;
-use crate::{coverage, hidden, lifting, paper, poses};
+use crate::{coverage, hidden, lifting, paper, poses, sources};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -33,6 +33,9 @@ enum Question {
     /// How often errors lie within the told 1-sigma and 2-sigma
     #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
     Coverage(Choices),
+    /// The suit's own accelerations, and insoles in place of a plate
+    #[command(after_help = "Example: equipoise-study sources --subjects 20")]
+    Sources(Choices),
     /// The blind bench of the discrepancy workflow: sessions with something hidden in them
     Hidden {
         #[command(subcommand)]
@@ -73,6 +76,7 @@ pub fn main() -> ExitCode {
         Question::Poses(choices) => choices.answer(poses::study),
         Question::Lifting(choices) => choices.answer(lifting::study),
         Question::Coverage(choices) => choices.answer(coverage::study),
+        Question::Sources(choices) => choices.answer(sources::study),
         Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS
@@ -84,7 +88,7 @@ mod tests {
 
     #[test]
     fn every_question_takes_the_same_choices() {
-        for question in ["paper", "poses", "lifting", "coverage"] {
+        for question in ["paper", "poses", "lifting", "coverage", "sources"] {
             let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
             assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");
             assert!(

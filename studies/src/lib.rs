@@ -1,7 +1,7 @@
 //! Questions to the method, answered over many synthetic subjects: offline, without sockets, as fast as it computes.
 //!
 //! Floors, ground first, each resting only on those before it: [`subject`] → [`sensors`] → [`mixtures`] → [`session`] → [`tasks`],
-//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`coverage`],
+//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`coverage`], [`sources`],
 //! [`hidden`] → [`cli`].
 //! Everything follows from a seed: the same question gives the same answer, however many threads ask it.
 #![forbid(unsafe_code)]
@@ -15,6 +15,7 @@ pub mod paper;
 pub mod poses;
 pub mod sensors;
 pub mod session;
+pub mod sources;
 pub mod subject;
 pub mod table;
 pub mod tally;

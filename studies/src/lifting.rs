@@ -102,7 +102,7 @@ pub fn shift(subject: &Subject, motion: Motion) -> Shift {
 }
 
 /// Takes in a state if the hands carry the whole box at its time.
-fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, telling: &mut Telling) {
+pub(crate) fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, telling: &mut Telling) {
     if moment.worker.sample(moment.time_s).load_kg < LIFTED * mass_kg {
         return;
     }

@@ -152,9 +152,10 @@ impl Session {
             self.cycle += 1;
             let number =
                 (u128::from(self.now_ns - EPOCH_NS) * u128::from(self.rig.suit_hz) / 1_000_000_000) as u32;
-            let glimpse = suit_sample(&self.worker, &self.suit, &self.rig, number);
+            let glimpse = suit_sample(&self.worker, &self.suit, &self.rig, self.subject.seed, number);
             let tick = Tick { cycle: self.cycle, due_ns: self.now_ns };
-            let inputs = Inputs { suit: std::slice::from_ref(&glimpse), ground: &[], command: None };
+            let inputs =
+                Inputs { suit: std::slice::from_ref(&glimpse), ground: &[], body: None, command: None };
             step(&self.settings, &mut self.memory, tick, inputs);
         }
         self.now_ns = end_ns;
@@ -172,7 +173,7 @@ impl Session {
         let (now_ns, rig) = (self.now_ns, &self.rig);
         let mut suit: Vec<SuitSample> = Vec::new();
         while sample_time_ns(self.suit_next, rig.suit_hz) <= now_ns {
-            suit.push(suit_sample(&self.worker, &self.suit, rig, self.suit_next));
+            suit.push(suit_sample(&self.worker, &self.suit, rig, self.subject.seed, self.suit_next));
             self.suit_next += 1;
         }
         let mut ground: Vec<GroundSample> = Vec::new();
@@ -181,7 +182,12 @@ impl Session {
             self.ground_next += 1;
         }
         let tick = Tick { cycle: self.cycle, due_ns: now_ns };
-        step(&self.settings, &mut self.memory, tick, Inputs { suit: &suit, ground: &ground, command });
+        step(
+            &self.settings,
+            &mut self.memory,
+            tick,
+            Inputs { suit: &suit, ground: &ground, body: None, command },
+        );
     }
 
     /// The state if it belongs to another suit sample than the one seen last.

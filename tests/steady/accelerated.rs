@@ -37,7 +37,7 @@ impl Session {
         worker.lift_and_show(8.0, 22.0);
         let (rig, suit) = (Rig::ORDINARY, Suit::new(Rig::ORDINARY.suit_noise, SEED));
         Session {
-            suit: (0..SESSION_S * rig.suit_hz).map(|n| suit_sample(&worker, &suit, &rig, n)).collect(),
+            suit: (0..SESSION_S * rig.suit_hz).map(|n| suit_sample(&worker, &suit, &rig, SEED, n)).collect(),
             ground: (0..SESSION_S * rig.plate_hz).map(|n| ground_sample(&worker, &rig, SEED, n)).collect(),
         }
     }

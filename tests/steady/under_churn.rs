@@ -104,10 +104,11 @@ fn inside() {
     let (storm, churn, stop) = (Storm::default(), Churn::default(), AtomicBool::new(false));
     let (mut warm_faults, mut cycles_before) = ([0; 2], 0);
     let page = config.page.as_ref().expect("a page");
+    let plate = config.ground.address.expect("a plate");
     let _served = ServedPage::start(&config, page, Path::new("")).expect("a page that is served");
     let (before, after) = std::thread::scope(|scope| {
         let _stop = Stop(&stop);
-        scope.spawn(|| churn.sensors(config.suit.listen, config.ground.address, &stop));
+        scope.spawn(|| churn.sensors(config.suit.listen, plate, &stop));
         wait_for("the loop to be warm", || (watch.armed_cycles() > 0).then_some(()));
         let before = (descriptors(), nodes());
         scope.spawn(|| storm.rage(&directory, &stop));

@@ -67,7 +67,7 @@ fn learning(t: f64) -> PageFrame {
     state.suggested_pose = 3;
     state.pose_mismatch_rad = 0.6;
     let target = posture("lean forward, arms out", [0, 25, 0], 5, 0);
-    let suggested = SuggestedPose::on_the_spot(&target, &body(), &state.segment_origin_m);
+    let suggested = SuggestedPose::on_the_spot(&target, &state.segment_origin_m);
     PageFrame { suggested: Some(suggested), ..PageFrame::new(state) }
 }
 

@@ -1,17 +1,21 @@
 //! The worker's page: a small web server on loopback, in a thread and a runtime of its own, never in the loop.
 //!
-//! It tells and does not listen: `GET` only, no command path. `/` is the page, `/events` the state as Server-Sent
-//! Events, `/api/state` the newest state once ([`crate::state_json`]), `/healthz` says that the page is served.
+//! It tells and does not listen, except for commands that bring a token of their own (`engineer.rs`). `/` is the worker's
+//! page, `/engineer` the engineer's, `/events` the state as Server-Sent Events, `/api/state` the newest state once
+//! ([`crate::state_json`]), `/healthz` says that the page is served.
 //!
 //! A browser anywhere can be tricked into asking `127.0.0.1`; so a request must name loopback in its `Host`, and answers
 //! carry no permission for other origins. Addresses beyond loopback are served with a [`Token`] only, which every
 //! request must bring. What a connection may cost is bounded (`connections.rs`, `guard.rs`).
 
+mod assets;
 pub(crate) mod connections;
+mod engineer;
 mod frame;
 pub(crate) mod guard;
 mod newest;
 mod server;
+mod station;
 mod token;
 
 use std::io;
@@ -20,11 +24,16 @@ use std::thread::JoinHandle;
 
 use tokio::sync::oneshot;
 
+pub use engineer::COMMAND_HEADER;
 pub use frame::PageFrame;
+pub use station::{Engineer, PageCommand, Station};
 pub use token::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN, Token, TokenError};
 
 /// How often the feed is asked, and so how often the page is told.
-pub const FRAME_RATE_HZ: u32 = 30;
+pub const FRAME_RATE_HZ: u32 = 60;
+
+/// Threads for what may wait: a command, a report.
+const BLOCKING_THREADS: usize = 4;
 
 /// Why the page is not served.
 #[derive(Debug, thiserror::Error)]
@@ -89,6 +98,22 @@ impl Page {
     where
         F: FnMut() -> Option<PageFrame> + Send + 'static,
     {
+        Page::start_with(listen, token, feed, None)
+    }
+
+    /// The same with what the engineer's page needs: its facts, and the commands that it may ask for.
+    ///
+    /// # Errors
+    /// [`PageError`].
+    pub fn start_with<F>(
+        listen: SocketAddr,
+        token: Option<Token>,
+        feed: F,
+        engineer: Option<Engineer>,
+    ) -> Result<Page, PageError>
+    where
+        F: FnMut() -> Option<PageFrame> + Send + 'static,
+    {
         let loopback_only = listen.ip().is_loopback();
         if !loopback_only && token.is_none() {
             return Err(PageError::NotLoopback { listen });
@@ -99,14 +124,17 @@ impl Page {
         })?;
         listener.set_nonblocking(true).map_err(PageError::Start)?;
         let address = listener.local_addr().map_err(PageError::Start)?;
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(PageError::Start)?;
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .max_blocking_threads(BLOCKING_THREADS)
+            .build()
+            .map_err(PageError::Start)?;
         let access = guard::Access { loopback_only, token, port: address.port() };
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()
             .name("page".to_owned())
             .spawn(move || {
-                runtime.block_on(server::serve(listener, access, feed, stopped));
+                runtime.block_on(server::serve(listener, access, feed, engineer, stopped));
                 runtime.shutdown_background();
             })
             .map_err(PageError::Start)?;

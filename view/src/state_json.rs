@@ -14,12 +14,20 @@
 //! |---|---|---|
 //! | `suit_age_ns`, `ground_age_ns` | ns | no sample has come yet |
 //! | `suggested_pose` | index into the pose library | none is asked for |
+//! | `not_given`: what the station's sensors do not give (`suit_com`, `shear`) | names | they give all |
 //! | `mass_kg` | kg | the mass is not known |
+//! | `body_source`: where the bones come from (`poses`, `null_pose`, `stored`) | | the bones are not known |
+//! | `sole_source`: where the soles' outline comes from (`stature`, `suit`) | | never |
+//! | `body_refused`: why the suit's null pose is not used | name | it is used, or none was told |
 //! | `motion_samples_used` | count | never |
 //! | `group_delay_ns`: how far the values lie behind the newest suit sample | ns | never |
 //! | `cop_measured`, `cop_measured_sigma` | m, world x and y | the plate is silent, or the feet are off it |
 //! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent |
-//! | `ground_force_n` | N | the plate is silent or faulty |
+//! | `com_suit`: the suit maker's own centre of mass, station's world | m | the suit is silent, or does not send it |
+//! | `acceleration_source` (`positions`, `suit`) | | as `com` |
+//! | `ground_force_n` | N | the plate is silent or faulty, or shear is not measured |
+//! | `vertical_force_n` | N | the plate is silent or faulty |
+//! | `ground_devices`: what the ground's sample is made of (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or it was not said |
 //! | `delta_f_n`, `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or the mass is not known |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg` | kg | as `delta_f_n`, or too little load, or moving |
 //! | `zeta` (left, right), `sharing_source` (`geometry`, `measured`) | share | the plate or the suit is silent, or the feet are off the plate |
@@ -42,12 +50,14 @@
 //! well enough to say which.
 
 mod joints;
+pub mod schema;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use equipoise_core::body::Joint;
-use equipoise_core::message::state::SharingSource;
-use equipoise_core::message::{State, Validity};
+use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::message::state::{AccelerationSource, NotGiven, SharingSource, SoleSource};
+use equipoise_core::message::{GroundDevice, State, Validity};
 use equipoise_core::overload::Level;
 use serde::Serialize;
 
@@ -65,6 +75,8 @@ pub struct StateJson<'a> {
     cycle: u64,
     phase: &'static str,
     valid: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    not_given: Vec<&'static str>,
     static_pose: bool,
     converged: bool,
     poses_used: u32,
@@ -80,6 +92,11 @@ pub struct StateJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     mass_kg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    body_source: Option<&'static str>,
+    sole_source: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    body_refused: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     cop_measured: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     cop_measured_sigma: Option<[f64; 2]>,
@@ -90,7 +107,15 @@ pub struct StateJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     com: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    com_suit: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    acceleration_source: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     ground_force_n: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vertical_force_n: Option<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    ground_devices: Vec<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     delta_f_n: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -160,6 +185,7 @@ impl<'a> StateJson<'a> {
             cycle: state.cycle,
             phase: state.phase_name(),
             valid: state.validity().names().collect(),
+            not_given: named(NotGiven::NAMES.map(|(bit, name)| (bit as u32, name)), state.not_given),
             static_pose: state.static_pose != 0,
             converged: state.converged != 0,
             poses_used: state.poses_used,
@@ -170,6 +196,13 @@ impl<'a> StateJson<'a> {
             suit_age_ns: (state.suit_sample_time_ns != 0).then_some(state.suit_age_ns),
             ground_age_ns: (state.ground_age_ns != u64::MAX).then_some(state.ground_age_ns),
             mass_kg: state.unless(Validity::MASS_UNKNOWN, state.mass_kg).and_then(finite),
+            body_source: BodySource::from_number(state.body_source)
+                .filter(|source| *source != BodySource::Unknown)
+                .map(BodySource::name),
+            sole_source: SoleSource::from_number(state.sole_source).map_or("unknown", SoleSource::name),
+            body_refused: BodyRefusal::from_number(state.body_refused)
+                .filter(|refusal| *refusal != BodyRefusal::None)
+                .map(BodyRefusal::name),
             cop_measured: state
                 .unless(Validity::SPOILS_COP_MEASURED, state.cop_measured_m)
                 .and_then(all_finite),
@@ -182,9 +215,22 @@ impl<'a> StateJson<'a> {
                 .and_then(all_finite),
             cop_sigma: state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_sigma_m).and_then(all_finite),
             com: state.unless(Validity::SPOILS_COM, state.com_m).and_then(all_finite),
+            com_suit: state.suit_com_m().and_then(all_finite),
+            acceleration_source: state
+                .unless(Validity::SPOILS_COM, state.acceleration_source)
+                .and_then(AccelerationSource::from_number)
+                .map(AccelerationSource::name),
             ground_force_n: state
                 .unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n)
+                .filter(|_| state.gives(NotGiven::Shear))
                 .and_then(all_finite),
+            vertical_force_n: state
+                .unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2])
+                .and_then(finite),
+            ground_devices: named(
+                GroundDevice::NAMES.map(|(bit, name)| (bit as u32, name)),
+                state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_devices).unwrap_or(0),
+            ),
             delta_f_n: state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n).and_then(all_finite),
             delta_f_sigma_n: state.unless(Validity::SPOILS_DELTA_F, state.delta_f_sigma_n).and_then(positive),
             lifted_mass_kg: lifted(state.lifted_mass_kg),
@@ -228,10 +274,21 @@ impl<'a> StateJson<'a> {
         }
     }
 
+    /// The same without what a body is alone: its mass, and where its centre is.
+    #[must_use]
+    pub fn without_body(self) -> StateJson<'a> {
+        StateJson { mass_kg: None, com: None, com_suit: None, acceleration_source: None, ..self }
+    }
+
     /// The object as text, without a line break.
     pub fn to_text(&self) -> serde_json::Result<String> {
         serde_json::to_string(self)
     }
+}
+
+/// The names of the bits that are set.
+fn named<const N: usize>(names: [(u32, &'static str); N], bits: u32) -> Vec<&'static str> {
+    names.into_iter().filter(|(bit, _)| bits & bit != 0).map(|(_, name)| name).collect()
 }
 
 /// The public name of an overload level's number.

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use equipoise_core::body::{SEGMENTS, Side, Skeleton};
+use equipoise_core::body::{SEGMENTS, Segment, Side, Skeleton};
 use equipoise_core::pose_suggestion::{Posture, posture::pose_of};
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
@@ -17,19 +17,34 @@ pub struct SuggestedPose {
 }
 
 impl SuggestedPose {
-    /// `posture` on these bones, its feet midway between the feet of `worker_origin_m` and facing their way.
-    pub fn on_the_spot(
-        posture: &Posture,
-        skeleton: &Skeleton,
-        worker_origin_m: &[[f64; 3]; SEGMENTS],
-    ) -> SuggestedPose {
-        let origin = pose_of(posture, skeleton, [0.0; 3]).origin;
+    /// `posture` by somebody of the worker's stature, its feet midway between the feet of `worker_origin_m` and facing
+    /// their way.
+    pub fn on_the_spot(posture: &Posture, worker_origin_m: &[[f64; 3]; SEGMENTS]) -> SuggestedPose {
+        let skeleton = Skeleton::nominal(height_m(worker_origin_m));
+        let origin = pose_of(posture, &skeleton, [0.0; 3]).origin;
         let (ghost, worker) = (Stance::of(&origin), Stance::of(&worker_origin_m.map(Vector3::from)));
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), worker.heading_rad - ghost.heading_rad);
         SuggestedPose {
             name: Cow::Borrowed(posture.name),
             segment_origin_m: origin.map(|point| (turn * (point - ghost.spot) + worker.spot).into()),
         }
+    }
+}
+
+/// Stature by the lengths of all bones, which no pose changes: good enough to draw by, whoever wears the suit. 1.7 m where
+/// no pose came yet.
+pub(crate) fn height_m(origin_m: &[[f64; 3]; SEGMENTS]) -> f64 {
+    const NOMINAL_M: f64 = 1.7;
+    let bones_m = |origin_m: &[[f64; 3]; SEGMENTS]| -> f64 {
+        let at = |segment: Segment| Vector3::from(origin_m[segment.index()]);
+        let to_parent = |segment: Segment| segment.parent().map(|parent| (at(segment) - at(parent)).norm());
+        Segment::ALL.into_iter().filter_map(to_parent).sum()
+    };
+    let worker_m = bones_m(origin_m);
+    if worker_m > 0.0 {
+        NOMINAL_M * worker_m / bones_m(&Skeleton::nominal(NOMINAL_M).t_pose_m())
+    } else {
+        NOMINAL_M
     }
 }
 
@@ -61,14 +76,21 @@ mod tests {
 
     #[test]
     fn the_ghost_of_the_workers_own_pose_is_the_worker() {
-        let skeleton = Skeleton::nominal(1.77);
+        // Not the stature that anybody configured: that of the bones.
+        let skeleton = Skeleton::nominal(1.93);
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 2.0);
         let worker = pose_of(&UPRIGHT, &skeleton, [0.0; 3])
             .origin
             .map(|point| <[f64; 3]>::from(turn * point + Vector3::new(0.4, -0.2, 0.95)));
-        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &skeleton, &worker);
+        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &worker);
         for (a, b) in ghost.segment_origin_m.iter().zip(&worker) {
             assert!((Vector3::from(*a) - Vector3::from(*b)).norm() < 1e-12);
         }
+    }
+
+    #[test]
+    fn before_a_pose_came_the_ghost_is_somebody_at_the_origin() {
+        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &[[0.0; 3]; SEGMENTS]);
+        assert!(ghost.segment_origin_m.as_flattened().iter().all(|metres| metres.abs() < 2.0));
     }
 }

@@ -57,6 +57,7 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     line(format!("  load          {}", load(state).unwrap_or_else(withheld)));
     line(format!("  CoP measured  {}", cop(state, Validity::SPOILS_COP_MEASURED, state.cop_measured_m)));
     line(format!("  CoP estimated {}", cop(state, Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m)));
+    line(format!("  CoM           {}", centres(state)));
     line(String::new());
     line(format!("  {:<10}  {:<30}  {:<30}", "overload", "left", "right"));
     for (name, left, right) in ROWS {
@@ -74,7 +75,7 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
 }
 
 /// How many lines [`dashboard`] always has.
-pub const DASHBOARD_LINES: usize = 24;
+pub const DASHBOARD_LINES: usize = 25;
 
 /// A text on two lines of the block, the second one empty if it is not needed.
 fn halves(text: &str) -> [&str; 2] {
@@ -84,7 +85,7 @@ fn halves(text: &str) -> [&str; 2] {
     [&text[..end], text[end..].trim_start()]
 }
 
-fn progress(state: &State) -> String {
+pub(crate) fn progress(state: &State) -> String {
     let poses = match state.poses_used {
         1 => "1 pose".to_owned(),
         count => format!("{count} poses"),
@@ -97,7 +98,7 @@ fn progress(state: &State) -> String {
 }
 
 /// The external force, and the mass in the hands where it may be called one.
-fn load(state: &State) -> Option<String> {
+pub(crate) fn load(state: &State) -> Option<String> {
     let [_, _, up_n] = state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n)?;
     // Adding zero takes the sign off a rounded -0.3.
     let up_n = up_n.round() + 0.0;
@@ -107,12 +108,12 @@ fn load(state: &State) -> Option<String> {
     })
 }
 
-fn back(state: &State) -> Option<String> {
+pub(crate) fn back(state: &State) -> Option<String> {
     let newtons = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n)?;
     Some(format!("{newtons:.0} ± {:.0} N on the lowest disc", state.l5s1_compression_sigma_n))
 }
 
-fn worst(state: &State) -> Option<String> {
+pub(crate) fn worst(state: &State) -> Option<String> {
     let joint = words::worst_joint(state)?;
     let advice = words::advice(state).map_or_else(String::new, |advice| {
         format!(": {} ({:.1} N m per cm)", advice.to_lowercase(), state.advice_gain_nm_per_cm)
@@ -120,7 +121,7 @@ fn worst(state: &State) -> Option<String> {
     Some(format!("{}, {}{advice}", words::joint(joint), fatigue(state, joint)))
 }
 
-fn shift(state: &State) -> String {
+pub(crate) fn shift(state: &State) -> String {
     let lifts = match state.lifts {
         1 => "1 lift".to_owned(),
         count => format!("{count} lifts"),
@@ -165,6 +166,17 @@ fn cop(state: &State, spoilers: Validity, cop_m: [f64; 2]) -> String {
         .map_or_else(withheld, |[x, y]| format!("forward {:>7.1} mm  left {:>7.1} mm", 1e3 * x, 1e3 * y))
 }
 
+/// Our centre of mass, and how far the suit maker's own lies from it.
+fn centres(state: &State) -> String {
+    let Some(com_m) = state.unless(Validity::SPOILS_COM, state.com_m) else { return withheld() };
+    let [x, y, z] = com_m.map(|metres| 1e3 * metres);
+    let own = state.suit_com_m().map_or_else(String::new, |suit_m| {
+        let [x, y, z] = core::array::from_fn(|axis| 1e3 * (suit_m[axis] - com_m[axis]));
+        format!("; the suit's own {x:+.0} {y:+.0} {z:+.0}")
+    });
+    format!("forward {x:.0} left {y:.0} up {z:.0} mm{own}")
+}
+
 fn withheld() -> String {
     "-".to_owned()
 }
@@ -198,7 +210,7 @@ mod tests {
     use super::*;
     use bytemuck::Zeroable;
     use equipoise_core::body::Segment;
-    use equipoise_core::message::state::Phase;
+    use equipoise_core::message::state::{NotGiven, Phase};
 
     fn carrying() -> State {
         let mut state = State::zeroed();
@@ -258,6 +270,15 @@ mod tests {
     }
 
     #[test]
+    fn the_suit_s_own_centre_of_mass_stands_beside_ours_where_it_is_sent() {
+        let mut state = State { com_m: [0.03, -0.02, 0.98], suit_com_m: [0.045, -0.02, 0.95], ..carrying() };
+        let line = "  CoM           forward 30 left -20 up 980 mm; the suit's own +15 +0 -30";
+        assert!(dashboard(&state, "station-1", None).lines().any(|told| told == line));
+        state.not_given = NotGiven::SuitCom as u32;
+        assert!(!dashboard(&state, "station-1", None).contains("the suit's own"));
+    }
+
+    #[test]
     fn the_block_says_how_far_the_values_lie_behind() {
         let told = |group_delay_ns| {
             let state = State { suit_age_ns: 4_000_000, group_delay_ns, ..carrying() };
@@ -277,7 +298,7 @@ mod tests {
         let pose = "turn by 90° to the left, both arms up and out, like a Y, to tell hand_load right from worn_mass T8";
         let block = dashboard(&state, "station-1", Some(pose));
         let told: Vec<&str> = block.lines().skip(1).take(2).map(str::trim).collect();
-        assert_eq!(told.join(" "), format!("Take the grey pose: {pose}"));
+        assert_eq!(told.join(" "), format!("Take this pose: {pose}"));
         assert_eq!(halves("short"), ["short", ""]);
     }
 

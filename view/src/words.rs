@@ -1,12 +1,17 @@
-//! What a state means in plain English: the worker's page and the terminal say the same.
+//! What a state means in plain English: the worker's page and the terminal say the same. The sentences themselves stand
+//! in the table of each language ([`table`]); what is said to the worker bears its key, so that a page can say it in
+//! another one.
+
+pub mod table;
 
 use equipoise_core::body::{Joint, Segment};
-use equipoise_core::cycle::POSE_REACHED_RAD;
-use equipoise_core::message::state::Phase;
+use equipoise_core::cycle::{BodyRefusal, BodySource, POSE_REACHED_RAD};
+use equipoise_core::message::state::{Phase, SoleSource};
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
 
 use crate::state_json::level_name;
+use table::{english, english_or};
 
 /// A reason why values are withheld.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -26,37 +31,45 @@ pub fn reasons(state: &State) -> Vec<Reason> {
     reasons
 }
 
-fn reason(name: &'static str) -> Reason {
-    let (text, fault) = match name {
-        "suit_stale" => ("The suit is silent: check that it is on and that its software is sending.", true),
-        "ground_stale" => ("The force plate is silent: check its power and its cable.", true),
-        "not_identified" => ("Your body is not measured yet: follow the poses on the screen.", false),
-        "moving" => ("You are moving: the load is judged again when you slow down.", false),
-        "feet_off_plate" => ("Your feet are off the plate: step onto it with both feet.", false),
-        "below_load_threshold" => ("You carry no load: there is nothing to judge.", false),
-        "model_changed" => ("The measurement of your body has just been renewed: one moment.", false),
-        "clock_unsynchronised" => ("The sensors are still finding a common time: one moment.", false),
-        "load_not_at_hands" => {
-            ("The load does not seem to be in your hands: are you leaning on something?", false)
-        }
-        "mass_unknown" => ("Your weight is not known yet: stand still on the plate.", false),
-        "body_unknown" => ("The suit is still being measured: one moment.", false),
-        "plate_fault" => ("The force plate reports a fault: it needs attention.", true),
-        // A reason of a later version is still better named than hidden.
-        later => (later, false),
+/// What is wrong with the equipment, rather than with what the worker does.
+const FAULTS: Validity = Validity::SUIT_STALE.and(Validity::GROUND_STALE).and(Validity::PLATE_FAULT);
+
+/// A reason by its public name.
+pub fn reason(name: &'static str) -> Reason {
+    // A reason of a later version is still better named than hidden.
+    Reason { name, text: english_or("reason", name), fault: FAULTS.names().any(|fault| fault == name) }
+}
+
+/// Where the worker's bones and soles come from, and why not from the suit if it was refused.
+pub fn body(state: &State) -> String {
+    let bones = match BodySource::from_number(state.body_source) {
+        Some(BodySource::NullPose) => "from the suit's null pose",
+        Some(BodySource::Poses) => "bones learnt from the suit's poses",
+        Some(BodySource::Stored) => "bones of the stored profile",
+        Some(BodySource::Unknown) | None => "bones not known yet",
     };
-    Reason { name, text, fault }
+    let soles = match SoleSource::from_number(state.sole_source) {
+        Some(SoleSource::Suit) => "soles from the suit's points of the feet",
+        _ => "soles by stature",
+    };
+    let refused = match BodyRefusal::from_number(state.body_refused) {
+        Some(BodyRefusal::Impossible) => "; its null pose is refused: nobody is built like that",
+        Some(BodyRefusal::Stale) => "; its null pose is refused: it is of a session that has ended, or old",
+        Some(BodyRefusal::OtherCharacter) => "; its null pose is refused: it is another character's",
+        Some(BodyRefusal::ContradictsPoses) => {
+            "; its null pose is refused: its bones are not those of the poses, which are kept to"
+        }
+        Some(BodyRefusal::ContradictsWorker) => {
+            "; its null pose has other bones than what was learnt of this worker: is it the right subject?"
+        }
+        Some(BodyRefusal::None) | None => "",
+    };
+    format!("{bones}; {soles}{refused}")
 }
 
 /// The phase, as a worker would say it.
 pub fn phase(state: &State) -> &'static str {
-    match Phase::from_number(state.phase) {
-        Some(Phase::Waiting) => "Waiting",
-        Some(Phase::Identifying) => "Learning your body",
-        Some(Phase::Monitoring) => "Watching the load",
-        Some(Phase::Degraded) => "A sensor is silent",
-        None => "Unknown phase",
-    }
+    english_or("phase", Phase::from_number(state.phase).map_or("unknown", Phase::name))
 }
 
 /// The one thing to tell the worker now.
@@ -66,6 +79,14 @@ pub struct Instruction {
     pub text: String,
     /// How it is meant.
     pub tone: Tone,
+    /// Key of the sentence in the tables; of a reason only what stands before its colon is said.
+    pub key: String,
+    /// Name of the joint that stands in the sentence for `{joint}`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<&'static str>,
+    /// English name of the pose that stands in the sentence for `{pose}`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose: Option<String>,
 }
 
 /// How an instruction is meant; the page colours it so.
@@ -83,8 +104,24 @@ pub enum Tone {
 }
 
 impl Instruction {
-    fn new(text: impl Into<String>, tone: Tone) -> Instruction {
-        Instruction { text: text.into(), tone }
+    fn new(name: &'static str, tone: Tone) -> Instruction {
+        let text = english_or("instruction", name).to_owned();
+        Instruction { text, tone, key: format!("instruction.{name}"), joint: None, pose: None }
+    }
+
+    fn of_reason(reason: &Reason, tone: Tone) -> Instruction {
+        let (text, key) = (headline(reason.text).to_owned(), format!("reason.{}", reason.name));
+        Instruction { text, tone, key, joint: None, pose: None }
+    }
+
+    fn about_joint(mut self, joint: Joint) -> Instruction {
+        self.text = self.text.replace("{joint}", &capitalised(self::joint(joint)));
+        Instruction { joint: Some(joint.name()), ..self }
+    }
+
+    fn about_pose(mut self, pose: &str) -> Instruction {
+        self.text = self.text.replace("{pose}", pose);
+        Instruction { pose: Some(pose.to_owned()), ..self }
     }
 }
 
@@ -92,12 +129,12 @@ impl Instruction {
 pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
     let reasons = reasons(state);
     if let Some(fault) = reasons.first().filter(|reason| reason.fault) {
-        return Instruction::new(headline(fault.text), Tone::Alarm);
+        return Instruction::of_reason(fault, Tone::Alarm);
     }
     let first_of = |spoilers: &[Validity]| {
         reasons.iter().find(|reason| spoilers.iter().any(|bit| bit.names().any(|name| name == reason.name)))
     };
-    let calm = |reason: &Reason| Instruction::new(headline(reason.text), Tone::Calm);
+    let calm = |reason: &Reason| Instruction::of_reason(reason, Tone::Calm);
     match Phase::from_number(state.phase) {
         // Without these nothing is learnt, however well the pose is held.
         Some(Phase::Identifying) => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
@@ -107,13 +144,13 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
             // Who is known is asked for a pose only to tell explanations of a discrepancy apart.
             None if pose.is_some() => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
                 .map_or_else(|| pose_to_take(state, pose), calm),
-            None => reasons.first().map_or_else(|| Instruction::new("No values", Tone::Calm), calm),
+            None => reasons.first().map_or_else(|| Instruction::new("no_values", Tone::Calm), calm),
         },
         // Not to be identified yet is what waiting is about.
         _ => reasons
             .iter()
             .find(|reason| reason.name != "not_identified")
-            .map_or_else(|| Instruction::new("Ready to start", Tone::Calm), calm),
+            .map_or_else(|| Instruction::new("ready", Tone::Calm), calm),
     }
 }
 
@@ -121,26 +158,24 @@ fn pose_to_take(state: &State, pose: Option<&str>) -> Instruction {
     let still = state.static_pose != 0;
     match pose {
         Some(name) if state.pose_mismatch_rad >= POSE_REACHED_RAD => {
-            Instruction::new(format!("Take the grey pose: {name}"), Tone::Calm)
+            Instruction::new("take_pose", Tone::Calm).about_pose(name)
         }
-        _ if still => Instruction::new("Good. Hold still", Tone::Good),
-        Some(_) => Instruction::new("Hold still", Tone::Calm),
-        None => Instruction::new("Take a new pose and hold still", Tone::Calm),
+        _ if still => Instruction::new("good_hold", Tone::Good),
+        Some(_) => Instruction::new("hold", Tone::Calm),
+        None => Instruction::new("new_pose", Tone::Calm),
     }
 }
 
 fn overload(worst: Joint, level: u32) -> Instruction {
-    let joint = capitalised(joint(worst));
-    match level_name(level) {
-        "orange" => Instruction::new(format!("{joint}: medium load"), Tone::Warn),
-        "red" => Instruction::new(format!("{joint}: high load"), Tone::Alarm),
-        "above_max" => Instruction::new(format!("{joint}: too high, put the load down"), Tone::Alarm),
-        "green" => Instruction::new("The load is easy on your joints", Tone::Good),
-        "undecided" => {
-            Instruction::new(format!("{joint}: the load is not known well enough to judge"), Tone::Calm)
-        }
-        _ => Instruction::new("The load is not judged", Tone::Calm),
-    }
+    let (name, tone) = match level_name(level) {
+        "orange" => ("orange", Tone::Warn),
+        "red" => ("red", Tone::Alarm),
+        "above_max" => ("above_max", Tone::Alarm),
+        "green" => return Instruction::new("green", Tone::Good),
+        "undecided" => ("undecided", Tone::Calm),
+        _ => return Instruction::new("not_judged", Tone::Calm),
+    };
+    Instruction::new(name, tone).about_joint(worst)
 }
 
 /// The part before the colon: what is wrong, without what to do.
@@ -157,6 +192,11 @@ pub fn worst_joint(state: &State) -> Option<Joint> {
 ///
 /// The direction is taken against the worker's own front, which the line between the hips shows.
 pub fn advice(state: &State) -> Option<&'static str> {
+    english(&format!("advice.{}", advice_name(state)?))
+}
+
+/// The same as the name of a sentence: `closer`, `away`, `left` or `right`.
+pub(crate) fn advice_name(state: &State) -> Option<&'static str> {
     worst_joint(state)?;
     let [x, y, _] = state.advice_direction;
     let hip = |segment: Segment| state.segment_origin_m[segment.index()];
@@ -167,10 +207,10 @@ pub fn advice(state: &State) -> Option<&'static str> {
         return None;
     }
     Some(match (forward.abs() >= leftward.abs(), forward < 0.0, leftward < 0.0) {
-        (true, true, _) => "Bring the load closer",
-        (true, false, _) => "Move the load away from you",
-        (false, _, false) => "Move the load to your left",
-        (false, _, true) => "Move the load to your right",
+        (true, true, _) => "closer",
+        (true, false, _) => "away",
+        (false, _, false) => "left",
+        (false, _, true) => "right",
     })
 }
 
@@ -182,44 +222,12 @@ pub fn torque_nm(state: &State, joint: Joint) -> f64 {
 
 /// A level for people: colours alone say nothing to the colour-blind.
 pub fn level(number: u32) -> &'static str {
-    match level_name(number) {
-        "none" => "not judged",
-        "green" => "low",
-        "orange" => "medium",
-        "red" => "high",
-        "above_max" => "too high",
-        "undecided" => "not sure",
-        other => other,
-    }
+    english_or("level", level_name(number))
 }
 
 /// A joint for people.
 pub fn joint(joint: Joint) -> &'static str {
-    match joint.name() {
-        "L5S1" => "lower back",
-        "L4L3" => "lower spine",
-        "L1T12" => "middle spine",
-        "T9T8" => "upper spine",
-        "T1C7" => "base of the neck",
-        "C1Head" => "head",
-        "RightT4Shoulder" => "right collarbone",
-        "RightShoulder" => "right shoulder",
-        "RightElbow" => "right elbow",
-        "RightWrist" => "right wrist",
-        "LeftT4Shoulder" => "left collarbone",
-        "LeftShoulder" => "left shoulder",
-        "LeftElbow" => "left elbow",
-        "LeftWrist" => "left wrist",
-        "RightHip" => "right hip",
-        "RightKnee" => "right knee",
-        "RightAnkle" => "right ankle",
-        "RightBallFoot" => "right ball of the foot",
-        "LeftHip" => "left hip",
-        "LeftKnee" => "left knee",
-        "LeftAnkle" => "left ankle",
-        "LeftBallFoot" => "left ball of the foot",
-        other => other,
-    }
+    english_or("joint", joint.name())
 }
 
 fn capitalised(text: &str) -> String {
@@ -248,7 +256,9 @@ mod tests {
         let mut state = State::zeroed();
         state.valid = Validity::NOT_IDENTIFIED.and(Validity::GROUND_STALE).0;
         assert_eq!(reasons(&state)[0].name, "ground_stale");
-        assert_eq!(instruction(&state, None), Instruction::new("The force plate is silent", Tone::Alarm));
+        let told = instruction(&state, None);
+        assert_eq!((told.text.as_str(), told.tone), ("The force plate is silent", Tone::Alarm));
+        assert_eq!(told.key, "reason.ground_stale");
     }
 
     #[test]
@@ -259,7 +269,7 @@ mod tests {
         let told = |state: &State| instruction(state, Some("arms out")).text;
         // Still, but in another pose: that does not help.
         (state.pose_mismatch_rad, state.static_pose) = (1.0, 1);
-        assert_eq!(told(&state), "Take the grey pose: arms out");
+        assert_eq!(told(&state), "Take this pose: arms out");
         (state.pose_mismatch_rad, state.static_pose) = (0.1, 0);
         assert_eq!(told(&state), "Hold still");
         state.static_pose = 1;
@@ -276,12 +286,12 @@ mod tests {
         state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
         state.pose_mismatch_rad = 1.0;
         let told = |state: &State| instruction(state, Some("arms out, to tell this from that")).text;
-        assert_eq!(told(&state), "Take the grey pose: arms out, to tell this from that");
+        assert_eq!(told(&state), "Take this pose: arms out, to tell this from that");
         state.valid |= Validity::FEET_OFF_PLATE.0;
         assert_eq!(told(&state), "Your feet are off the plate");
         state.valid = 0;
         state.worst_joint = 0;
-        assert_ne!(told(&state), "Take the grey pose: arms out, to tell this from that");
+        assert_ne!(told(&state), "Take this pose: arms out, to tell this from that");
     }
 
     #[test]
@@ -298,7 +308,8 @@ mod tests {
             (Level::Undecided, "Right knee: the load is not known well enough to judge", Tone::Calm),
         ] {
             state.joint_level[knee.index()] = level as u32;
-            assert_eq!(instruction(&state, None), Instruction::new(told, tone));
+            let instruction = instruction(&state, None);
+            assert_eq!((instruction.text.as_str(), instruction.tone), (told, tone));
         }
         state.valid = Validity::MOVING.0;
         assert_eq!(worst_joint(&state), None);

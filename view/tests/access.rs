@@ -11,17 +11,16 @@ use equipoise_view::{Page, PageError, PageFrame, Token};
 
 const SECRET: &str = "0123456789abcdefghijklmnopqrstuv";
 /// Everything there is.
-const PATHS: [&str; 10] = [
+const PATHS: [&str; 9] = [
     "/",
     "/events",
     "/api/state",
     "/healthz",
     "/nothing",
-    "/page.js",
-    "/body.js",
-    "/figure.js",
-    "/plate.js",
-    "/style.css",
+    "/worker.js",
+    "/worker.css",
+    "/libraries",
+    "/icon.svg",
 ];
 
 fn page(listen: &str, token: Option<Token>) -> Page {
@@ -116,7 +115,7 @@ fn the_token_opens_everything_as_a_header_or_once_in_the_address() {
     assert!(!value.contains(SECRET), "the browser keeps something else than the token");
     let cookies = format!("Cookie: other=1; {name}={value}\r\n");
     for headers in [&bearer, &cookies] {
-        for target in ["/", "/page.js", "/healthz"] {
+        for target in ["/", "/worker.js", "/healthz"] {
             assert_eq!(status(&get(&page, target, headers)), 200, "{target} {headers}");
         }
         let mut stream = connect(&page);

@@ -79,7 +79,7 @@ fn the_page_and_all_it_needs_come_from_here() {
     assert!(index.contains("content-security-policy: default-src 'none'; script-src 'self'"), "{index}");
     assert!(index.contains("Not a medical device, not a safety function"));
     assert!(!index.contains("https://"), "nothing is fetched from elsewhere");
-    for path in ["/page.js", "/body.js", "/figure.js", "/plate.js", "/style.css", "/icon.svg", "/healthz"] {
+    for path in ["/worker.js", "/worker.css", "/icon.svg", "/libraries", "/healthz"] {
         assert!(answer(&page, path, "localhost:1").starts_with("HTTP/1.1 200"), "{path}");
     }
     assert!(answer(&page, "/nothing", "localhost").starts_with("HTTP/1.1 404"));

@@ -38,6 +38,7 @@ pub extern "C" fn equipoise_step(
     let inputs = Inputs {
         suit: suit.map_or(&[], core::slice::from_ref),
         ground: ground.map_or(&[], core::slice::from_ref),
+        body: None,
         command: None,
     };
     *state = *cycle::step(settings, memory, tick, inputs);

@@ -73,6 +73,9 @@ impl Format {
                 Ok((Item::Packet(pcap_packet(header, &block)), bytes.len() - rest.len()))
             }
             Format::PcapNg { big_endian, interfaces } => {
+                if let Some(used) = passed_over(*big_endian, bytes)? {
+                    return Ok((Item::Nothing, used));
+                }
                 // A section's head reads the same in both byte orders and says which one follows.
                 let parsed = if *big_endian { parse_block_be(bytes) } else { parse_block_le(bytes) };
                 let (rest, block) = parsed.map_err(fault)?;
@@ -84,6 +87,33 @@ impl Format {
             }
         }
     }
+}
+
+/// The length of a block of a kind that says nothing of packets: passed over here, since what these hold (names, secrets,
+/// statistics, logs) is no affair of ours and the parser trusts their lengths. `None` for the others.
+fn passed_over(big_endian: bool, bytes: &[u8]) -> Result<Option<usize>, Fault> {
+    const SECTION: u32 = 0x0a0d_0d0a;
+    const INTERFACE: u32 = 1;
+    const SIMPLE_PACKET: u32 = 3;
+    const ENHANCED_PACKET: u32 = 6;
+    /// Type, length, and length again.
+    const BLOCK_BYTES_MIN: usize = 12;
+    let word = |at: usize| {
+        let word =
+            bytes.get(at..at + 4).and_then(|word| <[u8; 4]>::try_from(word).ok()).ok_or(Fault::Truncated)?;
+        Ok(if big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) })
+    };
+    let (kind, length) = (word(0)?, word(4)? as usize);
+    match kind {
+        SECTION | INTERFACE | SIMPLE_PACKET => return Ok(None),
+        // A packet that is longer than its block would overflow when it is aligned.
+        ENHANCED_PACKET if length < BLOCK_BYTES_MIN || word(20)? as usize <= length => return Ok(None),
+        ENHANCED_PACKET => return Err(Fault::Corrupt("a packet that is longer than its block".to_owned())),
+        _ if length < BLOCK_BYTES_MIN => {}
+        _ if length > bytes.len() => return Err(Fault::Truncated),
+        _ => return Ok(Some(length)),
+    }
+    Err(Fault::Corrupt(format!("a block of {length} bytes")))
 }
 
 fn pcap_packet<'a>(header: &PcapHeader, block: &LegacyPcapBlock<'a>) -> Packet<'a> {

@@ -10,6 +10,16 @@ pub enum Measures {
     Reaction,
 }
 
+/// How a sensor's axes stand when its plate lies on the floor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SensorAxes {
+    /// z points up, as with six-axis sensors under a plate.
+    #[default]
+    ZUp,
+    /// z points down, and y to the other side, as with Kistler and AMTI plates and in C3D files.
+    ZDown,
+}
+
 /// A force and a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wrench {
@@ -25,12 +35,14 @@ impl Wrench {
     }
 }
 
-/// Where the sensor stands in the station's world (X forward, Y left, Z up); its own z axis points up.
+/// Where the sensor stands in the station's world (X forward, Y left, Z up).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GroundFrame {
+    /// Whether its own z axis points up or down.
+    pub axes: SensorAxes,
     /// The sensor's origin in the world, m.
     pub origin_m: [f64; 3],
-    /// Turn of the sensor about the world's Z, rad.
+    /// Turn of the sensor's x axis about the world's Z, rad.
     pub yaw_rad: f64,
     /// Height of the walking surface above the sensor's origin, m.
     pub surface_height_m: f64,
@@ -48,8 +60,8 @@ impl GroundFrame {
             Measures::Action => sensor.negated(),
             Measures::Reaction => sensor,
         };
-        let force_n = turned(person.force_n, self.yaw_rad);
-        let about_sensor_nm = turned(person.moment_nm, self.yaw_rad);
+        let force_n = turned(self.upright(person.force_n), self.yaw_rad);
+        let about_sensor_nm = turned(self.upright(person.moment_nm), self.yaw_rad);
         let lever_nm = cross(self.origin_m, force_n);
         Wrench { force_n, moment_nm: core::array::from_fn(|axis| about_sensor_nm[axis] + lever_nm[axis]) }
     }
@@ -59,12 +71,22 @@ impl GroundFrame {
         let lever_nm = cross(self.origin_m, person.force_n);
         let about_sensor_nm = core::array::from_fn(|axis| person.moment_nm[axis] - lever_nm[axis]);
         let sensor = Wrench {
-            force_n: turned(person.force_n, -self.yaw_rad),
-            moment_nm: turned(about_sensor_nm, -self.yaw_rad),
+            force_n: self.upright(turned(person.force_n, -self.yaw_rad)),
+            moment_nm: self.upright(turned(about_sensor_nm, -self.yaw_rad)),
         };
         match measures {
             Measures::Action => sensor.negated(),
             Measures::Reaction => sensor,
+        }
+    }
+}
+
+impl GroundFrame {
+    /// From the sensor's axes to axes with z up, or back: half a turn about x, or nothing.
+    fn upright(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        match self.axes {
+            SensorAxes::ZUp => [x, y, z],
+            SensorAxes::ZDown => [x, -y, -z],
         }
     }
 }
@@ -86,10 +108,11 @@ mod tests {
     proptest! {
         #[test]
         fn there_and_back_is_nothing(
-            origin_m in proptest::array::uniform3(-3.0..3.0), yaw_rad in -4.0..4.0, action: bool,
+            origin_m in proptest::array::uniform3(-3.0..3.0), yaw_rad in -4.0..4.0, action: bool, down: bool,
             force_n in proptest::array::uniform3(-1e3..1e3), moment_nm in proptest::array::uniform3(-1e2..1e2),
         ) {
-            let frame = GroundFrame { origin_m, yaw_rad, surface_height_m: 0.05 };
+            let axes = if down { SensorAxes::ZDown } else { SensorAxes::ZUp };
+            let frame = GroundFrame { axes, origin_m, yaw_rad, surface_height_m: 0.05 };
             let measures = if action { Measures::Action } else { Measures::Reaction };
             let wrench = Wrench { force_n, moment_nm };
             let back = frame.sensor_from_person(frame.person_from_sensor(wrench, measures), measures);
@@ -97,5 +120,20 @@ mod tests {
                 prop_assert!((got - want).abs() < 1e-9);
             }
         }
+    }
+    #[test]
+    fn a_kistler_plate_whose_z_points_down_finds_the_centre_of_pressure_of_its_makers() {
+        // Kistler: surface at az0 below the sensor's origin along its z; ax = -(My - Fx az0)/Fz, ay = (Mx + Fy az0)/Fz.
+        let (az0, [fx, fy, fz], [mx, my, mz]) = (-0.048, [12.0, -7.0, 700.0], [21.0, -35.0, 1.0]);
+        let (ax, ay) = (-(my - fx * az0) / fz, (mx + fy * az0) / fz);
+        let frame = GroundFrame { axes: SensorAxes::ZDown, surface_height_m: -az0, ..GroundFrame::default() };
+        let on_plate = Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
+        let person = frame.person_from_sensor(on_plate, Measures::Action);
+        let ([force_x, force_y, force_z], [moment_x, moment_y, _]) = (person.force_n, person.moment_nm);
+        let z = frame.surface_z_m();
+        assert!(force_z > 699.0);
+        let cop = [(z * force_x - moment_y) / force_z, (moment_x + z * force_y) / force_z];
+        // Its y points to the right when its z points down.
+        assert!((cop[0] - ax).abs() < 1e-12 && (cop[1] + ay).abs() < 1e-12, "{cop:?} {ax} {ay}");
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Message, State, SuitSample,
+    AdapterHealth, Command, CycleRecord, GroundSample, Message, State, SuitBody, SuitSample,
 };
 
 /// How messages are encoded (mcap.dev registry): little-endian, fixed-size arrays without length prefix.
@@ -81,6 +81,8 @@ recorded! {
         Suit(SuitSample),
     "/equipoise/ground" => /// One wrench of the ground.
         Ground(GroundSample),
+    "/equipoise/body" => /// The wearer's build as the suit knows it.
+        Body(SuitBody),
     "/equipoise/state" => /// What the loop published.
         State(State),
     "/equipoise/cycle" => /// Stamps and inputs of one cycle.
@@ -159,7 +161,7 @@ mod tests {
         assert!(text.starts_with("uint64 sample_time_ns\nuint64 sample_time_sigma_ns\n"), "{text}");
         assert!(text.contains("\nfloat64[3] force_n\n"), "{text}");
         assert!(schema_text::<State>().contains("\nfloat64[66] torque_nm\n"));
-        assert_eq!(schema_name(State::TYPE_NAME), "equipoise/State_3");
+        assert_eq!(schema_name(State::TYPE_NAME), "equipoise/State_4");
     }
 
     #[test]

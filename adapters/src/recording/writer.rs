@@ -1,9 +1,10 @@
 //! Writing a recording so that a crash costs at most its last second.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Cursor, Seek, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use equipoise_core::time::NS_PER_S;
@@ -44,6 +45,21 @@ pub enum WriteError {
     },
 }
 
+/// A kind of message beside the table's: for viewers, not for replays.
+#[derive(Debug, Clone)]
+pub struct ExtraChannel {
+    /// The topic.
+    pub topic: &'static str,
+    /// The schema's name.
+    pub schema_name: &'static str,
+    /// How the schema is encoded, as MCAP's registry calls it.
+    pub schema_encoding: &'static str,
+    /// The schema.
+    pub schema_text: String,
+    /// How the messages are encoded.
+    pub message_encoding: &'static str,
+}
+
 /// One kind of message in the file.
 struct Channel {
     topic: &'static str,
@@ -60,6 +76,8 @@ pub struct Recorder<W: Write + Seek = BufWriter<File>> {
     channels: Vec<Channel>,
     chunk_start_ns: Option<u64>,
     failed: bool,
+    /// Device and number of the file, as the file system counts them; `None` in memory.
+    file: Option<[u64; 2]>,
 }
 
 impl Recorder {
@@ -75,7 +93,20 @@ impl Recorder {
             .mode(FILE_MODE)
             .open(&path)
             .map_err(|source| WriteError::Create { path: path.clone(), source })?;
-        Recorder::on(path, BufWriter::new(file), header)
+        // Whoever clears away old recordings sees that this one is still written. Where a file system has no locks, only
+        // that is lost.
+        let _ = file.try_lock();
+        let found = file.metadata().map_err(|source| WriteError::Create { path: path.clone(), source })?;
+        let mut recorder = Recorder::on(path, BufWriter::new(file), header)?;
+        recorder.file = Some([found.dev(), found.ino()]);
+        Ok(recorder)
+    }
+
+    /// How large the file is that lies under the recording's name, bytes; `None` once that is not the file which is
+    /// written: somebody has removed it or put another in its place, and nobody will find what is still written.
+    pub fn bytes_in_place(&self) -> Option<u64> {
+        let found = self.path.symlink_metadata().ok()?;
+        (Some([found.dev(), found.ino()]) == self.file).then_some(found.len())
     }
 
     /// Writes the index and the foot, and waits until all of it lies on the disk.
@@ -116,7 +147,7 @@ impl<W: Write + Seek> Recorder<W> {
         let writer =
             start(sink, header).map_err(|source| WriteError::Write { path: path.clone(), source })?;
         let mut recorder =
-            Recorder { path, writer, channels: Vec::new(), chunk_start_ns: None, failed: false };
+            Recorder { path, writer, channels: Vec::new(), chunk_start_ns: None, failed: false, file: None };
         recorder.add_channels().map_err(|source| recorder.failed(source))?;
         Ok(recorder)
     }
@@ -133,12 +164,39 @@ impl<W: Write + Seek> Recorder<W> {
         Ok(())
     }
 
+    /// Announces a further kind of message. Best before the first message, so that readers know it from the beginning.
+    ///
+    /// # Errors
+    /// [`WriteError::Write`].
+    pub fn announce(&mut self, extra: &ExtraChannel) -> Result<(), WriteError> {
+        let schema_text = extra.schema_text.as_bytes();
+        let metadata = BTreeMap::new();
+        let added = self.writer.add_schema(extra.schema_name, extra.schema_encoding, schema_text).and_then(
+            |schema| self.writer.add_channel(schema, extra.topic, extra.message_encoding, &metadata),
+        );
+        let id = added.map_err(|source| self.failed(source))?;
+        self.channels.push(Channel { topic: extra.topic, id, next_sequence: 0 });
+        Ok(())
+    }
+
+    /// Writes a message of a kind that was announced.
+    ///
+    /// # Errors
+    /// As [`Recorder::write`].
+    pub fn write_extra(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]) -> Result<(), WriteError> {
+        self.put(topic, log_time_ns, bytes)
+    }
+
     /// Writes one message; `log_time_ns` is the message's own time, CLOCK_MONOTONIC.
     ///
     /// # Errors
     /// [`WriteError::Write`], for example on a full disk; every later call then fails too, and the file stays
     /// readable up to its last whole chunk.
     pub fn write<M: Recorded>(&mut self, log_time_ns: u64, message: &M) -> Result<(), WriteError> {
+        self.put(M::TOPIC, log_time_ns, bytemuck::bytes_of(message))
+    }
+
+    fn put(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]) -> Result<(), WriteError> {
         if self.failed {
             return Err(self.failed(McapError::AttemptedWriteAfterFailure));
         }
@@ -148,7 +206,7 @@ impl<W: Write + Seek> Recorder<W> {
             self.flush()?;
             self.chunk_start_ns = Some(log_time_ns);
         }
-        let Some(channel) = self.channels.iter_mut().find(|channel| channel.topic == M::TOPIC) else {
+        let Some(channel) = self.channels.iter_mut().find(|channel| channel.topic == topic) else {
             return Err(self.failed(McapError::UnknownChannel(0, 0)));
         };
         let header = MessageHeader {
@@ -158,9 +216,7 @@ impl<W: Write + Seek> Recorder<W> {
             publish_time: log_time_ns,
         };
         channel.next_sequence = channel.next_sequence.wrapping_add(1);
-        self.writer
-            .write_to_known_channel(&header, bytemuck::bytes_of(message))
-            .map_err(|source| self.failed(source))
+        self.writer.write_to_known_channel(&header, bytes).map_err(|source| self.failed(source))
     }
 
     /// Keeps what a reload brought, under the number that its cycle record bears.

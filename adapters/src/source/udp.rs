@@ -1,5 +1,6 @@
 //! A UDP socket whose datagrams bear the kernel's receive stamp.
 
+use super::error::SourceError;
 use crate::clock::{StampTranslator, now_monotonic_ns};
 use nix::cmsg_space;
 use nix::errno::Errno;
@@ -17,55 +18,6 @@ use std::time::Duration;
 const BUFFER_SIZE: usize = 65_536;
 /// Asked of the kernel; it grants at most `net.core.rmem_max`. A second of everything is about 1 MB.
 const KERNEL_BUFFER_SIZE: usize = 4 << 20;
-
-/// Why a source does not work.
-#[derive(Debug, thiserror::Error)]
-pub enum SourceError {
-    /// The port is in use.
-    #[error(
-        "port {port} is taken: another program (another Equipoise, MVN itself, a viewer) listens on {address}; \
-             close it or set {key}"
-    )]
-    PortTaken {
-        /// The port asked for.
-        port: u16,
-        /// The whole address asked for.
-        address: SocketAddr,
-        /// The configuration key that chooses it.
-        key: &'static str,
-    },
-    /// The socket could not be opened for another reason.
-    #[error("cannot listen on {address}: {error}; is {key} an address of this computer?")]
-    Open {
-        /// The address asked for.
-        address: SocketAddr,
-        /// The configuration key that chooses it.
-        key: &'static str,
-        /// What the system says.
-        #[source]
-        error: io::Error,
-    },
-    /// Receiving failed for another reason than silence.
-    #[error("cannot receive on {address}: {error}")]
-    Receive {
-        /// The local address.
-        address: SocketAddr,
-        /// What the system says.
-        #[source]
-        error: io::Error,
-    },
-    /// A request could not be sent.
-    #[error("cannot send to {address}: {error}; check the cable and {key}")]
-    Send {
-        /// The device.
-        address: SocketAddr,
-        /// The configuration key that chooses it.
-        key: &'static str,
-        /// What the system says.
-        #[source]
-        error: io::Error,
-    },
-}
 
 /// Who may send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

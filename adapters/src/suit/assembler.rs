@@ -3,16 +3,17 @@
 //! MVN sends one datagram per type and sample; nothing says which types will come. So the assembler learns the set,
 //! publishes a sample as soon as the set is complete, and at the latest when the next sample begins.
 
-use super::part::Part;
+use super::part::{Part, axis_like_pose, upright_axis};
 use super::refusal::SuitRefusal;
-use super::settings::{SuitSettings, TypeSet};
-use super::stride::Stride;
+use super::settings::{SuitSettings, TypeSet, UpAxis};
 use super::subject::SuitSubject;
 use crate::counts::Counts;
 use crate::sequence::{Place, Sequence};
-use crate::wire::mvn::{Datagram, EulerPose};
+use crate::stride::Stride;
+use crate::wire::mvn::{Datagram, EulerPose, Layout, LinearKinematics};
 use bytemuck::Zeroable;
-use equipoise_core::message::SuitSample;
+use equipoise_core::body::SEGMENTS;
+use equipoise_core::message::{SuitBody, SuitSample};
 use equipoise_core::time::ClockFit;
 
 /// Suits count at 240 Hz at most; this leaves room.
@@ -44,11 +45,15 @@ pub struct SuitAssembler {
     current: Option<Current>,
     ready: Option<SuitSample>,
     /// Last orientations handed on: a quaternion and its negative are one rotation, and we stay on one side.
-    last_orientation: [[f64; 4]; equipoise_core::body::SEGMENTS],
+    last_orientation: [[f64; 4]; SEGMENTS],
     learnt: TypeSet,
     samples_watched: u32,
     missing: [u8; TypeSet::COUNT],
     subject: SuitSubject,
+    layout: Option<Layout>,
+    /// In which world type 21 comes where type 02 has Y up, once a pose has shown it: a setting of MVN for its stream.
+    linear_up: Option<UpAxis>,
+    last_position_m: Option<[[f64; 3]; SEGMENTS]>,
     counts: Counts,
 }
 
@@ -63,11 +68,14 @@ impl SuitAssembler {
             session: 0,
             current: None,
             ready: None,
-            last_orientation: [[0.0; 4]; equipoise_core::body::SEGMENTS],
+            last_orientation: [[0.0; 4]; SEGMENTS],
             learnt: TypeSet::default(),
             samples_watched: 0,
             missing: [0; TypeSet::COUNT],
             subject: SuitSubject::default(),
+            layout: None,
+            linear_up: None,
+            last_position_m: None,
             counts: Counts::default(),
         }
     }
@@ -109,6 +117,16 @@ impl SuitAssembler {
         &self.subject
     }
 
+    /// What the suit said of its wearer's build, as a message; `None` until it did.
+    pub fn body(&self) -> Option<SuitBody> {
+        self.subject.null_pose.to_body(self.settings.avatar)
+    }
+
+    /// Props and fingers that came with the body last; neither is used. `None` until a sender of 2019 or later says so.
+    pub fn layout(&self) -> Option<Layout> {
+        self.layout
+    }
+
     /// The types that samples are made of, as learnt so far.
     pub fn learnt_types(&self) -> TypeSet {
         self.learnt
@@ -133,12 +151,25 @@ impl SuitAssembler {
             return Err(SuitRefusal::OtherAvatar);
         }
         let check_up = self.settings.check_up_axis;
+        let up = self.settings.up;
         let part = match datagram {
-            Datagram::PoseQuaternion(_, items) => Part::pose(items, false, check_up)?,
+            Datagram::PoseQuaternion(_, items) => match up {
+                UpAxis::Z => Part::pose(items, TypeSet::POSE_QUATERNION, check_up)?,
+                UpAxis::Y => {
+                    Part::pose(items.map(|item| item.y_up_to_z_up()), TypeSet::POSE_QUATERNION, check_up)?
+                }
+            },
             Datagram::PoseEuler(_, items) => {
-                Part::pose(items.map(|item: EulerPose| item.to_z_up()), true, check_up)?
+                Part::pose(items.map(|item: EulerPose| item.to_z_up()), TypeSet::POSE_EULER, check_up)?
             }
-            Datagram::LinearKinematics(_, items) => Part::linear(items)?,
+            Datagram::Unity(_, body) => {
+                Part::pose(body.to_z_up().into_iter(), TypeSet::POSE_UNITY, check_up)?
+            }
+            Datagram::AngularKinematics(..) | Datagram::CentreOfMass(..) if up == UpAxis::Y => return Ok(()),
+            Datagram::LinearKinematics(_, items) => {
+                let up = self.linear_up(items).ok_or(SuitRefusal::UpsideDown)?;
+                Part::linear(items, up)?
+            }
             Datagram::AngularKinematics(_, items) => Part::angular(items)?,
             Datagram::JointAngles(_, items) => Part::joints(items)?,
             Datagram::CentreOfMass(_, com) => Part::com(&com)?,
@@ -147,11 +178,17 @@ impl SuitAssembler {
                 return Ok(());
             }
             Datagram::Scale(_, scale) => {
-                return if self.subject.take_scale(&scale) { Ok(()) } else { Err(SuitRefusal::NotFinite) };
+                let taken = self.subject.take_scale(&scale, self.session, arrival_ns);
+                return if taken { Ok(()) } else { Err(SuitRefusal::NotFinite) };
             }
-            Datagram::TrackerKinematics(..) | Datagram::TimeCode(..) | Datagram::Json => return Ok(()),
+            // Read and sound, but nothing that a sample needs.
+            Datagram::VirtualMarkers(..)
+            | Datagram::TrackerKinematics(..)
+            | Datagram::TimeCode(..)
+            | Datagram::Json => return Ok(()),
             Datagram::Unknown(_) => return Err(SuitRefusal::UnknownType),
         };
+        self.layout = header.layout().or(self.layout);
         match self.sequence.place(header.sample_counter, arrival_ns) {
             Place::Old => return Err(SuitRefusal::OutOfOrder),
             Place::Same => {}
@@ -162,14 +199,29 @@ impl SuitAssembler {
             }
             Place::NewSession => {
                 self.finish();
-                self.current = None;
+                let ended_ns = self.current.take().map_or(0, |current| current.sample.arrival_ns);
                 self.session += 1;
+                self.subject.null_pose.begin_session(self.session, ended_ns);
                 self.stride = Stride::default();
+                (self.linear_up, self.last_position_m) = (None, None);
                 self.clock.restart();
                 self.begin(header.sample_counter, header.time_code_ms, 1, arrival_ns);
             }
         }
         self.merge(&part)
+    }
+
+    /// In which world type 21 comes: in that of its pose, or, as long as none came, in that in which it stands.
+    fn linear_up(&mut self, items: impl Iterator<Item = LinearKinematics> + Clone) -> Option<UpAxis> {
+        if self.settings.up == UpAxis::Z {
+            return Some(UpAxis::Z);
+        }
+        if self.linear_up.is_none() {
+            let current = self.current.as_ref().filter(|current| current.seen.has_pose());
+            let pose_m = current.map(|current| current.sample.position_m).or(self.last_position_m);
+            self.linear_up = pose_m.and_then(|pose_m| axis_like_pose(items.clone(), &pose_m));
+        }
+        self.linear_up.or_else(|| upright_axis(items.map(|item| (item.segment_id, item.position_m))))
     }
 
     /// Ends the sample before and starts the one with this counter, `gap` counts later.
@@ -198,14 +250,13 @@ impl SuitAssembler {
         if current.seen.has(kind) {
             return Err(SuitRefusal::Duplicate);
         }
-        let has_quaternions = current.seen.has(TypeSet::POSE_QUATERNION);
         current.seen = current.seen.and(kind);
         self.learnt = self.learnt.and(kind);
         if current.published {
             return Err(SuitRefusal::Late);
         }
-        // Type 01 is type 02 rounded through angles: it only stands in where 02 is not sent.
-        if !(has_quaternions && kind == TypeSet::POSE_EULER) {
+        // A worse pose only stands in where a better is not sent.
+        if !current.seen.has_better_pose_than(kind) {
             part.apply(&mut current.sample);
         }
         Ok(())
@@ -254,6 +305,7 @@ impl SuitAssembler {
             }
             *before = *now;
         }
+        self.last_position_m = Some(sample.position_m);
         Some(*sample)
     }
 }

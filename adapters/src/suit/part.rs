@@ -1,6 +1,7 @@
 //! One datagram's share of a sample, checked before anything is changed by it.
 
 use super::refusal::SuitRefusal;
+use super::settings::{TypeSet, UpAxis};
 use crate::wire::mvn::{AngularKinematics, CentreOfMass, JointAngle, LinearKinematics, SegmentPose};
 use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
 use equipoise_core::message::SuitSample;
@@ -13,6 +14,8 @@ const MIN_STATURE_M: f64 = 0.3;
 
 /// No coordinate (m), velocity, acceleration or angle of a person, in its unit, is larger.
 const LARGEST: f32 = 1e4;
+/// Positions are in the world in which they are so much nearer to the pose than in the other, as squares.
+const APART: f64 = 9.0;
 /// No segment begins farther from the pelvis.
 const REACH_M: f64 = 3.0;
 
@@ -26,10 +29,10 @@ pub(super) struct Pose {
 /// A checked datagram.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part {
-    /// From type 02, or from type 01 if `from_euler`.
+    /// From the type `kind`.
     Pose {
         pose: Pose,
-        from_euler: bool,
+        kind: TypeSet,
     },
     Linear {
         velocity_m_per_s: [[f64; 3]; SEGMENTS],
@@ -49,7 +52,7 @@ pub(super) enum Part {
 impl Part {
     pub(super) fn pose(
         items: impl Iterator<Item = SegmentPose>,
-        from_euler: bool,
+        kind: TypeSet,
         check_up: bool,
     ) -> Result<Part, SuitRefusal> {
         let mut pose = Pose { position_m: [[0.0; 3]; SEGMENTS], orientation_wxyz: [[0.0; 4]; SEGMENTS] };
@@ -68,10 +71,21 @@ impl Part {
         if check_up && !pose.stands() {
             return Err(SuitRefusal::UpsideDown);
         }
-        Ok(Part::Pose { pose, from_euler })
+        Ok(Part::Pose { pose, kind })
     }
 
-    pub(super) fn linear(items: impl Iterator<Item = LinearKinematics>) -> Result<Part, SuitRefusal> {
+    /// From a world whose axis `up` points up.
+    pub(super) fn linear(
+        items: impl Iterator<Item = LinearKinematics>,
+        up: UpAxis,
+    ) -> Result<Part, SuitRefusal> {
+        match up {
+            UpAxis::Z => Self::linear_z_up(items),
+            UpAxis::Y => Self::linear_z_up(items.map(|item| item.y_up_to_z_up())),
+        }
+    }
+
+    fn linear_z_up(items: impl Iterator<Item = LinearKinematics>) -> Result<Part, SuitRefusal> {
         let mut velocity_m_per_s = [[0.0; 3]; SEGMENTS];
         let mut acceleration_m_per_s2 = [[0.0; 3]; SEGMENTS];
         by_segment(
@@ -146,6 +160,49 @@ impl Part {
                 sample.blocks |= SuitBlocks::CentreOfMass as u32;
             }
         }
+    }
+}
+
+/// Along which axis a body stands, by its segments' ids and origins (m); `None` if along neither, or both.
+pub(super) fn upright_axis(origins: impl Iterator<Item = (u32, [f32; 3])>) -> Option<UpAxis> {
+    let mut heights_m = [[None; 2]; SEGMENTS];
+    for (segment_id, [_, y, z]) in origins {
+        if let Some(heights) = heights_m.get_mut((segment_id as usize).wrapping_sub(1)) {
+            *heights = [Some(f64::from(y)), Some(f64::from(z))];
+        }
+    }
+    let stands = |axis: usize| {
+        let height = |segment: Segment| heights_m[segment.index()][axis];
+        let feet = height(Segment::LeftFoot)?.min(height(Segment::RightFoot)?);
+        Some(height(Segment::Head)?.max(height(Segment::Pelvis)?) - feet > MIN_STATURE_M)
+    };
+    match (stands(0)?, stands(1)?) {
+        (true, false) => Some(UpAxis::Y),
+        (false, true) => Some(UpAxis::Z),
+        _ => None,
+    }
+}
+
+/// The world in which these are the segments of a pose (in Z up, m), however bent it is; `None` if they are in neither.
+pub(super) fn axis_like_pose(
+    items: impl Iterator<Item = LinearKinematics>,
+    pose_m: &[[f64; 3]; SEGMENTS],
+) -> Option<UpAxis> {
+    let (mut z_up_m2, mut y_up_m2) = (0.0, 0.0);
+    for item in items {
+        let Some(pose_m) = pose_m.get((item.segment_id as usize).wrapping_sub(1)) else { continue };
+        let apart_m2 = |position_m: [f32; 3]| -> f64 {
+            position_m.iter().zip(pose_m).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum()
+        };
+        z_up_m2 += apart_m2(item.position_m);
+        y_up_m2 += apart_m2(item.y_up_to_z_up().position_m);
+    }
+    if z_up_m2 * APART < y_up_m2 {
+        Some(UpAxis::Z)
+    } else if y_up_m2 * APART < z_up_m2 {
+        Some(UpAxis::Y)
+    } else {
+        None
     }
 }
 

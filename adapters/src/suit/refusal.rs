@@ -40,12 +40,14 @@ refusals! {
         NotUnitQuaternion = "not_unit_quaternion",
         /// Joints in another order than MVN's.
         UnknownJoint = "unknown_joint",
-        /// Head and pelvis are not above the feet: is the stream set to Z up?
+        /// Head and pelvis are not above the feet: does type 02 have Y up (then `suit.up = "y"`), or is the person lying?
         UpsideDown = "upside_down",
-        /// A whole sample without a pose: types 02 and 01 are both off in the Network Streamer, or were lost.
+        /// A whole sample without a pose: types 02, 01 and 05 are all off in the Network Streamer, or were lost.
         NoPose = "no_pose",
         /// A number that no body has: a flipped bit that checksums did not see, or a sender gone astray.
         Implausible = "implausible",
+        /// A byte stream (TCP) that was out of step: bytes were skipped up to the next datagram.
+        OutOfStep = "out_of_step",
     }
 }
 

@@ -19,7 +19,11 @@ impl TypeSet {
     pub const ANGULAR_KINEMATICS: TypeSet = TypeSet(1 << 4);
     /// Type 24.
     pub const CENTRE_OF_MASS: TypeSet = TypeSet(1 << 5);
-    pub(super) const COUNT: usize = 6;
+    /// Type 05.
+    pub const POSE_UNITY: TypeSet = TypeSet(1 << 6);
+    pub(super) const COUNT: usize = 7;
+    /// The types that carry a pose, the best first: 01 is 02 rounded through angles, 05 a chain of 23 products.
+    const POSES: [TypeSet; 3] = [TypeSet::POSE_QUATERNION, TypeSet::POSE_EULER, TypeSet::POSE_UNITY];
 
     /// Both sets together.
     #[must_use]
@@ -43,8 +47,7 @@ impl TypeSet {
 
     pub(super) fn of(part: &Part) -> TypeSet {
         match part {
-            Part::Pose { from_euler: true, .. } => TypeSet::POSE_EULER,
-            Part::Pose { from_euler: false, .. } => TypeSet::POSE_QUATERNION,
+            Part::Pose { kind, .. } => *kind,
             Part::Linear { .. } => TypeSet::LINEAR_KINEMATICS,
             Part::Angular { .. } => TypeSet::ANGULAR_KINEMATICS,
             Part::Joints { .. } => TypeSet::JOINT_ANGLES,
@@ -53,8 +56,25 @@ impl TypeSet {
     }
 
     pub(super) fn has_pose(self) -> bool {
-        self.has(TypeSet::POSE_QUATERNION) || self.has(TypeSet::POSE_EULER)
+        Self::POSES.into_iter().any(|pose| self.has(pose))
     }
+
+    /// Whether a pose is in it that is better than that of type `pose`; never if `pose` is none.
+    pub(super) fn has_better_pose_than(self, pose: TypeSet) -> bool {
+        let rank = Self::POSES.into_iter().position(|one| one == pose).unwrap_or(0);
+        Self::POSES[..rank].iter().any(|better| self.has(*better))
+    }
+}
+
+/// Which axis of the suit's world points up, in type 02; other types say so themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UpAxis {
+    /// X forward, Y left, Z up: what MVN sends unless told otherwise.
+    #[default]
+    Z,
+    /// X left, Y up, Z forward. In which world types 22 and 24 come then was never seen, so they are not used; type 21
+    /// shows by its positions.
+    Y,
 }
 
 /// What to expect of the suit.
@@ -66,6 +86,8 @@ pub struct SuitSettings {
     pub required: Option<TypeSet>,
     /// Refuse poses in which neither head nor pelvis is above the feet (a stream that is not Z up, a person lying).
     pub check_up_axis: bool,
+    /// The axis that points up in type 02.
+    pub up: UpAxis,
     /// Constant part of the delay from a sample to its datagram, ns: the clock fit cannot see it, so it is taken off
     /// every sample time.
     pub latency_ns: u64,
@@ -73,6 +95,6 @@ pub struct SuitSettings {
 
 impl Default for SuitSettings {
     fn default() -> Self {
-        SuitSettings { avatar: 0, required: None, check_up_axis: true, latency_ns: 0 }
+        SuitSettings { avatar: 0, required: None, check_up_axis: true, up: UpAxis::Z, latency_ns: 0 }
     }
 }

@@ -8,6 +8,10 @@ use equipoise_core::message::SuitSample;
 use equipoise_core::message::suit::SuitBlocks;
 use proptest::prelude::*;
 
+mod extras;
+mod routes;
+mod surveys;
+
 const PERIOD_NS: u64 = 4_166_667;
 
 fn standing() -> Vec<SegmentPose> {

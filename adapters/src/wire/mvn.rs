@@ -13,21 +13,27 @@ pub mod meta;
 pub mod pose_euler;
 pub mod pose_quaternion;
 pub mod scale;
+pub mod stream;
 pub mod time_code;
 pub mod tracker_kinematics;
+pub mod unity;
+pub mod virtual_markers;
 
 pub use angular_kinematics::AngularKinematics;
 pub use centre_of_mass::CentreOfMass;
-pub use header::{DatagramType, HEADER_SIZE, Header, Oversized};
+pub use header::{DatagramType, HEADER_SIZE, Header, Layout, Oversized};
 pub use items::Items;
 pub use joint_angles::JointAngle;
 pub use linear_kinematics::LinearKinematics;
 pub use meta::Meta;
 pub use pose_euler::EulerPose;
 pub use pose_quaternion::SegmentPose;
-pub use scale::Scale;
+pub use scale::{NullPoseSegment, Scale, SegmentPoint};
+pub use stream::{Cut, StreamCutter};
 pub use time_code::TimeCode;
 pub use tracker_kinematics::{TrackerKinematics, Trackers};
+pub use unity::UnityBody;
+pub use virtual_markers::VirtualMarker;
 
 /// The port MVN sends to unless told otherwise (9 = X, 6 = M, 3 = E).
 pub const DEFAULT_PORT: u16 = 9763;
@@ -38,6 +44,8 @@ pub const DEFAULT_PORT: u16 = 9763;
 pub enum Datagram<'a> {
     PoseEuler(Header, Items<'a, EulerPose>),
     PoseQuaternion(Header, Items<'a, SegmentPose>),
+    VirtualMarkers(Header, Items<'a, VirtualMarker>),
+    Unity(Header, UnityBody<'a>),
     Meta(Header, Meta<'a>),
     Scale(Header, Scale<'a>),
     JointAngles(Header, Items<'a, JointAngle>),
@@ -70,6 +78,10 @@ impl<'a> Datagram<'a> {
             DatagramType::POSE_QUATERNION => {
                 Datagram::PoseQuaternion(header, Items::parse(&header, payload)?)
             }
+            DatagramType::VIRTUAL_MARKERS => {
+                Datagram::VirtualMarkers(header, Items::parse(&header, payload)?)
+            }
+            DatagramType::UNITY => Datagram::Unity(header, UnityBody::parse(&header, payload)?),
             DatagramType::META => Datagram::Meta(header, Meta::parse(payload)?),
             DatagramType::SCALE => Datagram::Scale(header, Scale::parse(payload)?),
             DatagramType::JOINT_ANGLES => Datagram::JointAngles(header, Items::parse(&header, payload)?),
@@ -93,6 +105,8 @@ impl<'a> Datagram<'a> {
         match self {
             Datagram::PoseEuler(header, _)
             | Datagram::PoseQuaternion(header, _)
+            | Datagram::VirtualMarkers(header, _)
+            | Datagram::Unity(header, _)
             | Datagram::Meta(header, _)
             | Datagram::Scale(header, _)
             | Datagram::JointAngles(header, _)

@@ -4,7 +4,7 @@
 //! type says, for as long as the call runs, and nobody else uses it meanwhile.
 #![expect(unsafe_code, reason = "C hands over pointers; everything behind them is safe code")]
 
-use crate::handle::{Handle, Options, reason_name};
+use crate::handle::{Handle, Opened, Options, check_owner, reason_name};
 use crate::outcome::{Outcome, Refusal, guard, last_error};
 use crate::reading::Reading;
 use equipoise_client::{Consumer, NoReading};
@@ -38,6 +38,22 @@ unsafe fn source<'a, T>(pointer: *const T, what: &str) -> Result<&'a T, Refusal>
     check(pointer, what)?;
     // SAFETY: not null and aligned, just checked; initialised and not changed, by the caller's promise.
     Ok(unsafe { &*pointer })
+}
+
+/// What the calling thread may touch of a consumer, if it opened it.
+///
+/// Its owner may be inside a call at this moment, with a reference to [`Opened`]: so there is none, not even a shared one,
+/// before it is known whose it is.
+///
+/// # Safety
+/// If it is not null: it came from [`equipoise_open`] and was not closed.
+unsafe fn owned<'a>(consumer: *mut Handle) -> Result<&'a mut Opened, Refusal> {
+    check(consumer, "consumer")?;
+    // SAFETY: not null and aligned, just checked, and whole by the caller's promise. Nobody writes the owner while the
+    // handle lives, and no reference covers it.
+    check_owner(unsafe { (&raw const (*consumer).owner).read() })?;
+    // SAFETY: as above; and this is the one thread that makes references to it, one call after the other.
+    Ok(unsafe { &mut (*consumer).opened })
 }
 
 /// A text of C.
@@ -112,8 +128,8 @@ unsafe fn read(
         // Whatever happens from here on, nothing of an earlier reading is left in it.
         place.write(Reading::nothing());
         // SAFETY: by this function's own contract.
-        let handle = unsafe { target(consumer, "consumer") }?;
-        place.write(handle.read(how)?);
+        let opened = unsafe { owned(consumer) }?;
+        place.write(opened.read(how)?);
         Ok(())
     })
 }
@@ -129,7 +145,7 @@ pub unsafe extern "C" fn equipoise_close(consumer: *mut Handle) -> c_int {
     }
     guard(|| {
         // SAFETY: by this function's own contract.
-        unsafe { target(consumer, "consumer") }?.check_owner()?;
+        unsafe { owned(consumer) }?;
         // SAFETY: it came out of `Box::into_raw` in `equipoise_open`, and is never used again.
         drop(unsafe { Box::from_raw(consumer) });
         Ok(())
@@ -142,15 +158,14 @@ pub unsafe extern "C" fn equipoise_close(consumer: *mut Handle) -> c_int {
 /// As [`equipoise_next`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn equipoise_report_refusal(consumer: *mut Handle) -> *const c_char {
-    let mut told = c"".as_ptr();
+    let mut told = ptr::null();
     guard(|| {
         // SAFETY: by this function's own contract.
-        let handle = unsafe { target(consumer, "consumer") }?;
-        handle.check_owner()?;
-        told = handle.report_refusal().as_ptr();
+        told = unsafe { owned(consumer) }?.report_refusal().as_ptr();
         Ok(())
     });
-    told
+    // Nothing is known of that report then; "" would say that it is published.
+    if told.is_null() { equipoise_error() } else { told }
 }
 
 /// The sentence of this thread's last call that was refused; see `equipoise.h`.

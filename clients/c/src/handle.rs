@@ -1,9 +1,10 @@
 //! `equipoise_consumer`: a consumer that knows whose it is.
 
+use crate::layout::layout;
 use crate::outcome::{Refusal, c_text};
 use crate::reading::Reading;
 use equipoise_client::{Consumer, ConsumerSettings, NoReading};
-use equipoise_core::message::{Message, State, Validity};
+use equipoise_core::message::Validity;
 use std::ffi::{CStr, CString};
 use std::sync::OnceLock;
 use std::thread::{self, ThreadId};
@@ -13,8 +14,8 @@ use std::time::Duration;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// The schema that the header was made for.
-    pub state_schema: u64,
+    /// What the header was made for: see [`layout`].
+    pub layout: u64,
     /// How old a state may be that is handed out; 0 for the table's 25 ms.
     pub stale_after_ns: u64,
     /// States that wait while the program is busy; 0 for the table's 8.
@@ -25,12 +26,12 @@ pub struct Options {
 
 impl Options {
     fn settings(&self, station: &str, name: &str) -> Result<ConsumerSettings, Refusal> {
-        if self.state_schema != State::SCHEMA_HASH {
+        if self.layout != layout() {
             return Err(Refusal::wrong_use(&format!(
-                "this program was compiled with another equipoise.h (schema 0x{:016x}, the library's is 0x{:016x}): \
+                "this program was compiled with another equipoise.h (layout 0x{:016x}, the library's is 0x{:016x}): \
                  compile it anew with the header beside this library",
-                self.state_schema,
-                State::SCHEMA_HASH
+                self.layout,
+                layout()
             )));
         }
         let mut settings = ConsumerSettings::new(station, name);
@@ -48,8 +49,16 @@ impl Options {
 /// A consumer, and the thread that it belongs to.
 #[derive(Debug)]
 pub struct Handle {
+    /// Never changed, and never part of a reference to what is: another thread may look at it at any time.
+    pub(crate) owner: ThreadId,
+    /// For the owner alone.
+    pub(crate) opened: Opened,
+}
+
+/// What only the thread may touch that opened it.
+#[derive(Debug)]
+pub struct Opened {
     consumer: Consumer,
-    owner: ThreadId,
     report_refusal: CString,
 }
 
@@ -64,30 +73,32 @@ impl Handle {
             return Err(Refusal::wrong_use("station and name must be UTF-8"));
         };
         let consumer = Consumer::join_with(options.settings(&station, &name)?)?;
-        Ok(Handle { consumer, owner: thread::current().id(), report_refusal: CString::default() })
+        let opened = Opened { consumer, report_refusal: CString::default() };
+        Ok(Handle { owner: thread::current().id(), opened })
     }
+}
 
+/// That the calling thread is the one that opened a consumer.
+///
+/// # Errors
+/// It is another.
+pub fn check_owner(owner: ThreadId) -> Result<(), Refusal> {
+    if thread::current().id() == owner {
+        return Ok(());
+    }
+    Err(Refusal::wrong_use("a consumer belongs to the thread that opened it: open one in each thread"))
+}
+
+impl Opened {
     /// What `read` reads.
     ///
     /// # Errors
-    /// Another thread's handle, or the reason why there is no current state.
+    /// The reason why there is no current state.
     pub fn read(
         &mut self,
         read: impl FnOnce(&mut Consumer) -> Result<equipoise_client::Reading, NoReading>,
     ) -> Result<Reading, Refusal> {
-        self.check_owner()?;
         Ok(read(&mut self.consumer)?.into())
-    }
-
-    /// That the calling thread is the one that opened it.
-    ///
-    /// # Errors
-    /// It is another.
-    pub fn check_owner(&self) -> Result<(), Refusal> {
-        if thread::current().id() == self.owner {
-            return Ok(());
-        }
-        Err(Refusal::wrong_use("a consumer belongs to the thread that opened it: open one in each thread"))
     }
 
     /// Why nothing is published about how late states come; empty if it is, or if it was asked not to be.

@@ -4,10 +4,11 @@
 //! and the daemon of one release. Everything that C hands over is looked at in [`border`], the one file with unsafe
 //! code; everything behind it is safe.
 //!
-//! Floors, ground first: [`outcome`] → [`reading`] → [`handle`] → [`border`]
+//! Floors, ground first: [`outcome`] → [`reading`] → [`handle`], [`layout`] → [`border`]
 
 pub mod border;
 pub mod handle;
+pub mod layout;
 pub mod outcome;
 pub mod reading;
 

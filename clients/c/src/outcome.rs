@@ -12,15 +12,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub enum Outcome {
     /// It was done.
     Ok = 0,
-    /// No state came in time.
+    /// No new state came in time: the daemon is not running, or hangs.
     Silent = 1,
-    /// States came, but all too old.
+    /// States came, but all too old to be handed out.
     Stale = 2,
-    /// The daemon's clock is another one.
+    /// The daemon's CLOCK_MONOTONIC is another one: both must run in one time namespace.
     OtherClock = 3,
-    /// The bus could not be joined or read.
+    /// The bus cannot be joined or read. An open consumer joins anew by itself.
     Bus = 4,
-    /// The call itself is wrong: a null pointer, another thread, another header.
+    /// The call itself is wrong: a null pointer, another thread's consumer, another header.
     WrongUse = 5,
     /// A defect of this library.
     Defect = 6,

@@ -12,9 +12,13 @@ use equipoise_core::message::PickUp;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
+use std::time::{Duration, Instant};
 
+const HANGS_AFTER: Duration = Duration::from_secs(20);
 const CONTROLLER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/controller.c");
 const WRONG_USE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/wrong_use.c");
+
+const WRONG_USE_CPP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/wrong_use.cpp");
 
 /// Not a test: the life of a child, until it is killed or forgotten.
 #[test]
@@ -36,6 +40,30 @@ fn wrong_calls_are_refused_with_a_sentence() {
         let ended = Command::new(program).env(ROOT_VARIABLE, root.path()).output().unwrap();
         assert_eq!(said(&ended), "all refused\n");
     }
+}
+
+#[test]
+fn the_header_for_cpp_waits_for_nobody_and_loses_nothing_silently() {
+    if !compiler::is_there("cpp") {
+        eprintln!("skipped: no compiler of C++ (CXX, or c++)");
+        return;
+    }
+    let root = root();
+    let scratch = tempfile::tempdir().unwrap();
+    let program = compile(Path::new(WRONG_USE_CPP), Link::Shared, scratch.path());
+    let mut command = Command::new(program);
+    command.env(ROOT_VARIABLE, root.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let begun = Instant::now();
+    // A time-out below zero that was taken for a long one would never end.
+    while child.try_wait().unwrap().is_none() && begun.elapsed() < HANGS_AFTER {
+        sleep(PERIOD);
+    }
+    let _ = child.kill();
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(said(&ended), "all refused\n");
+    let told = String::from_utf8_lossy(&ended.stderr);
+    assert!(told.contains("a consumer was not closed: a consumer belongs to the thread"), "{told}");
 }
 
 #[test]

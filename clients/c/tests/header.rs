@@ -6,11 +6,12 @@ mod compiler;
 mod names;
 
 use compiler::{Link, compile, said};
-use equipoise_c::{Options, Outcome, Reading};
+use equipoise_c::{Options, Outcome, Reading, layout};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
+use equipoise_core::cycle::{BodyRefusal, BodySource};
 use equipoise_core::message::layout::{Field, Primitive};
-use equipoise_core::message::state::{Phase, SharingSource};
-use equipoise_core::message::{Message, State, Validity};
+use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::message::{GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
 use std::fmt::Write as _;
@@ -34,7 +35,7 @@ fn facts_of_field(of: &str, name: &str, offset: usize, bytes: usize) -> [Fact; 2
 fn facts_of_state() -> Vec<Fact> {
     let mut facts = vec![
         fact("sizeof(equipoise_state)".to_owned(), size_of::<State>()),
-        fact("EQUIPOISE_STATE_SCHEMA".to_owned(), State::SCHEMA_HASH),
+        fact("EQUIPOISE_LAYOUT".to_owned(), layout::layout()),
         fact(format!("strcmp(EQUIPOISE_STATE_TYPE, \"{}\")", State::TYPE_NAME), 0_u64),
         fact("EQUIPOISE_JOINTS".to_owned(), JOINTS),
         fact("EQUIPOISE_SEGMENTS".to_owned(), SEGMENTS),
@@ -58,9 +59,9 @@ fn facts_of_structs() -> Vec<Fact> {
     }
     fields! {
         "equipoise_reading" Reading {
-            state: 2176, picked_up_ns: 8, age_ns: 8, moment_age_ns: 8, missed: 8, restarted: 4, is_new: 4
+            state: 2240, picked_up_ns: 8, age_ns: 8, moment_age_ns: 8, missed: 8, restarted: 4, is_new: 4
         }
-        "equipoise_options" Options { state_schema: 8, stale_after_ns: 8, depth: 4, no_report: 4 }
+        "equipoise_options" Options { layout: 8, stale_after_ns: 8, depth: 4, no_report: 4 }
     }
     facts
 }
@@ -85,6 +86,18 @@ fn facts_of_numbers() -> Vec<Fact> {
     };
     facts.extend(numbered("PHASE", &|number| Phase::from_number(number).map(Phase::name)));
     facts.extend(numbered("LEVEL", &|number| Level::from_number(number).map(Level::name)));
+    facts.extend(numbered("BODY_SOURCE", &|number| BodySource::from_number(number).map(BodySource::name)));
+    facts.extend(numbered("BODY_REFUSED", &|number| BodyRefusal::from_number(number).map(BodyRefusal::name)));
+    facts.extend(numbered("SOLE", &|number| SoleSource::from_number(number).map(SoleSource::name)));
+    facts.extend(numbered("ACCELERATION", &|number| {
+        AccelerationSource::from_number(number).map(AccelerationSource::name)
+    }));
+    for (what, name) in NotGiven::NAMES {
+        facts.push(fact(format!("EQUIPOISE_NOT_GIVEN_{}", constant_case(name)), what as u32));
+    }
+    for (device, name) in GroundDevice::NAMES {
+        facts.push(fact(format!("EQUIPOISE_GROUND_{}", constant_case(name)), device as u32));
+    }
     facts.extend(numbered("SHARING", &|number| SharingSource::from_number(number).map(SharingSource::name)));
     facts
 }

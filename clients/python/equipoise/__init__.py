@@ -2,20 +2,20 @@
 
     import equipoise
 
-    with equipoise.subscribe("station-1", name="controller") as consumer:
-        for reading in consumer:
-            if not reading:
-                print("no value:", reading)   # now the robot goes to its safe speed
-            elif reading.spoilt_by(equipoise.SPOILS_TORQUES):
-                print("withheld:", reading.reasons)
-            else:
-                print(reading.torque_nm(equipoise.Joint.L5S1), reading.age_ns)
+    for reading in equipoise.subscribe("station-1"):
+        if not reading:
+            print("no value:", reading)   # now the robot goes to its safe speed
+        elif reading.spoilt_by(equipoise.SPOILS_TORQUES):
+            print("withheld:", reading.reasons)
+        else:
+            print(reading.torque_nm(equipoise.Joint.L5S1), reading.age_ns)
 
 A `Reading` is a state that may be believed to be current; everything else is a `NoReading` with its reason, and is
 false. What a state says may still be withheld: that is `reasons`. Library and daemon must be of one release and run as
-the same user; the bus's directory is that of EQUIPOISE_BUS_ROOT, as for the daemon.
+the same user; the bus's directory is that of EQUIPOISE_BUS_ROOT, as for the daemon. `equipoise.udp` reads datagrams on any machine.
 """
 
+from ._arrays import to_pandas
 from ._bus import BusError
 from ._messages import (
     JOINTS,
@@ -29,15 +29,21 @@ from ._messages import (
     SPOILS_LIFTED_MASS,
     SPOILS_RESIDUAL,
     SPOILS_TORQUES,
+    Acceleration,
+    BodyRefused,
+    BodySource,
+    GroundDevice,
     Joint,
     Level,
+    NotGiven,
     Phase,
     PickUp,
     Reason,
     Sharing,
+    Sole,
     State,
 )
-from .consumer import Consumer, subscribe
+from .consumer import Consumer, latest, subscribe
 from .reading import NoReading, Reading, Why
 
 __all__ = [
@@ -52,17 +58,25 @@ __all__ = [
     "SPOILS_LIFTED_MASS",
     "SPOILS_RESIDUAL",
     "SPOILS_TORQUES",
+    "Acceleration",
+    "BodyRefused",
+    "BodySource",
     "BusError",
     "Consumer",
+    "GroundDevice",
     "Joint",
     "Level",
     "NoReading",
+    "NotGiven",
     "Phase",
     "PickUp",
     "Reading",
     "Reason",
     "Sharing",
+    "Sole",
     "State",
     "Why",
+    "latest",
     "subscribe",
+    "to_pandas",
 ]

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import importlib
 import os
 import re
 import time
 from typing import Any, Callable, Optional, Type
 
-import iceoryx2 as iox2
-
 from . import _messages as table
+
+try:
+    iox2: Any = importlib.import_module("iceoryx2")
+except ImportError:  # On another machine there is no bus, and `equipoise.udp` needs none.
+    iox2 = None
 
 # Somebody else may be creating or removing a service at this moment: how often to try again, and after what.
 ATTEMPTS = 20
 PAUSE_S = 0.005
+# How often to look whether a place has become free.
+PLACE_PAUSE_S = 0.05
 
 
 class BusError(Exception):
@@ -52,10 +58,11 @@ def _config(root: str) -> Any:
     config = iox2.config.default()
     config.global_cfg.root_path = iox2.Path.new(text + "/")
     config.global_cfg.prefix = iox2.FileName.new(shared_memory_prefix(root))
-    # Who is killed while clearing away the dead makes remains that nobody can clear away any more: only whoever finds no
-    # place does it (`Bus._take`), as in Rust.
+    # Who is killed while clearing away the dead makes remains that nobody can clear away any more, and iceoryx2 waits for
+    # ever for memory that got no size: only the daemon clears away, which looks for such memory first.
     config.global_cfg.node.cleanup_dead_nodes_on_creation = False
     config.global_cfg.node.cleanup_dead_nodes_on_destruction = False
+    config.global_cfg.service.cleanup_dead_nodes_on_open = False
     return config
 
 
@@ -80,16 +87,21 @@ def _check_name(what: str, name: str) -> None:
 
 
 class Bus:
-    """A place on a station's bus; makes ports. Belongs to the thread that joined."""
+    """A place on a station's bus; makes ports. Belongs to the thread that joined.
 
-    def __init__(self, station: str, name: str, root: str) -> None:
+    For `patience_s` it waits where all places are taken: the daemon's housekeeping clears those of the dead away.
+    """
+
+    def __init__(self, station: str, name: str, root: str, patience_s: float = 0.0) -> None:
         _check_name("station", station)
         _check_name("role", name)
+        if iox2 is None:
+            raise BusError("the bus needs the package iceoryx2==0.10.0: pip install it; equipoise.udp works without")
         config = _config(root)
         iox2.set_log_level(iox2.LogLevel.Error)
         builder = iox2.NodeBuilder.new().config(config).name(iox2.NodeName.new(f"equipoise/{station}/{name}"))
         builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
-        self._station, self._root = station, root
+        self._station, self._patient_until = station, time.monotonic() + patience_s
         try:
             self._node: Optional[Any] = builder.create(iox2.ServiceType.Ipc)
         except Exception as cause:
@@ -104,6 +116,10 @@ class Bus:
         if self._node is not None:
             del self._node
             self._node = None
+
+    def wait_no_more(self) -> None:
+        """Whoever finds no place from now on is told at once."""
+        self._patient_until = 0.0
 
     def subscriber(self, message: Type[ctypes.Structure], row: table.Service, depth: int) -> Any:
         """A reader of a topic, with a buffer of `depth` messages."""
@@ -156,7 +172,8 @@ class Bus:
         name = iox2.ServiceName.new(full_name)
         key, value = iox2.AttributeKey.new(table.SCHEMA_KEY), iox2.AttributeValue.new(schema)
         attributes = iox2.AttributeVerifier.new().require(key, value)
-        for remaining in reversed(range(ATTEMPTS)):
+        remaining = ATTEMPTS
+        while True:
             try:
                 return attempt(name, attributes)
             except Exception as cause:
@@ -166,28 +183,32 @@ class Bus:
                         f"cannot open {full_name}: it was made by another version of Equipoise (schema here "
                         f"{schema}); run the same release in all processes of this station"
                     ) from cause
+                if "ExceedsMaxNumberOfNodes" in text:
+                    self._wait_for_place(suffix, "participant", table.NODES_MAX, cause)
+                    continue
                 in_flux = any(word in text for word in ("InFlux", "Destruction", "DoesNotExist", "AlreadyExists", "BeingCreated"))
+                remaining -= 1
                 if not in_flux or remaining == 0:
                     raise BusError(
                         f"cannot open {full_name}: {text}; stop all processes of this station and start the same "
                         "release everywhere"
                     ) from cause
                 time.sleep(PAUSE_S)
-        raise AssertionError("the last attempt returns or raises")
 
     def _take(self, suffix: str, what: str, most: int, make: Callable[[], Any]) -> Any:
-        """A place may still belong to a dead process: then it is cleaned up, and tried once more."""
-        for remaining in (1, 0):
+        while True:
             try:
                 return make()
             except Exception as cause:
-                text = f"{cause}"
-                if "ExceedsMaxSupported" not in text:
-                    raise BusError(f"cannot make a port on {self._full_name(suffix)}: {text}") from cause
-                if remaining == 0:
-                    raise BusError(
-                        f"cannot join {self._full_name(suffix)}: all its {most} places for a {what} are taken; stop "
-                        "one that is not needed"
-                    ) from cause
-                self._node.try_cleanup_dead_nodes()  # type: ignore[union-attr]
-        raise AssertionError("the last attempt returns or raises")
+                if "ExceedsMaxSupported" not in f"{cause}":
+                    raise BusError(f"cannot make a port on {self._full_name(suffix)}: {cause}") from cause
+                self._wait_for_place(suffix, what, most, cause)
+
+    def _wait_for_place(self, suffix: str, what: str, most: int, cause: Exception) -> None:
+        """A place may still belong to a dead process: then the daemon clears it away soon. Not from here, see `_config`."""
+        if time.monotonic() >= self._patient_until:
+            raise BusError(
+                f"cannot join {self._full_name(suffix)}: all its {most} places for a {what} are taken; stop "
+                "one that is not needed"
+            ) from cause
+        time.sleep(PLACE_PAUSE_S)

@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0xeeb2d53abe2d8b69",
+    schema="0x7283f3c78aa580f2",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -81,12 +81,19 @@ class State(ctypes.Structure):
     sharing_source: int
     worst_joint: int
     lifts: int
+    body_source: int
+    sole_source: int
+    body_refused: int
+    not_given: int
+    acceleration_source: int
+    ground_devices: int
     joint_level: ctypes.Array[ctypes.c_uint32]
     cop_measured_m: ctypes.Array[ctypes.c_double]
     cop_measured_sigma_m: ctypes.Array[ctypes.c_double]
     cop_estimated_m: ctypes.Array[ctypes.c_double]
     cop_sigma_m: ctypes.Array[ctypes.c_double]
     com_m: ctypes.Array[ctypes.c_double]
+    suit_com_m: ctypes.Array[ctypes.c_double]
     ground_force_n: ctypes.Array[ctypes.c_double]
     delta_f_n: ctypes.Array[ctypes.c_double]
     delta_f_sigma_n: float
@@ -138,12 +145,19 @@ class State(ctypes.Structure):
         ("sharing_source", ctypes.c_uint32),
         ("worst_joint", ctypes.c_uint32),
         ("lifts", ctypes.c_uint32),
+        ("body_source", ctypes.c_uint32),
+        ("sole_source", ctypes.c_uint32),
+        ("body_refused", ctypes.c_uint32),
+        ("not_given", ctypes.c_uint32),
+        ("acceleration_source", ctypes.c_uint32),
+        ("ground_devices", ctypes.c_uint32),
         ("joint_level", ctypes.c_uint32 * 22),
         ("cop_measured_m", ctypes.c_double * 2),
         ("cop_measured_sigma_m", ctypes.c_double * 2),
         ("cop_estimated_m", ctypes.c_double * 2),
         ("cop_sigma_m", ctypes.c_double * 2),
         ("com_m", ctypes.c_double * 3),
+        ("suit_com_m", ctypes.c_double * 3),
         ("ground_force_n", ctypes.c_double * 3),
         ("delta_f_n", ctypes.c_double * 3),
         ("delta_f_sigma_n", ctypes.c_double),
@@ -175,16 +189,16 @@ class State(ctypes.Structure):
         ("torque_limit_nm", ctypes.c_double * 22),
         ("fatigue", ctypes.c_double * 22),
         ("published_ns", ctypes.c_uint64),
-        ("reserved_tail", ctypes.c_uint64 * 3),
+        ("reserved_tail", ctypes.c_uint64 * 5),
     ]
 
     @staticmethod
     def type_name() -> str:
         """The name that iceoryx2 compares."""
-        return "equipoise/State/3"
+        return "equipoise/State/4"
 
 
-assert ctypes.sizeof(State) == 2176
+assert ctypes.sizeof(State) == 2240
 
 
 class PickUp(ctypes.Structure):
@@ -242,17 +256,18 @@ class Reason(enum.IntFlag):
     MASS_UNKNOWN = 512
     BODY_UNKNOWN = 1024
     PLATE_FAULT = 2048
+    COP_NOT_MEASURED = 4096
 
 
 SPOILS_GROUND_FORCE = Reason(2050)
-SPOILS_COP_MEASURED = Reason(2066)
+SPOILS_COP_MEASURED = Reason(6162)
 SPOILS_COM = Reason(1025)
 SPOILS_COP_ESTIMATED = Reason(1033)
-SPOILS_DELTA_F = Reason(2586)
-SPOILS_RESIDUAL = Reason(3807)
-SPOILS_LIFTED_MASS = Reason(2618)
-SPOILS_BACK = Reason(4063)
-SPOILS_TORQUES = Reason(4095)
+SPOILS_DELTA_F = Reason(6682)
+SPOILS_RESIDUAL = Reason(7903)
+SPOILS_LIFTED_MASS = Reason(6714)
+SPOILS_BACK = Reason(8159)
+SPOILS_TORQUES = Reason(8191)
 
 
 class Phase(enum.IntEnum):
@@ -280,6 +295,55 @@ class Sharing(enum.IntEnum):
 
     GEOMETRY = 0
     MEASURED = 1
+
+
+class NotGiven(enum.IntFlag):
+    """What the station's sensors do not give: bits of `State.not_given`."""
+
+    SUIT_COM = 1
+    SHEAR = 2
+
+
+class GroundDevice(enum.IntFlag):
+    """What the ground's sample is made of: bits of `State.ground_devices`."""
+
+    PLATE = 1
+    SECOND_PLATE = 2
+    INSOLES = 4
+
+
+class BodySource(enum.IntEnum):
+    """Where the worker's bones come from: `State.body_source`."""
+
+    UNKNOWN = 0
+    POSES = 1
+    NULL_POSE = 2
+    STORED = 3
+
+
+class BodyRefused(enum.IntEnum):
+    """Why the suit's null pose is not used: `State.body_refused`."""
+
+    NONE = 0
+    IMPOSSIBLE = 1
+    STALE = 2
+    OTHER_CHARACTER = 3
+    CONTRADICTS_POSES = 4
+    CONTRADICTS_WORKER = 5
+
+
+class Sole(enum.IntEnum):
+    """Where the outline of the soles comes from: `State.sole_source`."""
+
+    STATURE = 0
+    SUIT = 1
+
+
+class Acceleration(enum.IntEnum):
+    """Where the body's accelerations come from: `State.acceleration_source`."""
+
+    POSITIONS = 0
+    SUIT = 1
 
 
 class Joint(enum.IntEnum):

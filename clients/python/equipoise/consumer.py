@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import os
 import time
 from types import TracebackType
 from typing import Any, Iterator, NamedTuple, Optional, Tuple, Type, Union
 
-import iceoryx2 as iox2
-
 from . import _messages as table
-from ._bus import Bus, BusError, root_of_environment
+from ._bus import Bus, BusError, iox2, root_of_environment
 from ._messages import PickUp, State
 from ._pick_up import Reporting
 from .reading import NoReading, Reading, Why
@@ -20,15 +20,18 @@ REJOIN_AFTER_NS = 2_000_000_000
 # The longest that is slept at once: a report may be due meanwhile.
 SLEEP_MAX_NS = 200_000_000
 PAUSE_S = 0.02
+# How long a first joining waits for a place; who reads already is told at once, and joins anew.
+PATIENCE_S = 2.5
 UNKNOWN_AGE = 2**64 - 1
 STATE_BYTES = ctypes.sizeof(State)
 
 
 class _Ports:
-    def __init__(self, station: str, name: str, root: str, depth: int) -> None:
-        self.bus = Bus(station, name, root)
+    def __init__(self, station: str, name: str, root: str, depth: int, patience_s: float = 0.0) -> None:
+        self.bus = Bus(station, name, root, patience_s)
         self.events = self.bus.listener()
         self.states = self.bus.subscriber(State, table.STATE, depth)
+        self.bus.wait_no_more()  # For a report's place nobody waits.
 
     def close(self) -> None:
         """Ports first, then the bus that they hang on: else the place would look like one of a dead process."""
@@ -51,18 +54,21 @@ class Consumer:
     ) -> None:
         self._where = (station, name, root, depth)
         self._stale_after_ns, self._timeout_s = stale_after_ns, timeout_s
-        self._ports: Optional[_Ports] = _Ports(*self._where)
+        self._ports: Optional[_Ports] = _Ports(*self._where, PATIENCE_S)
         self._reporting = Reporting(name, report)
         self._reporting.open(self._ports.bus)
-        self._joined_ns = time.monotonic_ns()
+        # When it was tried last to join; and when a state came last, handed out or not, or it was joined first.
+        self._joined_ns = self._heard_ns = time.monotonic_ns()
         self._order: Optional[_Last] = None
         self._suit_sample_time_ns = 0
         self._last: Optional[Reading] = None
         self._missed = self._withheld = 0
         self._restarted = False
+        self._closed = False
 
     def next(self, timeout_s: float) -> Union[Reading, NoReading]:
         """The next state not yet handed out, oldest first; sleeps until one comes or the time has passed."""
+        self._check_open()
         end_ns = time.monotonic_ns() + int(1e9 * timeout_s)
         passed_over: Optional[NoReading] = None
         try:
@@ -71,21 +77,24 @@ class Consumer:
                 while received is not None:
                     outcome = self._pick_up(*received)
                     if isinstance(outcome, Reading):
+                        # Whoever is slower than the loop never waits below, and has a report to make as well.
+                        self._report()
                         return outcome
-                    passed_over = outcome or passed_over
+                    passed_over = passed_over if outcome is None else outcome  # A reason is false.
                     received = self._receive()
+                # Before the time is looked at: whoever never waits joins anew, too.
+                self._keep_up()
                 left_ns = end_ns - time.monotonic_ns()
                 if left_ns <= 0:
-                    return passed_over or self._silent()
-                self._keep_up()
+                    return self._silent() if passed_over is None else passed_over
                 self._sleep(min(left_ns, SLEEP_MAX_NS))
         except BusError as error:
             return self._lose_ports(error)
 
     def latest(self) -> Union[Reading, NoReading]:
         """The newest state there is, without sleeping. It may have been handed out before (`is_new`)."""
+        self._check_open()
         try:
-            self._keep_up()
             newest, received = None, self._receive()
             # At most one buffer's worth, so that a fast publisher cannot keep us here.
             for _ in range(self._where[3]):
@@ -93,6 +102,11 @@ class Consumer:
                     break
                 newest, received = received, self._receive()
             outcome = self._pick_up(*(received or newest)) if newest else None
+            # Only if nothing came: who asks seldom would leave what waits for it, and find nothing where it joins anew.
+            if outcome is None:
+                self._keep_up()
+            else:
+                self._report()
         except BusError as error:
             return self._lose_ports(error)
         if outcome is not None:
@@ -119,9 +133,15 @@ class Consumer:
         return self._reporting.refusal
 
     def close(self) -> None:
-        """Leaves the station, with a last report so that the counts are whole."""
+        """Leaves the station, with a last report so that the counts are whole. Whoever reads on gets a `BusError`."""
+        self._closed = True
         self._reporting.publish()
         self._leave()
+
+    def __del__(self) -> None:
+        """Whoever iterates over `subscribe()` itself cannot close it."""
+        with contextlib.suppress(Exception):
+            self._leave()
 
     def __enter__(self) -> Consumer:
         return self
@@ -130,6 +150,10 @@ class Consumer:
         self, kind: Optional[Type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]
     ) -> None:
         self.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise BusError("this consumer is closed: subscribe anew")
 
     def _receive(self) -> Optional[Tuple[State, int]]:
         if self._ports is None:
@@ -149,6 +173,10 @@ class Consumer:
     def _pick_up(self, state: State, writer: int) -> Union[Reading, NoReading, None]:
         """Stamps and counts a state; None if it is no news."""
         now_ns = time.monotonic_ns()
+        if state.time_ns > now_ns:
+            # Before anything else is remembered of it: all later states would be old.
+            self._heard_ns = now_ns
+            return self._ahead(state.time_ns - now_ns)
         cycle, time_ns, last = state.cycle, state.time_ns, self._order
         missed, restarted = 0, False
         if last is not None:
@@ -156,15 +184,15 @@ class Consumer:
                 return None
             restarted = writer != last.writer or cycle <= last.cycle
             missed = max(cycle - 1, 0) if restarted else cycle - last.cycle - 1
-        self._order = _Last(cycle, time_ns, writer)
+        self._order, self._heard_ns = _Last(cycle, time_ns, writer), now_ns
         self._reporting.enter(now_ns, state, missed, self._new_suit_sample(state))
         self._missed = missed if restarted else self._missed + self._withheld + missed
         self._restarted = self._restarted or restarted
         self._withheld = 0
         reading = self._aged(Reading(state, now_ns, 0, None, self._missed, self._restarted, True), now_ns)
-        if time_ns > now_ns or reading.age_ns > self._stale_after_ns:
+        if reading.age_ns > self._stale_after_ns:
             self._withheld = 1
-            return self._refuse(reading, now_ns)
+            return self._stale(reading)
         self._last, self._missed, self._restarted = reading, 0, False
         return reading
 
@@ -175,11 +203,12 @@ class Consumer:
         self._suit_sample_time_ns = state.time_ns - state.suit_age_ns
         return self._suit_sample_time_ns
 
-    def _refuse(self, reading: Reading, now_ns: int) -> NoReading:
-        if reading.state.time_ns > now_ns:
-            ahead_ms = (reading.state.time_ns - now_ns) // 1_000_000
-            text = f"the daemon's clock is {ahead_ms} ms ahead of this one's; run both in one time namespace"
-            return NoReading(Why.OTHER_CLOCK, text)
+    @staticmethod
+    def _ahead(ahead_ns: int) -> NoReading:
+        text = f"the daemon's clock is {ahead_ns // 1_000_000} ms ahead of this one's; run both in one time namespace"
+        return NoReading(Why.OTHER_CLOCK, text)
+
+    def _stale(self, reading: Reading) -> NoReading:
         text = (
             f"stale: the newest state is {reading.age_ns // 1_000_000} ms old, and may be "
             f"{self._stale_after_ns // 1_000_000} ms; is this consumer or the daemon starved of CPU?"
@@ -192,24 +221,24 @@ class Consumer:
         moment_age_ns = max(now_ns - moment_ns, 0) if moment_ns else None
         return reading._replace(age_ns=max(now_ns - reading.state.time_ns, 0), moment_age_ns=moment_age_ns)
 
-    def _silent_since_ns(self) -> int:
-        return self._last.picked_up_ns if self._last is not None else self._joined_ns
-
     def _silent(self) -> NoReading:
-        silent_ms = (time.monotonic_ns() - self._silent_since_ns()) // 1_000_000
+        silent_ms = (time.monotonic_ns() - self._heard_ns) // 1_000_000
         return NoReading(Why.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
 
     def _keep_up(self) -> None:
         """Between two states: publishes the report if it is due, and joins anew after a long silence."""
-        now_ns = time.monotonic_ns()
-        if self._ports is not None:
-            self._reporting.keep_up(self._ports.bus, now_ns)
-        if now_ns - max(self._silent_since_ns(), self._joined_ns) >= REJOIN_AFTER_NS:
+        self._report()
+        if time.monotonic_ns() - max(self._heard_ns, self._joined_ns) >= REJOIN_AFTER_NS:
             # The places held now must be free first: they may be the last.
             self._leave()
             self._joined_ns = time.monotonic_ns()
             self._ports = _Ports(*self._where)
             self._reporting.open(self._ports.bus)
+
+    def _report(self) -> None:
+        """Publishes the report if it is due."""
+        if self._ports is not None:
+            self._reporting.keep_up(self._ports.bus, time.monotonic_ns())
 
     def _sleep(self, longest_ns: int) -> None:
         if self._ports is None:
@@ -235,9 +264,9 @@ class Consumer:
 
 
 def subscribe(
-    station: str,
+    station: Optional[str] = None,
     *,
-    name: str,
+    name: Optional[str] = None,
     root: Optional[str] = None,
     depth: int = table.STATE.depth,
     stale_after_s: float = (table.STATE.deadline_ns or 0) / 1e9,
@@ -246,9 +275,21 @@ def subscribe(
 ) -> Consumer:
     """Joins a station as `name` (1 to 32 letters, digits, '-', '_'). The daemon need not run yet.
 
+    Where all places are taken it waits 2.5 s: the daemon clears those of the dead away.
+    Without a station it is that of EQUIPOISE_STATION, else `station-1`; without a name, `python-` and the process's number.
     A state is handed out only while it is younger than `stale_after_s`, counted from when its cycle was due. Iterating
     gives a `NoReading` after `timeout_s` without a state. `depth` states wait while the program is busy; 1 for who only
     wants the newest. With `report` it publishes how late states came, once a second.
     """
+    station = station or os.environ.get("EQUIPOISE_STATION") or "station-1"
+    name = name or f"python-{os.getpid()}"
     stale_after_ns = int(1e9 * stale_after_s)
     return Consumer(station, name, root or root_of_environment(), depth, stale_after_ns, timeout_s, report)
+
+
+def latest(
+    station: Optional[str] = None, *, name: Optional[str] = None, root: Optional[str] = None, timeout_s: float = 1.0
+) -> Union[Reading, NoReading]:
+    """Joins, takes one current state, and leaves. Who asks often keeps a `Consumer` and its `latest`."""
+    with subscribe(station, name=name, root=root, depth=1, report=False) as consumer:
+        return consumer.next(timeout_s)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import enum
-from typing import List, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, List, NamedTuple, Optional, Tuple
 
-from ._messages import SPOILS_TORQUES, Joint, Reason, State
+from ._arrays import view
+from ._messages import SPOILS_GROUND_FORCE, SPOILS_TORQUES, Joint, Reason, State
+
+if TYPE_CHECKING:
+    from ._arrays import Array
 
 
 class Reading(NamedTuple):
@@ -49,6 +53,22 @@ class Reading(NamedTuple):
             return None
         x, y, z = self.state.torque_nm[3 * joint : 3 * joint + 3]
         return (x, y, z)
+
+    @property
+    def ground_force_up_n(self) -> Optional[float]:
+        """The vertical ground reaction on the person, N; given without shear, too. None while it must not be used."""
+        if self.spoilt_by(SPOILS_GROUND_FORCE):
+            return None
+        return float(self.state.ground_force_n[2])
+
+    def array(self, name: str) -> Optional[Array]:
+        """A field of the state as a NumPy array on the state's own memory; None while it must not be used.
+
+        That is while a reason spoils it, and where the station's sensors do not give it (`State.not_given`). A force
+        without shear is no vector: then `ground_force_n` is None, and `ground_force_up_n` a number.
+        `torque_nm` has a row for each joint, `segment_origin_m` one for each segment. It cannot be written to.
+        """
+        return view(self.state, name)
 
 
 class Why(enum.Enum):

@@ -47,7 +47,10 @@ impl ConsumerSettings {
 pub struct Consumer {
     settings: ConsumerSettings,
     ports: Option<Ports>,
+    /// When it was tried last to join.
     joined_ns: u64,
+    /// When a state came last, handed out or not; before the first, when it was joined.
+    heard_ns: u64,
     sequence: Sequence,
     reporting: Reporting,
     last: Option<Reading>,
@@ -55,6 +58,10 @@ pub struct Consumer {
     withheld: u64,
     missed: u64,
     restarted: bool,
+    /// Daemons heard so far.
+    daemon_life: u32,
+    /// Why the newest state was not handed out, if it was not.
+    refused: Option<NoReading>,
 }
 
 /// Ports die before the bus they hang on, so it stands last.
@@ -95,12 +102,15 @@ impl Consumer {
             settings,
             ports: Some(ports),
             joined_ns: now_ns(),
+            heard_ns: now_ns(),
             sequence: Sequence::default(),
             reporting,
             last: None,
+            refused: None,
             withheld: 0,
             missed: 0,
             restarted: false,
+            daemon_life: 0,
         })
     }
 
@@ -117,16 +127,21 @@ impl Consumer {
         loop {
             while let Some(state) = self.receive(Subscriber::receive)? {
                 match self.pick_up(state) {
-                    Some(Ok(reading)) => return Ok(reading),
+                    Some(Ok(reading)) => {
+                        // Whoever is slower than the loop never waits below, and has a report to make as well.
+                        self.report();
+                        return Ok(reading);
+                    }
                     Some(Err(reason)) => passed_over = Some(reason),
                     None => {}
                 }
             }
+            // Also for who never waits: nobody else joins anew.
+            self.keep_up()?;
             let waited = Duration::from_nanos(now_ns().saturating_sub(begun_ns));
             if waited >= timeout {
-                return Err(passed_over.unwrap_or_else(|| self.silent()));
+                return Err(passed_over.unwrap_or_else(|| self.why_none()));
             }
-            self.keep_up()?;
             self.sleep((timeout - waited).min(SLEEP_MAX))?;
         }
     }
@@ -137,14 +152,16 @@ impl Consumer {
     /// # Errors
     /// As [`Consumer::next`].
     pub fn latest(&mut self) -> Result<Reading, NoReading> {
-        self.keep_up()?;
         let picked_up = self.receive(Subscriber::latest)?.and_then(|state| self.pick_up(state));
         if let Some(outcome) = picked_up {
+            self.report();
             return outcome;
         }
+        // Not before: whoever asks seldom would throw away what waits for it, and take its own pause for silence.
+        self.keep_up()?;
         let now_ns = now_ns();
         let again = self.last.map(|reading| Reading { is_new: false, ..reading.at(now_ns) });
-        again.filter(|reading| self.is_fresh(reading.age_ns)).ok_or_else(|| self.silent())
+        again.filter(|reading| self.is_fresh(reading.age_ns)).ok_or_else(|| self.why_none())
     }
 
     /// One reading after the other, for ever, each as [`Consumer::next`] gives it.
@@ -173,17 +190,26 @@ impl Consumer {
         }
     }
 
-    /// Stamps and counts a state; `None` if it is no news, a reason if it is too old to be handed out.
+    /// Stamps and counts a state; `None` if it is no news, a reason if it must not be handed out.
     fn pick_up(&mut self, (state, writer): (State, u128)) -> Option<Result<Reading, NoReading>> {
         let now_ns = now_ns();
+        if let Some(ahead_ns) = state.time_ns.checked_sub(now_ns).filter(|ahead_ns| *ahead_ns > 0) {
+            // Before it is taken in: else all honest states would be older than it until its time has come.
+            self.heard_ns = now_ns;
+            let reason = NoReading::OtherClock { ahead: Duration::from_nanos(ahead_ns) };
+            self.refused = Some(reason.clone());
+            return Some(Err(reason));
+        }
         let Place::New { missed, restarted, suit_sample_time_ns } = self.sequence.take(&state, writer) else {
             return None;
         };
+        self.heard_ns = now_ns;
         self.reporting.enter(now_ns, &state, missed, suit_sample_time_ns);
         // What the daemon before it did not get across is not known, and those of it that were withheld are no longer
         // of interest.
         self.missed = if restarted { missed } else { self.missed + self.withheld + missed };
         self.restarted |= restarted;
+        self.daemon_life += u32::from(restarted || self.daemon_life == 0);
         self.withheld = 0;
         let reading = Reading {
             state,
@@ -192,9 +218,11 @@ impl Consumer {
             moment_age_ns: None,
             missed: self.missed,
             restarted: self.restarted,
+            daemon_life: self.daemon_life,
             is_new: true,
         };
-        let outcome = self.judge(reading.at(now_ns), now_ns);
+        let outcome = self.judge(reading.at(now_ns));
+        self.refused = outcome.as_ref().err().cloned();
         match outcome {
             Ok(reading) => (self.last, self.missed, self.restarted) = (Some(reading), 0, false),
             Err(_) => self.withheld = 1,
@@ -202,10 +230,7 @@ impl Consumer {
         Some(outcome)
     }
 
-    fn judge(&self, reading: Reading, now_ns: u64) -> Result<Reading, NoReading> {
-        if let Some(ahead_ns) = reading.state.time_ns.checked_sub(now_ns + 1) {
-            return Err(NoReading::OtherClock { ahead: Duration::from_nanos(ahead_ns + 1) });
-        }
+    fn judge(&self, reading: Reading) -> Result<Reading, NoReading> {
         if !self.is_fresh(reading.age_ns) {
             let stale_after = self.settings.stale_after;
             return Err(NoReading::Stale { age: Duration::from_nanos(reading.age_ns), stale_after });
@@ -217,25 +242,29 @@ impl Consumer {
         Duration::from_nanos(age_ns) <= self.settings.stale_after
     }
 
-    fn silent_since_ns(&self) -> u64 {
-        self.last.map_or(self.joined_ns, |reading| reading.picked_up_ns)
-    }
-
-    fn silent(&self) -> NoReading {
-        NoReading::Silent { silent: Duration::from_nanos(now_ns().saturating_sub(self.silent_since_ns())) }
+    /// Silence, unless states come and are refused: whoever asks more often than they come is told why each time.
+    fn why_none(&self) -> NoReading {
+        let silent = Duration::from_nanos(now_ns().saturating_sub(self.heard_ns));
+        let refused = self.refused.clone().filter(|_| silent <= self.settings.stale_after);
+        refused.unwrap_or(NoReading::Silent { silent })
     }
 
     /// Between two states: publishes the report if it is due, and joins anew after a long silence.
     fn keep_up(&mut self) -> Result<(), NoReading> {
+        self.report();
         let now_ns = now_ns();
-        if let Some(ports) = &self.ports {
-            self.reporting.keep_up(&ports.bus, now_ns);
-        }
-        let since_ns = self.silent_since_ns().max(self.joined_ns);
+        let since_ns = self.heard_ns.max(self.joined_ns);
         if Duration::from_nanos(now_ns.saturating_sub(since_ns)) >= REJOIN_AFTER {
             self.rejoin()?;
         }
         Ok(())
+    }
+
+    /// Publishes the report if it is due.
+    fn report(&mut self) {
+        if let Some(ports) = &self.ports {
+            self.reporting.keep_up(&ports.bus, now_ns());
+        }
     }
 
     fn rejoin(&mut self) -> Result<(), NoReading> {

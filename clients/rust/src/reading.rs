@@ -20,6 +20,9 @@ pub struct Reading {
     pub missed: u64,
     /// The daemon was started anew between the last new state and this one; `missed` then counts the new one's only.
     pub restarted: bool,
+    /// Number of the daemon's life that the state is from, as this consumer counts them: 1 is the first it heard, and a
+    /// larger one than before a daemon started anew. Unlike `restarted` it is told with every state.
+    pub daemon_life: u32,
     /// Whether it was not handed out before; only [`crate::Consumer::latest`] hands one out again.
     pub is_new: bool,
 }

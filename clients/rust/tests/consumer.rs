@@ -94,13 +94,13 @@ fn a_dead_daemon_is_silence_and_the_next_one_is_found() {
         let station = station(&root);
         let first = next(&mut consumer);
         assert!(first.state.time_ns > latest_ns, "an old state as new");
-        assert_eq!(first.restarted, life > 0);
+        assert_eq!((first.restarted, first.daemon_life), (life > 0, life + 1));
         if life > 0 {
             assert!(first.missed >= first.state.cycle - 1, "the new daemon's first states are missed");
         }
         for _ in 0..20 {
             let reading = next(&mut consumer);
-            assert!(!reading.restarted);
+            assert_eq!((reading.restarted, reading.daemon_life), (false, first.daemon_life));
             latest_ns = reading.state.time_ns;
         }
         drop(station);
@@ -124,14 +124,20 @@ fn a_dead_daemon_is_silence_and_the_next_one_is_found() {
 #[test]
 fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
     let root = root();
-    let mut consumer = root.consumer("late");
+    // Patient, for the machine may be busy between two questions below.
+    let stale_after = Duration::from_millis(500);
+    let mut consumer =
+        Consumer::join_with(ConsumerSettings { stale_after, ..root.settings("late") }).unwrap();
     let station = station(&root);
     next(&mut consumer);
     sleep(20 * PERIOD);
     drop(station);
-    sleep(3 * ConsumerSettings::new("any", "any").stale_after);
+    sleep(3 * stale_after);
     // It was not asleep on its own account, so the buffer is full.
     assert!(matches!(consumer.next(SHORT), Err(NoReading::Stale { .. })));
+    // Whoever asks more often than states come is told one reason, not two by turns.
+    assert!(matches!(consumer.latest(), Err(NoReading::Stale { .. })));
+    sleep(2 * stale_after);
     assert!(matches!(consumer.next(SHORT), Err(NoReading::Silent { .. })));
     assert!(matches!(consumer.latest(), Err(NoReading::Silent { .. })));
     // They were picked up, and count.
@@ -142,7 +148,9 @@ fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
 #[test]
 fn a_daemon_with_another_clock_is_refused_with_the_reason() {
     let root = root();
-    let (bus, mut consumer) = (root.bus("daemon"), root.consumer("elsewhere"));
+    let bus = root.bus("daemon");
+    let patient = ConsumerSettings { stale_after: common::PATIENCE, ..root.settings("elsewhere") };
+    let mut consumer = Consumer::join_with(patient).unwrap();
     let publisher = bus.publisher::<State>().unwrap();
     let events = bus.notifier(Channel::Results).unwrap();
     let time_ns = now_ns() + 3_600_000_000_000;
@@ -150,11 +158,43 @@ fn a_daemon_with_another_clock_is_refused_with_the_reason() {
     events.notify(Event::NewState).unwrap();
     let error = consumer.next(SHORT).unwrap_err();
     assert!(matches!(error, NoReading::OtherClock { .. }), "{error}");
-    assert!(consumer.latest().is_err());
+    assert!(matches!(consumer.latest(), Err(NoReading::OtherClock { .. })));
+    // One from the future must not make old what comes at its time.
+    for cycle in 2..5 {
+        let honest = State { cycle, time_ns: now_ns(), ..State::zeroed() };
+        publisher.send(&honest).unwrap();
+        let reading = if cycle % 2 == 0 { consumer.next(SHORT) } else { consumer.latest() };
+        assert_eq!(reading.map(|reading| reading.state.cycle), Ok(cycle));
+    }
+    assert_eq!(consumer.pick_up_report().states, 3, "what has another clock is not counted among the delays");
+}
+
+#[test]
+fn who_asks_seldom_is_given_the_newest() {
+    let root = root();
+    let _station = station(&root);
+    // Patient, for the machine may be busy; less so than it sleeps below.
+    let patient = ConsumerSettings { stale_after: Duration::from_secs(1), ..root.settings("seldom") };
+    let mut consumer = Consumer::join_with(patient).unwrap();
+    next(&mut consumer);
+    // Longer than the silence after which a consumer joins anew.
+    sleep(Duration::from_millis(2100));
+    let reading = consumer.latest().unwrap();
+    assert!(reading.is_new && reading.missed > 0);
 }
 
 #[test]
 fn a_bus_that_was_removed_and_made_again_is_joined_anew() {
+    joins_anew(|consumer| consumer.next(Duration::from_millis(200)));
+}
+
+#[test]
+fn who_never_waits_joins_anew_too() {
+    joins_anew(|consumer| consumer.next(Duration::ZERO));
+    joins_anew(Consumer::latest);
+}
+
+fn joins_anew(wait: impl Fn(&mut Consumer) -> Result<Reading, NoReading>) {
     let root = root();
     let mut consumer = root.consumer("stayer");
     let first = station(&root);
@@ -163,7 +203,11 @@ fn a_bus_that_was_removed_and_made_again_is_joined_anew() {
     drop(first);
     root.remove_the_bus();
     let _second = station(&root);
-    let found = until("the new bus is found", || consumer.next(Duration::from_millis(200)).ok());
+    let found = until("the new bus is found", || {
+        sleep(PERIOD);
+        // What the first left may still be handed out.
+        wait(&mut consumer).ok().filter(|reading| reading.daemon_life > 1)
+    });
     assert!(found.restarted);
     assert!(consumer.pick_up_report().states > before, "the report goes on");
 }
@@ -194,6 +238,22 @@ fn the_report_is_published_and_the_last_word_too() {
     next(&mut consumer);
     drop(consumer);
     assert!(reports.receive().unwrap().is_none(), "it was asked not to report");
+}
+
+// A state always waits for it, so it never sleeps in `next`.
+#[test]
+fn who_is_slower_than_the_loop_reports_too() {
+    let root = root();
+    let mut reports = root.bus("latency").subscriber::<PickUp>(16).unwrap();
+    let _station = station(&root);
+    let mut consumer = root.consumer("beats");
+    let settled = now_ns();
+    let report = until("a report comes", || {
+        sleep(10 * PERIOD);
+        next(&mut consumer);
+        reports.receive().unwrap()
+    });
+    assert!(report.time_ns > settled && report.states > 0);
 }
 
 #[test]

@@ -11,10 +11,11 @@ use equipoise_bus::root::{DEFAULT_ROOT, ROOT_BYTES_MAX, ROOT_VARIABLE};
 use equipoise_bus::service::{BORROWED_MAX, LISTENERS_MAX, NODES_MAX, NOTIFIERS_MAX, SCHEMA_KEY};
 use equipoise_bus::{Channel, Event, Topic};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
+use equipoise_core::cycle::{BodyRefusal, BodySource};
 use equipoise_core::message::layout::{Field, Primitive};
 use equipoise_core::message::pick_up::{BUCKETS, SUB_BUCKETS};
-use equipoise_core::message::state::{Phase, SharingSource};
-use equipoise_core::message::{Message, PickUp, State, Validity};
+use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::message::{GroundDevice, Message, PickUp, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
 use std::fmt::Write as _;
@@ -88,7 +89,7 @@ fn service<M: Topic>(out: &mut String, name: &str) {
         "{name} = Service(\n    suffix=\"{}\",\n    schema=\"0x{:016x}\",\n    publishers_max={},\n    \
          subscribers_max={},\n    depth={},\n    depth_max={},\n    history={},\n    deadline_ns={deadline},\n)",
         row.suffix,
-        M::SCHEMA_HASH,
+        M::schema(),
         row.publishers_max(),
         row.subscribers_max,
         row.depth,
@@ -139,6 +140,44 @@ fn enumerations(out: &mut String) {
         "How the feet's shares are known: `State.sharing_source`.",
         sources,
     );
+    let given = NotGiven::NAMES.map(|(what, name)| (constant_case(name), u64::from(what as u32)));
+    enumeration(
+        out,
+        "NotGiven(enum.IntFlag)",
+        "What the station's sensors do not give: bits of `State.not_given`.",
+        given,
+    );
+    let devices = GroundDevice::NAMES.map(|(device, name)| (constant_case(name), u64::from(device as u32)));
+    enumeration(
+        out,
+        "GroundDevice(enum.IntFlag)",
+        "What the ground's sample is made of: bits of `State.ground_devices`.",
+        devices,
+    );
+    for (name, doc, members) in [
+        (
+            "BodySource(enum.IntEnum)",
+            "Where the worker's bones come from: `State.body_source`.",
+            numbered(|number| BodySource::from_number(number).map(BodySource::name)),
+        ),
+        (
+            "BodyRefused(enum.IntEnum)",
+            "Why the suit's null pose is not used: `State.body_refused`.",
+            numbered(|number| BodyRefusal::from_number(number).map(BodyRefusal::name)),
+        ),
+        (
+            "Sole(enum.IntEnum)",
+            "Where the outline of the soles comes from: `State.sole_source`.",
+            numbered(|number| SoleSource::from_number(number).map(SoleSource::name)),
+        ),
+        (
+            "Acceleration(enum.IntEnum)",
+            "Where the body's accelerations come from: `State.acceleration_source`.",
+            numbered(|number| AccelerationSource::from_number(number).map(AccelerationSource::name)),
+        ),
+    ] {
+        enumeration(out, name, doc, members);
+    }
     let joints = Joint::ALL.into_iter().map(|joint| (constant_case(joint.name()), joint.index() as u64));
     enumeration(out, "Joint(enum.IntEnum)", "Indices of a state's arrays per joint.", joints);
 }

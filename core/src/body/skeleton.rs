@@ -18,10 +18,7 @@ impl Skeleton {
         Skeleton {
             offset_m: Segment::ALL.map(|segment| match segment.parent() {
                 None => [0.0; 3],
-                Some(parent) => {
-                    let along = pose.origin_of(segment) - pose.origin_of(parent);
-                    (pose.world_from_segment[parent.index()].inverse() * along).into()
-                }
+                Some(parent) => pose.offset_in(parent, segment).into(),
             }),
         }
     }
@@ -46,6 +43,12 @@ impl Skeleton {
             }
         }
         origin
+    }
+
+    /// The largest difference between two bones' lengths, m.
+    pub fn differs_by_m(&self, other: &Skeleton) -> f64 {
+        let differs = |segment| (self.length_m(segment) - other.length_m(segment)).abs();
+        Segment::ALL.map(differs).into_iter().fold(0.0, f64::max)
     }
 
     /// Distance of a segment's origin from its parent's, m.

@@ -5,7 +5,6 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::feet;
 use super::tare::Tare;
 use crate::message::{GroundSample, SuitSample};
 
@@ -196,31 +195,26 @@ impl Alignment {
         }
         let span = later.sample_time_ns - earlier.sample_time_ns;
         let share = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
-        let blend =
-            |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]));
-        let feet = feet::between(earlier, later, share);
-        Some(GroundSample {
-            sample_time_ns: time_ns,
-            sample_time_sigma_ns: later.sample_time_sigma_ns.max(earlier.sample_time_sigma_ns),
-            device_status: later.device_status | earlier.device_status,
-            force_n: blend(earlier.force_n, later.force_n),
-            moment_nm: blend(earlier.moment_nm, later.moment_nm),
-            per_foot: u32::from(feet.is_some()),
-            foot_vertical_n: feet.map_or([0.0; 2], |(vertical_n, _)| vertical_n),
-            foot_cop_m: feet.map_or([[0.0; 2]; 2], |(_, cop_m)| cop_m),
-            ..*later
-        })
+        let between = GroundSample { sample_time_ns: time_ns, ..earlier.between(later, share) };
+        Some(between.without_what_was_not_measured())
     }
 }
 
 fn is_finite_suit(sample: &SuitSample) -> bool {
     sample.position_m.iter().flatten().all(|value| value.is_finite())
         && sample.orientation_wxyz.iter().flatten().all(|value| value.is_finite())
+        && sample.com_m.iter().all(|value| value.is_finite())
+        && sample.acceleration_m_per_s2.iter().flatten().all(|value| value.is_finite())
 }
 
 fn is_finite_ground(sample: &GroundSample) -> bool {
     sample.force_n.iter().chain(&sample.moment_nm).all(|value| value.is_finite())
         && sample.surface_z_m.is_finite()
+        && sample
+            .foot_vertical_n
+            .iter()
+            .chain(sample.foot_cop_m.iter().flatten())
+            .all(|value| value.is_finite())
 }
 
 /// A sample dated farther ahead of the cycle than this is not believed: it would make all later ones look old, ns.
@@ -298,6 +292,21 @@ mod tests {
         alignment.push_suit(&suit(10_000_000), NOW_NS);
         assert!(alignment.next(20_000_000, PATIENCE_NS).is_none());
         assert!(alignment.next(80_000_000, PATIENCE_NS).unwrap().ground.is_none());
+    }
+
+    #[test]
+    fn what_one_of_two_samples_did_not_measure_is_not_measured_between_them() {
+        use crate::message::{Component, GroundDevice};
+        let mut alignment = empty();
+        let insoles = GroundDevice::Insoles as u32;
+        let without = Component::Shear as u32;
+        let blind = GroundSample { not_measured: without, devices: insoles, ..ground(0, 700.0) };
+        alignment.push_ground(&blind, NOW_NS);
+        alignment.push_ground(&GroundSample { devices: 1, ..ground(1_000_000, 700.0) }, NOW_NS);
+        alignment.push_suit(&suit(500_000), NOW_NS);
+        let between = alignment.next(2_000_000, PATIENCE_NS).unwrap().ground.unwrap();
+        assert!(!between.measures(Component::Shear));
+        assert_eq!(between.devices, 1 | insoles);
     }
 
     #[test]

@@ -43,6 +43,16 @@ impl MotionNoise {
         math::hypot([by_motion, ACCELERATION_AT_REST_M_PER_S2])
     }
 
+    /// The part of it that motion makes: nothing at rest.
+    pub(super) fn moving_acceleration_sigma_m_per_s2(&self) -> f64 {
+        self.horizontal.sigma(self.horizontal_activity_m_per_s2.height())
+    }
+
+    /// Shear is not measured: nobody knows of a push.
+    pub(super) fn forget_push(&mut self) {
+        self.push_m_per_s2 = [0.0; 2];
+    }
+
     /// Takes in the shear that the suit's motion does not explain, m/s². Gives back its long mean: what a plate that is
     /// not level shows for ever.
     pub(super) fn follow_shear(&mut self, missed_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
@@ -182,6 +192,11 @@ impl BodyMotion {
     pub(super) fn missed_by_suit_m(&self, axis: usize) -> f64 {
         let by_suit = self.suit_acceleration_m_per_s2[axis] / self.specific_force_m_per_s2;
         self.centre_height_m * (self.slope[axis] - by_suit)
+    }
+
+    /// What a 1-σ of the horizontal acceleration does to the centre of pressure, m.
+    pub(super) fn leaning_sigma_m(&self, sigma_m_per_s2: f64) -> f64 {
+        self.centre_height_m.abs() * sigma_m_per_s2 / self.specific_force_m_per_s2
     }
 
     /// How far leaning and turning shift the centre of pressure on an axis, m.

@@ -38,7 +38,9 @@ impl Memory {
         self.known.lifts = self.exposure.dose.lifts.min(u64::from(u32::MAX)) as u32;
 
         blank(&mut self.known);
-        if !self.identification.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
+        if !self.identification.has_body()
+            || found.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED))
+        {
             return;
         }
         let loaded = !found.any_of(Validity::BELOW_LOAD_THRESHOLD);

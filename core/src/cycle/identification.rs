@@ -25,6 +25,39 @@ const SKELETON_SAMPLES: u64 = 20;
 /// No pose is suggested.
 pub const NO_POSE: u64 = u64::MAX;
 
+/// Where a worker's bones come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum BodySource {
+    /// They are not known yet.
+    Unknown = 0,
+    /// The mean over the suit's first poses.
+    Poses = 1,
+    /// The suit's null pose.
+    NullPose = 2,
+    /// A stored profile.
+    Stored = 3,
+}
+
+impl BodySource {
+    /// The source of a message's number, `None` for a number of a later version.
+    pub fn from_number(number: u32) -> Option<BodySource> {
+        [BodySource::Unknown, BodySource::Poses, BodySource::NullPose, BodySource::Stored]
+            .into_iter()
+            .nth(number as usize)
+    }
+
+    /// The public name.
+    pub fn name(self) -> &'static str {
+        match self {
+            BodySource::Unknown => "unknown",
+            BodySource::Poses => "poses",
+            BodySource::NullPose => "null_pose",
+            BodySource::Stored => "stored",
+        }
+    }
+}
+
 /// Everything about this worker that outlives a window: what a profile stores.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -32,6 +65,8 @@ pub struct Identification {
     /// Sum (while counting) or mean of the bones' offsets, parent axes, m.
     skeleton_m: [[f64; 3]; SEGMENTS],
     skeleton_samples: u64,
+    /// A [`BodySource`].
+    bones_from: u64,
     /// Body mass in use, kg; 0 while unknown.
     pub mass_kg: f64,
     /// The table laid on the bones; all zero before they are known.
@@ -78,6 +113,31 @@ impl Identification {
         self.skeleton_samples >= SKELETON_SAMPLES
     }
 
+    /// Where the bones come from.
+    pub fn body_source(&self) -> BodySource {
+        let source = BodySource::from_number(self.bones_from as u32).unwrap_or(BodySource::Unknown);
+        if self.has_body() { source } else { BodySource::Unknown }
+    }
+
+    /// Takes these bones, and lays the table on them. What was learnt on others of the same body `stays`: φ does not
+    /// follow millimetres, and θ holds what it needs of them.
+    pub(super) fn adopt_bones(&mut self, bones: &Skeleton, stays: bool, settings: &Settings) {
+        self.skeleton_m = bones.offset_m;
+        self.skeleton_samples = SKELETON_SAMPLES;
+        self.bones_from = BodySource::NullPose as u64;
+        if stays {
+            self.anthropometry = Anthropometry::de_leva(bones, settings.height_m, settings.sex);
+        } else {
+            self.return_to_prior(settings);
+        }
+    }
+
+    /// The bones are not known any more; the next poses show them.
+    pub(super) fn forget_bones(&mut self) {
+        self.skeleton_m = [[0.0; 3]; SEGMENTS];
+        self.skeleton_samples = 0;
+    }
+
     /// The bones.
     pub fn skeleton(&self) -> Skeleton {
         Skeleton { offset_m: self.skeleton_m }
@@ -102,6 +162,7 @@ impl Identification {
             for sum in self.skeleton_m.iter_mut().flatten() {
                 *sum /= SKELETON_SAMPLES as f64;
             }
+            self.bones_from = BodySource::Poses as u64;
             self.return_to_prior(settings);
         }
     }
@@ -127,9 +188,16 @@ impl Identification {
     }
 
     /// One update from a still window: mean rows, mean CoP (Eq. 6–10). Returns whether the filter took it.
-    pub fn learn_pose(&mut self, window: &Window, stillness: &Stillness, settings: &Settings) -> bool {
+    /// `lasting_m` is what of the CoP's 1-σ the window does not average away, m.
+    pub fn learn_pose(
+        &mut self,
+        window: &Window,
+        stillness: &Stillness,
+        lasting_m: f64,
+        settings: &Settings,
+    ) -> bool {
         let (Some(newest), Some(rows)) = (window.newest(), self.mean_rows(window)) else { return false };
-        let variance_m2 = self.pose_variance_m2(&pose_of(&newest), stillness, settings);
+        let variance_m2 = self.pose_variance_m2(&pose_of(&newest), stillness, lasting_m, settings);
         self.follow_stance(newest.stance, settings);
         self.filter.predict(settings.process_variance_m2);
         if self.learn_rows(&rows, stillness.cop_m, variance_m2).is_none() {
@@ -179,6 +247,7 @@ impl Identification {
         self.skeleton_m.iter().flatten().all(|value| value.is_finite())
             && self.mass_kg.is_finite()
             && (0.0..1000.0).contains(&self.mass_kg)
+            && self.bones_from <= BodySource::Stored as u64
             // Made with the bones; nobody looks at it before.
             && (!self.has_body() || self.reduction.is_sound())
             && self.anthropometry.is_sound()

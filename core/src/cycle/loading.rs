@@ -22,9 +22,9 @@ const JOINT_SIGMA_M: f64 = 0.02;
 
 impl Memory {
     /// 1-σ of the external force in this motion, N.
-    pub(super) fn delta_f_sigma_n(&self, settings: &Settings) -> f64 {
+    pub(super) fn delta_f_sigma_n(&self) -> f64 {
         let by_motion_n = self.noise.vertical.sigma(self.noise.vertical_activity_n.height());
-        math::hypot([settings.force_sigma_n, by_motion_n])
+        math::hypot([self.ground_sigma.force_n, by_motion_n])
     }
 
     /// From which external force on something is carried, N.
@@ -32,7 +32,7 @@ impl Memory {
         match settings.motion {
             Motion::Paper => settings.load_threshold_n,
             Motion::Compensated { .. } => {
-                settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.delta_f_sigma_n(settings))
+                settings.load_threshold_n.max(SIGMAS_OF_A_LOAD * self.delta_f_sigma_n())
             }
         }
     }
@@ -51,10 +51,13 @@ impl Memory {
         let vertical_n = self.known.ground_force_n[2];
         let delta_f_n = vertical_n - worker.mass_kg * body.specific_force_m_per_s2 - self.terms.force_n[2];
         self.known.delta_f_n = [0.0, 0.0, delta_f_n];
-        self.known.delta_f_sigma_n = self.delta_f_sigma_n(settings);
+        self.known.delta_f_sigma_n = self.delta_f_sigma_n();
         let loaded = delta_f_n.abs() >= self.load_limit_n(settings);
         found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
-        if !loaded || !worker.has_body() || found.any_of(Validity::FEET_OFF_PLATE) {
+        if !loaded
+            || !worker.has_body()
+            || found.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED))
+        {
             return;
         }
         let table = worker.anthropometry();
@@ -65,7 +68,7 @@ impl Memory {
             Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, &grip_m);
         let (sharing, source, zeta_sigma) = match feet {
             Some(feet) => {
-                let sigma = (settings.force_sigma_n / vertical_n).min(0.5);
+                let sigma = (self.ground_sigma.force_n / vertical_n).min(0.5);
                 (by_geometry.with_feet(&feet, cop_measured_m), SharingSource::Measured, sigma)
             }
             None => (by_geometry, SharingSource::Geometry, Sharing::zeta_sigma_by_geometry(pose)),
@@ -94,7 +97,7 @@ impl Memory {
             swing: Swing { force_n: swing_n, surface_z_m: moment.ground.surface_z_m },
         };
         let sigma = LoadingSigma {
-            cop_measured_m: settings.cop_sigma_m,
+            cop_measured_m: self.ground_sigma.cop_m,
             cop_estimated_m: self.known.cop_sigma_m,
             delta_f_n: self.known.delta_f_sigma_n,
             eta: eta_sigma,

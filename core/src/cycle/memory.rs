@@ -5,7 +5,9 @@ use bytemuck::{Pod, Zeroable};
 use super::alignment::Alignment;
 use super::asked::AskedPose;
 use super::body_motion::MotionNoise;
+use super::build::Build;
 use super::identification::Identification;
+use super::insoles::GroundSigma;
 use super::model_terms::ModelTerms;
 use super::settings::Settings;
 use super::skew_watch::SkewWatch;
@@ -17,9 +19,9 @@ use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 4;
+pub const MEMORY_VERSION: u64 = 6;
 
-/// What the loop remembers from one step to the next. About 460 kB: keep it in a box.
+/// What the loop remembers from one step to the next. About 505 kB: keep it in a box.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Memory {
@@ -37,6 +39,8 @@ pub struct Memory {
     pub(super) noise: MotionNoise,
     /// What motion shows of the skew between both streams.
     pub(super) skew: SkewWatch,
+    /// How well the ground's sample of the moment is known.
+    pub(super) ground_sigma: GroundSigma,
     /// What the model has beside the body.
     pub(super) terms: ModelTerms,
     /// Whether nothing is carried.
@@ -51,6 +55,8 @@ pub struct Memory {
     pub(super) shift_unconfirmed: u64,
     /// Time of the last moment in motion that entered the filter.
     pub(super) motion_learnt_ns: u64,
+    /// What the suit says of this worker's build.
+    pub build: Build,
     /// This worker.
     pub identification: Identification,
     /// What adds up over this worker's shift.
@@ -116,8 +122,10 @@ impl Memory {
             && self.window.is_sound()
             && self.noise.is_sound()
             && self.skew.is_sound()
+            && self.ground_sigma.is_sound()
             && self.terms.is_sound()
             && self.unloaded.is_sound()
+            && self.build.is_sound()
             && self.identification.is_sound()
             && self.exposure.is_sound()
             && self.tare.is_sound()

@@ -4,15 +4,17 @@ use nalgebra::Vector3;
 
 use super::alignment::Aligned;
 use super::body_motion::BodyMotion;
+use super::insoles::GroundSigma;
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
-use super::{CLOCK_SIGMA_MAX_NS, support};
+use super::{CLOCK_SIGMA_MAX_NS, insoles, sole, support};
 use crate::body::{JOINTS, gyration_m2};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::ground::NoCop;
-use crate::message::state::SharingSource;
-use crate::message::{GroundSample, State, SuitSample, Validity};
+use crate::message::state::{AccelerationSource, NotGiven, SharingSource};
+use crate::message::suit::SuitBlocks;
+use crate::message::{Component, GroundSample, State, SuitSample, Validity};
 use crate::motion::{Build, Inertia, Moment};
 use crate::overload::{GRAVITY_M_PER_S2, Level, Levels};
 use crate::sesc::centre_of_mass;
@@ -38,6 +40,7 @@ impl Memory {
         self.lose_sight_after_a_gap(suit, settings);
         self.worked_ns = suit.sample_time_ns;
         let had_body = self.identification.has_body();
+        self.follow_build(&in_suit_world, suit, settings);
         self.identification.learn_skeleton(&in_suit_world, settings);
         if !had_body && self.identification.has_body() {
             // Another body from one moment to the next would look like a leap of its centre of mass.
@@ -53,9 +56,17 @@ impl Memory {
         moment.stance = self.anchor.stance();
         moment.both_feet_stand = u64::from(self.anchor.both_feet_stand());
         moment.time_sigma_ns = suit.sample_time_sigma_ns;
+        if suit.has(SuitBlocks::CentreOfMass) {
+            let ([x, y, z], [shift_x, shift_y]) = (suit.com_m, moment.station_from_suit_m);
+            (moment.suit_com_m, moment.has_suit_com) = ([x + shift_x, y + shift_y, z], 1);
+        }
+        if suit.has(SuitBlocks::LinearKinematics) {
+            (moment.acceleration_m_per_s2, moment.has_acceleration) = (suit.acceleration_m_per_s2, 1);
+        }
         if let Some(ground) = aligned.ground {
             moment.time_sigma_ns = moment.time_sigma_ns.max(ground.sample_time_sigma_ns);
-            moment.ground = ground;
+            let soles = sole::both(&pose, self.build.body(), settings.height_m);
+            moment.ground = insoles::place(&ground, &pose, &soles);
             moment.has_ground = 1;
         }
         self.history.push(moment);
@@ -63,7 +74,8 @@ impl Memory {
         let gyration_m2 = gyration_m2(&self.identification.skeleton(), settings.height_m);
         let build = Build { body: &body, gyration_m2: &gyration_m2 };
         // Bounded: the history holds a fixed number of moments.
-        while let Some((moment, inertia)) = self.history.next(half_window_ns, &build) {
+        while let Some((moment, inertia)) = self.history.next(half_window_ns, settings.accelerations, &build)
+        {
             self.monitor(settings, &moment, inertia);
         }
     }
@@ -95,15 +107,19 @@ impl Memory {
         self.known.suit_sample_time_ns = moment.time_ns;
         self.known.group_delay_ns = self.worked_ns.saturating_sub(moment.time_ns);
         self.known.stance = moment.stance as u32;
-        self.known.cop_measured_sigma_m = [settings.cop_sigma_m; 2];
+        self.ground_sigma = GroundSigma::of(moment.ground(), settings);
+        self.known.cop_measured_sigma_m = [self.ground_sigma.cop_m; 2];
         self.known.segment_origin_m = moment.origin_m;
+        self.known.suit_com_m = moment.suit_com_m;
+        self.does_not_give(NotGiven::SuitCom, moment.has_suit_com != 1);
         let mut found = Validity::default();
         found.raise(Validity::CLOCK_UNSYNCHRONISED, moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS);
         // Until the first moment with a body, what is told is of one without.
         found.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
 
         let standing = moment.ground().copied().and_then(|ground| self.stand_on(&ground, &mut found));
-        found.raise(Validity::FEET_OFF_PLATE, standing.is_none());
+        let is_off = standing.is_none() && !found.any_of(Validity::COP_NOT_MEASURED);
+        found.raise(Validity::FEET_OFF_PLATE, is_off);
         // However fresh the plate is again: of this moment it said nothing, and what it said last is of another.
         found.raise(Validity::GROUND_STALE, moment.ground().is_none());
         match standing {
@@ -130,6 +146,10 @@ impl Memory {
             _ => None,
         };
         found.raise(Validity::MOVING, motion.is_none());
+
+        let by_suit = motion.is_some_and(|inertia| inertia.is_by_suit);
+        let source = if by_suit { AccelerationSource::Suit } else { AccelerationSource::Positions };
+        self.known.acceleration_source = source as u32;
 
         self.compare_with_suggestion(&pose, is_still, settings);
         if self.identification.has_body() {
@@ -179,7 +199,12 @@ impl Memory {
             let [terms_x_n, terms_y_n, terms_z_n] = self.terms.force_n;
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2 - terms_z_n;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
-            if let Some([shear, missed]) = body.by_shear(ground.force_n, worker.mass_kg, load_kg) {
+            let has_shear = ground.measures(Component::Shear);
+            if !has_shear {
+                self.noise.forget_push();
+            }
+            let by_shear = body.by_shear(ground.force_n, worker.mass_kg, load_kg);
+            if let Some([shear, missed]) = by_shear.filter(|_| has_shear) {
                 let explained = [terms_x_n, terms_y_n].map(|force_n| force_n / worker.mass_kg);
                 let missed = [0, 1].map(|axis| missed[axis] - explained[axis]);
                 let bias = self.noise.follow_shear(missed, step_s);
@@ -203,11 +228,17 @@ impl Memory {
         let wander = self.identification.wander_variance_m2(pose, settings);
         self.known.com_m = centre_of_mass(pose, &self.identification.phi()).into();
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
+        // Where shear is not measured, the suit alone tells how the body accelerates; at rest that is nothing.
+        let unfelt_m = if self.known.not_given & NotGiven::Shear as u32 == 0 {
+            0.0
+        } else {
+            body.leaning_sigma_m(self.noise.moving_acceleration_sigma_m_per_s2())
+        };
         for axis in 0..2 {
             self.known.cop_estimated_m[axis] =
                 still[axis] + body.beside_the_rows_m(axis) + self.terms.cop_m[axis];
             let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            let variance = known[axis] + wander[axis] + floor + moving * moving;
+            let variance = known[axis] + wander[axis] + floor + moving * moving + unfelt_m * unfelt_m;
             self.known.cop_sigma_m[axis] = math::sqrt(variance);
         }
     }
@@ -220,8 +251,9 @@ impl Memory {
         stillness: &Stillness,
         settings: &Settings,
     ) {
+        let soles = sole::both(pose, self.build.body(), settings.height_m);
         let worker = &mut self.identification;
-        let supported = support::is_supported(pose, stillness.cop_m, settings.height_m, SUPPORT_MARGIN_M);
+        let supported = support::is_supported(pose, stillness.cop_m, &soles, SUPPORT_MARGIN_M);
         if !supported || moment.both_feet_stand != 1 {
             return;
         }
@@ -238,11 +270,13 @@ impl Memory {
             }
         };
         let [x, y] = [0, 1].map(|axis| moment.ground.force_n[axis] - self.terms.force_n[axis]);
-        let leans = math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.is_pushed();
+        // Who leans on something is told by shear alone: where it is not measured, nobody knows.
+        let leans = moment.ground.measures(Component::Shear)
+            && (math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.is_pushed());
         let unloaded = (stillness.vertical_n - weight_n).abs() < nothing_n && !leans;
         let wanted = worker.has_body() && worker.learning == 1 && !worker.has_used(&self.window, settings);
         if wanted && unloaded {
-            worker.learn_pose(&self.window, stillness, settings);
+            worker.learn_pose(&self.window, stillness, self.ground_sigma.lasting_cop_m, settings);
         }
     }
 
@@ -251,8 +285,17 @@ impl Memory {
         let cop = ground.cop_m();
         found.raise(Validity::PLATE_FAULT, matches!(cop, Err(NoCop::DeviceStatus(_))));
         self.known.ground_force_n = ground.force_n;
+        self.known.ground_devices = ground.devices;
+        self.does_not_give(NotGiven::Shear, !ground.measures(Component::Shear));
+        found.raise(Validity::COP_NOT_MEASURED, matches!(cop, Err(NoCop::NotMeasured)));
         self.known.cop_measured_m = cop.unwrap_or_default();
         cop.ok()
+    }
+
+    /// Notes whether the station's sensors do not give something.
+    fn does_not_give(&mut self, what: NotGiven, missing: bool) {
+        let others = self.known.not_given & !(what as u32);
+        self.known.not_given = others | if missing { what as u32 } else { 0 };
     }
 
     /// While the suit is silent the ground is still measured.
@@ -260,7 +303,8 @@ impl Memory {
         let Some(ground) = self.alignment.newest_ground().copied() else { return };
         let mut found = Validity::MOVING;
         let standing = self.stand_on(&ground, &mut found);
-        found.raise(Validity::FEET_OFF_PLATE, standing.is_none());
+        let is_off = standing.is_none() && !found.any_of(Validity::COP_NOT_MEASURED);
+        found.raise(Validity::FEET_OFF_PLATE, is_off);
         let weight_n = self.identification.mass_kg * GRAVITY_M_PER_S2;
         self.known.delta_f_n = [0.0, 0.0, ground.force_n[2] - weight_n];
         self.found = found.0;

@@ -7,6 +7,7 @@ use super::settings::{Method, Motion, Settings};
 use super::skew_watch::Shown;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
+use crate::message::Component;
 use crate::motion::Moment;
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
@@ -45,7 +46,7 @@ impl Memory {
         if self.noise.may_be_pushed() {
             return;
         }
-        self.learn_errors(moment, body, settings);
+        self.learn_errors(moment, body);
         self.watch_the_skew(moment, body, settings);
         let steady = moment.both_feet_stand == 1 || !settings.suit_drifts;
         let due = moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS;
@@ -60,15 +61,15 @@ impl Memory {
     }
 
     /// How wrong the compensation is, while nothing but the body is there to explain.
-    fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+    fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion) {
         let by_plate = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
-        noise.vertical.learn(self.known.delta_f_n[2], activity_n, settings.force_sigma_n);
+        noise.vertical.learn(self.known.delta_f_n[2], activity_n, self.ground_sigma.force_n);
         let [force_x_n, force_y_n, _] = moment.ground.force_n;
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
-            // Shear that is exactly zero was not measured.
-            if shear_n != 0.0 {
+            // A device that does not say so, and shows exactly zero, did not measure it either.
+            if moment.ground.measures(Component::Shear) && shear_n != 0.0 {
                 let error = by_plate[axis] - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
                 noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
@@ -93,7 +94,7 @@ impl Memory {
             core::array::from_fn(|axis| self.known.cop_estimated_m[axis] + body.missed_by_suit_m(axis));
         let cop_sigma_m: [f64; 2] = core::array::from_fn(|axis| {
             let by_motion_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            math::hypot([settings.cop_sigma_m, by_motion_m])
+            math::hypot([self.ground_sigma.cop_m, by_motion_m])
         });
         let [measured_x_m, measured_y_m] = self.known.cop_measured_m;
         self.skew.take_in(Shown {
@@ -142,7 +143,8 @@ impl Memory {
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         let variance_m2 = core::array::from_fn(|axis| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m)
+            let lasting_m = self.ground_sigma.lasting_cop_m;
+            ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m + lasting_m * lasting_m)
         });
         let predicted_m = self.identification.predict_cop_m(&rows);
         let known_m2 = self.identification.cop_variance_m2(&rows);
@@ -170,7 +172,7 @@ impl Memory {
     fn learn_shear(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
         let Motion::Compensated { half_window_ns } = settings.motion else { return };
         let [x_n, y_n, _] = moment.ground.force_n;
-        if (x_n, y_n) == (0.0, 0.0) {
+        if !moment.ground.measures(Component::Shear) || (x_n, y_n) == (0.0, 0.0) {
             return;
         }
         let mut sum = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };

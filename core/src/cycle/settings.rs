@@ -2,6 +2,7 @@
 
 use crate::body::Sex;
 use crate::effect::Model;
+pub use crate::motion::Accelerations;
 use crate::overload::TorqueLimits;
 use crate::pose_suggestion::Posture;
 use crate::sesc::ReductionKind;
@@ -121,6 +122,11 @@ pub struct Settings {
     pub cop_sigma_m: f64,
     /// 1-σ of the vertical force and body weight together, N.
     pub force_sigma_n: f64,
+    /// 1-σ of one CoP by insoles alone, m. Assumed: what a pair of insoles errs by is its maker's affair. Where in the shoe
+    /// they lie is not in it, for that is the stance's offset.
+    pub insole_cop_sigma_m: f64,
+    /// 1-σ of the vertical force by insoles alone and body weight together, N. Assumed, likewise.
+    pub insole_force_sigma_n: f64,
     /// What counts as still.
     pub still: Thresholds,
     /// External forces below this are not a load, N.
@@ -133,6 +139,8 @@ pub struct Settings {
     pub suit_wander_rad: f64,
     /// How overload is told while the worker moves.
     pub motion: Motion,
+    /// Where the body's accelerations come from, if the suit sends its own (docs/motion.md says how this was chosen).
+    pub accelerations: Accelerations,
     /// What the suit's adapter takes off its sample times, ns: so much older a sample is when it comes.
     pub suit_latency_ns: u64,
     /// The same of the ground's adapter, ns.
@@ -184,12 +192,15 @@ impl Settings {
             measurement_sigma_m: 0.002,
             cop_sigma_m: 0.001,
             force_sigma_n: 2.0,
+            insole_cop_sigma_m: 0.006,
+            insole_force_sigma_n: 12.0,
             still: Thresholds::default(),
             load_threshold_n: 15.0,
             load_distance_max_m: 0.35,
             suit_misalignment_rad: 0.6f64.to_radians(),
             suit_wander_rad: 0.3f64.to_radians(),
             motion: Motion::Compensated { half_window_ns: HALF_WINDOW_NS },
+            accelerations: Accelerations::Blend,
             suit_latency_ns: 0,
             ground_latency_ns: 0,
             suit_drifts: true,

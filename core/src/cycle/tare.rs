@@ -2,14 +2,17 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::message::GroundSample;
+use crate::message::ground::COP_MIN_VERTICAL_N;
+use crate::message::{FootFrame, GroundDevice, GroundSample};
 
 /// Mean wrench of the empty plate, and of each foot's plate where there are two.
 ///
-/// Each foot's vertical force loses what its own plate showed. Its centre of pressure stays as it was told: an empty
-/// plate does not say where its small force acts. The common centre, which is tared exactly, puts the two right again
-/// ([`crate::overload::Sharing::with_feet`]). A tare that was taken before feet were measured has no parts for them:
-/// then the feet contradict the whole, and are not believed until the next tare.
+/// Each foot loses what its own plate showed: its vertical force, and the moment that goes with its centre of pressure.
+/// A tare that was taken before feet were measured has no parts for them: then the feet contradict the whole, and are
+/// not believed until the next tare.
+///
+/// Insoles that lie on a plate have no zero of their own here: they say how the feet share what the plate weighs, and
+/// share what is left of it after the tare.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Tare {
@@ -19,6 +22,22 @@ pub struct Tare {
     pub moment_nm: [f64; 3],
     /// Vertical force of the left and the right foot's plate, N; zero if feet are not measured.
     pub foot_vertical_n: [f64; 2],
+    /// That force times its centre of pressure in the world, of each foot, N m.
+    pub foot_lever_nm: [[f64; 2]; 2],
+}
+
+/// Whether the feet's forces are shares of what a plate weighs.
+fn are_shares(sample: &GroundSample) -> bool {
+    let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
+    sample.devices & GroundDevice::Insoles as u32 != 0 && sample.devices & plates != 0
+}
+
+/// Force times centre of pressure, by foot and axis; nothing for soles, which are not in the world.
+fn levers_nm(sample: &GroundSample) -> [[f64; 2]; 2] {
+    if sample.foot_frame != FootFrame::World as u32 {
+        return [[0.0; 2]; 2];
+    }
+    [0, 1].map(|foot| sample.foot_cop_m[foot].map(|metres| sample.foot_vertical_n[foot] * metres))
 }
 
 impl Tare {
@@ -26,14 +45,16 @@ impl Tare {
     pub(super) fn shown_by<'a>(samples: impl Iterator<Item = &'a GroundSample> + Clone) -> Tare {
         let mut mean = Tare::zeroed();
         let count = samples.clone().count().max(1) as f64;
-        let feet = samples.clone().all(GroundSample::has_feet);
+        let feet = samples.clone().all(|sample| sample.has_feet() && !are_shares(sample));
         for sample in samples {
             let foot_vertical_n = if feet { sample.foot_vertical_n } else { [0.0; 2] };
+            let foot_lever_nm = if feet { levers_nm(sample) } else { [[0.0; 2]; 2] };
             let share = |value: f64| value / count;
             mean.add(&Tare {
                 force_n: sample.force_n.map(share),
                 moment_nm: sample.moment_nm.map(share),
                 foot_vertical_n: foot_vertical_n.map(share),
+                foot_lever_nm: foot_lever_nm.map(|lever| lever.map(share)),
             });
         }
         mean
@@ -48,15 +69,39 @@ impl Tare {
 
     /// A ground sample less this.
     pub(super) fn off(&self, sample: &GroundSample) -> GroundSample {
-        GroundSample {
+        let whole = GroundSample {
             force_n: core::array::from_fn(|axis| sample.force_n[axis] - self.force_n[axis]),
             moment_nm: core::array::from_fn(|axis| sample.moment_nm[axis] - self.moment_nm[axis]),
-            foot_vertical_n: [0, 1].map(|foot| match sample.per_foot {
-                1 => sample.foot_vertical_n[foot] - self.foot_vertical_n[foot],
-                _ => sample.foot_vertical_n[foot],
-            }),
             ..*sample
+        };
+        match sample.per_foot {
+            1 if are_shares(sample) => self.shares_of(whole, sample.force_n[2]),
+            1 => self.feet_of(whole),
+            _ => whole,
         }
+    }
+
+    /// Insoles share what is left of the plate's force.
+    fn shares_of(&self, whole: GroundSample, before_n: f64) -> GroundSample {
+        let left = if before_n.abs() > 1e-9 { whole.force_n[2] / before_n } else { 0.0 };
+        GroundSample { foot_vertical_n: whole.foot_vertical_n.map(|newtons| newtons * left), ..whole }
+    }
+
+    /// Each foot's plate has a zero of its own.
+    fn feet_of(&self, whole: GroundSample) -> GroundSample {
+        let foot_vertical_n = [0, 1].map(|foot| whole.foot_vertical_n[foot] - self.foot_vertical_n[foot]);
+        if whole.foot_frame != FootFrame::World as u32 || self.foot_lever_nm == [[0.0; 2]; 2] {
+            return GroundSample { foot_vertical_n, ..whole };
+        }
+        let levers_nm = levers_nm(&whole);
+        let foot_cop_m = [0, 1].map(|foot| {
+            if foot_vertical_n[foot] < COP_MIN_VERTICAL_N {
+                return [0.0; 2];
+            }
+            [0, 1]
+                .map(|axis| (levers_nm[foot][axis] - self.foot_lever_nm[foot][axis]) / foot_vertical_n[foot])
+        });
+        GroundSample { foot_vertical_n, foot_cop_m, ..whole }
     }
 
     /// Whether every number is finite; a stored tare is checked before use.
@@ -65,11 +110,13 @@ impl Tare {
     }
 
     fn numbers(&self) -> impl Iterator<Item = f64> {
-        self.force_n.into_iter().chain(self.moment_nm).chain(self.foot_vertical_n)
+        let feet = self.foot_vertical_n.into_iter().chain(self.foot_lever_nm.into_iter().flatten());
+        self.force_n.into_iter().chain(self.moment_nm).chain(feet)
     }
 
     fn numbers_mut(&mut self) -> impl Iterator<Item = &mut f64> {
-        self.force_n.iter_mut().chain(&mut self.moment_nm).chain(&mut self.foot_vertical_n)
+        let feet = self.foot_vertical_n.iter_mut().chain(self.foot_lever_nm.iter_mut().flatten());
+        self.force_n.iter_mut().chain(&mut self.moment_nm).chain(feet)
     }
 }
 
@@ -93,6 +140,45 @@ mod tests {
         let standing = tare.off(&plates([313.0, 396.0]));
         assert_eq!((standing.foot_vertical_n, standing.force_n), ([300.0, 400.0], [0.0, 0.0, 700.0]));
         assert!(standing.has_feet() && tare.is_sound());
+    }
+
+    #[test]
+    fn each_foot_s_centre_is_put_right_however_much_its_empty_plate_shows() {
+        // Each plate bears 100 N of its own at a place of its own, and the left one pulls by 30 N besides.
+        let own = [(70.0, [0.3, 0.2]), (100.0, [-0.2, -0.3])];
+        let with = |feet: [(f64, [f64; 2]); 2]| {
+            let told = [0, 1].map(|foot| {
+                let ((own_n, own_m), (foot_n, foot_m)) = (own[foot], feet[foot]);
+                let all_n = own_n + foot_n;
+                (all_n, [0, 1].map(|axis| (own_n * own_m[axis] + foot_n * foot_m[axis]) / all_n))
+            });
+            GroundSample {
+                foot_cop_m: told.map(|(_, cop_m)| cop_m),
+                ..plates(told.map(|(newtons, _)| newtons))
+            }
+        };
+        let tare = Tare::shown_by([with([(0.0, [0.0; 2]); 2])].iter());
+        let feet = [(310.0, [0.05, 0.14]), (390.0, [0.02, -0.11])];
+        let standing = tare.off(&with(feet));
+        for (foot, (foot_n, foot_m)) in feet.into_iter().enumerate() {
+            assert!((standing.foot_vertical_n[foot] - foot_n).abs() < 1e-9);
+            for (told_m, true_m) in standing.foot_cop_m[foot].into_iter().zip(foot_m) {
+                assert!((told_m - true_m).abs() < 1e-12, "{told_m} {true_m}");
+            }
+        }
+        let lifted = tare.off(&with([(0.0, [0.0; 2]), (700.0, [0.02, -0.11])]));
+        assert_eq!(lifted.foot_cop_m[0], [0.0; 2]);
+    }
+
+    #[test]
+    fn insoles_share_what_the_tared_plate_weighs() {
+        let devices = GroundDevice::Plate as u32 | GroundDevice::Insoles as u32;
+        let on =
+            |sample: GroundSample| GroundSample { devices, foot_frame: FootFrame::Sole as u32, ..sample };
+        let tare = Tare::shown_by([on(plates([20.0, 20.0]))].iter());
+        let standing = tare.off(&on(plates([185.0, 555.0])));
+        assert_eq!((standing.force_n[2], standing.foot_vertical_n), (700.0, [175.0, 525.0]));
+        assert!(standing.has_feet());
     }
 
     #[test]

@@ -15,11 +15,13 @@ use crate::pose_suggestion::Posture;
 
 mod asked;
 mod bench;
+mod build;
 mod exposure;
 mod kept;
 mod latency;
 mod learning;
 mod model_terms;
+mod not_measured;
 mod planning;
 mod sharing;
 use bench::*;
@@ -358,7 +360,7 @@ fn bad_samples_change_nothing() {
     let mut ground: GroundSample = Zeroable::zeroed();
     ground.sample_time_ns = bench.now_ns + 1;
     ground.force_n[0] = f64::NAN;
-    let inputs = Inputs { suit: &[suit, far_away], ground: &[ground, to_come], command: None };
+    let inputs = Inputs { suit: &[suit, far_away], ground: &[ground, to_come], body: None, command: None };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle + 1, due_ns: bench.now_ns }, inputs);
     let after = &bench.memory.alignment;
     assert_eq!(after.refused(), before.alignment.refused() + 4);

@@ -6,7 +6,7 @@ message! {
     /// Stamps and inputs of one cycle. All stamps CLOCK_MONOTONIC; 0 where nothing has happened yet.
     ///
     /// With the samples it names, the record drives `core::cycle` again to the same state, byte for byte.
-    as "equipoise/Cycle/2", 256 bytes,
+    as "equipoise/Cycle/3", 256 bytes,
     pub struct CycleRecord {
         /// The cycle's number, as in `State::cycle`.
         pub cycle: u64,
@@ -68,7 +68,7 @@ message! {
         pub output_dropped: u64,
         /// Length of one period.
         pub period_ns: u64,
-        /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: u64,
+        /// The wearer's build taken in by this cycle: its `SuitBody::published_ns`; 0 if none was.
+        pub body_published_ns: u64,
     }
 }

@@ -1,5 +1,7 @@
 //! What the ground says: one wrench under the feet.
 
+mod between;
+
 use super::layout::{ZeroCopySend, message};
 
 message! {
@@ -7,7 +9,7 @@ message! {
     ///
     /// The adapter has already turned the device's axes and sign ("action" or "reaction") into this one; the
     /// moment is taken about the world's origin. Written by the ground adapter only.
-    as "equipoise/Ground/2", 192 bytes,
+    as "equipoise/Ground/3", 192 bytes,
     pub struct GroundSample {
         /// When the sample was taken, on the host's CLOCK_MONOTONIC, by the stream's clock fit.
         pub sample_time_ns: u64,
@@ -35,11 +37,63 @@ message! {
         pub surface_z_m: f64,
         /// Vertical force under the left and the right foot, N; their sum is `force_n[2]`.
         pub foot_vertical_n: [f64; 2],
-        /// Centre of pressure under the left and the right foot, world x and y, m; zero for a foot without force.
+        /// Centre of pressure under the left and the right foot, m, in the frame that `foot_frame` names; zero for a
+        /// foot without force.
         pub foot_cop_m: [[f64; 2]; 2],
+        /// What the devices cannot measure: a union of [`Component`] bits. Those numbers are zero and mean nothing.
+        pub not_measured: u32,
+        /// What this sample is made of: a union of [`GroundDevice`] bits.
+        pub devices: u32,
+        /// Frame of `foot_cop_m`: 0 the station's world, 1 each sole's own ([`FootFrame`]).
+        pub foot_frame: u32,
+        /// Always zero.
+        pub reserved: u32,
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 4],
+        pub reserved_tail: [u64; 2],
     }
+}
+
+/// Parts of a wrench that a device may not measure, as bits of `not_measured`. The vertical force is always measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Component {
+    /// The horizontal force: insoles feel only what presses on them.
+    Shear = 1,
+    /// The moment about the horizontal axes, and with it the centre of pressure of the whole in the world.
+    Tilt = 1 << 1,
+    /// The moment about the vertical.
+    FreeMoment = 1 << 2,
+}
+
+/// What kind of device a sample comes from, as bits of `devices`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum GroundDevice {
+    /// The force plate of `[ground]`.
+    Plate = 1,
+    /// The one of `[ground.second]`.
+    SecondPlate = 1 << 1,
+    /// Insoles.
+    Insoles = 1 << 2,
+}
+
+impl GroundDevice {
+    /// All, lowest bit first, with their public names.
+    pub const NAMES: [(GroundDevice, &'static str); 3] = [
+        (GroundDevice::Plate, "plate"),
+        (GroundDevice::SecondPlate, "second_plate"),
+        (GroundDevice::Insoles, "insoles"),
+    ];
+}
+
+/// In which frame each foot's centre of pressure is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum FootFrame {
+    /// The station's world.
+    World = 0,
+    /// Each sole's own: from the middle of the sole, X to its tip, Y to the left. Only the suit knows where the feet are.
+    Sole = 1,
 }
 
 /// Why a wrench has no centre of pressure.
@@ -52,6 +106,8 @@ pub enum NoCop {
     },
     /// The device reported a fault.
     DeviceStatus(u32),
+    /// The devices do not measure it; the feet's own centres and where the feet stand may tell it.
+    NotMeasured,
 }
 
 /// What the ground does to each foot by itself: left, right.
@@ -59,7 +115,8 @@ pub enum NoCop {
 pub struct Feet {
     /// Vertical force, N; none is negative, and their sum is positive.
     pub vertical_n: [f64; 2],
-    /// Centre of pressure, world x and y, m; `None` if a foot bears too little to have one.
+    /// Centre of pressure, world x and y, m; `None` if a foot bears too little to have one, or is told in the sole's own
+    /// frame.
     pub cop_m: Option<[[f64; 2]; 2]>,
 }
 
@@ -78,6 +135,32 @@ const FEET_SUM_TOLERANCE: (f64, f64) = (5.0, 0.02);
 pub const COP_MIN_VERTICAL_N: f64 = 20.0;
 
 impl GroundSample {
+    /// Whether the devices measure a part of the wrench.
+    pub fn measures(&self, component: Component) -> bool {
+        self.not_measured & component as u32 == 0
+    }
+
+    /// The same with zero for every number that was not measured: nobody may come to believe one by mistake.
+    #[must_use]
+    pub fn without_what_was_not_measured(mut self) -> GroundSample {
+        if !self.measures(Component::Shear) {
+            (self.force_n[0], self.force_n[1]) = (0.0, 0.0);
+        }
+        if !self.measures(Component::Tilt) {
+            (self.moment_nm[0], self.moment_nm[1]) = (0.0, 0.0);
+        }
+        if !self.measures(Component::FreeMoment) {
+            self.moment_nm[2] = 0.0;
+        }
+        self
+    }
+
+    /// Whether insoles, and no plate, measured it.
+    pub fn is_by_insoles_alone(&self) -> bool {
+        let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
+        self.devices & GroundDevice::Insoles as u32 != 0 && self.devices & plates == 0
+    }
+
     /// Whether each foot was measured by itself and says the same as the whole: finite, and summing to it.
     pub fn has_feet(&self) -> bool {
         let [left, right] = self.foot_vertical_n;
@@ -94,8 +177,9 @@ impl GroundSample {
             return None;
         }
         let vertical_n = self.foot_vertical_n.map(|newtons| newtons.max(0.0));
+        let in_the_world = self.foot_frame == FootFrame::World as u32;
         let both_press = vertical_n.iter().all(|newtons| *newtons >= COP_MIN_VERTICAL_N);
-        Some(Feet { vertical_n, cop_m: both_press.then_some(self.foot_cop_m) })
+        Some(Feet { vertical_n, cop_m: (both_press && in_the_world).then_some(self.foot_cop_m) })
     }
 
     /// Centre of pressure on the walking surface, world x and y, m.
@@ -107,6 +191,9 @@ impl GroundSample {
     pub fn cop_m(&self) -> Result<[f64; 2], NoCop> {
         if self.device_status != 0 {
             return Err(NoCop::DeviceStatus(self.device_status));
+        }
+        if !self.measures(Component::Tilt) {
+            return Err(NoCop::NotMeasured);
         }
         let [fx, fy, fz] = self.force_n;
         let [mx, my, _] = self.moment_nm;
@@ -139,12 +226,28 @@ mod tests {
     }
 
     #[test]
+    fn what_was_not_measured_is_zero_and_the_rest_stays() {
+        let sample =
+            GroundSample { force_n: [1.0, 2.0, 3.0], moment_nm: [4.0, 5.0, 6.0], ..Zeroable::zeroed() };
+        let left = |not_measured: u32| {
+            let left = GroundSample { not_measured, ..sample }.without_what_was_not_measured();
+            (left.force_n, left.moment_nm)
+        };
+        assert_eq!(left(0), (sample.force_n, sample.moment_nm));
+        assert_eq!(left(Component::Shear as u32), ([0.0, 0.0, 3.0], sample.moment_nm));
+        assert_eq!(left(Component::Tilt as u32), (sample.force_n, [0.0, 0.0, 6.0]));
+        assert_eq!(left(7), ([0.0, 0.0, 3.0], [0.0; 3]));
+    }
+
+    #[test]
     fn no_force_no_cop() {
         let mut sample: GroundSample = Zeroable::zeroed();
         assert_eq!(sample.cop_m(), Err(NoCop::TooLittleForce { vertical_n: 0.0 }));
         sample.force_n[2] = f64::NAN;
         assert!(sample.cop_m().is_err());
         sample.force_n[2] = 700.0;
+        sample.not_measured = Component::Tilt as u32;
+        assert_eq!(sample.cop_m(), Err(NoCop::NotMeasured));
         sample.device_status = 0x8000_0000;
         assert_eq!(sample.cop_m(), Err(NoCop::DeviceStatus(0x8000_0000)));
     }

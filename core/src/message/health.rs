@@ -7,7 +7,7 @@ pub const REASONS: usize = 24;
 
 message! {
     /// Counts of one adapter since its start, published once a second.
-    as "equipoise/Health/1", 256 bytes,
+    as "equipoise/Health/2", 256 bytes,
     pub struct AdapterHealth {
         /// When it was published, CLOCK_MONOTONIC.
         pub time_ns: u64,
@@ -25,7 +25,9 @@ message! {
         pub rate_hz: f64,
         /// What was refused, by reason; the adapter's documentation names the reasons in order.
         pub refused: [u64; REASONS],
+        /// How long a device gathers samples before it sends them as one block, ns; 0 if it sends each by itself.
+        pub block_latency_ns: u64,
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 2],
+        pub reserved_tail: u64,
     }
 }

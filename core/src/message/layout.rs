@@ -81,11 +81,13 @@ pub trait Message: Pod + ZeroCopySend + core::fmt::Debug {
     const FIELDS: &'static [Field];
     /// FNV-1a over names, kinds, counts and order of the fields.
     ///
-    /// iceoryx2 compares type name and size only; this tells apart two layouts of one size.
+    /// iceoryx2 compares type name and size only; this tells apart two layouts of one size. Recordings hold it. What the
+    /// bits and numbers in the fields mean is not in it: who reads the bus agrees on `equipoise_bus::Topic::schema`.
     const SCHEMA_HASH: u64 = schema_hash(Self::TYPE_NAME, Self::FIELDS);
 }
 
-const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {
+/// FNV-1a of 64 bits, going on from `hash`.
+pub const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {
     let mut index = 0;
     while index < bytes.len() {
         hash = (hash ^ bytes[index] as u64).wrapping_mul(0x0000_0100_0000_01b3);
@@ -141,7 +143,9 @@ pub(crate) use message;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{AdapterHealth, Command, CycleRecord, GroundSample, Reply, State, SuitSample};
+    use crate::message::{
+        AdapterHealth, Command, CycleRecord, GroundSample, Reply, State, SuitBody, SuitSample,
+    };
 
     fn fields_fill_the_message_without_gaps<M: Message>() {
         let mut end = 0;
@@ -156,6 +160,7 @@ mod tests {
     fn every_message_is_its_table() {
         fields_fill_the_message_without_gaps::<SuitSample>();
         fields_fill_the_message_without_gaps::<GroundSample>();
+        fields_fill_the_message_without_gaps::<SuitBody>();
         fields_fill_the_message_without_gaps::<State>();
         fields_fill_the_message_without_gaps::<CycleRecord>();
         fields_fill_the_message_without_gaps::<AdapterHealth>();

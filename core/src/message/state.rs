@@ -12,7 +12,7 @@ message! {
     ///
     /// Everything measured belongs to one time, `suit_sample_time_ns`. Compensating inertia needs samples from both
     /// sides of that time, so it lies `group_delay_ns` behind the newest suit sample; the ages say the whole truth.
-    as "equipoise/State/3", 2176 bytes,
+    as "equipoise/State/4", 2240 bytes,
     pub struct State {
         /// The cycle's number in this daemon's life, from 1.
         pub cycle: u64,
@@ -48,6 +48,19 @@ message! {
         pub worst_joint: u32,
         /// Lifts that entered the cumulative dose.
         pub lifts: u32,
+        /// Where the worker's bones come from: a `core::cycle::BodySource`.
+        pub body_source: u32,
+        /// Where the outline of the soles comes from: a [`SoleSource`].
+        pub sole_source: u32,
+        /// Why the build that the suit told last is not used: a `core::cycle::BodyRefusal`.
+        pub body_refused: u32,
+        /// What this station's sensors do not give: a union of [`NotGiven`] bits. Those values are zero and mean
+        /// nothing, whatever `valid` says.
+        pub not_given: u32,
+        /// Where the body's accelerations come from: an [`AccelerationSource`].
+        pub acceleration_source: u32,
+        /// What the ground's sample was made of: a union of `GroundDevice` bits.
+        pub ground_devices: u32,
         /// Overload level per joint: a `core::overload::Level`.
         pub joint_level: [u32; JOINTS],
         /// Measured centre of pressure, m.
@@ -60,7 +73,9 @@ message! {
         pub cop_sigma_m: [f64; 2],
         /// Estimated centre of mass of the unloaded body, m.
         pub com_m: [f64; 3],
-        /// Ground reaction force on the person, N.
+        /// The suit maker's own centre of mass, held to the floor as the segments are, m; see `not_given`.
+        pub suit_com_m: [f64; 3],
+        /// Ground reaction force on the person, N; see `not_given` for its horizontal part.
         pub ground_force_n: [f64; 3],
         /// External force carried: measured ground reaction less what the body alone needs in this motion, N.
         pub delta_f_n: [f64; 3],
@@ -125,7 +140,73 @@ message! {
         /// does not repeat.
         pub published_ns: u64,
         /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 3],
+        pub reserved_tail: [u64; 5],
+    }
+}
+
+/// What sensors may not give, as bits of `not_given`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum NotGiven {
+    /// `suit_com_m`: the suit does not send it (MVN type 24).
+    SuitCom = 1,
+    /// The horizontal part of `ground_force_n`: insoles feel only what presses on them.
+    Shear = 1 << 1,
+}
+
+impl NotGiven {
+    /// All, lowest bit first, with their public names.
+    pub const NAMES: [(NotGiven, &'static str); 2] =
+        [(NotGiven::SuitCom, "suit_com"), (NotGiven::Shear, "shear")];
+}
+
+/// Where the outline of the soles comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum SoleSource {
+    /// Shares of stature.
+    Stature = 0,
+    /// The suit's points of the feet (MVN type 13).
+    Suit = 1,
+}
+
+impl SoleSource {
+    /// The source of a message's number, `None` for a number of a later version.
+    pub fn from_number(number: u32) -> Option<SoleSource> {
+        [SoleSource::Stature, SoleSource::Suit].into_iter().nth(number as usize)
+    }
+
+    /// The public name.
+    pub fn name(self) -> &'static str {
+        match self {
+            SoleSource::Stature => "stature",
+            SoleSource::Suit => "suit",
+        }
+    }
+}
+
+/// Where the accelerations of the body come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum AccelerationSource {
+    /// The positions of several samples, differentiated twice.
+    Positions = 0,
+    /// The suit's own accelerations of the segments (MVN type 21).
+    Suit = 1,
+}
+
+impl AccelerationSource {
+    /// The source of a message's number, `None` for a number of a later version.
+    pub fn from_number(number: u32) -> Option<AccelerationSource> {
+        [AccelerationSource::Positions, AccelerationSource::Suit].into_iter().nth(number as usize)
+    }
+
+    /// The public name.
+    pub fn name(self) -> &'static str {
+        match self {
+            AccelerationSource::Positions => "positions",
+            AccelerationSource::Suit => "suit",
+        }
     }
 }
 
@@ -196,6 +277,16 @@ impl State {
     /// The public name of the phase.
     pub fn phase_name(&self) -> &'static str {
         Phase::from_number(self.phase).map_or("unknown", Phase::name)
+    }
+
+    /// Whether the station's sensors give something.
+    pub fn gives(&self, what: NotGiven) -> bool {
+        self.not_given & what as u32 == 0
+    }
+
+    /// The suit maker's own centre of mass, m; `None` unless it is sent and the suit is there.
+    pub fn suit_com_m(&self) -> Option<[f64; 3]> {
+        self.unless(Validity::SUIT_STALE, self.suit_com_m).filter(|_| self.gives(NotGiven::SuitCom))
     }
 
     /// `value` unless a reason of `spoilers` is raised.

@@ -39,11 +39,14 @@ reasons! {
     BODY_UNKNOWN = 10, "body_unknown";
     /// The plate reports a fault.
     PLATE_FAULT = 11, "plate_fault";
+    /// The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either.
+    COP_NOT_MEASURED = 12, "cop_not_measured";
 }
 
 impl Validity {
     /// What spoils the measured centre of pressure.
-    pub const SPOILS_COP_MEASURED: Validity = Validity::SPOILS_GROUND_FORCE.and(Validity::FEET_OFF_PLATE);
+    pub const SPOILS_COP_MEASURED: Validity =
+        Validity::SPOILS_GROUND_FORCE.and(Validity::FEET_OFF_PLATE).and(Validity::COP_NOT_MEASURED);
     /// What spoils the measured ground reaction.
     pub const SPOILS_GROUND_FORCE: Validity = Validity::GROUND_STALE.and(Validity::PLATE_FAULT);
     /// What spoils the estimated centre of mass.

@@ -3,7 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
-use super::inertia::{Build, Inertia};
+use super::accelerations::{self, Accelerations};
+use super::inertia::{Build, Inertia, angular};
 use super::weights::{Weights, weights};
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation, wxyz};
@@ -36,6 +37,14 @@ pub struct Moment {
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],
     /// What the anchor shifted the suit's world by, m.
     pub station_from_suit_m: [f64; 2],
+    /// The suit maker's own centre of mass, station's world, m; means something if `has_suit_com`.
+    pub suit_com_m: [f64; 3],
+    /// 1 if the suit sent its centre of mass.
+    pub has_suit_com: u64,
+    /// Accelerations of the segment origins as the suit sends them, m/s²; mean something if `has_acceleration`.
+    pub acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
+    /// 1 if the suit sent them.
+    pub has_acceleration: u64,
     /// Centres of mass of the segments by the table, in the suit's own world: the anchor's shifts are no motion, m.
     centre_m: [[f64; 3]; SEGMENTS],
     /// The wrench at that time; means something if `has_ground`.
@@ -75,7 +84,10 @@ impl Moment {
         let numbers = self.origin_m.iter().flatten().chain(self.centre_m.iter().flatten());
         let wrench =
             self.ground.force_n.iter().chain(&self.ground.moment_nm).chain([&self.ground.surface_z_m]);
-        let numbers = numbers.chain(&self.station_from_suit_m);
+        let numbers = numbers
+            .chain(&self.station_from_suit_m)
+            .chain(&self.suit_com_m)
+            .chain(self.acceleration_m_per_s2.iter().flatten());
         let turned = self.orientation_wxyz.iter().all(|q| {
             let square: f64 = q.iter().map(|part| part * part).sum();
             self.time_ns == 0 || (square - 1.0).abs() < 1e-2
@@ -147,7 +159,12 @@ impl History {
     }
 
     /// The next moment that has `half_window_ns` of motion after it, with its inertia if the window carries it.
-    pub fn next(&mut self, half_window_ns: u64, worker: &Build<'_>) -> Option<(Moment, Option<Inertia>)> {
+    pub fn next(
+        &mut self,
+        half_window_ns: u64,
+        accelerations: Accelerations,
+        worker: &Build<'_>,
+    ) -> Option<(Moment, Option<Inertia>)> {
         let newest_ns = self.newest()?.time_ns;
         if self.count_out == self.count_in {
             return None;
@@ -157,34 +174,43 @@ impl History {
         if newest_ns.saturating_sub(moment.time_ns) < half_window_ns && ahead < AHEAD_MAX {
             return None;
         }
-        let inertia = self.inertia_at(self.count_out, half_window_ns, worker);
+        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, worker);
         self.count_out += 1;
         Some((moment, inertia))
     }
 
     /// How the body accelerates at a moment; `None` with too few samples on either side, or a gap between them.
-    fn inertia_at(&self, index: u64, half_window_ns: u64, worker: &Build<'_>) -> Option<Inertia> {
-        let (first, count, weights) = self.window_at(index, half_window_ns)?;
+    fn inertia_at(
+        &self,
+        index: u64,
+        half_window_ns: u64,
+        accelerations: Accelerations,
+        worker: &Build<'_>,
+    ) -> Option<Inertia> {
+        let (first, count, times_s, weights) = self.window_at(index, half_window_ns)?;
         let mut motion = Motion::zeroed();
         for (place, moment) in (first..first + count as u64).enumerate() {
             motion.add(self.at(moment), weights.first[place], weights.second[place]);
         }
-        Some(Inertia::of(self.at(index), &motion, worker))
+        let window = accelerations::Window { times_s: &times_s, count, weights: &weights };
+        let moment = |place: usize| self.at(first + place as u64);
+        let is_by_suit = accelerations::take_in(&mut motion, accelerations, self.at(index), &window, moment);
+        Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, worker) })
     }
 
     /// Shows every moment of the window around the one that came out last, with its weight in a second derivative
     /// there, 1/s². Whether there is such a window.
     pub fn differentiate_twice(&self, half_window_ns: u64, mut show: impl FnMut(f64, &Moment)) -> bool {
         let Some(index) = self.count_out.checked_sub(1) else { return false };
-        let Some((first, count, weights)) = self.window_at(index, half_window_ns) else { return false };
+        let Some((first, count, _, weights)) = self.window_at(index, half_window_ns) else { return false };
         for (place, moment) in (first..first + count as u64).enumerate() {
             show(weights.second[place], self.at(moment));
         }
         true
     }
 
-    /// The first moment of the window around one, how many there are, and their weights.
-    fn window_at(&self, index: u64, half_window_ns: u64) -> Option<(u64, usize, Weights)> {
+    /// The first moment of the window around one, how many there are, their times, and their weights.
+    fn window_at(&self, index: u64, half_window_ns: u64) -> Option<(u64, usize, [f64; CAPACITY], Weights)> {
         let centre = self.at(index);
         let oldest = self.count_in.saturating_sub(CAPACITY as u64);
         let belongs = |other: u64, neighbour: u64| {
@@ -207,7 +233,7 @@ impl History {
             *time_s = (self.at(moment).time_ns as f64 - centre.time_ns as f64) * 1e-9;
         }
         let count = (last - first + 1) as usize;
-        Some((first, count, weights(&times_s[..count])?))
+        Some((first, count, times_s, weights(&times_s[..count])?))
     }
 
     fn at(&self, index: u64) -> &Moment {
@@ -238,6 +264,11 @@ impl Motion {
         Motion { acceleration_m_per_s2: [[0.0; 3]; SEGMENTS], turning: [[[0.0; 4]; 2]; SEGMENTS] }
     }
 
+    /// Angular velocity and acceleration of a segment, world, rad/s and rad/s².
+    pub(super) fn angular(&self, segment: usize, orientation: &[f64; 4]) -> (Vector3<f64>, Vector3<f64>) {
+        angular(orientation, &self.turning[segment])
+    }
+
     /// Adds one moment of the window with its weights in the first and the second derivative, 1/s and 1/s².
     pub fn add(&mut self, moment: &Moment, first: f64, second: f64) {
         for (sum, value) in
@@ -255,6 +286,12 @@ impl Motion {
 }
 
 impl Moment {
+    /// From a segment's origin to its centre of mass by the table, world axes, m.
+    pub(super) fn arm(&self, segment: usize) -> Vector3<f64> {
+        let [x, y] = self.station_from_suit_m;
+        self.centre(segment) + Vector3::new(x, y, 0.0) - Vector3::from(self.origin_m[segment])
+    }
+
     /// Centre of mass of a segment by the table, suit's world, m.
     pub(super) fn centre(&self, segment: usize) -> Vector3<f64> {
         Vector3::from(self.centre_m[segment])
@@ -299,7 +336,7 @@ mod tests {
         let mut out = Vec::new();
         for index in 1..=upto {
             history.push(moment(index, &body));
-            while let Some(next) = history.next(HALF_NS, &build) {
+            while let Some(next) = history.next(HALF_NS, Accelerations::Positions, &build) {
                 out.push(next);
             }
         }
@@ -352,7 +389,7 @@ mod tests {
         let mut without = 0;
         for index in (1..30).chain(60..90) {
             history.push(moment(index, &body));
-            while let Some((_, inertia)) = history.next(HALF_NS, &build) {
+            while let Some((_, inertia)) = history.next(HALF_NS, Accelerations::Positions, &build) {
                 without += u32::from(inertia.is_none());
             }
         }

@@ -34,6 +34,8 @@ pub struct Inertia {
     pub momentum_rate_m2_per_s2: [f64; 3],
     /// Acceleration of the left and the right hand's centre, m/s².
     pub hand_acceleration_m_per_s2: [[f64; 3]; 2],
+    /// Whether the suit's own accelerations are in it.
+    pub is_by_suit: bool,
 }
 
 impl Inertia {
@@ -42,6 +44,7 @@ impl Inertia {
         acceleration_m_per_s2: [0.0; 3],
         momentum_rate_m2_per_s2: [0.0; 3],
         hand_acceleration_m_per_s2: [[0.0; 3]; 2],
+        is_by_suit: false,
     };
 
     /// Sums over the segments: masses and centres by the table laid on this worker's bones.
@@ -59,6 +62,7 @@ impl Inertia {
             momentum_rate_m2_per_s2: momentum_rate.into(),
             hand_acceleration_m_per_s2: Side::BOTH
                 .map(|side| motion.acceleration_m_per_s2[side.hand().index()]),
+            is_by_suit: false,
         }
     }
 
@@ -105,19 +109,25 @@ pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build
     })
 }
 
-/// Rate of a segment's own angular momentum over its mass, world, m²/s²: `I α + ω × I ω`.
-fn spin_rate(
+/// Angular velocity and acceleration, world, from an orientation's quaternion and its derivatives, rad/s and rad/s²:
+/// `ω = 2 q̇ q̄`, `α = 2 q̈ q̄`, vector parts.
+pub(super) fn angular(
     orientation: &[f64; 4],
     [first, second]: &[[f64; 4]; 2],
-    gyration_m2: &[f64; 3],
-) -> Vector3<f64> {
+) -> (Vector3<f64>, Vector3<f64>) {
+    let back = rotation(*orientation).conjugate().into_inner();
+    let twice = |[w, x, y, z]: [f64; 4]| (Quaternion::new(w, x, y, z) * back).imag() * 2.0;
+    (twice(*first), twice(*second))
+}
+
+/// Rate of a segment's own angular momentum over its mass, world, m²/s²: `I α + ω × I ω`.
+fn spin_rate(orientation: &[f64; 4], turning: &[[f64; 4]; 2], gyration_m2: &[f64; 3]) -> Vector3<f64> {
     let world_from_segment = rotation(*orientation);
     let back = world_from_segment.conjugate();
-    let twice = |[w, x, y, z]: [f64; 4]| (Quaternion::new(w, x, y, z) * back.into_inner()).imag() * 2.0;
     let spread = |vector: Vector3<f64>| {
         world_from_segment * (back * vector).component_mul(&Vector3::from(*gyration_m2))
     };
-    let (velocity, acceleration) = (twice(*first), twice(*second));
+    let (velocity, acceleration) = angular(orientation, turning);
     spread(acceleration) + velocity.cross(&spread(velocity))
 }
 

@@ -61,7 +61,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Stream::Suit if config.suit.source == SuitSourceKind::External => external("suit")?,
         Stream::Ground if config.ground.source == GroundSourceKind::External => external("ground")?,
         Stream::Suit => sensors::run_suit(&config.station, &config.suit, &mut ready, &stopping)?,
-        Stream::Ground => sensors::run_ground(&config.station, &config.ground, &mut ready, &stopping)?,
+        Stream::Ground => {
+            let trouble = |sentence: Option<&str>| match sentence {
+                Some(sentence) => warn!("{sentence}"),
+                None => info!("the ground's device is there"),
+            };
+            sensors::run_ground(&config.station, &config.ground, &mut ready, &trouble, &stopping)?;
+        }
     }
     Ok(Outcome::Done)
 }

@@ -2,21 +2,38 @@
 
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use super::{Outcome, StationArgument};
 use crate::config::Config;
-use crate::doctor::{Check, Facts, StationFacts, Verdict, judge};
+use crate::doctor::{Check, Facts, StationFacts, SuitFacts, Verdict, judge, judge_suit};
 use crate::state_directory::StateDirectory;
 use crate::status;
 
 /// Look at this computer and station: limits, kernel, clock, memory, ports, plate, suit; say how to mend each
 #[derive(Debug, clap::Args)]
 #[command(
+    args_conflicts_with_subcommands = true,
     after_help = "Example: sudo -u equipoise equipoise doctor --config /etc/equipoise/equipoise.toml\nRun it as the user \
-                  of the service, on its bus: limits and places are that user's.\nExit codes: 0 nothing fails (warnings \
+                  of the service, on its bus: limits and places are that user's.\n`equipoise doctor suit --help`: what MVN sends, \
+                  and which of its boxes to tick.\nExit codes: 0 nothing fails (warnings \
                   may stand), 1 something does."
 )]
 pub(super) struct Arguments {
+    #[command(subcommand)]
+    of: Option<Of>,
+    #[command(flatten)]
+    place: Place,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Of {
+    Suit(SuitArguments),
+}
+
+#[derive(Debug, clap::Args)]
+struct Place {
     #[command(flatten)]
     station: StationArgument,
     /// Configuration file; without it that of the station's running daemon, if there is one
@@ -27,13 +44,73 @@ pub(super) struct Arguments {
     json: bool,
 }
 
+/// Listen to the suit: who sends, which characters, which types at which rate; which boxes of MVN to tick, and why
+///
+/// It listens on suit.listen as the daemon would; while the station's daemon or adapter has the port, it is asked
+/// instead.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: equipoise doctor suit --config /etc/equipoise/equipoise.toml --for 5s\nExit codes: 0 all that \
+                  is needed is there, 1 something is missing."
+)]
+struct SuitArguments {
+    #[command(flatten)]
+    place: Place,
+    /// For how many seconds to listen
+    #[arg(long = "for", default_value = "5s", value_name = "SECONDS", value_parser = span)]
+    time: Duration,
+}
+
+/// Seconds, with or without the unit, up to an hour.
+fn span(text: &str) -> Result<Duration, String> {
+    let seconds = super::seconds(text.strip_suffix('s').unwrap_or(text))?;
+    if seconds <= 3600.0 {
+        Ok(Duration::from_secs_f64(seconds))
+    } else {
+        Err("give an hour at most".to_owned())
+    }
+}
+
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let config = match &arguments.config {
-        Some(path) => Some(Config::read(path)?),
-        None => status::read(&arguments.station.station)
+    match &arguments.of {
+        Some(Of::Suit(suit)) => run_suit(suit),
+        None => run_all(&arguments.place),
+    }
+}
+
+fn read_config(place: &Place) -> anyhow::Result<Option<Config>> {
+    match &place.config {
+        Some(path) => Ok(Some(Config::read(path)?)),
+        None => Ok(status::read(&place.station.station)
             .map(|facts| Config::parse(&facts.config_toml, "the daemon's configuration"))
-            .transpose()?,
+            .transpose()?),
+    }
+}
+
+fn run_suit(arguments: &SuitArguments) -> anyhow::Result<Outcome> {
+    let Some(config) = read_config(&arguments.place)? else {
+        anyhow::bail!(
+            "no daemon of station {} runs: name the configuration with --config FILE",
+            arguments.place.station.station
+        );
     };
+    let stop = super::run::stop_on_signals()?;
+    let facts = SuitFacts::gather(&config, arguments.time, &|| stop.load(Ordering::Relaxed));
+    let checks = judge_suit(&config, &facts);
+    let mut out = std::io::stdout().lock();
+    if arguments.place.json {
+        let told = serde_json::json!({ "checks": checks, "heard": facts.to_json() });
+        writeln!(out, "{}", serde_json::to_string_pretty(&told)?)?;
+    } else {
+        for check in &checks {
+            write_check(&mut out, check)?;
+        }
+    }
+    outcome(&checks)
+}
+
+fn run_all(arguments: &Place) -> anyhow::Result<Outcome> {
+    let config = read_config(arguments)?;
     let name = config.as_ref().map_or(&arguments.station.station, |config| &config.station);
     let facts = Facts::gather(StateDirectory::of_station(name));
     // Without a bus there is no station to look at; that the bus cannot be joined is a check of its own.
@@ -59,6 +136,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             writeln!(out, "{note}")?;
         }
     }
+    outcome(&checks)
+}
+
+fn outcome(checks: &[Check]) -> anyhow::Result<Outcome> {
     let failed = checks.iter().filter(|check| check.verdict == Verdict::Fail).count();
     match failed {
         0 => Ok(Outcome::Done),

@@ -8,17 +8,17 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
-use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, Channel, Listener, Subscriber, Topic};
 use equipoise_core::message::{CycleRecord, PickUp, State};
 use equipoise_latency::pick_up::{since_its_start, tell_apart};
 use equipoise_latency::{ConsumerTimes, HlogWriter, PathHistograms, PickUps, Report};
 
 use super::{Outcome, StationArgument, client};
+use crate::picked_up::PickedUp;
 use crate::realtime::now_ns;
 
 /// What this consumer is called among the others.
-const OWN_NAME: &[u8] = b"self";
+const OWN_NAME: &str = "self";
 /// Owner writes, group reads, nobody else.
 const MODE: u32 = 0o640;
 
@@ -89,15 +89,7 @@ struct Eyes {
     reports: Option<Subscriber<PickUp>>,
     path: PathHistograms,
     others: PickUps,
-    own: Box<PickUp>,
-    last: Option<Last>,
-}
-
-/// What of the state before is needed to see a gap and a new suit sample.
-#[derive(Clone, Copy)]
-struct Last {
-    cycle: u64,
-    suit_sample_time_ns: Option<u64>,
+    own: PickedUp,
 }
 
 impl Eyes {
@@ -113,21 +105,19 @@ impl Eyes {
         let (records, states) = (bus.subscriber(CycleRecord::SERVICE.depth_max)?, bus.subscriber(1024)?);
         let listener = bus.listener(Channel::Results)?;
         let since_ns = now_ns();
-        let mut own: Box<PickUp> =
-            Box::new(PickUp { since_ns, process_id: std::process::id(), ..PickUp::zeroed() });
-        own.consumer[..OWN_NAME.len()].copy_from_slice(OWN_NAME);
+        let own = PickedUp::new(OWN_NAME, since_ns);
         let (path, others) = (PathHistograms::new(), PickUps::new(since_ns));
-        Ok(Eyes { listener, records, states, reports, path, others, own, last: None })
+        Ok(Eyes { listener, records, states, reports, path, others, own })
     }
 
     /// Sleeps until something is published and takes it in, the states first: they are what a consumer waits for.
     fn look(&mut self) -> Result<(), BusError> {
         self.listener.wait(Duration::from_millis(100))?;
         while let Some(state) = self.states.receive()? {
-            self.pick_up(&state, now_ns());
+            self.own.enter(&state, now_ns());
         }
         while let Some(record) = self.records.receive()? {
-            if record.publish_start_ns >= self.own.since_ns {
+            if record.publish_start_ns >= self.own.report().since_ns {
                 self.path.record(&record);
             }
         }
@@ -137,24 +127,10 @@ impl Eyes {
         Ok(())
     }
 
-    fn pick_up(&mut self, state: &State, now_ns: u64) {
-        // What was published before we looked waited for us, and tells nothing.
-        if state.published_ns < self.own.since_ns {
-            return;
-        }
-        // An age of zero may stand for a sample after the cycle was due; the next state tells its time.
-        let sample_ns = state.time_ns.checked_sub(state.suit_age_ns).filter(|_| state.suit_age_ns > 0);
-        let now = Last { cycle: state.cycle, suit_sample_time_ns: sample_ns };
-        let last = self.last.replace(now);
-        let missed = last.map_or(0, |last| state.cycle.saturating_sub(last.cycle + 1));
-        let is_new = last.is_some_and(|last| last.suit_sample_time_ns != sample_ns);
-        self.own.enter(now_ns, state, missed, sample_ns.filter(|_| is_new));
-    }
-
     /// Every consumer, this one last.
     fn consumers(&self) -> Vec<ConsumerTimes> {
         let mut all = self.others.consumers();
-        all.extend((self.own.states > 0).then(|| since_its_start(&self.own)));
+        all.extend((self.own.report().states > 0).then(|| since_its_start(self.own.report())));
         tell_apart(&mut all);
         all
     }

@@ -15,7 +15,7 @@ use crate::replay::score::Judge;
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///
 /// A recording of `equipoise record` gives the live loop's states again, byte for byte, and says so. Imports and
-/// captures (.csv, .pcap, .pcapng) are replayed at the configured loop rate. With --config or --model a recording's
+/// captures (.csv, .mvnx, .pcap, .pcapng) are replayed at the configured loop rate. With --config or --model a recording's
 /// cycles are computed afresh with other settings, and not compared. Of a model that was found in this very recording
 /// every effect holds in its own span; elsewhere those that lasted to the end hold all the time.
 #[derive(Debug, clap::Args)]

@@ -1,27 +1,28 @@
-//! `equipoise status` and `equipoise watch`: what a running daemon says now, once or again and again.
+//! `equipoise status`: what a running daemon says now, once.
 
 mod incidents;
 
-use std::io::{IsTerminal, Write};
-use std::sync::atomic::Ordering;
+use std::io::Write;
 use std::time::{Duration, Instant};
 
-use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, Participant};
-use equipoise_core::message::{AdapterHealth, Incidents, State};
+use equipoise_core::message::{AdapterHealth, GroundSample, Incidents, State};
 use equipoise_core::time::seconds;
 use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFile;
-use equipoise_view::incident_words;
 use equipoise_view::state_json::StateJson;
-use equipoise_view::terminal::{DASHBOARD_LINES, dashboard, live_line};
+use equipoise_view::terminal::dashboard;
+use equipoise_view::words;
 
 use self::incidents::Told;
 use super::{Outcome, StationArgument, client};
+use crate::calibration::latency::{self, Latencies};
 use crate::config::Config;
 use crate::model::suggestion;
 use crate::page_feed::PAGE_ROLE;
+use crate::provenance::Provenance;
 use crate::realtime::now_ns;
 use crate::status::{self, PageStatus, Status, ThreadStatus};
 
@@ -44,6 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let bus = client::join(station, "status")?;
     let mut health = bus.subscriber::<AdapterHealth>(8)?;
     let mut board = bus.subscriber::<Incidents>(1)?;
+    let mut ground = bus.subscriber::<GroundSample>(1)?;
     let state = client::newest_state(&bus)?;
     let (mut adapters, started): (Vec<AdapterHealth>, _) = (Vec::new(), Instant::now());
     let mut incidents = None;
@@ -57,6 +59,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     adapters.sort_by_key(|adapter| adapter.stream);
     let (facts, page) = (status::read(station), living_page(&bus));
+    // The history holds the last one of a plate that is silent now: that is told by its age.
+    let ground = ground.latest()?.map(|sample| Provenance::of(&sample));
     let incidents = incidents.map(|incidents| {
         let sentences = facts.as_ref().map(|facts| facts.incidents.clone()).unwrap_or_default();
         Told::new(&incidents, &sentences, now_ns())
@@ -66,19 +70,24 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let state = serde_json::to_value(StateJson::new(&state, seconds(state.time_ns)))?;
         let adapters: Vec<_> = adapters.iter().map(adapter_json).collect();
         let text = serde_json::json!({
-            "daemon": facts, "state": state, "adapters": adapters, "incidents": incidents, "page": page
+            "daemon": facts, "state": state, "adapters": adapters, "incidents": incidents, "page": page,
+            "ground": ground
         });
         writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
         let pose = suggestion(&state, asked(facts.as_ref()).as_ref());
         write!(out, "{}", dashboard(&state, station, pose.as_deref()))?;
+        writeln!(out, "  body    {}", words::body(&state))?;
         for adapter in &adapters {
             write_adapter(&mut out, adapter)?;
+        }
+        if let Some(ground) = &ground {
+            ground.write(&mut out)?;
         }
         if let Some(incidents) = &incidents {
             incidents.write(&mut out)?;
         }
-        if let Some(line) = skew(&state, facts.as_ref().and_then(latencies_ms)) {
+        if let Some(line) = skew(&state, facts.as_ref().and_then(in_force).as_ref()) {
             writeln!(out, "  time    {line}")?;
         }
         if let Some(facts) = &facts {
@@ -101,19 +110,18 @@ fn living_page(bus: &Bus) -> Option<PageStatus> {
 }
 
 /// What the daemon's model file asks for, if it does.
-fn asked(facts: Option<&Status>) -> Option<Ask> {
+pub(super) fn asked(facts: Option<&Status>) -> Option<Ask> {
     let text = &facts?.model_toml;
     ModelFile::parse(text, "the daemon's model").ok()?.ask
 }
 
-/// The constant latencies of suit and ground that the daemon runs with, ms.
-fn latencies_ms(facts: &Status) -> Option<[f64; 2]> {
-    let config = Config::parse(&facts.config_toml, "the daemon's configuration").ok()?;
-    Some([config.suit.latency_ms, config.ground.latency_ms])
+/// The configuration that the daemon runs with.
+fn in_force(facts: &Status) -> Option<Config> {
+    Config::parse(&facts.config_toml, "the daemon's configuration").ok()
 }
 
 /// What the motion shows of the skew between both streams, and what to set; `None` while it does not show it.
-fn skew(state: &State, latencies_ms: Option<[f64; 2]>) -> Option<String> {
+fn skew(state: &State, config: Option<&Config>) -> Option<String> {
     let (skew_ms, sigma_ms) = (1e3 * state.suit_skew_s, 1e3 * state.suit_skew_sigma_s);
     if sigma_ms <= 0.0 {
         return None;
@@ -122,32 +130,26 @@ fn skew(state: &State, latencies_ms: Option<[f64; 2]>) -> Option<String> {
     if skew_ms.abs() <= 2.0 * sigma_ms || off_ms < 1.0 {
         return Some(format!("suit and ground agree within {:.0} ms", (2.0 * sigma_ms).max(1.0)));
     }
-    let found = |word| format!("suit {off_ms:.0} ± {sigma_ms:.0} ms {word} than the ground");
-    Some(match latencies_ms {
-        None if skew_ms > 0.0 => format!("{}: add {off_ms:.0} to [suit] latency_ms", found("later")),
-        None => format!("{}: add {off_ms:.0} to [ground] latency_ms", found("earlier")),
-        Some([suit_ms, _]) if skew_ms > 0.0 => {
-            format!("{}: set [suit] latency_ms = {}", found("later"), suit_ms + off_ms)
-        }
-        // What was taken off the suit was too much; only beyond that it is the ground that is late.
-        Some([suit_ms, _]) if suit_ms >= off_ms => {
-            format!("{}: set [suit] latency_ms = {}", found("earlier"), suit_ms - off_ms)
-        }
-        Some([_, ground_ms]) => {
-            format!("{}: set [ground] latency_ms = {}", found("earlier"), ground_ms + off_ms)
-        }
-    })
+    let word = if skew_ms > 0.0 { "later" } else { "earlier" };
+    let found = format!("suit {off_ms:.0} ± {sigma_ms:.0} ms {word} than the ground");
+    let Some(config) = config else {
+        let table = if skew_ms > 0.0 { "suit" } else { "ground" };
+        return Some(format!("{found}: add {off_ms:.0} to [{table}] latency_ms"));
+    };
+    let before = Latencies { suit_ms: config.suit.latency_ms, ground_ms: config.ground.latency_ms };
+    let set = latency::told(config, before, before.without_skew(skew_ms.signum() * off_ms))?;
+    Some(format!("{found}: {set}"))
 }
 
 /// An adapter's name and the names of its reasons.
-fn reasons(adapter: &AdapterHealth) -> (&'static str, &'static [&'static str]) {
+pub(super) fn reasons(adapter: &AdapterHealth) -> (&'static str, &'static [&'static str]) {
     match adapter.stream {
         1 => ("suit", SuitRefusal::NAMES),
-        _ => ("ground", RdtRefusal::NAMES),
+        _ => ("ground", GroundRefusal::NAMES),
     }
 }
 
-fn refused(adapter: &AdapterHealth) -> impl Iterator<Item = (&'static str, u64)> {
+pub(super) fn refused(adapter: &AdapterHealth) -> impl Iterator<Item = (&'static str, u64)> {
     let (_, names) = reasons(adapter);
     names.iter().copied().zip(adapter.refused).filter(|(_, count)| *count > 0)
 }
@@ -160,6 +162,7 @@ fn adapter_json(adapter: &AdapterHealth) -> serde_json::Value {
         "published": adapter.published,
         "lost": adapter.lost,
         "rate_hz": adapter.rate_hz,
+        "block_latency_ns": adapter.block_latency_ns,
         "refused": refused(adapter).collect::<std::collections::BTreeMap<_, _>>(),
     })
 }
@@ -174,6 +177,9 @@ fn write_adapter(out: &mut impl Write, adapter: &AdapterHealth) -> std::io::Resu
         adapter.published,
         adapter.lost
     )?;
+    if adapter.block_latency_ns > 0 {
+        write!(out, ", in blocks of {:.0} ms", adapter.block_latency_ns as f64 * 1e-6)?;
+    }
     for (reason, count) in refused(adapter) {
         write!(out, ", {count} {reason}")?;
     }
@@ -218,74 +224,26 @@ fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Show what a running daemon says, again and again
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Example: equipoise watch\nIn a pipe it prints one line a second.")]
-pub(super) struct WatchArguments {
-    #[command(flatten)]
-    station: StationArgument,
-    /// End after this many seconds
-    #[arg(long = "for", value_name = "SECONDS", value_parser = super::seconds)]
-    seconds: Option<f64>,
-}
-
-pub(super) fn watch(arguments: &WatchArguments) -> anyhow::Result<Outcome> {
-    let stop = super::run::stop_on_signals()?;
-    let station = &arguments.station.station;
-    let bus = client::join(station, "watch")?;
-    let mut state = client::newest_state(&bus)?;
-    let mut states = bus.subscriber::<State>(1)?;
-    let (mut board, mut incidents) = (bus.subscriber::<Incidents>(1)?, None);
-    let mut out = std::io::stdout().lock();
-    let (started, terminal) = (Instant::now(), out.is_terminal());
-    let pause = Duration::from_millis(if terminal { 100 } else { 1000 });
-    let ask = asked(status::read(station).as_ref());
-    let (mut drawn, mut seen) = (false, Instant::now());
-    while !stop.load(Ordering::Relaxed)
-        && arguments.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds)
-    {
-        if let Some(newer) = states.latest()? {
-            (state, seen) = (newer, Instant::now());
-        }
-        incidents = board.latest()?.or(incidents);
-        let silent = seen.elapsed() > Duration::from_secs(1);
-        let wrong = incidents.as_ref().and_then(|incidents| incident_words::line(incidents, now_ns()));
-        let pose = suggestion(&state, ask.as_ref());
-        if terminal {
-            // Back to the block's first line; each line is cleared to its end.
-            let up = if drawn { format!("\x1b[{}A", DASHBOARD_LINES + 1) } else { String::new() };
-            let block = dashboard(&state, station, pose.as_deref()).replace('\n', "\x1b[K\n");
-            let note = match wrong {
-                _ if silent => "  the daemon is silent; what stands here is old".to_owned(),
-                Some(wrong) => format!("  {wrong}").chars().take(80).collect(),
-                None => String::new(),
-            };
-            writeln!(out, "{up}{block}{note}\x1b[K")?;
-            out.flush()?;
-            drawn = true;
-        } else if silent {
-            writeln!(out, "the daemon is silent")?;
-        } else {
-            let wrong = wrong.map_or_else(String::new, |wrong| format!(" | {wrong}"));
-            writeln!(out, "{}{wrong}", live_line(&state, pose.as_deref()))?;
-        }
-        std::thread::sleep(pause);
-    }
-    Ok(Outcome::Done)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_skew_is_told_with_the_setting_that_ends_it() {
-        let told = |skew_ms: f64, sigma_ms: f64, latencies_ms| {
+        let told = |skew_ms: f64, sigma_ms: f64, config: Option<&Config>| {
             let mut state: State = bytemuck::Zeroable::zeroed();
             (state.suit_skew_s, state.suit_skew_sigma_s) = (1e-3 * skew_ms, 1e-3 * sigma_ms);
-            skew(&state, latencies_ms)
+            skew(&state, config)
         };
-        let (plain, set) = (Some([0.0, 0.0]), Some([20.0, 1.5]));
+        let config = |[suit_ms, ground_ms]: [f64; 2], suit: &str, more: &str| {
+            let text = format!(
+                "station = \"s\"\n[suit]\nsource = \"{suit}\"\nlatency_ms = {suit_ms:?}\n[ground]\nsource = \"ati-rdt\"\n\
+                 latency_ms = {ground_ms:?}\n{more}[subject]\nid = \"a\"\nheight_m = 1.7\n"
+            );
+            Config::parse(&text, "the test's").unwrap()
+        };
+        let (plain, set) = (config([0.0, 0.0], "mvn-udp", ""), config([20.0, 1.5], "mvn-udp", ""));
+        let (plain, set) = (Some(&plain), Some(&set));
         assert_eq!(told(0.0, 0.0, plain), None, "the motion has not shown it");
         let said = "suit 12 ± 2 ms later than the ground: set [suit] latency_ms = 12";
         assert_eq!(told(12.2, 2.1, plain).as_deref(), Some(said));
@@ -295,6 +253,17 @@ mod tests {
         );
         assert!(told(-30.0, 2.1, set).unwrap().ends_with("set [ground] latency_ms = 31.5"));
         assert!(told(-30.0, 2.1, None).unwrap().ends_with("add 30 to [ground] latency_ms"));
+        let external = config([20.0, 1.5], "external", "");
+        let said =
+            "add 12 to [suit] latency_ms in the file of the process that reads the suit, and restart it";
+        assert!(told(12.2, 2.1, Some(&external)).unwrap().ends_with(said));
+        let two = config(
+            [0.0, 1.5],
+            "mvn-udp",
+            "foot = \"left\"\n[ground.second]\nsource = \"ati-rdt\"\naddress = \"127.0.0.1:49153\"\nlatency_ms = 4.0\nfoot = \"right\"\n",
+        );
+        let said = "set [ground] latency_ms = 31.5 and [ground.second] latency_ms = 34";
+        assert!(told(-30.0, 2.1, Some(&two)).unwrap().ends_with(said));
         assert_eq!(told(3.0, 2.0, plain).unwrap(), "suit and ground agree within 4 ms");
     }
 }

@@ -8,7 +8,7 @@ use super::Config;
 
 impl Config {
     /// This configuration with what can change live taken from another: `[overload]`, `[static_pose]`, `[model]` and
-    /// the model itself, `[latency]`, `subject.tau_max_nm`.
+    /// the model itself, `[latency]`, `[outlets]` and `[recording]`, which other processes read, `subject.tau_max_nm`.
     pub fn with_live_parts_of(&self, other: &Config) -> Config {
         let mut live = self.clone();
         live.overload = other.overload.clone();
@@ -16,6 +16,8 @@ impl Config {
         live.model = other.model.clone();
         live.loaded_model = other.loaded_model.clone();
         live.latency = other.latency.clone();
+        live.outlets = other.outlets.clone();
+        live.recording = other.recording.clone();
         live.subject.tau_max_nm = other.subject.tau_max_nm.clone();
         live
     }

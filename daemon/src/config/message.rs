@@ -1,6 +1,7 @@
 //! Turns a parser's complaint into a sentence: file, line, field, and the nearest key that exists.
 
 use super::ConfigError;
+use super::ground::Mistake;
 
 /// What to say of a parser's error.
 pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> ConfigError {
@@ -32,19 +33,36 @@ fn unknown(said: &str) -> Option<(&str, Vec<&str>)> {
     Some((unknown, quoted.collect()))
 }
 
-/// File and line of a dotted field, as well as it can be found.
+/// File and line of a dotted field, as well as it can be found; of the section where it would stand, if it is missing.
 pub(super) fn place_of(field: &str, text: &str, name: &str) -> String {
     let (table, key) = field.rsplit_once('.').unwrap_or(("", field));
     let mut inside = table.is_empty();
+    let mut section = None;
     for (index, line) in text.lines().enumerate() {
         let line = line.trim();
         if let Some(header) = line.strip_prefix('[') {
-            inside = header.trim_end_matches(']').trim() == table;
+            let header = header.split(']').next().unwrap_or_default().trim();
+            inside = header == table;
+            if inside || header == field {
+                section = Some(index + 1);
+            }
         } else if inside && line.split('=').next().is_some_and(|left| left.trim() == key) {
             return format!("{name}, line {}", index + 1);
         }
     }
-    name.to_owned()
+    match section {
+        Some(line) => format!("{name}, line {line}"),
+        None if table.contains('.') => place_of(table, text, name),
+        None => name.to_owned(),
+    }
+}
+
+/// File and line of a mistake in a description.
+pub(super) fn place_of_mistake(mistake: &Mistake, text: &str, name: &str) -> String {
+    match &mistake.span {
+        Some(span) => format!("{name}, line {}", line_of(text, span.start)),
+        None => place_of(&mistake.key, text, name),
+    }
 }
 
 fn line_of(text: &str, byte: usize) -> usize {

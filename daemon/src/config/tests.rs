@@ -40,8 +40,14 @@ fn an_unknown_key_is_named_with_its_line_and_the_nearest_key() {
 fn a_value_out_of_range_is_named_with_its_line() {
     let said = refusal(&SMALLEST.replace("1.77", "177"));
     assert!(said.starts_with("c.toml, line 11: subject.height_m: 177 is not between 1 and 2.3"), "{said}");
-    let said = refusal(&SMALLEST.replace("counts_per_newton = 1000000", ""));
+    let counted = SMALLEST.replace("counts_per_newton = 1000000", "");
+    assert!(Config::parse(&counted, "c.toml").is_ok(), "the device's own page tells it");
+    let axia = Config::parse(include_str!("../../../examples/sensors/ati-rdt.toml"), "axia.toml").unwrap();
+    assert_eq!(axia.ground.ati.unwrap().model, ground::ati_rdt::Model::Axia);
+    let said = refusal(&format!("{counted}\n[ground.ati]\npage = false"));
     assert!(said.contains("ground.counts_per_newton: must be given"), "{said}");
+    let said = refusal(&format!("{SMALLEST}\n[ground.ati]\nmodel = \"axis\""));
+    assert!(said.contains("line 14") && said.contains("did you mean `axia`?"), "{said}");
     let said = refusal(&format!("{SMALLEST}\n[subject.tau_max_nm]\nRightKne = 80"));
     assert!(said.contains("did you mean `RightKnee`?"), "{said}");
 }
@@ -60,6 +66,42 @@ fn a_station_with_a_path_in_its_name_is_refused() {
 }
 
 #[test]
+fn several_workers_share_a_port_each_with_a_station_of_its_own() {
+    let with = |keys: &str| SMALLEST.replace("[ground]", &format!("{keys}\n[ground]"));
+    let others = "others = [{ avatar = 1, station = \"station-2\" }, { avatar = 4, station = \"c\" }]";
+    let config = Config::parse(&with(others), "c.toml").unwrap();
+    let settings = crate::sensors::mvn_settings(&config.suit).unwrap();
+    assert_eq!((settings.suit.avatar, settings.others), (0, vec![1, 4]));
+    assert_eq!(Config::parse(&config.to_toml(), "written").unwrap(), config);
+    let tables = format!("{SMALLEST}[[suit.others]]\navatar = 1\nstation = \"b\"\n");
+    assert_eq!(Config::parse(&tables, "c.toml").unwrap().suit.others.len(), 1);
+
+    let twice = refusal(&with(&others.replace("avatar = 4", "avatar = 1")));
+    assert!(twice.starts_with("c.toml, line 5: suit.others: avatar 1 is named twice"), "{twice}");
+    assert!(refusal(&with(&others.replace("avatar = 4", "avatar = 0"))).contains("avatar 0 is named twice"));
+    assert!(refusal(&with(&others.replace("\"c\"", "\"station-2\""))).contains("gets two workers"));
+    assert!(refusal(&with(&others.replace("\"c\"", "\"station-1\""))).contains("gets two workers"));
+    assert!(refusal(&with(&others.replace("\"c\"", "\"../etc\""))).contains("letters, digits"));
+    assert!(refusal(&with(&others.replace("station =", "stations ="))).contains("did you mean `station`?"));
+    let external = with(others).replace("mvn-udp", "external");
+    assert!(refusal(&external).contains("suit.others: with source = \"external\""), "{}", refusal(&external));
+}
+
+#[test]
+fn transport_and_up_axis_reach_the_adapter() {
+    use equipoise_adapters::source::MvnTransport;
+    use equipoise_adapters::suit::UpAxis;
+    let settings = |text: &str| crate::sensors::mvn_settings(&Config::parse(text, "c.toml").unwrap().suit);
+    let plain = settings(SMALLEST).unwrap();
+    assert_eq!((plain.transport, plain.suit.up), (MvnTransport::Udp, UpAxis::Z));
+    let other = SMALLEST.replace("\"mvn-udp\"", "\"mvn-tcp\"\nup = \"y\"");
+    let other = settings(&other).unwrap();
+    assert_eq!((other.transport, other.suit.up), (MvnTransport::Tcp, UpAxis::Y));
+    assert!(settings(&SMALLEST.replace("mvn-udp", "external")).is_err());
+    assert!(refusal(&SMALLEST.replace("mvn-udp", "mvn-tpc")).contains("did you mean `mvn-tcp`?"));
+}
+
+#[test]
 fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
     let with = |suit_ms: f64, ground_ms: f64| {
         SMALLEST
@@ -68,7 +110,7 @@ fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
     };
     let config = Config::parse(&with(37.5, 8.0), "c.toml").unwrap();
     assert_eq!(crate::sensors::suit_settings(&config.suit).latency_ns, 37_500_000);
-    assert_eq!(crate::sensors::rdt_settings(&config.ground).latency_ns, 8_000_000);
+    assert_eq!(config.ground.settings().latency_ns, 8_000_000);
     let settings = config.settings();
     assert_eq!((settings.suit_latency_ns, settings.ground_latency_ns), (37_500_000, 8_000_000));
     assert_eq!(Config::parse(SMALLEST, "c.toml").unwrap().settings().suit_latency_ns, 0);

@@ -20,14 +20,15 @@ pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
                 NAME,
                 "nothing was heard",
                 format!(
-                    "in MVN's Network Streamer: Host this computer, Port {}, Protocol UDP, the box of the pose \
+                    "in MVN's Network Streamer: Host this computer, Port {}, Protocol {}, the box of the pose \
                      quaternion (02) ticked, the stream on",
-                    config.suit.listen.port()
+                    config.suit.listen.port(),
+                    if config.suit.source == SuitSourceKind::MvnTcp { "TCP" } else { "UDP" },
                 ),
             ),
         };
     };
-    let Streamed { rate_hz, quaternions, euler, others, avatars, refused, .. } = streamed;
+    let Streamed { rate_hz, quaternions, stand_in, others, avatars, refused, .. } = streamed;
     let avatar = config.suit.avatar;
     let mut found = format!("{rate_hz:.0} samples a second");
     if !others.is_empty() {
@@ -44,18 +45,18 @@ pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
             ),
         );
     }
-    if !quaternions && !euler {
+    if !quaternions && stand_in.is_none() {
         return Check::fail(
             NAME,
             format!("no pose is sent{}", refusals(refused)),
             "tick the box of the pose quaternion (02) in the Network Streamer",
         );
     }
-    if !quaternions {
+    if let (false, Some(stand_in)) = (quaternions, stand_in) {
         return Check::warn(
             NAME,
-            format!("{found}; poses as Euler angles (01), rounded to centimetres and degrees"),
-            "tick the box of the pose quaternion (02) in the Network Streamer, and take the tick off 01",
+            format!("{found}; poses as {stand_in} only"),
+            "tick the box of the pose quaternion (02) in the Network Streamer: it is what is best tried, and has no poles",
         );
     }
     if *rate_hz < SUIT_RATE_MIN_HZ {
@@ -78,24 +79,23 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
     if station.daemon.is_none() {
         return Check::ok(NAME, "not looked at: no daemon runs");
     }
+    let ground = &station.ground;
     match station.plate_shows_n {
         None => Check::warn(
             NAME,
             "nothing is heard of it, or it reports a fault",
-            format!(
-                "is it on, and is ground.address = {} right? `equipoise status` says more",
-                config.ground.address
-            ),
+            format!("is it on, and is {} right? `equipoise status` says more", config.ground.place()),
         ),
-        Some(newtons) if newtons.abs() >= equipoise_core::cycle::memory::EMPTY_PLATE_N => {
-            Check::ok(NAME, format!("{newtons:.0} N: somebody stands on it, so its zero was not judged"))
-        }
+        Some(newtons) if newtons.abs() >= equipoise_core::cycle::memory::EMPTY_PLATE_N => Check::ok(
+            NAME,
+            format!("{newtons:.0} N: somebody stands on it, so its zero was not judged{ground}"),
+        ),
         Some(newtons) if newtons.abs() > EMPTY_SHOWS_MAX_N => Check::warn(
             NAME,
-            format!("empty, it shows {newtons:.1} N"),
+            format!("empty, it shows {newtons:.1} N{ground}"),
             "with nobody on it: `equipoise tare`",
         ),
-        Some(newtons) => Check::ok(NAME, format!("empty, it shows {newtons:.1} N")),
+        Some(newtons) => Check::ok(NAME, format!("empty, it shows {newtons:.1} N{ground}")),
     }
 }
 
@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(of(None).verdict, Warn);
         let slow = of(Some(Streamed { rate_hz: 30.0, ..sound() }));
         assert!(slow.verdict == Warn && slow.mend.unwrap().contains("Stream rate"));
-        let euler = of(Some(Streamed { quaternions: false, euler: true, ..sound() }));
+        let euler = of(Some(Streamed { quaternions: false, stand_in: Some("Euler angles (01)"), ..sound() }));
         assert!(euler.verdict == Warn && euler.mend.unwrap().contains("(02)"));
         let none = of(Some(Streamed { quaternions: false, ..sound() }));
         assert!(none.verdict == Fail && none.mend.unwrap().contains("tick the box"));
@@ -132,6 +132,17 @@ mod tests {
         assert!(other.verdict == Fail && other.mend.unwrap().contains("suit.avatar = 2"));
         let refused = of(Some(Streamed { refused: vec![("length".to_owned(), 3)], ..sound() }));
         assert!(refused.verdict == Warn && refused.found.contains("3 length"));
+    }
+
+    #[test]
+    fn what_a_plate_does_not_measure_is_told() {
+        let ground = " (insoles; not measured: shear and free moment)".to_owned();
+        let facts =
+            StationFacts { daemon: Some(1), plate_shows_n: Some(0.0), ground, ..StationFacts::default() };
+        assert_eq!(
+            plate(&config(), &facts).found,
+            "empty, it shows 0.0 N (insoles; not measured: shear and free moment)"
+        );
     }
 
     #[test]

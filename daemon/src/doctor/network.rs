@@ -2,7 +2,8 @@
 
 use super::Check;
 use super::facts::Facts;
-use super::station::{Port, StationFacts};
+use super::ports::Port;
+use super::station::StationFacts;
 use crate::config::{Config, SuitSourceKind};
 
 /// What the adapters ask of the kernel: four seconds of everything.
@@ -34,7 +35,7 @@ pub(super) fn receive_buffer(facts: &Facts) -> Check {
 
 pub(super) fn ports(config: &Config, station: &StationFacts) -> Vec<Check> {
     let mut checks = Vec::new();
-    if config.suit.source == SuitSourceKind::MvnUdp {
+    if config.suit.source != SuitSourceKind::External {
         let listens_beyond = !config.suit.listen.ip().is_loopback();
         checks.push(if listens_beyond && !config.suit.allow_remote {
             Check::warn(

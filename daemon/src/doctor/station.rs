@@ -2,26 +2,27 @@
 
 use std::collections::BTreeSet;
 use std::io;
-use std::net::{SocketAddr, TcpListener, UdpSocket};
+use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
-use equipoise_adapters::suit::SuitRefusal;
-use equipoise_adapters::wire::mvn::{Datagram, DatagramType, Header};
+use equipoise_adapters::source::survey;
+use equipoise_adapters::suit::{SuitRefusal, Survey};
+use equipoise_adapters::wire::mvn::DatagramType;
 use equipoise_bus::{Bus, BusError, BusSettings, Participant};
 use equipoise_core::message::suit::SuitBlocks;
-use equipoise_core::message::{AdapterHealth, State, SuitSample, Validity};
+use equipoise_core::message::{AdapterHealth, GroundSample, State, SuitSample, Validity};
 
-use crate::config::{Config, SuitSourceKind};
+use super::ports::{Port, TCP, holds, port_of, sockets_at, suit_door};
+use crate::config::Config;
 use crate::page_feed::PAGE_ROLE;
 use crate::pipeline::DAEMON_ROLE;
-use crate::sensors::SUIT_ROLE;
+use crate::provenance::Provenance;
+use crate::sensors::{SUIT_ROLE, mvn_settings};
 
 /// How long sensors are listened to. Long enough for a word of both adapters, which comes once a second.
 const LISTEN: Duration = Duration::from_millis(2500);
 /// A reason is told once it has cost so many of all datagrams; a few come with every start.
 const REFUSED_SHARE_MIN: f64 = 0.01;
-/// The largest datagram there is.
-const DATAGRAM_MAX: usize = 65_536;
 
 /// The station, as far as it could be seen.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -38,20 +39,8 @@ pub struct StationFacts {
     pub streamed: Option<Streamed>,
     /// Vertical force on the plate, N; `None` if it is not known.
     pub plate_shows_n: Option<f64>,
-}
-
-/// Whether a port can be had.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Port {
-    /// Nobody has it.
-    #[default]
-    Free,
-    /// A process of this station has it.
-    Ours,
-    /// Somebody else has it.
-    Taken,
-    /// Its address is not of this computer.
-    NotOurs,
+    /// What the ground's samples are made of, in words; empty if none was heard.
+    pub ground: String,
 }
 
 /// What was heard of the suit.
@@ -61,8 +50,8 @@ pub struct Streamed {
     pub rate_hz: f64,
     /// Poses come as quaternions (type 02).
     pub quaternions: bool,
-    /// Poses come as Euler angles (type 01).
-    pub euler: bool,
+    /// What else they come as, where something of that is read.
+    pub stand_in: Option<&'static str>,
     /// What else comes, in words.
     pub others: Vec<String>,
     /// Characters seen; empty if only the configured one can be.
@@ -88,18 +77,19 @@ impl StationFacts {
             found => found,
         };
         let tcp = |roles, address| of(TcpListener::bind(address).map(drop), roles, TCP, address);
-        let suit = config.suit.listen;
+        let (suit_bound, suit_tables) = suit_door(&config.suit);
         let mut facts = StationFacts {
             daemon: of_role(DAEMON_ROLE),
-            suit_port: of(UdpSocket::bind(suit).map(drop), &[DAEMON_ROLE, SUIT_ROLE], UDP, suit),
+            suit_port: of(suit_bound, &[DAEMON_ROLE, SUIT_ROLE], suit_tables, config.suit.listen),
             page_port: config.page.as_ref().map(|page| tcp(&[PAGE_ROLE], page.listen)),
             metrics_port: config.metrics.as_ref().map(|metrics| tcp(&[DAEMON_ROLE], metrics.listen)),
             ..StationFacts::default()
         };
         if facts.daemon.is_some() {
             facts.ask(&bus)?;
-        } else if config.suit.source == SuitSourceKind::MvnUdp && facts.suit_port == Port::Free {
-            facts.streamed = UdpSocket::bind(config.suit.listen).ok().and_then(|socket| listen(&socket));
+        } else if let (Ok(settings), Port::Free) = (mvn_settings(&config.suit), facts.suit_port) {
+            let heard = survey(&settings, LISTEN, &|| false).ok();
+            facts.streamed = heard.and_then(|heard| streamed(&heard, config.suit.avatar));
         }
         Ok(facts)
     }
@@ -109,6 +99,7 @@ impl StationFacts {
         let mut states = bus.subscriber::<State>(1)?;
         let mut suit = bus.subscriber::<SuitSample>(64)?;
         let mut health = bus.subscriber::<AdapterHealth>(8)?;
+        let mut ground = bus.subscriber::<GroundSample>(1)?;
         let (mut blocks, mut told, begun) = (None::<u32>, None, Instant::now());
         while begun.elapsed() < LISTEN {
             while let Some(sample) = suit.receive()? {
@@ -116,6 +107,10 @@ impl StationFacts {
             }
             while let Some(adapter) = health.receive()? {
                 told = Some(adapter).filter(|adapter| adapter.stream == 1).or(told);
+            }
+            if let Some(sample) = ground.latest()? {
+                let provenance = Provenance::of(&sample);
+                self.ground = format!(" ({}{})", provenance.devices(), provenance.missing());
             }
             if let Some(state) = states.latest()? {
                 let known = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
@@ -137,7 +132,7 @@ impl StationFacts {
             rate_hz: told.rate_hz,
             // A sample does not say which of both its pose came as; there is one.
             quaternions: blocks.is_some(),
-            euler: false,
+            stand_in: None,
             others: others
                 .into_iter()
                 .filter(|(block, _)| sent(*block))
@@ -154,126 +149,61 @@ impl StationFacts {
 }
 
 /// The processes that take part as one of these.
-fn processes_of(participants: &[Participant], roles: &[&str]) -> BTreeSet<u32> {
+pub(super) fn processes_of(participants: &[Participant], roles: &[&str]) -> BTreeSet<u32> {
     let is_one = |one: &&Participant| roles.contains(&one.role.as_str());
     participants.iter().filter(is_one).map(|one| one.process_id).collect()
 }
 
-fn port_of(bound: io::Result<()>) -> Port {
-    match bound {
-        Ok(()) => Port::Free,
-        Err(error) if error.kind() == io::ErrorKind::AddrNotAvailable => Port::NotOurs,
-        Err(_) => Port::Taken,
-    }
-}
-
-/// The kernel's tables of sockets.
-const UDP: [&str; 2] = ["/proc/self/net/udp", "/proc/self/net/udp6"];
-const TCP: [&str; 2] = ["/proc/self/net/tcp", "/proc/self/net/tcp6"];
-
-/// The inodes of the sockets at an address's port.
-fn sockets_at(tables: [&str; 2], address: SocketAddr) -> Vec<String> {
-    let texts = tables.map(|table| std::fs::read_to_string(table).unwrap_or_default());
-    texts.iter().flat_map(|text| inodes_at(text, address.port())).collect()
-}
-
-fn inodes_at(table: &str, port: u16) -> Vec<String> {
-    let at_port = |line: &str| {
-        let mut fields = line.split_whitespace();
-        let (_, local_port) = fields.nth(1)?.rsplit_once(':')?;
-        // The inode is the tenth field; those of connections that have ended are 0.
-        let inode = fields.nth(7).filter(|inode| *inode != "0")?;
-        (u16::from_str_radix(local_port, 16) == Ok(port)).then(|| inode.to_owned())
-    };
-    table.lines().skip(1).filter_map(at_port).collect()
-}
-
-/// Whether one of the processes has one of the sockets; one that may not be looked into is believed to.
-fn holds(processes: &BTreeSet<u32>, inodes: &[String]) -> bool {
-    let own = std::process::id();
-    processes.iter().filter(|process| **process != own).any(|process| {
-        let Ok(descriptors) = std::fs::read_dir(format!("/proc/{process}/fd")) else { return true };
-        let links = descriptors.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok());
-        links.into_iter().any(|link| {
-            let link = link.to_string_lossy();
-            let inode = link.strip_prefix("socket:[").and_then(|rest| rest.strip_suffix(']'));
-            inode.is_some_and(|inode| inodes.iter().any(|held| held == inode))
-        })
+/// What was heard, in short: of the configured character, or else of the first; `None` if nothing that MVN sends.
+fn streamed(heard: &Survey, avatar: u8) -> Option<Streamed> {
+    let character = heard.characters.get(&avatar).or_else(|| heard.characters.values().next())?;
+    let of = |kind: DatagramType| character.of(kind).is_some();
+    let poses = [DatagramType::POSE_QUATERNION, DatagramType::POSE_EULER, DatagramType::UNITY];
+    let stand_ins =
+        [(DatagramType::POSE_EULER, "Euler angles (01)"), (DatagramType::UNITY, "Unity's poses (05)")];
+    let others = character.types.keys().filter(|kind| !poses.contains(kind));
+    Some(Streamed {
+        rate_hz: character.pose().map_or(0.0, |(_, seen)| seen.rate_hz()),
+        quaternions: of(DatagramType::POSE_QUATERNION),
+        stand_in: stand_ins.iter().find(|(kind, _)| of(*kind)).map(|(_, name)| *name),
+        others: others.map(|kind| format!("type {kind}")).collect(),
+        avatars: heard.characters.keys().copied().collect(),
+        refused: vec![],
     })
-}
-
-/// Listens for a while; `None` if nothing that MVN sends was heard.
-fn listen(socket: &UdpSocket) -> Option<Streamed> {
-    socket.set_read_timeout(Some(Duration::from_millis(100))).ok()?;
-    let (mut buffer, mut heard, begun) = (vec![0; DATAGRAM_MAX], Heard::default(), Instant::now());
-    while begun.elapsed() < LISTEN {
-        if let Ok(length) = socket.recv(&mut buffer)
-            && let Ok(datagram) = Datagram::parse(&buffer[..length])
-            && let Some(header) = datagram.header()
-        {
-            heard.take(header);
-        }
-    }
-    heard.told(begun.elapsed())
-}
-
-/// What listening counts.
-#[derive(Debug, Default)]
-struct Heard {
-    types: BTreeSet<DatagramType>,
-    avatars: BTreeSet<u8>,
-    samples: BTreeSet<(u8, u32)>,
-}
-
-impl Heard {
-    fn take(&mut self, header: &Header) {
-        self.types.insert(header.datagram_type);
-        self.avatars.insert(header.avatar);
-        self.samples.insert((header.avatar, header.sample_counter));
-    }
-
-    fn told(&self, time: Duration) -> Option<Streamed> {
-        let of = |kind: DatagramType| self.types.contains(&kind);
-        let poses = [DatagramType::POSE_QUATERNION, DatagramType::POSE_EULER];
-        let others = self.types.iter().filter(|kind| !poses.contains(kind));
-        (!self.types.is_empty()).then(|| Streamed {
-            rate_hz: self.samples.len() as f64 / self.avatars.len().max(1) as f64 / time.as_secs_f64(),
-            quaternions: of(DatagramType::POSE_QUATERNION),
-            euler: of(DatagramType::POSE_EULER),
-            others: others.map(|kind| format!("type {kind}")).collect(),
-            avatars: self.avatars.iter().copied().collect(),
-            refused: vec![],
-        })
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_socket_is_found_by_its_port_and_its_holder_by_the_inode() {
-        let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode \
-                     ref pointer drops\n 1: 0100007F:2623 00000000:0000 07 00000000:00000000 00:00000000 00000000  \
-                     104        0 4711 2 0 0\n 2: 0100007F:2624 00000000:0000 07 00000000:00000000 00:00000000 \
-                     00000000   104        0 4712 2 0 0\n";
-        assert_eq!(inodes_at(table, 9763), ["4711"]);
-        assert!(inodes_at(table, 1).is_empty());
-        assert!(!holds(&BTreeSet::new(), &["4711".to_owned()]));
-    }
+    use equipoise_adapters::suit::SuitSettings;
+    use equipoise_adapters::wire::mvn::{
+        Header, LinearKinematics, SegmentPose, linear_kinematics, pose_quaternion,
+    };
 
     #[test]
     fn listening_counts_samples_not_datagrams_and_names_the_types() {
-        let mut heard = Heard::default();
-        for sample in 0..120 {
-            for kind in [DatagramType::POSE_QUATERNION, DatagramType::LINEAR_KINEMATICS] {
-                heard.take(&Header { datagram_type: kind, ..Header::new(sample, 0, 3) });
-            }
+        let mut heard = Survey::new(SuitSettings::default());
+        assert_eq!(streamed(&heard, 3), None);
+        let pose =
+            SegmentPose { segment_id: 1, position_m: [0.0; 3], orientation_wxyz: [1.0, 0.0, 0.0, 0.0] };
+        let linear = LinearKinematics {
+            segment_id: 1,
+            position_m: [0.0; 3],
+            velocity_m_per_s: [0.0; 3],
+            acceleration_m_per_s2: [0.0; 3],
+        };
+        let sender = std::net::Ipv4Addr::LOCALHOST.into();
+        for sample in 0..=120u32 {
+            let (header, mut bytes) = (Header::new(sample, 0, 3), Vec::new());
+            let arrival_ns = u64::from(sample) * 1_000_000_000 / 60;
+            pose_quaternion::encode(&header, &[pose; 23], &mut bytes).unwrap();
+            heard.take(sender, &bytes, arrival_ns);
+            linear_kinematics::encode(&header, &[linear; 23], &mut bytes).unwrap();
+            heard.take(sender, &bytes, arrival_ns);
         }
-        let told = heard.told(Duration::from_secs(2)).unwrap();
-        assert_eq!(told.rate_hz, 60.0);
-        assert!(told.quaternions && !told.euler);
+        let told = streamed(&heard, 3).unwrap();
+        assert!((told.rate_hz - 60.0).abs() < 0.01, "{}", told.rate_hz);
+        assert!(told.quaternions && told.stand_in.is_none());
         assert_eq!((told.avatars, told.others), (vec![3], vec!["type 21".to_owned()]));
-        assert_eq!(Heard::default().told(Duration::from_secs(2)), None);
     }
 }

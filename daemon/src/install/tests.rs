@@ -39,7 +39,7 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
     assert!(done.contains(&"installed /usr/local/bin/equipoise".to_owned()), "{done:?}");
     assert!(done.contains(&"enabled equipoise-view.service".to_owned()), "{done:?}");
     let first = all(&root);
-    assert_eq!(first.len(), 9, "{first:?}");
+    assert_eq!(first.len(), 11, "{first:?}");
     for (path, mode) in &first {
         let expected = if path.ends_with("bin/equipoise") { 0o755 } else { 0o644 };
         assert!(*mode == expected || path.is_symlink(), "{} {mode:o}", path.display());
@@ -58,7 +58,8 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
     // What is not ours stays: a drop-in, a worker, the configuration.
     let worker = root.join("var/lib/equipoise/subjects/anon-1.toml");
     let drop_in = root.join("etc/systemd/system/equipoise.service.d/serial.conf");
-    for file in [&worker, &drop_in] {
+    let certificate = root.join("var/lib/equipoise-outlets/opcua/own/cert.der");
+    for file in [&worker, &drop_in, &certificate] {
         fs::create_dir_all(file.parent().unwrap()).unwrap();
         fs::write(file, "mine").unwrap();
     }
@@ -67,8 +68,71 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
     let done = uninstall(&place).unwrap();
     assert!(done.iter().any(|line| line.starts_with("left /var/lib/equipoise")), "{done:?}");
     let left: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
-    assert_eq!(left, [root.join("etc/equipoise/equipoise.toml"), drop_in, worker]);
+    assert_eq!(left, [root.join("etc/equipoise/equipoise.toml"), drop_in, worker, certificate]);
     assert!(!uninstall(&place).unwrap().iter().any(|line| line.starts_with("removed")));
+}
+
+#[test]
+fn programs_that_lie_beside_it_come_along_and_others_are_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let place = at("/opt/equipoise", &root);
+    let beside = directory.path().join("equipoise-outlet-opcua");
+    fs::write(&beside, "a server").unwrap();
+    fs::write(directory.path().join("equipoise-study"), "no part of the service").unwrap();
+    let done = install(&place, &program, false).unwrap();
+    assert!(done.contains(&"installed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
+    let absent = done.iter().find(|line| line.starts_with("not installed")).unwrap();
+    for name in PROGRAMS {
+        assert_eq!(absent.contains(name), name != "equipoise-outlet-opcua", "{name}: {absent}");
+    }
+    assert!(absent.contains("cargo build --release -p NAME"), "{absent}");
+    let installed = root.join("opt/equipoise/bin/equipoise-outlet-opcua");
+    assert_eq!(fs::read_to_string(&installed).unwrap(), "a server");
+    assert_eq!(installed.metadata().unwrap().permissions().mode() & 0o777, 0o755);
+    assert!(!root.join("opt/equipoise/bin/equipoise-study").exists());
+
+    // One that stays behind may be of another release.
+    fs::remove_file(&beside).unwrap();
+    let done = install(&place, &program, false).unwrap();
+    assert!(done.iter().any(|line| line.contains("bin/equipoise-outlet-opcua stays")), "{done:?}");
+    assert!(installed.exists());
+
+    let done = uninstall(&place).unwrap();
+    assert!(done.contains(&"removed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
+    assert!(all(&root.join("opt")).is_empty(), "{:?}", all(&root.join("opt")));
+}
+
+#[test]
+fn outlets_of_the_configuration_are_named_with_what_starts_them_and_none_is_enabled() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    let place = at("/usr/local", &root);
+    let of_outlets = |done: Vec<String>| -> Vec<String> {
+        done.into_iter().filter(|line| line.contains("[outlets.") || line.contains("outlets were")).collect()
+    };
+    assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [""; 0], "the sample has none");
+
+    let configuration = root.join("etc/equipoise/equipoise.toml");
+    let outlets = "[outlets.udp]\nto = [\"127.0.0.1:7411\"]\n[outlets.opcua]\nlisten = \"127.0.0.1:4840\"\n";
+    fs::write(&configuration, format!("{CONFIGURATION}\n{outlets}")).unwrap();
+    let enable_udp = "[outlets.udp] is configured: systemctl enable --now equipoise-outlet@udp";
+    let build_opcua = "[outlets.opcua] needs equipoise-outlet-opcua, which is not installed: see above";
+    assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [enable_udp, build_opcua]);
+    let wants = root.join("etc/systemd/system/equipoise.service.wants");
+    assert_eq!(all(&wants).len(), 1, "the page alone: {:?}", all(&wants));
+
+    fs::write(directory.path().join("equipoise-outlet-opcua"), "a server").unwrap();
+    let enabled = wants.join("equipoise-outlet@udp.service");
+    std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-outlet@.service", &enabled).unwrap();
+    let enable_opcua = "[outlets.opcua] is configured: systemctl enable --now equipoise-outlet@opcua";
+    assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [enable_opcua]);
+
+    fs::write(&configuration, "station = 1\n").unwrap();
+    let done = of_outlets(install(&place, &program, true).unwrap());
+    assert!(done.len() == 1 && done[0].starts_with("note: outlets were not looked for"), "{done:?}");
+    uninstall(&place).unwrap();
+    assert!(!enabled.is_symlink());
 }
 
 #[test]

@@ -50,7 +50,7 @@ impl Session {
     }
 
     fn run(&mut self, seconds: f64) {
-        let streams = Streams { joint_angles: false, linear_kinematics: false, centre_of_mass: false };
+        let streams = Streams::NONE;
         let end_s = self.now_s() + seconds;
         while self.now_s() < end_s {
             self.cycle += 1;
@@ -72,7 +72,7 @@ impl Session {
                 ..SuitSample::zeroed()
             };
             let suit = if self.cycle.is_multiple_of(2) { std::slice::from_ref(&suit) } else { &[] };
-            let inputs = Inputs { suit, ground: std::slice::from_ref(&ground), command: None };
+            let inputs = Inputs { suit, ground: std::slice::from_ref(&ground), body: None, command: None };
             let state = step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns }, inputs);
             // About once a second, as housekeeping does.
             if self.cycle.is_multiple_of(2 * SUIT_HZ)

@@ -23,7 +23,7 @@ pub(super) fn start(
     adapters: &mut Vec<Other>,
 ) -> anyhow::Result<()> {
     let asked = sensors::asked(config);
-    if config.suit.source == SuitSourceKind::MvnUdp {
+    if config.suit.source != SuitSourceKind::External {
         let kept = Kept { name: "suit", down: Incident::SuitAdapterDown, asked };
         let (station, suit) = (config.station.clone(), config.suit.clone());
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
@@ -31,11 +31,16 @@ pub(super) fn start(
         };
         kept.start(rings, roster, board, adapters, run)?;
     }
-    if config.ground.source == GroundSourceKind::AtiRdt {
+    if config.ground.source != GroundSourceKind::External {
         let kept = Kept { name: "ground", down: Incident::GroundAdapterDown, asked };
         let (station, ground) = (config.station.clone(), config.ground.clone());
+        let told = Arc::clone(board);
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
-            sensors::run_ground(&station, &ground, ready, stopping)
+            let trouble = |sentence: Option<&str>| match sentence {
+                Some(sentence) => told.begin(Incident::GroundAdapterDown, sentence),
+                None => told.end(Incident::GroundAdapterDown),
+            };
+            sensors::run_ground(&station, &ground, ready, &trouble, stopping)
         };
         kept.start(rings, roster, board, adapters, run)?;
     }

@@ -135,7 +135,7 @@ impl Remembered {
             Some((_, Ok(_))) => self.warn("the tare is not used: a number of it is out of range".to_owned()),
             Some((_, Err(why))) => self.warn(format!("the tare is not used: {why}")),
         }
-        match station.registration.as_ref().map(|part| part.registration(now_ns())) {
+        match station.registration.as_ref().map(|part| part.registration(config, now_ns())) {
             None => {}
             Some(Ok(registration)) if self.memory.resume_registration(&registration, settings) => {
                 self.tell(

@@ -9,7 +9,7 @@ pub(super) fn now_utc() -> String {
 }
 
 /// A time in s since 1970 as RFC 3339, by the Gregorian calendar.
-fn rfc_3339(unix_s: u64) -> String {
+pub(crate) fn rfc_3339(unix_s: u64) -> String {
     let (mut days, second) = (unix_s / 86_400, unix_s % 86_400);
     let mut year = 1970;
     let leap = |year: u64| year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);

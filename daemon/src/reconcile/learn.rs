@@ -199,5 +199,6 @@ fn sample_time_ns(sample: &Sample) -> u64 {
     match sample {
         Sample::Suit(sample) => sample.sample_time_ns,
         Sample::Ground(sample) => sample.sample_time_ns,
+        Sample::Body(body) => body.published_ns,
     }
 }

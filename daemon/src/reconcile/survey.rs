@@ -104,6 +104,7 @@ impl Survey {
                 match sample {
                     Sample::Suit(sample) => survey.see_suit(&sample),
                     Sample::Ground(sample) => survey.see_ground(&sample),
+                    Sample::Body(_) => {}
                 }
             }
         }

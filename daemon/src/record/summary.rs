@@ -53,6 +53,12 @@ impl RecordSummary {
         ]
     }
 
+    /// Messages written.
+    pub fn written(&self) -> u64 {
+        let numbered: u64 = self.numbered().iter().map(|(_, kind)| kind.written).sum();
+        numbered + self.checkpoints + self.health
+    }
+
     /// Messages that were published and are not in the file.
     pub fn lost(&self) -> u64 {
         self.numbered().iter().map(|(_, kind)| kind.lost).sum()

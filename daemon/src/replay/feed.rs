@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use equipoise_adapters::recording::{Entries, Entry, Recording};
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::message::{CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
 use super::waiting::Waiting;
@@ -35,6 +35,7 @@ pub(super) struct Feed<'a> {
     checkpoints: VecDeque<(u64, Box<Checkpoint>)>,
     pub(super) suit: Waiting<SuitSample>,
     pub(super) ground: Waiting<GroundSample>,
+    bodies: VecDeque<Box<SuitBody>>,
     newest_ns: u64,
     ended: bool,
     /// What ended the reading before the end of the file.
@@ -50,6 +51,7 @@ impl<'a> Feed<'a> {
             checkpoints: VecDeque::new(),
             suit: Waiting::default(),
             ground: Waiting::default(),
+            bodies: VecDeque::new(),
             newest_ns: 0,
             ended: false,
             damage: None,
@@ -67,10 +69,23 @@ impl<'a> Feed<'a> {
         while self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns < due_ns).is_some() {}
         self.suit.give_up_before(due_ns.saturating_sub(GIVE_UP_NS));
         self.ground.give_up_before(due_ns.saturating_sub(GIVE_UP_NS));
+        let given_up_ns = due_ns.saturating_sub(GIVE_UP_NS);
+        while self.bodies.pop_front_if(|body| body.published_ns < given_up_ns).is_some() {}
         let state = self.states.pop_front_if(|state| state.time_ns == due_ns);
         let checkpoint = self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns == due_ns);
         let checkpoint = checkpoint.map(|(_, checkpoint)| checkpoint);
         Some(Cycle { record, state, checkpoint })
+    }
+
+    /// The build that a cycle took in, and whether the recording has it; a cycle that took none lacks nothing.
+    pub(super) fn take_body(&mut self, published_ns: u64) -> (Option<Box<SuitBody>>, bool) {
+        if published_ns == 0 {
+            return (None, true);
+        }
+        let at = self.bodies.iter().position(|body| body.published_ns == published_ns);
+        let body = at.and_then(|at| self.bodies.remove(at));
+        let found = body.is_some();
+        (body, found)
     }
 
     fn has_read_ahead(&self) -> bool {
@@ -98,6 +113,7 @@ impl<'a> Feed<'a> {
                     }
                     Entry::Suit(sample) => self.suit.push(sample),
                     Entry::Ground(sample) => self.ground.push(sample),
+                    Entry::Body(body) => self.bodies.push_back(body),
                     _ => {}
                 }
             }

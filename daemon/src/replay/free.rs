@@ -29,14 +29,20 @@ pub(crate) fn run(
     loop {
         suit.clear();
         ground.clear();
+        let mut body = None;
         while let Some(sample) = samples.next_if(|sample| sample.delivered_ns() <= due_ns) {
             match sample {
                 Sample::Suit(sample) => suit.push(*sample),
                 Sample::Ground(sample) => ground.push(*sample),
+                // The last one told is the whole.
+                Sample::Body(told) => body = Some(*told),
             }
         }
         cycle += 1;
-        step(Tick { cycle, due_ns }, Inputs { suit: &suit, ground: &ground, command: None })?;
+        step(
+            Tick { cycle, due_ns },
+            Inputs { suit: &suit, ground: &ground, body: body.as_ref(), command: None },
+        )?;
         let Some(next) = samples.peek() else { return Ok(()) };
         let ahead_ns = next.delivered_ns() - due_ns;
         let slots = if ahead_ns > SILENCE_NS { ahead_ns / period_ns } else { 1 };

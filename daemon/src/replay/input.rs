@@ -37,6 +37,8 @@ pub enum Input {
     Recording(Box<Recording>),
     /// Motion and forces as CSV.
     Csv(PathBuf),
+    /// Motion as MVN exports it; no forces.
+    Mvnx(PathBuf),
     /// Network traffic.
     Pcap(PathBuf),
 }
@@ -76,8 +78,9 @@ impl Input {
                 Ok(Input::Recording(Box::new(recording)))
             }
             Some("csv") => Ok(Input::Csv(path.to_owned())),
+            Some("mvnx") => Ok(Input::Mvnx(path.to_owned())),
             Some("pcap" | "pcapng" | "cap") => Ok(Input::Pcap(path.to_owned())),
-            _ => bail!("{}: give a file that ends in .mcap, .csv, .pcap or .pcapng", path.display()),
+            _ => bail!("{}: give a file that ends in .mcap, .csv, .mvnx, .pcap or .pcapng", path.display()),
         }
     }
 
@@ -85,7 +88,7 @@ impl Input {
     pub fn started_ns(&self) -> u64 {
         match self {
             Input::Recording(recording) => recording.header().started_monotonic_ns,
-            Input::Csv(_) | Input::Pcap(_) => TIME_BASE_NS,
+            Input::Csv(_) | Input::Mvnx(_) | Input::Pcap(_) => TIME_BASE_NS,
         }
     }
 
@@ -97,6 +100,7 @@ impl Input {
         match self {
             Input::Recording(recording) => Ok(Samples::of_recording(recording)),
             Input::Csv(path) => Samples::of_csv(path, config).with_context(|| path.display().to_string()),
+            Input::Mvnx(path) => Samples::of_mvnx(path, config).with_context(|| path.display().to_string()),
             Input::Pcap(path) => Samples::of_pcap(path, config).with_context(|| path.display().to_string()),
         }
     }

@@ -10,7 +10,7 @@
 //! | `static_pose`, `converged` (0 or 1), `poses_used`, `stance` | |
 //! | `suit_sample_t_s`: the instant that the values belong to | s, as `t_s` |
 //! | `cop_measured_x_m`, `_y_m`, `cop_estimated_x_m`, `_y_m`, `cop_sigma_x_m`, `_y_m` | m |
-//! | `com_x_m`, `_y_m`, `_z_m` | m |
+//! | `com_x_m`, `_y_m`, `_z_m`; the suit maker's own `com_suit_x_m`, `_y_m`, `_z_m` | m |
 //! | `mass_kg`, `ground_force_z_n`, `delta_f_z_n`, `load_distance_m` | kg, N, N, m |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg`, `reach_m` | kg, kg, m |
 //! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm`, `l5s1_compression_n`, `l5s1_compression_sigma_n` | N m, N m, N, N |
@@ -121,7 +121,7 @@ pub(super) fn seconds_since(started_ns: u64, time_ns: u64) -> f64 {
 fn csv_head() -> String {
     let mut head = "t_s,cycle,phase,valid,static_pose,converged,poses_used,stance,suit_sample_t_s,cop_measured_x_m,\
                     cop_measured_y_m,cop_estimated_x_m,cop_estimated_y_m,cop_sigma_x_m,cop_sigma_y_m,com_x_m,com_y_m,\
-                    com_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_distance_m,lifted_mass_kg,lifted_mass_sigma_kg,\
+                    com_z_m,com_suit_x_m,com_suit_y_m,com_suit_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_distance_m,lifted_mass_kg,lifted_mass_sigma_kg,\
                     reach_m,l5s1_moment_nm,l5s1_moment_sigma_nm,l5s1_compression_n,l5s1_compression_sigma_n,lifts,\
                     dose_damage,dose_probability,worst_joint,advice_x,advice_y,advice_gain_nm_per_cm"
         .to_owned();
@@ -175,6 +175,10 @@ fn measured(line: &mut String, state: &State) -> std::fmt::Result {
     fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_estimated_m)?;
     fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_sigma_m)?;
     fields(Validity::SPOILS_COP_ESTIMATED, &state.com_m)?;
+    match state.suit_com_m() {
+        Some(com_m) => fields(Validity::default(), &com_m)?,
+        None => fields(Validity(u64::MAX), &[0.0; 3])?,
+    }
     fields(Validity::MASS_UNKNOWN, &[state.mass_kg])?;
     fields(Validity::SPOILS_GROUND_FORCE, &state.ground_force_n[2..])?;
     fields(Validity::SPOILS_DELTA_F, &state.delta_f_n[2..])?;
@@ -216,10 +220,10 @@ mod tests {
         csv_line(&mut line, &state, 1_000_000_000).unwrap();
         let head = csv_head();
         assert_eq!(line.split(',').count(), head.split(',').count());
-        assert!(
-            line.starts_with("0.034,0,waiting,suit_stale mass_unknown,0,0,0,0,,0.25,-0.5,,,,,,,,,0,,,"),
-            "{line}"
-        );
+        // Two columns each of the estimate and its σ, three of each centre of mass, the mass.
+        let withheld = ",".repeat(2 + 2 + 3 + 3 + 1);
+        let start = format!("0.034,0,waiting,suit_stale mass_unknown,0,0,0,0,,0.25,-0.5{withheld},0,,,");
+        assert!(line.starts_with(&start), "{line}");
     }
 
     #[test]

@@ -4,39 +4,84 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
-use equipoise_adapters::capture::{PcapCapture, PcapError, UdpDatagram};
+use equipoise_adapters::capture::{PcapCapture, UdpDatagram};
 use equipoise_adapters::counts::Counts;
-use equipoise_adapters::ground::{RdtReceiver, RdtRefusal};
+use equipoise_adapters::ground::{GroundBrain, GroundRefusal};
 use equipoise_adapters::suit::{SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
 use equipoise_core::message::GroundSample;
 
 use super::samples::{LeftOut, Sample};
 use crate::config::Config;
-use crate::sensors::{rdt_settings, suit_settings};
+use crate::config::ground::way::Over;
+use crate::config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
+use crate::sensors::{BuildCadence, suit_settings};
 
 /// Samples made of a capture. The first datagram of suit or plate is at [`TIME_BASE_NS`].
 pub(super) struct PcapSamples {
     capture: PcapCapture,
     suit: SuitAssembler,
-    ground: RdtReceiver,
+    build: BuildCadence,
+    ground: Option<Ground>,
     suit_port: u16,
-    ground_port: u16,
     first_ns: Option<u64>,
     ready: VecDeque<Sample>,
     records: Vec<GroundSample>,
     other_ports: u64,
 }
 
+/// A ground that comes as datagrams.
+struct Ground {
+    brain: GroundBrain,
+    way: Way,
+}
+
+/// Which datagrams are its.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// It is asked at this port, and answers from there.
+    From(u16),
+    /// It sends to this port of itself.
+    To(u16),
+}
+
+impl Way {
+    /// `None` for a ground that comes over serial lines, TCP, or through another process.
+    fn of(ground: &GroundConfig) -> Option<Way> {
+        let listened = ground.listen.map(|listen| Way::To(listen.port()));
+        let described = ground.address.map(|address| Way::From(address.port())).or(listened);
+        match ground.source {
+            GroundSourceKind::AtiRdt => Some(Way::From(ati_rdt::address(ground).port())),
+            GroundSourceKind::MoticonUdp => listened,
+            GroundSourceKind::Text if ground.text.as_ref().is_some_and(|text| text.over == Over::Udp) => {
+                described
+            }
+            GroundSourceKind::Binary
+                if ground.binary.as_ref().is_some_and(|binary| binary.over == Over::Udp) =>
+            {
+                described
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Ground {
+    fn of(config: &GroundConfig) -> anyhow::Result<Option<Ground>> {
+        let (Some(way), Some(device)) = (Way::of(config), config.device()?) else { return Ok(None) };
+        Ok(Some(Ground { brain: GroundBrain::new(device, config.settings()), way }))
+    }
+}
+
 impl PcapSamples {
     /// Opens a capture; ports, avatar, delays, scale and place of the plate are the configuration's.
-    pub(super) fn open(path: &Path, config: &Config) -> Result<PcapSamples, PcapError> {
+    pub(super) fn open(path: &Path, config: &Config) -> anyhow::Result<PcapSamples> {
         Ok(PcapSamples {
             capture: PcapCapture::open(path)?,
             suit: SuitAssembler::new(suit_settings(&config.suit)),
-            ground: RdtReceiver::new(rdt_settings(&config.ground)),
+            build: BuildCadence::default(),
+            ground: Ground::of(&config.ground)?,
             suit_port: config.suit.listen.port(),
-            ground_port: config.ground.address.port(),
             first_ns: None,
             ready: VecDeque::new(),
             records: Vec::new(),
@@ -46,7 +91,11 @@ impl PcapSamples {
 
     fn take(&mut self, datagram: &UdpDatagram) {
         let (from, to) = (datagram.source.port(), datagram.destination.port());
-        if ![from, to].contains(&self.ground_port) && to != self.suit_port {
+        let is_grounds = |ground: &Ground| match ground.way {
+            Way::From(port) => [from, to].contains(&port),
+            Way::To(port) => to == port,
+        };
+        if !self.ground.as_ref().is_some_and(is_grounds) && to != self.suit_port {
             self.other_ports += 1;
             return;
         }
@@ -56,21 +105,35 @@ impl PcapSamples {
         if to == self.suit_port {
             let mut sample = self.suit.receive(&datagram.payload, arrival_ns);
             while let Some(mut complete) = sample {
+                if let Some(body) = self.build.due(self.suit.body(), arrival_ns) {
+                    self.ready.push_back(Sample::Body(Box::new(body)));
+                }
                 // It is whole only now, whenever its first datagram came.
                 complete.published_ns = arrival_ns;
                 self.ready.push_back(Sample::Suit(Box::new(complete)));
                 sample = self.suit.take_ready();
             }
-        } else if from == self.ground_port {
-            self.ground.receive(&datagram.payload, arrival_ns, &mut self.records);
-            for mut record in self.records.drain(..) {
-                record.published_ns = arrival_ns;
-                self.ready.push_back(Sample::Ground(Box::new(record)));
+        } else if let Some(ground) = &mut self.ground {
+            let its_own = match ground.way {
+                Way::From(port) => from == port,
+                Way::To(_) => true,
+            };
+            if its_own {
+                ground.brain.receive(&datagram.payload, arrival_ns, &mut self.records);
+                for mut record in self.records.drain(..) {
+                    record.published_ns = arrival_ns;
+                    self.ready.push_back(Sample::Ground(Box::new(record)));
+                }
+            } else if Request::parse(&datagram.payload).is_ok() {
+                // Whatever the plate counts next is the first of a new stream.
+                ground.brain.opened(arrival_ns);
             }
-        } else if Request::parse(&datagram.payload).is_ok() {
-            // Whatever the plate counts next is the first of a new stream.
-            self.ground.stream_restarted();
         }
+    }
+
+    /// When [`TIME_BASE_NS`] was by the clock of whoever captured, ns since 1970; known from the first datagram on.
+    pub(super) fn wall_clock_ns(&self) -> Option<u64> {
+        self.first_ns
     }
 
     pub(super) fn left_out(&self) -> LeftOut {
@@ -84,11 +147,21 @@ impl PcapSamples {
             }
         }
         if self.other_ports > 0 {
-            let ports = format!("{} (suit.listen) nor {} (ground.address)", self.suit_port, self.ground_port);
-            left_out.passed_over.push(format!("{} datagrams of neither port {ports}", self.other_ports));
+            let suit = format!("{} (suit.listen)", self.suit_port);
+            let which = match self.ground.as_ref().map(|ground| ground.way) {
+                Some(Way::From(port)) => format!("neither port {suit} nor {port} (ground.address)"),
+                Some(Way::To(port)) => format!("neither port {suit} nor {port} (ground.listen)"),
+                None => format!(
+                    "another port than {suit}; the ground that is configured does not come as datagrams"
+                ),
+            };
+            let told = format!("{} datagrams of {which}", self.other_ports);
+            left_out.passed_over.push(told);
         }
         tell_refused("suit datagrams", self.suit.counts(), SuitRefusal::NAMES, &mut left_out);
-        tell_refused("ground records", self.ground.counts(), RdtRefusal::NAMES, &mut left_out);
+        if let Some(ground) = &self.ground {
+            tell_refused("ground records", ground.brain.counts(), GroundRefusal::NAMES, &mut left_out);
+        }
         left_out.rejected.extend(self.capture.fault().map(ToString::to_string));
         left_out
     }

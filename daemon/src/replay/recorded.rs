@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use equipoise_adapters::recording::Recording;
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::{Inputs, Memory, Settings, Tick};
-use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
 
 use super::feed::{Cycle, Feed};
 use super::fidelity::Fidelity;
@@ -43,6 +43,7 @@ pub(super) fn run(
         last: None,
         suit: Vec::new(),
         ground: Vec::new(),
+        body: None,
         fidelity: Fidelity::default(),
     };
     while let Some(cycle) = feed.next_cycle() {
@@ -67,6 +68,7 @@ struct Run<'a> {
     last: Option<Tick>,
     suit: Vec<SuitSample>,
     ground: Vec<GroundSample>,
+    body: Option<Box<SuitBody>>,
     fidelity: Fidelity,
 }
 
@@ -103,7 +105,7 @@ impl Run<'_> {
         if !complete || !understood || loaded {
             self.certain = false;
         }
-        let inputs = Inputs { suit: &self.suit, ground: &self.ground, command };
+        let inputs = Inputs { suit: &self.suit, ground: &self.ground, body: self.body.as_deref(), command };
         self.machine.step(tick, inputs);
         self.fidelity.cycles += 1;
         match resume {
@@ -188,6 +190,8 @@ impl Run<'_> {
             last_sample_time_ns: record.ground_sample_time_ns,
         };
         let suit_there = feed.suit.take(suit, &mut self.suit);
-        feed.ground.take(ground, &mut self.ground) && suit_there
+        let body_there;
+        (self.body, body_there) = feed.take_body(record.body_published_ns);
+        feed.ground.take(ground, &mut self.ground) && suit_there && body_there
     }
 }

@@ -2,19 +2,25 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
-use equipoise_adapters::capture::{CsvCapture, CsvError};
+use anyhow::bail;
+use equipoise_adapters::capture::{CsvCapture, CsvError, MvnxCapture};
 use equipoise_adapters::recording::{Entries, Entry, Recording};
-use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
 use super::input::left_out_of;
 use super::pcap::PcapSamples;
-use crate::config::Config;
+use crate::config::ground::ati_rdt;
+use crate::config::{Config, GroundSourceKind};
 
 /// A recorder writes what it finds stream by stream, so times in a file step back by less than this, ns.
 const DISORDER_NS: u64 = 2 * NS_PER_S;
+
+/// How MVN calls suits that leave a half of the body out.
+const HALF_BODIES: [&str; 2] = ["UpperBody", "LowerBody"];
 
 /// One sample of either stream.
 #[derive(Debug, Clone)]
@@ -23,6 +29,8 @@ pub enum Sample {
     Suit(Box<SuitSample>),
     /// Of the ground.
     Ground(Box<GroundSample>),
+    /// The wearer's build, as the suit tells it.
+    Body(Box<SuitBody>),
 }
 
 impl Sample {
@@ -31,6 +39,7 @@ impl Sample {
         match self {
             Sample::Suit(sample) => sample.published_ns.max(sample.arrival_ns),
             Sample::Ground(sample) => sample.published_ns.max(sample.arrival_ns),
+            Sample::Body(body) => body.published_ns.max(body.arrival_ns),
         }
     }
 }
@@ -52,14 +61,21 @@ pub struct Samples<'a> {
 enum Source<'a> {
     Recording(&'a Recording, Ordered<'a>),
     Csv(Box<CsvCapture<File>>, Latencies, Option<Box<SuitSample>>),
+    Mvnx(Box<MvnxCapture<BufReader<File>>>, Latencies, Option<Box<SuitBody>>),
     Pcap(Box<PcapSamples>),
 }
 
-/// How much later than its motion, or its force, each half of a CSV's row was written, ns.
+/// How much later than its motion, or its force, each stream of a file was written, ns.
 #[derive(Clone, Copy)]
 struct Latencies {
     suit_ns: u64,
     ground_ns: u64,
+}
+
+impl Latencies {
+    fn of(config: &Config) -> Latencies {
+        Latencies { suit_ns: config.suit.latency_ns(), ground_ns: config.ground.latency_ns() }
+    }
 }
 
 impl<'a> Samples<'a> {
@@ -68,13 +84,45 @@ impl<'a> Samples<'a> {
     }
 
     pub(super) fn of_csv(path: &Path, config: &Config) -> Result<Samples<'a>, CsvError> {
-        let latencies =
-            Latencies { suit_ns: config.suit.latency_ns(), ground_ns: config.ground.latency_ns() };
-        Ok(Samples { source: Source::Csv(Box::new(CsvCapture::open(path)?), latencies, None) })
+        let capture = Box::new(CsvCapture::open(path)?);
+        Ok(Samples { source: Source::Csv(capture, Latencies::of(config), None) })
+    }
+
+    pub(super) fn of_mvnx(path: &Path, config: &Config) -> anyhow::Result<Samples<'a>> {
+        let capture = Box::new(MvnxCapture::open(path)?);
+        if let Some(worn) = capture.configuration().filter(|worn| HALF_BODIES.contains(worn)) {
+            bail!(
+                "the suit was worn as {worn}: the rest of the body was not measured, and balance is the whole body's"
+            );
+        }
+        let body = capture.body().map(Box::new);
+        Ok(Samples { source: Source::Mvnx(capture, Latencies::of(config), body) })
     }
 
     pub(super) fn of_pcap(path: &Path, config: &Config) -> anyhow::Result<Samples<'a>> {
+        anyhow::ensure!(
+            config.ground.source != GroundSourceKind::AtiRdt || ati_rdt::are_counts_given(&config.ground),
+            "a capture has no page of the ATI device's settings: set ground.counts_per_newton and \
+             ground.counts_per_newton_metre (live, the journal says what the page said)"
+        );
+        if config.ground.second.is_some() {
+            anyhow::bail!(
+                "{}: network captures of two ground devices are not read: [ground.second] needs both, and one alone is not \
+                 the whole ground; record with `equipoise record` instead",
+                path.display()
+            );
+        }
         Ok(Samples { source: Source::Pcap(Box::new(PcapSamples::open(path, config)?)) })
+    }
+
+    /// When the first instant was by the wall clock of whoever wrote the file, ns since 1970; `None` if the file does not
+    /// say, or has not been read so far.
+    pub fn wall_clock_ns(&self) -> Option<u64> {
+        match &self.source {
+            Source::Mvnx(capture, ..) => capture.wall_clock_ns(),
+            Source::Pcap(samples) => samples.wall_clock_ns(),
+            Source::Recording(..) | Source::Csv(..) => None,
+        }
     }
 
     /// What was left out so far; complete once the iterator has ended.
@@ -85,6 +133,12 @@ impl<'a> Samples<'a> {
                 let rejected = capture.rejected();
                 let told = (!rejected.is_empty()).then(|| format!("rows left out: {rejected}"));
                 LeftOut { rejected: told.into_iter().collect(), passed_over: Vec::new() }
+            }
+            Source::Mvnx(capture, ..) => {
+                let rejected = capture.rejected();
+                let told = (!rejected.is_empty()).then(|| format!("frames left out: {rejected}"));
+                let fault = capture.fault().map(|fault| format!("{fault}; the frames before it were read"));
+                LeftOut { rejected: told.into_iter().chain(fault).collect(), passed_over: Vec::new() }
             }
             Source::Pcap(samples) => samples.left_out(),
         }
@@ -106,6 +160,14 @@ impl Iterator for Samples<'_> {
                 ground.sample_time_ns = ground.sample_time_ns.saturating_sub(latencies.ground_ns);
                 *waiting = Some(Box::new(suit));
                 Some(Sample::Ground(Box::new(ground)))
+            }
+            Source::Mvnx(capture, latencies, body) => {
+                if let Some(body) = body.take() {
+                    return Some(Sample::Body(body));
+                }
+                let mut suit = capture.next()?;
+                suit.sample_time_ns = suit.sample_time_ns.saturating_sub(latencies.suit_ns);
+                Some(Sample::Suit(Box::new(suit)))
             }
             Source::Pcap(samples) => samples.next(),
         }
@@ -148,6 +210,7 @@ impl Iterator for Ordered<'_> {
                 Some(Ok(timed)) => match timed.entry {
                     Entry::Suit(sample) => self.insert(Sample::Suit(sample)),
                     Entry::Ground(sample) => self.insert(Sample::Ground(sample)),
+                    Entry::Body(body) => self.insert(Sample::Body(body)),
                     _ => {}
                 },
                 Some(Err(error)) => self.damage = Some(error.to_string()),

@@ -23,6 +23,8 @@ pub(super) struct Wire {
     pub(super) check: String,
     /// The adapter's names of its refusals, in order.
     pub(super) reasons: &'static [&'static str],
+    /// What to do about them.
+    pub(super) refused: &'static str,
     /// Which of them mean that time does not advance.
     pub(super) of_time: &'static [usize],
 }
@@ -135,7 +137,7 @@ impl StreamWatch {
 
     /// What is wrong, and what to do.
     pub(super) fn sentence(&self, verdict: Verdict) -> String {
-        let Wire { what, check, .. } = &self.wire;
+        let Wire { what, check, refused, .. } = &self.wire;
         match verdict {
             Verdict::Fine => format!("{what} is fine"),
             Verdict::NeverCame | Verdict::Silent => {
@@ -146,7 +148,8 @@ impl StreamWatch {
                 };
                 match self.refusals() {
                     Some(refusals) => format!(
-                        "{what} brings no sample: {} datagrams came in the last second, and were refused: {refusals}",
+                        "{what} brings no sample: {} datagrams came in the last second, and were refused: \
+                         {refusals}{refused}",
                         self.received
                     ),
                     None => format!("{what} {begins}: {check}"),
@@ -193,6 +196,7 @@ mod tests {
             what: "the suit",
             check: "is it on?".to_owned(),
             reasons: &["length", "duplicate"],
+            refused: "; doctor",
             of_time: &[1],
         })
     }
@@ -282,6 +286,6 @@ mod tests {
         watch.hear(&heard(90, 0, 90));
         let verdict = looks(&mut watch, 1, 0, 0);
         let said = watch.sentence(verdict);
-        assert!(said.contains("40 datagrams") && said.contains("40 length"), "{said}");
+        assert!(said.contains("40 datagrams") && said.contains("40 length; doctor"), "{said}");
     }
 }

@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+
 /// The program under test.
 pub(crate) fn equipoise() -> Command {
     Command::new(env!("CARGO_BIN_EXE_equipoise"))
@@ -53,6 +56,35 @@ pub(crate) fn free_address() -> SocketAddr {
     UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
 }
 
+/// A simulated person on ports of their own, and the configuration of a daemon that hears them. It ends within `[subject]`.
+pub(crate) fn person() -> (SimulationHandle, String) {
+    let suit = free_address();
+    let mut settings = SimulationSettings::default();
+    settings.suit.target = suit;
+    settings.plate.address = "127.0.0.1:0".parse().unwrap();
+    let simulation = Simulation::start(settings).unwrap();
+    let plate = simulation.plate_address();
+    let config = format!(
+        r#"
+station = "test"
+[loop]
+lock_memory = false
+[suit]
+source = "mvn-udp"
+listen = "{suit}"
+[ground]
+source = "ati-rdt"
+address = "{plate}"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.77
+"#
+    );
+    (simulation, config)
+}
+
 /// A daemon on a bus of its own. Dropped, it is ended.
 pub(crate) struct Station {
     /// Bus, state and files; removed at the end.
@@ -78,14 +110,31 @@ impl Station {
         let mut command = command_in(directory.path());
         let daemon = command.arg("run").arg("--config").arg(&file).args(options).spawn().unwrap();
         let mut station = Station { directory, daemon };
-        let status = station.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
+        station.wait_for_status();
+        station
+    }
+
+    fn wait_for_status(&mut self) {
+        let status = self.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
         let started = Instant::now();
         while !status.exists() {
-            assert!(station.daemon.try_wait().unwrap().is_none(), "the daemon ended by itself");
+            assert!(self.daemon.try_wait().unwrap().is_none(), "the daemon ended by itself");
             assert!(started.elapsed() < Duration::from_secs(60), "the daemon does not start");
             std::thread::sleep(Duration::from_millis(10));
         }
-        station
+    }
+
+    /// Ends the daemon, does `between` with the bus's directory, and starts another daemon with this configuration.
+    pub(crate) fn restart(&mut self, config: &str, between: impl FnOnce(&Path)) {
+        let id = rustix::process::Pid::from_child(&self.daemon);
+        rustix::process::kill_process(id, rustix::process::Signal::TERM).unwrap();
+        self.daemon.wait().unwrap();
+        between(&self.directory.path().join("bus"));
+        let file = self.file("config.toml");
+        std::fs::write(&file, config).unwrap();
+        let mut command = command_in(self.directory.path());
+        self.daemon = command.arg("run").arg("--config").arg(&file).spawn().unwrap();
+        self.wait_for_status();
     }
 
     /// The program on this station's bus.

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusSettings, Subscriber};
 use equipoise_core::message::{AdapterHealth, Incident, Incidents, State, Validity};
@@ -130,7 +130,7 @@ impl Eyes {
         self.adapters[0].refused[reason.index()]
     }
 
-    pub(crate) fn ground_refused(&self, reason: RdtRefusal) -> u64 {
+    pub(crate) fn ground_refused(&self, reason: GroundRefusal) -> u64 {
         self.adapters[1].refused[reason.index()]
     }
 

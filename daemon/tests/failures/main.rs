@@ -4,6 +4,7 @@
 //! what must come is waited for, generously.
 
 mod adapters;
+mod calibration;
 mod commands;
 mod consumers;
 mod death;
@@ -18,6 +19,7 @@ mod install;
 mod latency;
 mod metrics;
 mod network;
+mod outlets;
 mod page;
 mod plate;
 mod play;
@@ -25,11 +27,15 @@ mod private;
 mod process;
 mod reload;
 mod schedule;
+mod serial;
 mod silence;
 mod starting;
 mod station;
 mod streams;
+mod suit_sources;
 mod suit_storm;
 mod survive;
 mod taking_over;
+mod two_plates;
 mod usage;
+mod watch;

@@ -1,6 +1,6 @@
 //! The page as a process of its own: it outlives daemons, cannot harm one, and tells nobody who may not know.
 
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use rustix::process::Signal;
 
 use crate::ending::assert_nothing_left;
 use crate::process::{Process, wait_for};
-use crate::station::{Station, free_tcp_port};
+use crate::station::{NAME, Station, free_tcp_port};
 
 const SECRET: &str = "0123456789abcdefghijklmnopqrstuv";
 
@@ -37,6 +37,19 @@ fn get(address: SocketAddr, target: &str, headers: &str) -> Option<(u16, String)
     stream.read_to_string(&mut answer).ok()?;
     let (head, body) = answer.split_once("\r\n\r\n")?;
     Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
+}
+
+/// What the engineer's page is told next of the daemon and its sensors.
+fn station_told(address: SocketAddr) -> Option<serde_json::Value> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.set_read_timeout(Some(Duration::from_secs(10))).expect("a timeout");
+    write!(stream, "GET /events/station HTTP/1.1\r\nHost: localhost\r\n\r\n").ok()?;
+    let lines = BufReader::new(stream).lines();
+    // Whoever comes is told `{}` until the facts are gathered.
+    lines.map_while(Result::ok).find_map(|line| {
+        let told: serde_json::Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
+        told.get("station").is_some().then_some(told)
+    })
 }
 
 /// Waits until the page tells a state, and gives its cycle.
@@ -69,8 +82,18 @@ fn it_waits_for_a_daemon_and_outlives_it() {
     assert_eq!(status["page"]["process_id"], view.id());
     assert!(station.run(&["status"]).done().contains(&format!("page http://{address}/")));
 
+    let all_is_known = |told: &serde_json::Value| {
+        told["incidents"].is_array() && told["daemon"].is_object() && told["adapters"][0].is_object()
+    };
+    wait_for("the station's facts", || station_told(address).filter(all_is_known));
+
     daemon.kill();
     until_silent(address);
+    // What a dead daemon said last is not told as if it went on.
+    wait_for("nothing to be known of it", || {
+        let told = station_told(address)?;
+        (told["incidents"].is_null() && told["daemon"].is_null()).then_some(())
+    });
     let mut daemon = station.daemon(&station.configuration());
     until_live(address);
     // Not even an open connection holds it up, and the daemon does not notice.
@@ -79,6 +102,22 @@ fn it_waits_for_a_daemon_and_outlives_it() {
     assert!(station.status().expect("the daemon answers")["page"].is_null());
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_nothing_left(&station);
+}
+
+#[test]
+fn it_tells_how_late_states_come_to_it() {
+    let station = Station::new();
+    let address = free_tcp_port();
+    let _daemon = station.daemon(&station.configuration());
+    let _view = view(&station, &format!("listen = \"{address}\"\n"));
+    until_live(address);
+    let shown = wait_for("the page among the consumers", || {
+        let ended = station.run(&["latency", "--station", NAME, "--for", "3", "--json"]);
+        let report: serde_json::Value = serde_json::from_str(&ended.stdout).ok()?;
+        report["consumers"].as_array()?.iter().find(|one| one["consumer"] == "view").cloned()
+    });
+    assert!(shown["states"].as_u64().is_some_and(|states| states > 10), "{shown}");
+    assert!(shown["states_missed"].as_u64() > Some(10), "it looks 60 times a second: {shown}");
 }
 
 #[test]
@@ -135,6 +174,10 @@ fn what_it_cannot_serve_is_told_with_its_key() {
     std::fs::set_permissions(&token, PermissionsExt::from_mode(0o644)).expect("permissions");
     refused(guarded, &["page.token", "mode 0644", "chmod 640"]);
     std::fs::set_permissions(&token, PermissionsExt::from_mode(0o640)).expect("permissions");
+    refused(
+        &format!("{guarded}command_token_file = \"page.token\"\n"),
+        &["page.command_token_file", "another"],
+    );
     std::fs::write(&token, &SECRET[..31]).expect("a token");
     refused(guarded, &["page.token", "32 to 256"]);
 

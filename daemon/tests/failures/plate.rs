@@ -3,7 +3,7 @@
 use std::net::UdpSocket;
 use std::sync::{Arc, Mutex};
 
-use equipoise_adapters::ground::RdtRefusal;
+use equipoise_adapters::ground::GroundRefusal;
 use equipoise_core::message::Validity;
 
 use crate::eyes::Eyes;
@@ -25,7 +25,7 @@ fn a_faulty_sensor_has_no_centre_of_pressure_until_it_is_sound_again() {
 
     person.set_plate_status(0x8000_0000);
     eyes.until("a reason against it", spoilt);
-    eyes.until("the fault to be counted", |eyes| eyes.ground_refused(RdtRefusal::DeviceStatus) > 0);
+    eyes.until("the fault to be counted", |eyes| eyes.ground_refused(GroundRefusal::DeviceStatus) > 0);
     let status = station.status().expect("the daemon answers");
     assert!(status["state"].get("cop_measured").is_none(), "{status}");
     assert!(!status["state"]["valid"].as_array().expect("a list").is_empty(), "{status}");
@@ -62,7 +62,7 @@ fn what_is_no_new_record_of_the_plate_is_counted_and_not_used() {
         plate.stream.slip_in(|_| vec![0xff; 65_500]);
         plate.stream.slip_in(|_| vec![0xff; 36]);
     }
-    let counted = [(RdtRefusal::Duplicate, 1), (RdtRefusal::OutOfOrder, 2), (RdtRefusal::Length, 4)];
+    let counted = [(GroundRefusal::Duplicate, 1), (GroundRefusal::OutOfOrder, 2), (GroundRefusal::Length, 4)];
     for (reason, tricks) in counted {
         eyes.until(reason.name(), |eyes| {
             // Somebody of 72 kg stands there, whatever else is said.
@@ -81,7 +81,7 @@ fn what_is_no_new_record_of_the_plate_is_counted_and_not_used() {
             socket.send_to(&[0; 36], client).expect("a datagram");
         }
     }
-    let foreign = RdtRefusal::ForeignSender;
+    let foreign = GroundRefusal::ForeignSender;
     // The second socket cannot always reach one that is bound to 127.0.0.1, and need not.
     eyes.until("the stranger to be counted", |eyes| eyes.ground_refused(foreign) >= ROUNDS);
     let published = eyes.ground().published;

@@ -18,7 +18,7 @@ const RATE_HZ: f64 = 60.0;
 fn csv(rows: u32, broken: &[u32]) -> String {
     let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
     let suit = Suit::new(SuitNoise::NONE, 1);
-    let streams = Streams { joint_angles: false, linear_kinematics: false, centre_of_mass: false };
+    let streams = Streams::NONE;
     let mut text = String::from("t_s");
     for segment in Segment::ALL {
         for column in ["px_m", "py_m", "pz_m", "qw", "qx", "qy", "qz"] {

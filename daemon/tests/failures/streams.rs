@@ -1,6 +1,7 @@
 //! Hand-made sensors: sound samples at a steady rate, and whatever a test slips in behind them.
 
-use std::net::{SocketAddr, UdpSocket};
+use std::io::Write;
+use std::net::{SocketAddr, TcpStream, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -62,26 +63,56 @@ impl Drop for Stream {
 
 /// A suit that sends type 02 alone: one datagram a sample, each published at once.
 pub(crate) fn suit(target: SocketAddr) -> Stream {
+    suit_of(target, 0)
+}
+
+/// The same as another character.
+pub(crate) fn suit_of(target: SocketAddr, avatar: u8) -> Stream {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    // Nobody may listen yet, and some tricks are too long for a datagram: neither is our affair.
     Stream::start(move |tricks, stop| {
-        let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
-        let suit = Suit::new(SuitNoise::NONE, 1);
-        let streams = Streams { joint_angles: false, linear_kinematics: false, centre_of_mass: false };
-        // High enough to step back from.
-        for number in 1000.. {
-            if stop.load(Ordering::Relaxed) {
-                return;
-            }
-            let frame = frame(&worker, &suit, SuitWorld::default(), streams, 0, (number, SUIT_RATE_HZ));
-            let sound = frame.datagrams().expect("a body has 23 segments").remove(0);
-            // Nobody may listen yet, and some tricks are too long for a datagram: neither is our affair.
-            let _ = socket.send_to(&sound, target);
-            if let Some(bad) = tricks.next(&sound) {
-                let _ = socket.send_to(&bad, target);
-            }
-            std::thread::sleep(Duration::from_secs_f64(1.0 / SUIT_RATE_HZ));
-        }
+        run_suit(avatar, &tricks, stop, |bytes| drop(socket.send_to(bytes, target)));
     })
+}
+
+/// The same over TCP, as several characters on one connection; connects again whenever it was cut off.
+pub(crate) fn suits_over_tcp(target: SocketAddr, avatars: &'static [u8]) -> Stream {
+    Stream::start(move |tricks, stop| {
+        let mut connection: Option<TcpStream> = None;
+        run_suit(0, &tricks, stop, |bytes| {
+            let mut all = Vec::new();
+            for avatar in avatars {
+                all.extend_from_slice(bytes);
+                let begin = all.len() - bytes.len();
+                if let Some(place) = all.get_mut(begin + 16) {
+                    *place = *avatar;
+                }
+            }
+            connection = connection.take().or_else(|| TcpStream::connect(target).ok());
+            if connection.as_mut().is_some_and(|stream| stream.write_all(&all).is_err()) {
+                connection = None;
+            }
+        });
+    })
+}
+
+fn run_suit(avatar: u8, tricks: &Tricks, stop: &AtomicBool, mut send: impl FnMut(&[u8])) {
+    let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
+    let suit = Suit::new(SuitNoise::NONE, 1);
+    let streams = Streams::NONE;
+    // High enough to step back from.
+    for number in 1000.. {
+        if stop.load(Ordering::Relaxed) {
+            return;
+        }
+        let frame = frame(&worker, &suit, SuitWorld::default(), streams, avatar, (number, SUIT_RATE_HZ));
+        let sound = frame.datagrams().expect("a body has 23 segments").remove(0);
+        send(&sound);
+        if let Some(bad) = tricks.next(&sound) {
+            send(&bad);
+        }
+        std::thread::sleep(Duration::from_secs_f64(1.0 / SUIT_RATE_HZ));
+    }
 }
 
 /// A plate on which somebody of 72 kg stands still.

@@ -60,7 +60,7 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
         while let Some(sample) = ground.next_if(|sample| sample.published_ns <= due_ns) {
             inputs.1.push(*sample);
         }
-        let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, command: None };
+        let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, body: None, command: None };
         let state = *step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
         let spoilt = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
         if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt)

@@ -280,5 +280,5 @@ fn files_that_cannot_be_read_are_named() {
     let missing = equipoise().args(["reconcile", "nowhere.mcap"]).output().unwrap();
     assert_eq!(missing.status.code(), Some(1), "{}", said(&missing));
     let unknown = equipoise().args(["reconcile", "shift.xlsx"]).output().unwrap();
-    assert!(said(&unknown).contains(".mcap, .csv, .pcap or .pcapng"), "{}", said(&unknown));
+    assert!(said(&unknown).contains(".mcap, .csv, .mvnx, .pcap or .pcapng"), "{}", said(&unknown));
 }

@@ -115,7 +115,8 @@ poses_min = {}
             }
             ordered.upto((suit_ns.min(ground_ns) - EPOCH_NS) as f64 * 1e-9);
             if suit_ns <= ground_ns {
-                samples.suit.push(suit_sample(&ordered.worker, &suit_model, &self.rig, suit));
+                let seed = self.subject.seed;
+                samples.suit.push(suit_sample(&ordered.worker, &suit_model, &self.rig, seed, suit));
                 suit += 1;
             } else {
                 samples.ground.push(ground_sample(&ordered.worker, &self.rig, self.subject.seed, ground));

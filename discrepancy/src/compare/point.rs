@@ -58,6 +58,7 @@ struct Sums {
     motion: Motion,
     force_n: [f64; 3],
     cop_nm: [f64; 2],
+    has_shear: bool,
 }
 
 impl Point {
@@ -76,9 +77,7 @@ impl Point {
         if vertical_n <= 0.0 || specific_force < SPECIFIC_FORCE_MIN_M_PER_S2 {
             return None;
         }
-        let [shear_x_n, shear_y_n, _] = seen.ground?.force_n;
-        // Shear that is exactly zero was not measured.
-        let has_shear = shear_x_n != 0.0 || shear_y_n != 0.0;
+        let has_shear = sums.has_shear && seen.ground?.has_shear;
         let slope_by_suit = [sums.acceleration.x / specific_force, sums.acceleration.y / specific_force];
         // As the loop does: over the force that the body needs, so that a load's weight does not lessen the slope.
         let by_shear = [0, 1].map(|axis| sums.force_n[axis] / (worker.mass_kg * specific_force));
@@ -153,6 +152,7 @@ impl Sums {
             motion: Motion::zeroed(),
             force_n: [0.0; 3],
             cop_nm: [0.0; 2],
+            has_shear: true,
         };
         let weights = &around.weights;
         for place in 0..around.count {
@@ -164,6 +164,7 @@ impl Sums {
             sums.velocity += first * seen.centre_m;
             sums.acceleration += second * seen.centre_m;
             sums.motion.add(&seen.moment, first, second);
+            sums.has_shear &= ground.has_shear;
             for (sum, force_n) in sums.force_n.iter_mut().zip(ground.force_n) {
                 *sum += value * force_n;
             }

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use equipoise_core::frame::StationWorld;
 use equipoise_core::frame::{Pose, rotation};
+use equipoise_core::message::Component;
 use equipoise_core::motion::Moment;
 use equipoise_core::motion::history::CAPACITY;
 use equipoise_core::motion::weights::{Weights, weights};
@@ -38,6 +39,8 @@ pub(super) struct Seen {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shown {
     pub(super) force_n: [f64; 3],
+    /// Whether the horizontal part of it was measured.
+    pub(super) has_shear: bool,
     /// Centre of pressure times vertical force: what may be averaged, N m.
     pub(super) cop_nm: [f64; 2],
 }
@@ -87,7 +90,9 @@ impl Window {
         let ground = moment.ground().and_then(|ground| {
             let [x, y] = ground.cop_m().ok()?;
             let vertical_n = ground.force_n[2];
-            Some(Shown { force_n: ground.force_n, cop_nm: [x * vertical_n, y * vertical_n] })
+            // A device that does not say so, and shows exactly zero, did not measure it either.
+            let has_shear = ground.measures(Component::Shear) && ground.force_n[..2] != [0.0; 2];
+            Some(Shown { force_n: ground.force_n, has_shear, cop_nm: [x * vertical_n, y * vertical_n] })
         });
         let has_cop = ground.is_some();
         self.seen.push_back(Seen { time_s, moment: *moment, centre_m, ground });

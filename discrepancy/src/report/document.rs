@@ -1,61 +1,73 @@
-//! The report before it has a form: HTML and Markdown are made of the same pieces and so tell the same.
+//! A report before it has a form: HTML and Markdown are made of the same pieces and so tell the same.
 
 use super::svg::Drawing;
 
 /// The whole report.
 #[derive(Debug, Clone)]
-pub(super) struct Document {
-    pub(super) title: String,
+pub struct Document {
+    /// What it is about.
+    pub title: String,
     /// The verdict in a word.
-    pub(super) verdict: &'static str,
+    pub verdict: &'static str,
     /// The answer in a sentence or two.
-    pub(super) headline: Text,
+    pub headline: Text,
     /// The few numbers that matter: what, value, what it means.
-    pub(super) numbers: Vec<[String; 3]>,
-    pub(super) sections: Vec<Section>,
+    pub numbers: Vec<[String; 3]>,
+    /// Its parts.
+    pub sections: Vec<Section>,
 }
 
 /// A part under a heading.
 #[derive(Debug, Clone)]
-pub(super) struct Section {
-    pub(super) title: String,
-    pub(super) pieces: Vec<Piece>,
+pub struct Section {
+    /// Its heading.
+    pub title: String,
+    /// What stands under it.
+    pub pieces: Vec<Piece>,
 }
 
 impl Section {
-    pub(super) fn new(title: impl Into<String>) -> Section {
+    /// A part with nothing in it yet.
+    pub fn new(title: impl Into<String>) -> Section {
         Section { title: title.into(), pieces: Vec::new() }
     }
 
-    pub(super) fn say(&mut self, text: impl Into<Text>) {
+    /// Adds a paragraph.
+    pub fn say(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Paragraph(text.into()));
     }
 
-    pub(super) fn note(&mut self, text: impl Into<Text>) {
+    /// Adds a remark.
+    pub fn note(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Note(text.into()));
     }
 
-    pub(super) fn head(&mut self, text: impl Into<Text>) {
+    /// Adds a heading of its own.
+    pub fn head(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Subheading(text.into()));
     }
 
-    pub(super) fn list(&mut self, items: Vec<Text>) {
+    /// Adds a list, unless it is empty.
+    pub fn list(&mut self, items: Vec<Text>) {
         if !items.is_empty() {
             self.pieces.push(Piece::List(items));
         }
     }
 
-    pub(super) fn table(&mut self, table: Table) {
+    /// Adds a table, unless it has no rows.
+    pub fn table(&mut self, table: Table) {
         if !table.rows.is_empty() {
             self.pieces.push(Piece::Table(table));
         }
     }
 
-    pub(super) fn code(&mut self, language: &'static str, text: impl Into<String>) {
+    /// Adds a text as it stands in a file.
+    pub fn code(&mut self, language: &'static str, text: impl Into<String>) {
         self.pieces.push(Piece::Code { language, text: text.into() });
     }
 
-    pub(super) fn figures(&mut self, figures: Vec<Figure>) {
+    /// Adds drawings side by side, unless there are none.
+    pub fn figures(&mut self, figures: Vec<Figure>) {
         if !figures.is_empty() {
             self.pieces.push(Piece::Figures(figures));
         }
@@ -64,27 +76,42 @@ impl Section {
 
 /// What a section consists of.
 #[derive(Debug, Clone)]
-pub(super) enum Piece {
+pub enum Piece {
+    /// A paragraph.
     Paragraph(Text),
+    /// A remark.
     Note(Text),
+    /// A heading within the section.
     Subheading(Text),
+    /// A list.
     List(Vec<Text>),
+    /// A table.
     Table(Table),
-    Code { language: &'static str, text: String },
+    /// A text as it stands in a file.
+    Code {
+        /// Its language, for Markdown.
+        language: &'static str,
+        /// The text.
+        text: String,
+    },
+    /// Drawings side by side.
     Figures(Vec<Figure>),
 }
 
 /// A table; cells of columns in `numeric` are set to the right.
 #[derive(Debug, Clone)]
-pub(super) struct Table {
-    pub(super) head: Vec<String>,
-    pub(super) numeric: Vec<bool>,
-    pub(super) rows: Vec<Vec<Text>>,
+pub struct Table {
+    /// Names of the columns.
+    pub head: Vec<String>,
+    /// Which columns are set to the right.
+    pub numeric: Vec<bool>,
+    /// Cells, row by row.
+    pub rows: Vec<Vec<Text>>,
 }
 
 impl Table {
     /// Names of columns; those that begin with a `>` are numeric.
-    pub(super) fn new(head: &[&str]) -> Table {
+    pub fn new(head: &[&str]) -> Table {
         Table {
             head: head.iter().map(|name| name.trim_start_matches('>').to_owned()).collect(),
             numeric: head.iter().map(|name| name.starts_with('>')).collect(),
@@ -95,41 +122,52 @@ impl Table {
 
 /// A drawing with what it shows.
 #[derive(Debug, Clone)]
-pub(super) struct Figure {
-    pub(super) drawing: Drawing,
-    pub(super) caption: Text,
+pub struct Figure {
+    /// The drawing.
+    pub drawing: Drawing,
+    /// What it shows; may be empty.
+    pub caption: Text,
 }
 
 /// A line of text.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Text(pub(super) Vec<Inline>);
+pub struct Text(
+    /// Its parts.
+    pub Vec<Inline>,
+);
 
 /// A part of a line.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Inline {
+pub enum Inline {
+    /// Words.
     Plain(String),
+    /// Words that matter.
     Strong(String),
+    /// A name or a command.
     Code(String),
 }
 
 impl Text {
-    pub(super) fn plain(mut self, text: impl Into<String>) -> Text {
+    /// Goes on with words.
+    pub fn plain(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Plain(text.into()));
         self
     }
 
-    pub(super) fn strong(mut self, text: impl Into<String>) -> Text {
+    /// Goes on with words that matter.
+    pub fn strong(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Strong(text.into()));
         self
     }
 
-    pub(super) fn code(mut self, text: impl Into<String>) -> Text {
+    /// Goes on with a name or a command.
+    pub fn code(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Code(text.into()));
         self
     }
 
     /// One text after another.
-    pub(super) fn then(mut self, other: Text) -> Text {
+    pub fn then(mut self, other: Text) -> Text {
         self.0.extend(other.0);
         self
     }
@@ -148,11 +186,11 @@ impl From<String> for Text {
 }
 
 /// Begins a text with strong words.
-pub(super) fn strong(text: impl Into<String>) -> Text {
+pub fn strong(text: impl Into<String>) -> Text {
     Text::default().strong(text)
 }
 
 /// Begins a text with code.
-pub(super) fn code(text: impl Into<String>) -> Text {
+pub fn code(text: impl Into<String>) -> Text {
     Text::default().code(text)
 }

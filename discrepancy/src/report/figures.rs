@@ -2,7 +2,7 @@
 
 use super::document::{Figure, Text};
 use super::svg;
-use super::svg::scale::Scale;
+use super::svg::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot, thin};
 use super::words;
 use crate::finding::Suspicion;

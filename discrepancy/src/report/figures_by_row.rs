@@ -1,8 +1,8 @@
 //! The drawings with a row per name: the gap as a multiple of noise, and the evidence of the candidates.
 
 use super::document::{Figure, Text};
-use super::svg::rows::{Row, Rows};
 use super::svg::{Key, Look};
+use super::svg::{Row, Rows};
 use super::words;
 use crate::finding::{AxisGap, Finding, Gap};
 use crate::picture::Signal;

@@ -2,7 +2,7 @@
 
 use super::document::{Figure, Text};
 use super::figures::{sentence, signal};
-use super::svg::scale::Scale;
+use super::svg::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot};
 use crate::picture::{SurpriseBin, Whiteness};
 

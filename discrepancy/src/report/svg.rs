@@ -1,32 +1,33 @@
 //! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; none carries meaning alone.
 
 mod frame;
-pub(super) mod rows;
-pub(super) mod scale;
+mod rows;
+mod scale;
 pub(super) mod thin;
 
 use std::fmt::Write;
 
 use super::escape::xml;
 use frame::Frame;
-use scale::Scale;
+pub use rows::{Row, Rows};
+pub use scale::Scale;
 
 /// Colours of all plots. Okabe and Ito's palette, which people with any colour vision can tell apart.
 pub(super) const STYLE: &str = include_str!("plot.css");
 
 /// Width of every plot, in its own units: what fits twice on a page.
-const WIDTH: f64 = 540.0;
+pub(super) const WIDTH: f64 = 540.0;
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 40.0;
 
 /// A finished drawing.
 #[derive(Debug, Clone)]
-pub(super) struct Drawing {
+pub struct Drawing {
     /// Stem of its file's name, and its identifier in the page.
-    pub(super) name: String,
+    pub name: String,
     /// What is seen, in a few words.
-    pub(super) title: String,
+    pub title: String,
     /// Outer height.
     height: f64,
     description: String,
@@ -34,7 +35,8 @@ pub(super) struct Drawing {
 }
 
 impl Drawing {
-    pub(super) fn new(name: &str, title: &str, description: &str, height: f64, body: String) -> Drawing {
+    /// A drawing of its own, 540 wide: `body` is SVG, in which names from elsewhere are escaped already.
+    pub fn new(name: &str, title: &str, description: &str, height: f64, body: String) -> Drawing {
         let (name, title, description) = (name.to_owned(), title.to_owned(), description.to_owned());
         Drawing { name, title, height, description, body }
     }
@@ -67,12 +69,18 @@ impl Drawing {
 
 /// What a mark stands for; its name is its class in the style sheet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Look {
+pub enum Look {
+    /// The first of two.
     Before,
+    /// The second of two, or the only one.
     After,
+    /// What is no more than noise.
     Noise,
+    /// What would be expected, or is aimed at.
     Expected,
+    /// What is suspicious.
     Suspect,
+    /// Stillness.
     Still,
 }
 
@@ -91,20 +99,58 @@ impl Look {
 
 /// Something drawn into the axes.
 #[derive(Debug, Clone)]
-pub(super) enum Mark {
+pub enum Mark {
     /// From `−half` to `half`: x and half. Broken where there is nothing for longer than `gap`.
-    Band { look: Look, points: Vec<[f64; 2]>, gap: f64 },
-    /// A line through points by x, broken likewise. If they are too many to be told apart ([`is_dense`]), it is the line
+    Band {
+        /// How it looks.
+        look: Look,
+        /// x and y.
+        points: Vec<[f64; 2]>,
+        /// The longest distance in x over which it goes on.
+        gap: f64,
+    },
+    /// A line through points by x, broken likewise. If they are too many to be told apart (`is_dense`), it is the line
     /// of their means within their range.
-    Line { look: Look, points: Vec<[f64; 2]>, gap: f64 },
+    Line {
+        /// How it looks.
+        look: Look,
+        /// x and y.
+        points: Vec<[f64; 2]>,
+        /// The longest distance in x over which it goes on.
+        gap: f64,
+    },
     /// A cloud.
-    Dots { look: Look, points: Vec<[f64; 2]> },
+    Dots {
+        /// How it looks.
+        look: Look,
+        /// x and y.
+        points: Vec<[f64; 2]>,
+    },
     /// Columns from zero: begin, end, value.
-    Columns { look: Look, columns: Vec<[f64; 3]> },
+    Columns {
+        /// How it looks.
+        look: Look,
+        /// Begin, end, value.
+        columns: Vec<[f64; 3]>,
+    },
     /// A stretch of x with a letter.
-    Stretch { look: Look, from: f64, to: f64, letter: String },
+    Stretch {
+        /// How it looks.
+        look: Look,
+        /// Begin.
+        from: f64,
+        /// End.
+        to: f64,
+        /// What it is called.
+        letter: String,
+    },
     /// Stretches of x along the foot of the plot.
-    Strip { look: Look, stretches: Vec<[f64; 2]> },
+    Strip {
+        /// How it looks.
+        look: Look,
+        /// Begin and end of each.
+        stretches: Vec<[f64; 2]>,
+    },
 }
 
 /// Whether so many points of a line cannot be told apart.
@@ -114,23 +160,29 @@ pub(super) const fn is_dense(points: usize) -> bool {
 
 /// How an entry of the legend looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Key {
+pub enum Key {
+    /// A line.
     Line,
+    /// A dot.
     Dot,
+    /// An area.
     Area,
 }
 
 /// An axis.
 #[derive(Debug, Clone)]
-pub(super) struct Axis {
-    pub(super) label: String,
-    pub(super) scale: Scale,
+pub struct Axis {
+    /// What it shows, with the unit.
+    pub label: String,
+    /// Its range.
+    pub scale: Scale,
     /// Classes instead of a scale: where each stands, and its name.
-    pub(super) classes: Vec<(f64, String)>,
+    pub classes: Vec<(f64, String)>,
 }
 
 impl Axis {
-    pub(super) fn new(label: impl Into<String>, scale: Scale) -> Axis {
+    /// An axis with a scale.
+    pub fn new(label: impl Into<String>, scale: Scale) -> Axis {
         Axis { label: label.into(), scale, classes: Vec::new() }
     }
 
@@ -146,21 +198,28 @@ impl Axis {
 
 /// A plot with two axes.
 #[derive(Debug, Clone)]
-pub(super) struct Plot {
-    pub(super) name: String,
-    pub(super) title: String,
-    pub(super) description: String,
-    pub(super) x: Axis,
-    pub(super) y: Axis,
-    pub(super) marks: Vec<Mark>,
-    pub(super) legend: Vec<(Key, Look, String)>,
+pub struct Plot {
+    /// Identifier, unique in its page.
+    pub name: String,
+    /// What is seen, in a few words.
+    pub title: String,
+    /// The same for those who do not see it.
+    pub description: String,
+    /// Across.
+    pub x: Axis,
+    /// Upwards.
+    pub y: Axis,
+    /// What is drawn.
+    pub marks: Vec<Mark>,
+    /// What it means.
+    pub legend: Vec<(Key, Look, String)>,
 }
 
 impl Plot {
     const HEIGHT: f64 = 250.0;
 
     /// Draws it.
-    pub(super) fn draw(&self) -> Drawing {
+    pub fn draw(&self) -> Drawing {
         let mut body = format!("<text class=\"title\" x=\"{LEFT}\" y=\"16\">{}</text>", xml(&self.title));
         let (legend, rows) = legend(&self.legend, 33.0);
         body.push_str(&legend);

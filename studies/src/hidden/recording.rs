@@ -246,7 +246,12 @@ mod tests {
         let mut cycle = 0;
         let mut pass = |due_ns: u64, suit: &[SuitSample], ground: &[GroundSample]| {
             cycle += 1;
-            step(&settings, &mut memory, Tick { cycle, due_ns }, Inputs { suit, ground, command: None });
+            step(
+                &settings,
+                &mut memory,
+                Tick { cycle, due_ns },
+                Inputs { suit, ground, body: None, command: None },
+            );
             see((memory.state.suit_sample_time_ns as f64 - EPOCH_NS as f64) * 1e-9, &memory.state);
         };
         station

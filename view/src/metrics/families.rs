@@ -177,7 +177,14 @@ impl Snapshot {
             .map(|(stream, health)| ([("stream", stream.name)], health.rate_hz))
             .collect();
         let unit = Unit::Other("hertz".to_owned());
-        families.gauges(("adapter_rate", Some(unit)), "Samples a second over the last second", &rates)
+        families.gauges(("adapter_rate", Some(unit)), "Samples a second over the last second", &rates)?;
+        let blocks: Vec<_> = told()
+            .filter(|(_, health)| health.block_latency_ns > 0)
+            .map(|(stream, health)| ([("stream", stream.name)], seconds(health.block_latency_ns)))
+            .collect();
+        let help =
+            "How long a device gathers samples before it sends them; absent if it sends each by itself";
+        families.gauges(("adapter_block_latency", Some(Unit::Seconds)), help, &blocks)
     }
 
     fn incidents(&self, families: &mut Families<'_>) -> fmt::Result {
@@ -278,6 +285,7 @@ mod tests {
         known.record = Some(CycleRecord { cycle: 77, period_ns: 1_000_000, ..CycleRecord::zeroed() });
         let mut health = AdapterHealth { received: 9, time_ns: known.now_ns, ..AdapterHealth::zeroed() };
         health.refused[0] = 2;
+        health.block_latency_ns = 40_000_000;
         known.streams[0].health = Some(health);
         let mut state = State { time_ns: known.now_ns, suit_age_ns: 5_000_000, ..State::zeroed() };
         (state.ground_age_ns, state.phase, state.predicted_cop_sigma_m) = (u64::MAX, 2, 0.004);
@@ -293,6 +301,7 @@ mod tests {
             "equipoise_cycles_total{station=\"bench\"} 77",
             "equipoise_cycle_period_seconds{station=\"bench\"} 0.001",
             "equipoise_adapter_refused_total{station=\"bench\",stream=\"suit\",reason=\"length\"} 2",
+            "equipoise_adapter_block_latency_seconds{station=\"bench\",stream=\"suit\"} 0.04",
             "equipoise_incidents_total{station=\"bench\",incident=\"ground_silent\"} 4",
             "equipoise_incident_active{station=\"bench\",incident=\"ground_silent\"} 1.0",
             "equipoise_sample_age_seconds{station=\"bench\",stream=\"suit\"} 0.005",

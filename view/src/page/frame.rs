@@ -1,6 +1,7 @@
 //! What the page draws: one frame, and its JSON.
 
 use equipoise_core::body::SEGMENTS;
+use equipoise_core::cycle::POSE_REACHED_RAD;
 use equipoise_core::message::{State, Validity};
 use equipoise_core::time::seconds;
 use serde::Serialize;
@@ -44,10 +45,16 @@ impl PageFrame {
                 fatigue: Some(state.fatigue[joint.index()]).filter(|share| share.is_finite()),
             }),
             advice: words::advice(state),
+            advice_name: words::advice_name(state),
             segment_origin_m: state
-                .unless(Validity::SUIT_STALE, &state.segment_origin_m)
-                .filter(|_| state.suit_sample_time_ns != 0),
-            suggested: self.suggested.as_ref(),
+                .unless(Validity::SUIT_STALE, state.segment_origin_m)
+                .filter(|_| state.suit_sample_time_ns != 0)
+                .map(drawn),
+            suggested: self.suggested.as_ref().map(|pose| Suggested {
+                name: pose.name.as_ref(),
+                segment_origin_m: drawn(pose.segment_origin_m),
+            }),
+            pose_reached_rad: POSE_REACHED_RAD,
             cop_sigma_target_m: self.cop_sigma_target_m,
             plate_corners_m: self.plate_corners_m,
         })
@@ -70,13 +77,27 @@ struct FrameJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     advice: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    segment_origin_m: Option<&'a [[f64; 3]; SEGMENTS]>,
+    advice_name: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    suggested: Option<&'a SuggestedPose>,
+    segment_origin_m: Option<[[f64; 3]; SEGMENTS]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suggested: Option<Suggested<'a>>,
+    pose_reached_rad: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     cop_sigma_target_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     plate_corners_m: Option<[[f64; 2]; 4]>,
+}
+
+#[derive(Serialize)]
+struct Suggested<'a> {
+    name: &'a str,
+    segment_origin_m: [[f64; 3]; SEGMENTS],
+}
+
+/// A picture needs no more than tenths of a millimetre, and sixty a second are half as long with them.
+fn drawn(origins_m: [[f64; 3]; SEGMENTS]) -> [[f64; 3]; SEGMENTS] {
+    origins_m.map(|origin| origin.map(|metres| (metres * 1e4).round() / 1e4))
 }
 
 #[derive(Serialize)]
@@ -101,7 +122,7 @@ mod tests {
             .collect();
         let joints: Vec<String> = Joint::ALL.iter().map(|joint| format!("\"{}\"", joint.name())).collect();
         let squeezed = |text: &str| text.split_whitespace().collect::<String>().replace(",]", "]");
-        let script = squeezed(include_str!("body.js"));
+        let script = squeezed(include_str!("../../web/src/body.js"));
         for (name, list) in [("PARENT", parents), ("JOINT", joints)] {
             let expected = format!("exportconst{name}=[{}]", list.join(","));
             assert!(script.contains(&expected), "body.js lacks {expected}");

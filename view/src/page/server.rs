@@ -14,39 +14,48 @@ use tokio::sync::{oneshot, watch};
 use tokio_stream::wrappers::WatchStream;
 use tokio_stream::{Stream, StreamExt};
 
+use super::assets::ASSETS;
 use super::guard::{Access, guard};
 use super::newest::{Newest, follow};
-use super::{PageFrame, connections};
+use super::station::Engineer;
+use super::{PageFrame, connections, engineer};
 
 /// Serves until `stopped` says so (or its sender is gone).
-pub(super) async fn serve<F>(listener: TcpListener, access: Access, feed: F, stopped: oneshot::Receiver<()>)
-where
+pub(super) async fn serve<F>(
+    listener: TcpListener,
+    access: Access,
+    feed: F,
+    engineer: Option<Engineer>,
+    stopped: oneshot::Receiver<()>,
+) where
     F: FnMut() -> Option<PageFrame> + Send + 'static,
 {
     let (newest, watched) = watch::channel(Newest::Silent);
     let follower = tokio::spawn(follow(feed, newest));
-    // The follower takes the sender of `watched` with it: that ends the event streams.
-    connections::serve(listener, routes(watched, access), stopped, || follower.abort()).await;
+    let (more, telling) = engineer.map(engineer::routes).unzip();
+    let telling = telling.map(tokio::spawn);
+    let routes = pages(watched).merge(more.unwrap_or_default()).layer(from_fn_with_state(access, guard));
+    // Both take the senders of what is watched with them: that ends the event streams.
+    let farewell = || {
+        follower.abort();
+        if let Some(telling) = telling {
+            telling.abort();
+        }
+    };
+    connections::serve(listener, routes, stopped, farewell).await;
 }
 
-fn routes(newest: watch::Receiver<Newest>, access: Access) -> Router {
+fn pages(newest: watch::Receiver<Newest>) -> Router {
     let file = |kind: &'static str, text: &'static str| {
         get(move || std::future::ready(([(header::CONTENT_TYPE, kind)], text)))
     };
-    const SCRIPT: &str = "text/javascript; charset=utf-8";
-    Router::new()
-        .route("/", file("text/html; charset=utf-8", include_str!("index.html")))
-        .route("/style.css", file("text/css; charset=utf-8", include_str!("style.css")))
-        .route("/page.js", file(SCRIPT, include_str!("page.js")))
-        .route("/body.js", file(SCRIPT, include_str!("body.js")))
-        .route("/figure.js", file(SCRIPT, include_str!("figure.js")))
-        .route("/plate.js", file(SCRIPT, include_str!("plate.js")))
-        .route("/icon.svg", file("image/svg+xml", include_str!("icon.svg")))
+    ASSETS
+        .iter()
+        .fold(Router::new(), |routes, (path, kind, text)| routes.route(path, file(kind, text)))
         .route("/healthz", file("text/plain; charset=utf-8", "ok\n"))
         .route("/events", get(events))
         .route("/api/state", get(state))
         .with_state(newest)
-        .layer(from_fn_with_state(access, guard))
 }
 
 /// The newest frame at once, then every newer one; a client that is slow misses the ones between.

@@ -96,6 +96,11 @@ impl Token {
         Some(Token { secret: digest(text.as_bytes()), cookie })
     }
 
+    /// Whether both are one secret: two doors with one key are one door.
+    pub fn is_the_same_as(&self, other: &Token) -> bool {
+        same(&self.secret, &other.secret)
+    }
+
     /// Whether `given` is the token.
     pub(super) fn is_secret(&self, given: &str) -> bool {
         same(&digest(given.as_bytes()), &self.secret)
@@ -148,6 +153,7 @@ mod tests {
         assert!(!token.is_cookie(SECRET) && !token.is_cookie(""));
         let other = Token::new(&SECRET.replace('0', "1")).unwrap();
         assert!(!token.is_cookie(&other.cookie_value()));
+        assert!(token.is_the_same_as(&Token::new(SECRET).unwrap()) && !token.is_the_same_as(&other));
     }
 
     #[test]

@@ -1,11 +1,14 @@
 //! The exact text of states, and what is left out of them.
 
+use super::schema::{KEYS, Key, There};
 use super::*;
+use crate::schema_check::misfits;
 use bytemuck::Zeroable;
 use equipoise_core::message::state::Phase;
 use serde_json::Value;
 
-fn monitoring() -> State {
+/// A state with every value.
+pub(crate) fn monitoring() -> State {
     let mut state = State::zeroed();
     state.cycle = 7;
     state.phase = Phase::Monitoring as u32;
@@ -22,6 +25,8 @@ fn monitoring() -> State {
     state.cop_estimated_m = [0.03, -0.02];
     state.cop_sigma_m = [0.004, 0.005];
     state.com_m = [0.03, -0.02, 0.98];
+    state.suit_com_m = [0.04, -0.02, 0.97];
+    (state.body_source, state.sole_source, state.ground_devices) = (2, 1, 1);
     state.ground_force_n = [0.0, 0.0, 800.0];
     state.delta_f_n = [0.0, 0.0, 88.75];
     state.zeta = [0.5, 0.5];
@@ -67,7 +72,8 @@ fn a_withheld_state_is_exactly_this_text() {
         .to_owned()
         + r#""static_pose":true,"converged":true,"poses_used":12,"stance":2,"motion_samples_used":250,"#
         + r#""group_delay_ns":100000000,"suit_age_ns":4000000,"ground_age_ns":900000,"#
-        + r#""mass_kg":72.5,"ground_force_n":[0.0,0.0,800.0],"#
+        + r#""mass_kg":72.5,"body_source":"null_pose","sole_source":"suit","#
+        + r#""ground_force_n":[0.0,0.0,800.0],"vertical_force_n":800.0,"ground_devices":["plate"],"#
         + r#""variance_max_m2":0.0015,"predicted_cop_sigma_m":0.006,"nis":1.5,"prior_inflation":1.0,"#
         + r#""lifts":3,"dose_damage":0.0005,"dose_probability":0.125,"#
         + r#""fatigue":{"L5S1":0.25,"L4L3":0.25,"#;
@@ -82,9 +88,11 @@ fn a_whole_state_is_exactly_this_text_up_to_the_second_joint() {
         .to_owned()
         + r#""converged":true,"poses_used":12,"stance":2,"motion_samples_used":250,"#
         + r#""group_delay_ns":100000000,"suit_age_ns":4000000,"ground_age_ns":900000,"#
-        + r#""mass_kg":72.5,"cop_measured":[0.0625,-0.01],"cop_measured_sigma":[0.001,0.002],"#
+        + r#""mass_kg":72.5,"body_source":"null_pose","sole_source":"suit","cop_measured":[0.0625,-0.01],"cop_measured_sigma":[0.001,0.002],"#
         + r#""cop_estimated":[0.03,-0.02],"#
-        + r#""cop_sigma":[0.004,0.005],"com":[0.03,-0.02,0.98],"ground_force_n":[0.0,0.0,800.0],"#
+        + r#""cop_sigma":[0.004,0.005],"com":[0.03,-0.02,0.98],"com_suit":[0.04,-0.02,0.97],"#
+        + r#""acceleration_source":"positions","#
+        + r#""ground_force_n":[0.0,0.0,800.0],"vertical_force_n":800.0,"ground_devices":["plate"],"#
         + r#""delta_f_n":[0.0,0.0,88.75],"delta_f_sigma_n":3.5,"#
         + r#""lifted_mass_kg":9.0,"lifted_mass_sigma_kg":0.25,"#
         + r#""zeta":[0.5,0.5],"sharing_source":"measured","eta":[0.25,0.75],"load_distance_m":0.02,"#
@@ -121,6 +129,19 @@ fn every_reason_alone_withholds_the_torques_and_names_itself() {
 }
 
 #[test]
+fn what_the_sensors_do_not_give_is_named_and_absent() {
+    let mut state = monitoring();
+    state.not_given = NotGiven::SuitCom as u32 | NotGiven::Shear as u32;
+    state.body_refused = BodyRefusal::ContradictsPoses as u32;
+    let json = parsed(&state);
+    assert_eq!(json["not_given"], serde_json::json!(["suit_com", "shear"]));
+    assert_eq!(json["valid"], serde_json::json!([]), "nothing is wrong");
+    assert_eq!(json["body_refused"], "contradicts_poses");
+    assert_eq!(json["vertical_force_n"], 800.0);
+    assert!(json.get("com_suit").is_none() && json.get("ground_force_n").is_none());
+}
+
+#[test]
 fn the_distance_of_a_load_that_is_not_at_the_hands_is_told() {
     let mut state = monitoring();
     state.valid = Validity::LOAD_NOT_AT_HANDS.0;
@@ -137,7 +158,7 @@ fn nothing_is_ever_null() {
     state.torque_nm[3][0] = f64::NAN;
     state.torque_sigma_nm[4] = f64::NAN;
     let text = StateJson::new(&state, 0.0).to_text().unwrap();
-    assert!(!text.contains("null"), "{text}");
+    assert!(!text.replace("null_pose", "").contains("null"), "{text}");
     let json = parsed(&state);
     assert!(json.get("com").is_none() && json["joints"].get("T9T8").is_none());
     assert!(json["joints"].get("T1C7").is_some_and(|joint| joint.get("sigma_nm").is_none()));
@@ -173,4 +194,56 @@ fn what_has_not_been_found_is_not_told() {
     state.suit_skew_sigma_s = 0.001;
     let json = parsed(&state);
     assert_eq!((&json["suit_skew_s"], &json["suit_skew_sigma_s"]), (&0.004.into(), &0.001.into()));
+}
+
+#[test]
+fn the_schema_has_the_keys_of_the_json_in_their_order() {
+    let schema = schema::state();
+    let mut whole = monitoring();
+    (whole.suggested_pose, whole.pose_mismatch_rad) = (3, 0.5);
+    (whole.suit_skew_s, whole.suit_skew_sigma_s) = (0.004, 0.001);
+    (whole.not_given, whole.body_refused) = (0, BodyRefusal::Stale as u32);
+    let text = StateJson::new(&whole, 1.5).to_text().unwrap();
+    assert_eq!(misfits(&schema, &parsed(&whole)), [""; 0]);
+    // `not_given` is there exactly when something is not.
+    let mut at = 0;
+    for Key(name, ..) in KEYS.iter().filter(|Key(name, ..)| *name != "not_given") {
+        let found = text[at..].find(&format!("\"{name}\":"));
+        at += found.unwrap_or_else(|| panic!("{name} does not stand after {}: {text}", &text[..at]));
+    }
+    whole.not_given = u32::MAX;
+    assert_eq!(misfits(&schema, &parsed(&whole)), [""; 0]);
+}
+
+#[test]
+fn what_is_always_there_is_there_when_everything_is_withheld() {
+    let mut nothing = State::zeroed();
+    nothing.valid = Validity::NAMES.iter().fold(0, |bits, (reason, _)| bits | reason.0);
+    nothing.ground_age_ns = u64::MAX;
+    (nothing.suggested_pose, nothing.worst_joint) = (u32::MAX, u32::MAX);
+    let json = parsed(&nothing);
+    assert_eq!(misfits(&schema::state(), &json), [""; 0]);
+    let added_up = ["dose_damage", "dose_probability"];
+    for Key(name, _, there, _) in KEYS.iter().filter(|Key(name, ..)| !added_up.contains(name)) {
+        assert_eq!(json.get(name).is_some(), *there == There::Always, "{name}");
+    }
+}
+
+#[test]
+fn the_schema_refuses_what_is_no_state() {
+    let schema = schema::state();
+    for (key, wrong) in [
+        ("t", "x".into()),
+        ("valid", serde_json::json!(["no_reason"])),
+        ("cop_measured", [1.0].as_slice().into()),
+    ] {
+        let mut json = parsed(&monitoring());
+        json[key] = wrong;
+        assert_eq!(misfits(&schema, &json).len(), 1, "{key}");
+    }
+    let mut json = parsed(&monitoring());
+    json["joints"]["L5S1"]["level"] = "purple".into();
+    json["colour"] = 1.into();
+    json.as_object_mut().unwrap().remove("cycle");
+    assert_eq!(misfits(&schema, &json).len(), 3);
 }

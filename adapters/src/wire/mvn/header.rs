@@ -5,7 +5,7 @@ use crate::wire::reader::Reader;
 
 /// Bytes before the payload.
 pub const HEADER_SIZE: usize = 24;
-const MAGIC: [u8; 4] = *b"MXTP";
+pub(super) const MAGIC: [u8; 4] = *b"MXTP";
 
 /// A datagram's type: the two ASCII digits after `MXTP`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -16,6 +16,10 @@ impl DatagramType {
     pub const POSE_EULER: Self = Self(*b"01");
     /// 02: poses as quaternions, metres, Z up.
     pub const POSE_QUATERNION: Self = Self(*b"02");
+    /// 03: the virtual marker set.
+    pub const VIRTUAL_MARKERS: Self = Self(*b"03");
+    /// 05: poses for Unity3D.
+    pub const UNITY: Self = Self(*b"05");
     /// 12: the character's name and the like.
     pub const META: Self = Self(*b"12");
     /// 13: the null pose and the points on the segments.
@@ -134,6 +138,23 @@ impl Header {
         }))
     }
 
+    /// What the items of a pose or of kinematics (types 01, 02, 21, 22) are, by the header's own counts.
+    ///
+    /// `None` for other types, for senders older than MVN 2019, and where the counts do not add up to the items: then
+    /// the segment ids, which number the body from 1 to 23, are all there is.
+    pub fn layout(&self) -> Option<Layout> {
+        const WITH_COUNTS: [DatagramType; 4] = [
+            DatagramType::POSE_EULER,
+            DatagramType::POSE_QUATERNION,
+            DatagramType::LINEAR_KINEMATICS,
+            DatagramType::ANGULAR_KINEMATICS,
+        ];
+        let Header { body_segments: body, props, finger_segments: fingers, .. } = *self;
+        let items = u16::from(body) + u16::from(props) + u16::from(fingers);
+        let adds_up = body > 0 && items == u16::from(self.items) && WITH_COUNTS.contains(&self.datagram_type);
+        adds_up.then_some(Layout { body, props, fingers })
+    }
+
     fn to_bytes(self) -> [u8; HEADER_SIZE] {
         let mut bytes = [0; HEADER_SIZE];
         bytes[0..4].copy_from_slice(&MAGIC);
@@ -146,6 +167,17 @@ impl Header {
         bytes[22..24].copy_from_slice(&self.payload_size.to_be_bytes());
         bytes
     }
+}
+
+/// How many items of which sort a datagram has; they come in this order, fingers of the left hand first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Segments of the body.
+    pub body: u8,
+    /// Props. Their ids follow the body's (24 …), and fingers' ids shift with them: go by the order.
+    pub props: u8,
+    /// Finger segments of both hands.
+    pub fingers: u8,
 }
 
 /// More items or bytes than a header can announce.
@@ -211,6 +243,22 @@ mod tests {
             };
             prop_assert_eq!(Header::parse(&header.to_bytes()), Ok(header));
         }
+    }
+
+    #[test]
+    fn counts_are_believed_where_they_add_up() {
+        let gloves = Header {
+            datagram_type: DatagramType::POSE_QUATERNION,
+            items: 65,
+            props: 2,
+            finger_segments: 40,
+            ..Header::new(1, 4, 0)
+        };
+        assert_eq!(gloves.layout(), Some(Layout { body: 23, props: 2, fingers: 40 }));
+        assert_eq!(Header { items: 64, ..gloves }.layout(), None);
+        assert_eq!(Header { datagram_type: DatagramType::JOINT_ANGLES, ..gloves }.layout(), None);
+        let old = Header { items: 23, body_segments: 0, props: 0, finger_segments: 0, ..gloves };
+        assert_eq!(old.layout(), None, "reserved before MVN 2019");
     }
 
     #[test]

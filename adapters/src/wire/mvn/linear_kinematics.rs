@@ -2,6 +2,7 @@
 
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
+use super::pose_quaternion::y_up_to_z_up;
 use crate::wire::reader::{Reader, write_f32s};
 
 /// One segment's linear motion in the suit's world (Z up).
@@ -15,6 +16,19 @@ pub struct LinearKinematics {
     pub velocity_m_per_s: [f32; 3],
     /// Acceleration of the origin, without gravity, m/s².
     pub acceleration_m_per_s2: [f32; 3],
+}
+
+impl LinearKinematics {
+    /// The same motion, if it came in a world whose Y points up (X left, Y up, Z forward).
+    #[must_use]
+    pub fn y_up_to_z_up(&self) -> LinearKinematics {
+        LinearKinematics {
+            segment_id: self.segment_id,
+            position_m: y_up_to_z_up(self.position_m),
+            velocity_m_per_s: y_up_to_z_up(self.velocity_m_per_s),
+            acceleration_m_per_s2: y_up_to_z_up(self.acceleration_m_per_s2),
+        }
+    }
 }
 
 impl Item for LinearKinematics {

@@ -28,7 +28,7 @@ impl<'a> Meta<'a> {
 
     /// All `(tag, value)` pairs in the order of the wire; lines without a colon are left out.
     pub fn tags(&self) -> impl Iterator<Item = (&'a str, &'a str)> + use<'a> {
-        self.text.lines().filter_map(|line| line.split_once(':'))
+        self.text.lines().filter_map(|line| line.trim_end_matches('\r').split_once(':'))
     }
 
     /// The value of a tag.

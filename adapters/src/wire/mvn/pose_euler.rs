@@ -24,18 +24,18 @@ impl EulerPose {
     /// X, Y, Z of the Y-up world are Y, Z, X of the Z-up world. That is a rotation, so vectors and the vector parts of
     /// quaternions change alike.
     pub fn to_z_up(&self) -> SegmentPose {
-        let [left, up, forward] = self.position_cm_y_up.map(|cm| cm / 100.0);
         let [(sx, cx), (sy, cy), (sz, cz)] =
             self.rotation_deg_y_up.map(|angle| (f64::from(angle).to_radians() / 2.0).sin_cos());
         let w = cz * cy * cx + sz * sy * sx;
         let x = cz * cy * sx - sz * sy * cx;
         let y = cz * sy * cx + sz * cy * sx;
         let z = sz * cy * cx - cz * sy * sx;
-        SegmentPose {
+        let y_up = SegmentPose {
             segment_id: self.segment_id,
-            position_m: [forward, left, up],
-            orientation_wxyz: [w as f32, z as f32, x as f32, y as f32],
-        }
+            position_m: self.position_cm_y_up.map(|cm| cm / 100.0),
+            orientation_wxyz: [w, x, y, z].map(|part| part as f32),
+        };
+        y_up.y_up_to_z_up()
     }
 
     /// The pose of a type 02 item as type 01 has it.

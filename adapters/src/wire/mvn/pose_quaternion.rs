@@ -17,6 +17,25 @@ pub struct SegmentPose {
     pub orientation_wxyz: [f32; 4],
 }
 
+impl SegmentPose {
+    /// The same pose, if it came in a world whose Y points up (X left, Y up, Z forward), as type 01 has it.
+    #[must_use]
+    pub fn y_up_to_z_up(&self) -> SegmentPose {
+        let [w, x, y, z] = self.orientation_wxyz;
+        SegmentPose {
+            segment_id: self.segment_id,
+            position_m: y_up_to_z_up(self.position_m),
+            orientation_wxyz: [w, z, x, y],
+        }
+    }
+}
+
+/// A vector of a right-handed world whose Y points up, in the world whose Z does: left, up, forward become forward,
+/// left, up.
+pub const fn y_up_to_z_up([left, up, forward]: [f32; 3]) -> [f32; 3] {
+    [forward, left, up]
+}
+
 impl Item for SegmentPose {
     const DATAGRAM_TYPE: DatagramType = DatagramType::POSE_QUATERNION;
     const SIZE: usize = 32;

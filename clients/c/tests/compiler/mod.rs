@@ -1,5 +1,6 @@
 //! The C compiler, and the library beside this test.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -19,16 +20,35 @@ pub(crate) enum Link {
     Static,
 }
 
-/// Compiles a C file strictly; the program lies in `scratch`.
+/// The compiler for files with this ending, and the standard that it is asked for.
+fn of(ending: &str) -> (Command, &'static str) {
+    let (variable, usual, standard) = match ending {
+        "cpp" => ("CXX", "c++", "-std=c++17"),
+        _ => ("CC", "cc", "-std=c11"),
+    };
+    (Command::new(std::env::var_os(variable).unwrap_or(usual.into())), standard)
+}
+
+/// Whether there is a compiler for files with this ending.
+#[allow(dead_code, clippy::allow_attributes, reason = "one of the tests needs it only")]
+pub(crate) fn is_there(ending: &str) -> bool {
+    of(ending).0.arg("--version").output().is_ok_and(|ended| ended.status.success())
+}
+
+/// Compiles a file of C, or by its ending `cpp` of C++, strictly; the program lies in `scratch`.
 pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
     let (program, library) = (scratch.join("program"), library_folder());
-    let mut compiler = Command::new(std::env::var_os("CC").unwrap_or("cc".into()));
-    compiler.args(["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1", "-I"]);
-    compiler.arg(env!("CARGO_MANIFEST_DIR")).arg(source).arg("-o").arg(&program);
+    let (mut compiler, standard) = of(source.extension().and_then(OsStr::to_str).unwrap());
+    compiler.args([standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1"]);
+    for headers in [env!("CARGO_MANIFEST_DIR"), concat!(env!("CARGO_MANIFEST_DIR"), "/../cpp")] {
+        compiler.arg("-I").arg(headers);
+    }
+    compiler.arg(source).arg("-o").arg(&program);
     match link {
         Link::Shared => {
             compiler.arg("-L").arg(&library).arg("-lequipoise_c");
-            compiler.arg(format!("-Wl,-rpath,{}", library.display()));
+            // Before LD_LIBRARY_PATH, in which cargo names a folder where an earlier build may lie.
+            compiler.arg(format!("-Wl,--disable-new-dtags,-rpath,{}", library.display()));
         }
         Link::Static => {
             compiler.arg(library.join("libequipoise_c.a"));

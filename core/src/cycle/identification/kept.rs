@@ -6,7 +6,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Consistency, Identification, SKELETON_SAMPLES};
+use super::{BodySource, Consistency, Identification, SKELETON_SAMPLES};
 use crate::body::{JOINTS, SEGMENTS};
 use crate::cycle::settings::Settings;
 use crate::kalman::Filter;
@@ -73,6 +73,7 @@ impl Identification {
         self.start(settings);
         self.skeleton_m = kept.skeleton_m;
         self.skeleton_samples = SKELETON_SAMPLES;
+        self.bones_from = BodySource::Stored as u64;
         self.mass_kg = kept.mass_kg;
         self.return_to_prior(settings);
         if kept.filter.count() != self.reduction.count() || !kept.filter.is_sound() {

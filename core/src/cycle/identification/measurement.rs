@@ -135,11 +135,12 @@ impl Identification {
     }
 
     /// R of a held pose, m²: the suit's wander, which a window is too short to average; the body's own; the plate's
-    /// noise, averaged.
+    /// noise, averaged; and what of the ground's lasts, 1-σ in m.
     pub(super) fn pose_variance_m2(
         &self,
         pose: &Pose<StationWorld>,
         stillness: &Stillness,
+        lasting_m: f64,
         settings: &Settings,
     ) -> [f64; 2] {
         let suit_m2 = self.wander_variance_m2(pose, settings);
@@ -148,6 +149,7 @@ impl Identification {
             suit_m2[axis]
                 + settings.measurement_sigma_m * settings.measurement_sigma_m
                 + noise_m * noise_m / WINDOW as f64
+                + lasting_m * lasting_m
         })
     }
 

@@ -3,8 +3,10 @@
 
 use super::{Identification, NO_POSE};
 use crate::cycle::settings::{PoseChoice, Settings};
+use crate::cycle::sole;
 use crate::cycle::support::is_supported;
 use crate::math;
+use crate::message::SuitBody;
 use crate::pose_suggestion::gain::{a_gain, d_gain, i_gain};
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::centre_of_mass;
@@ -20,8 +22,14 @@ impl Identification {
     /// suggestion has stood is looked at. Called once a cycle.
     ///
     /// `suit_time_ns` is the newest suit sample's; `stands` is whether anybody stands on the plate, without whom no
-    /// time passes.
-    pub fn plan_one(&mut self, suit_time_ns: u64, stands: bool, settings: &Settings) {
+    /// time passes. `body` is what the suit says of the worker's build.
+    pub fn plan_one(
+        &mut self,
+        suit_time_ns: u64,
+        stands: bool,
+        body: Option<&SuitBody>,
+        settings: &Settings,
+    ) {
         let size = settings.library.len();
         if !self.has_body() || size == 0 {
             return;
@@ -35,7 +43,7 @@ impl Identification {
         } else if self.suggested != NO_POSE {
             self.lose_patience(suit_time_ns, stands);
         } else {
-            self.look_at_one(suit_time_ns, settings);
+            self.look_at_one(suit_time_ns, body, settings);
         }
     }
 
@@ -80,10 +88,10 @@ impl Identification {
         }
     }
 
-    fn look_at_one(&mut self, suit_time_ns: u64, settings: &Settings) {
+    fn look_at_one(&mut self, suit_time_ns: u64, body: Option<&SuitBody>, settings: &Settings) {
         match self.planner.candidate(settings.library.len()) {
             Some(index) => {
-                let (gain, balanced) = self.judge(index, &settings.library[index], settings);
+                let (gain, balanced) = self.judge(index, &settings.library[index], body, settings);
                 self.planner.judge(index, gain, balanced);
             }
             None => {
@@ -95,10 +103,17 @@ impl Identification {
     }
 
     /// What a candidate is worth, and whether this worker keeps balance in it.
-    fn judge(&self, index: usize, posture: &Posture, settings: &Settings) -> (f64, bool) {
+    fn judge(
+        &self,
+        index: usize,
+        posture: &Posture,
+        body: Option<&SuitBody>,
+        settings: &Settings,
+    ) -> (f64, bool) {
         let pose = posture::pose_of(posture, &self.skeleton(), [0.0; 3]);
         let centre = centre_of_mass(&pose, &self.phi());
-        let balanced = is_supported(&pose, [centre.x, centre.y], settings.height_m, -BALANCE_MARGIN_M);
+        let soles = sole::both(&pose, body, settings.height_m);
+        let balanced = is_supported(&pose, [centre.x, centre.y], &soles, -BALANCE_MARGIN_M);
         // The library's first pose is the one to start from: everybody can hold it.
         if self.performed.count() == 0 && index == 0 {
             return (f64::MAX, balanced);

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use crate::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton};
 use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
+use crate::message::Component;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::{Phi, centre_of_mass};
@@ -85,6 +86,12 @@ pub(super) struct Bench {
     pub(super) suit_drift_m: f64,
     /// Where each foot presses, if each stands on a plate of its own, m.
     pub(super) feet_m: Option<[[f64; 2]; 2]>,
+    /// What the ground says of shear that it does not measure, N.
+    pub(super) unmeasured_shear_n: Option<[f64; 2]>,
+    /// What the suit says of the worker's build, in every cycle.
+    pub(super) build: Option<SuitBody>,
+    /// How often the suit was started anew.
+    pub(super) suit_session: u32,
 }
 
 impl Bench {
@@ -105,6 +112,9 @@ impl Bench {
             suit_silent: false,
             suit_drift_m: 0.0,
             feet_m: None,
+            unmeasured_shear_n: None,
+            build: None,
+            suit_session: 0,
         }
     }
 
@@ -171,17 +181,24 @@ impl Bench {
                 moment_nm: moment,
                 ..Zeroable::zeroed()
             };
-            let ground = self.with_feet(ground);
+            let mut ground = self.with_feet(ground);
+            if let Some([x, y]) = self.unmeasured_shear_n {
+                (ground.force_n[0], ground.force_n[1]) = (x, y);
+                ground.not_measured = Component::Shear as u32;
+            }
             let mut suit: SuitSample = Zeroable::zeroed();
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
+            suit.session = self.suit_session;
             suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
             self.suit_sequence += u64::from(has_suit);
+            let build = self.build.map(|build| SuitBody { published_ns: self.now_ns, ..build });
             let inputs = Inputs {
                 suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
                 ground: if self.ground_silent { &[] } else { core::slice::from_ref(&ground) },
+                body: build.as_ref(),
                 command: None,
             };
             step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);

@@ -74,6 +74,7 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
         let inputs = Inputs {
             suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
             ground: core::slice::from_ref(&ground),
+            body: None,
             command: None,
         };
         let tick = Tick { cycle: bench.cycle, due_ns: bench.now_ns };

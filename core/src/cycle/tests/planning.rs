@@ -27,7 +27,7 @@ fn settings(kind: ReductionKind, choice: PoseChoice) -> Settings {
 /// Plans until a pose is suggested.
 fn suggestion(worker: &mut Identification, settings: &Settings, suit_time_ns: u64) -> usize {
     for _ in 0..=2 * LIBRARY.len() {
-        worker.plan_one(suit_time_ns, true, settings);
+        worker.plan_one(suit_time_ns, true, None, settings);
         if worker.suggested != NO_POSE {
             return worker.suggested as usize;
         }
@@ -113,7 +113,7 @@ fn a_suggestion_takes_one_look_at_a_pose_a_cycle() {
     let mut one = worker(&person, &settings);
     let mut cycles = 0;
     while one.suggested == NO_POSE {
-        one.plan_one(1, true, &settings);
+        one.plan_one(1, true, None, &settings);
         cycles += 1;
     }
     // Each pose is weighed once and looked at once, and one cycle chooses.
@@ -134,13 +134,13 @@ fn a_pose_that_was_not_held_for_twenty_seconds_gives_way() {
     let (person, settings) = (Person::real(), settings(ReductionKind::Merged, PoseChoice::IOptimal));
     let mut one = worker(&person, &settings);
     let asked = suggestion(&mut one, &settings, NS_PER_S);
-    one.plan_one(20 * NS_PER_S, true, &settings);
+    one.plan_one(20 * NS_PER_S, true, None, &settings);
     assert_eq!(one.suggested, asked as u64);
     // Nobody there: the time begins anew.
-    one.plan_one(25 * NS_PER_S, false, &settings);
-    one.plan_one(44 * NS_PER_S, true, &settings);
+    one.plan_one(25 * NS_PER_S, false, None, &settings);
+    one.plan_one(44 * NS_PER_S, true, None, &settings);
     assert_eq!(one.suggested, asked as u64);
-    one.plan_one(46 * NS_PER_S, true, &settings);
+    one.plan_one(46 * NS_PER_S, true, None, &settings);
     assert_eq!(one.suggested, NO_POSE);
     for _ in 0..LIBRARY.len() - 1 {
         let other = suggestion(&mut one, &settings, 46 * NS_PER_S);

@@ -16,31 +16,39 @@ const LETTERS: usize = 27;
 
 /// A row of bars or dots.
 #[derive(Debug, Clone)]
-pub(in crate::report) struct Row {
-    pub(in crate::report) name: String,
-    pub(in crate::report) values: Vec<(Look, f64)>,
+pub struct Row {
+    /// What it is about.
+    pub name: String,
+    /// Bars from zero, or dots.
+    pub values: Vec<(Look, f64)>,
     /// What stands at its end.
-    pub(in crate::report) told: String,
+    pub told: String,
 }
 
 /// A plot of rows.
 #[derive(Debug, Clone)]
-pub(in crate::report) struct Rows {
-    pub(in crate::report) name: String,
-    pub(in crate::report) title: String,
-    pub(in crate::report) description: String,
-    pub(in crate::report) label: String,
-    pub(in crate::report) rows: Vec<Row>,
+pub struct Rows {
+    /// Identifier, unique in its page.
+    pub name: String,
+    /// What is seen, in a few words.
+    pub title: String,
+    /// The same for those who do not see it.
+    pub description: String,
+    /// What is drawn, with the unit.
+    pub label: String,
+    /// One below another.
+    pub rows: Vec<Row>,
     /// A value of note, with what it is.
-    pub(in crate::report) rule: Option<(f64, String)>,
+    pub rule: Option<(f64, String)>,
     /// Bars from zero; else dots.
-    pub(in crate::report) bars: bool,
-    pub(in crate::report) legend: Vec<(Key, Look, String)>,
+    pub bars: bool,
+    /// What it means.
+    pub legend: Vec<(Key, Look, String)>,
 }
 
 impl Rows {
     /// Draws it.
-    pub(in crate::report) fn draw(&self) -> Drawing {
+    pub fn draw(&self) -> Drawing {
         let mut keys = self.legend.clone();
         keys.extend(self.rule.iter().map(|(_, text)| (Key::Line, Look::Expected, text.clone())));
         let (legend, lines) = legend(&keys, 33.0);

@@ -2,14 +2,16 @@
 
 /// The range of an axis; `from < to`, both finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::report) struct Scale {
-    pub(in crate::report) from: f64,
-    pub(in crate::report) to: f64,
+pub struct Scale {
+    /// Its begin.
+    pub from: f64,
+    /// Its end.
+    pub to: f64,
 }
 
 impl Scale {
     /// Covers all finite values, and a little room at each end.
-    pub(in crate::report) fn covering(values: impl IntoIterator<Item = f64>) -> Scale {
+    pub fn covering(values: impl IntoIterator<Item = f64>) -> Scale {
         let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values.into_iter().filter(|value| value.is_finite()) {
             from = from.min(value);
@@ -23,7 +25,7 @@ impl Scale {
     }
 
     /// Exactly from here to there; something wider if that is empty.
-    pub(in crate::report) fn exactly(from: f64, to: f64) -> Scale {
+    pub fn exactly(from: f64, to: f64) -> Scale {
         if from < to && (to - from).is_finite() { Scale { from, to } } else { Scale::covering([from, to]) }
     }
 

@@ -1,0 +1,296 @@
+"""The Python package on a bus of its own: clients-python.py ROOT. Here this program publishes.
+
+It does what a daemon that runs well does not: it is silent, its clock is ahead, its sensors give less; and consumers are
+slower than the loop, are closed, or are killed.
+"""
+
+import contextlib
+import glob
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import equipoise
+from equipoise import NotGiven, PickUp, Reason, State, Why, _arrays, _bus, _messages
+
+STATION = "alone"
+# As old as no state here becomes, so that a machine that stands still changes nothing.
+ANY_AGE_S = 3600.0
+# A consumer joins anew after 2 s of silence.
+LONGER_THAN_REJOIN_S = 2.2
+HANGS_AFTER_S = 30
+# Fields that no reason withholds, and that every state says.
+ALWAYS_TOLD = {
+    "cycle", "time_ns", "group_delay_ns", "valid", "phase", "static_pose", "converged", "poses_used", "stance",
+    "motion_samples_used", "lifts", "body_source", "sole_source", "body_refused", "not_given", "dose_damage",
+    "dose_probability", "fatigue", "published_ns", "reserved_tail",
+}
+
+
+class Publisher:
+    """Publishes states as the daemon does."""
+
+    def __init__(self, root):
+        self._bus = _bus.Bus(STATION, "daemon", root)
+        self._states = self._bus.publisher(State, _messages.STATE)
+        self._cycle = 0
+
+    def publish(self, ahead_s=0):
+        self._cycle += 1
+        now_ns = time.monotonic_ns()
+        self._states.send_copy(State(cycle=self._cycle, time_ns=now_ns + ahead_s * 10**9, published_ns=now_ns))
+
+    def close(self):
+        self._states.delete()
+        self._bus.close()
+
+
+def until(what, holds):
+    end = time.monotonic() + HANGS_AFTER_S
+    while not holds():
+        assert time.monotonic() < end, f"waited too long until {what}"
+        time.sleep(0.01)
+
+
+def joined(root, name, **settings):
+    return equipoise.subscribe(STATION, name=name, root=root, stale_after_s=ANY_AGE_S, **settings)
+
+
+def who_never_waits_reports(root, publisher):
+    """Each finds a state at once, ten periods after the one before."""
+    bus = _bus.Bus(STATION, "reports", root)
+    reports = bus.subscriber(PickUp, _messages.PICK_UP, 16)
+    ways = {"slow-next": lambda consumer: consumer.next(0.0), "slow-latest": lambda consumer: consumer.latest()}
+    for name, read in ways.items():
+        with joined(root, name) as consumer:
+
+            def is_reported():
+                publisher.publish()
+                assert read(consumer), f"{name}: no state"
+                return reports.receive() is not None
+
+            until(f"{name} reports", is_reported)
+        while reports.receive() is not None:
+            pass  # Its last word.
+    reports.delete()
+    bus.close()
+
+
+def who_asks_seldom_reads(root, publisher):
+    with joined(root, "seldom", report=False) as consumer:
+        for _ in range(2):
+            time.sleep(LONGER_THAN_REJOIN_S)
+            publisher.publish()
+            reading = consumer.latest()
+            assert reading and reading.is_new, f"asked every {LONGER_THAN_REJOIN_S} s: {reading}"
+
+
+def who_never_waits_joins_anew(root, publisher):
+    """The bus's directory goes, as `systemctl stop` removes it; a publisher comes later."""
+    with joined(root, "polls", report=False) as consumer:
+        publisher.publish()
+        assert consumer.next(0.0)
+        while consumer.next(0.0):
+            pass  # With the last state of the test before.
+        publisher.close()
+        shutil.rmtree(root)
+
+        def is_joined_anew():
+            assert not consumer.next(0.0), "a state without a publisher"
+            return os.path.isdir(root)
+
+        until("a consumer that never waits makes the bus anew", is_joined_anew)
+        publisher = Publisher(root)
+
+        def is_read():
+            publisher.publish()
+            return bool(consumer.next(0.0))
+
+        until("a consumer that never waits finds the new bus", is_read)
+    return publisher
+
+
+def a_clock_ahead_blinds_nobody(root, publisher):
+    with joined(root, "ahead") as consumer:
+        publisher.publish()
+        assert consumer.latest()
+        states = consumer.pick_up_report.states
+        publisher.publish(ahead_s=3600)
+        refused = consumer.next(1.0)
+        assert not refused and refused.why is Why.OTHER_CLOCK, refused
+        publisher.publish()
+        reading = consumer.next(1.0)
+        assert reading, f"after one state from a clock ahead: {reading}"
+        assert consumer.pick_up_report.states == states + 1, "a state from ahead was counted"
+
+
+def what_is_too_old_is_told(root, publisher):
+    with equipoise.subscribe(STATION, name="hasty", root=root, stale_after_s=0.0, report=False) as consumer:
+        publisher.publish()
+        for read in (lambda: consumer.next(0.0), consumer.latest):
+            publisher.publish()
+            refused = read()
+            assert not refused and refused.why is Why.STALE, refused
+        # It is heard, so there is nothing to join anew.
+        ports = consumer._ports
+        time.sleep(LONGER_THAN_REJOIN_S)
+        publisher.publish()
+        assert consumer.next(0.0).why is Why.STALE and consumer._ports is ports, "it joined anew, though states come"
+
+
+def the_closed_stay_closed(root, publisher):
+    consumer = joined(root, "closed")
+    consumer.close()
+    consumer.close()
+    publisher.publish()
+    for read in (lambda: consumer.next(0.0), consumer.latest, lambda: next(iter(consumer))):
+        try:
+            said = read()
+        except equipoise.BusError as error:
+            assert "closed" in str(error), error
+        else:
+            raise AssertionError(f"a closed consumer read: {said}")
+
+
+def child(what, root, *more):
+    command = [sys.executable, __file__, what, root, *more]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+@contextlib.contextmanager
+def ended(process):
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def killed_reader(root, publisher, count):
+    """A process with so many consumers is killed; the names of the shared memory that it read through."""
+    pattern = f"/dev/shm/{_bus.shared_memory_prefix(root)}*.connection"
+    before = set(glob.glob(pattern))
+    with ended(child("hold", root, str(count))) as reader:
+        assert reader.stdout.readline() == "joined\n", "the child did not join"
+        publisher.publish()
+        return set(glob.glob(pattern)) - before
+
+
+def remains_hang_nobody(root, publisher):
+    """Memory without a size, which iceoryx2 waits for ever to get one, if it clears its dead maker away."""
+    empty = killed_reader(root, publisher, 1)
+    assert empty, "the child had no connection"
+    for path in empty:
+        os.remove(path)  # Not cut short: this program has it open.
+        open(path, "x").close()
+    with ended(child("hold", root, "1")) as other:
+        try:
+            out, _ = other.communicate("", timeout=HANGS_AFTER_S)
+        except subprocess.TimeoutExpired:
+            raise AssertionError("a consumer hangs as it joins, because another was killed") from None
+        assert out == "joined\n", out
+    for path in empty:
+        os.remove(path)
+
+
+def places_of_the_dead_are_waited_for(root, publisher):
+    """A consumer clears nobody away; it waits until the daemon's housekeeping has."""
+    killed_reader(root, publisher, 2)
+    crowd = []
+    try:
+        for at in range(_messages.LISTENERS_MAX):
+            crowd.append(joined(root, f"crowd-{at}", report=False))
+    except equipoise.BusError as error:
+        assert "are taken" in str(error), error
+    else:
+        raise AssertionError("the places of the dead were free at once")
+    with ended(child("clear", root)) as housekeeping:
+        assert housekeeping.stdout.readline() == "ready\n"
+        crowd.append(joined(root, "patient", report=False))
+    for consumer in crowd:
+        consumer.close()
+
+
+def reading_of(**fields):
+    state = State(cycle=1, suit_sample_time_ns=1, suggested_pose=1, **fields)
+    for name, kind in State._fields_:
+        if name.startswith(("pred", "nis", "prior", "var")) or name.endswith(("sigma_n", "sigma_s", "sigma_m")):
+            setattr(state, name, 1.0 if isinstance(getattr(state, name), float) else kind(*[1.0] * kind._length_))
+    state.advice_direction[0] = 1.0
+    return equipoise.Reading(state, 1, 0, None, 0, False, True)
+
+
+def what_is_not_given_is_no_number():
+    whole, names = reading_of(), [name for name, _ in State._fields_]
+    assert set(_arrays.SPOILERS) | set(_arrays.SAID_WHERE) | ALWAYS_TOLD == set(names), "a field of which nothing is known"
+    for name in names:
+        assert whole.array(name) is not None, f"{name} is withheld from a state that says all"
+    spoilt = reading_of(valid=2**64 - 1)
+    for name in set(_arrays.SPOILERS):
+        assert spoilt.array(name) is None, f"{name} under every reason"
+    silent = equipoise.Reading(
+        State(suit_age_ns=2**64 - 1, ground_age_ns=2**64 - 1, suggested_pose=2**32 - 1), 1, 0, None, 0, False, True
+    )
+    for name in set(_arrays.SAID_WHERE) - {"suit_com_m", "ground_force_n"}:
+        assert silent.array(name) is None, f"{name}, which the state does not say: {silent.array(name)}"
+    for name, reason in {"sharing_source": Reason.GROUND_STALE, "acceleration_source": Reason.BODY_UNKNOWN}.items():
+        assert reading_of(valid=int(reason)).array(name) is None, name
+    no_com, no_shear = reading_of(not_given=int(NotGiven.SUIT_COM)), reading_of(not_given=int(NotGiven.SHEAR))
+    assert no_com.array("suit_com_m") is None and no_shear.array("suit_com_m") is not None
+    assert no_shear.array("ground_force_n") is None and no_com.array("ground_force_n") is not None
+    no_shear.state.ground_force_n[2] = 700.0
+    assert no_shear.ground_force_up_n == 700.0 and spoilt.ground_force_up_n is None
+    frame = equipoise.to_pandas([silent])
+    assert frame["delta_f_sigma_n"].isna().all() and not frame["fatigue_l5s1"].isna().any(), frame
+
+
+def hold(root, count):
+    """Joins so often, and stays until standard input ends."""
+    consumers = [joined(root, f"hold-{at}", report=False) for at in range(count)]
+    for consumer in consumers:
+        consumer.next(0.0)
+    print("joined", flush=True)
+    sys.stdin.read()
+
+
+def clear(root):
+    """Housekeeping: clears the dead away, a while after it is ready."""
+    bus = _bus.Bus(STATION, "housekeeping", root)
+    print("ready", flush=True)
+    time.sleep(0.5)
+    while True:
+        bus._node.try_cleanup_dead_nodes()
+        time.sleep(0.1)
+
+
+def all_of(root):
+    what_is_not_given_is_no_number()
+    publisher = Publisher(root)
+    for test in (who_never_waits_reports, who_asks_seldom_reads, a_clock_ahead_blinds_nobody, what_is_too_old_is_told,
+                 the_closed_stay_closed, remains_hang_nobody, places_of_the_dead_are_waited_for):
+        test(root, publisher)
+    who_never_waits_joins_anew(root, publisher).close()
+    print("clients: the Python package on a bus of its own: silence, clocks, seldom, slow, closed and killed consumers")
+
+
+def main():
+    what, *rest = sys.argv[1:]
+    if what == "hold":
+        return hold(rest[0], int(rest[1]))
+    if what == "clear":
+        return clear(rest[0])
+    try:
+        all_of(what)
+    finally:
+        for left in glob.glob(f"/dev/shm/{_bus.shared_memory_prefix(what)}*"):
+            os.remove(left)
+        shutil.rmtree(what, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except AssertionError as error:
+        sys.exit(f"clients: {error}")

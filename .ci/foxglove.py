@@ -1,0 +1,126 @@
+"""A viewer of the live outlet, with a stuck one beside it: foxglove.py PORT PID-OF-OUTLET PID-OF-STATION.
+
+Speaks foxglove.sdk.v1 by the `websockets` package: text frames announce channels, binary ones carry messages.
+"""
+
+import json
+import os
+import signal
+import socket
+import struct
+import sys
+import time
+
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+
+import scene
+
+BEAT = "/equipoise/beat"
+TOPICS = {scene.SCENE, scene.STATE, BEAT}
+SECONDS = 6
+# Ages on a machine that may be busy: the law is that they are told, and not those of long ago.
+AGE_MAX_NS = 1_000_000_000
+
+
+class Viewer:
+    """Subscribes to everything that is announced."""
+
+    def __init__(self, port):
+        deadline = time.monotonic() + 20
+        while True:
+            try:
+                self.socket = connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], max_size=1 << 24)
+                break
+            except (OSError, WebSocketException):
+                assert time.monotonic() < deadline, "the outlet does not serve"
+                time.sleep(0.1)
+        assert self.socket.subprotocol == "foxglove.sdk.v1"
+        self.topics, self.known = {}, {}
+        while len(self.topics) < len(TOPICS):
+            said = json.loads(self.socket.recv(timeout=10))
+            for channel in said.get("channels", []):
+                number = len(self.topics)
+                self.topics[number] = channel["topic"]
+                assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
+                self.known[channel["topic"]] = scene.validator(json.loads(channel["schema"]))
+                ask = {"op": "subscribe", "subscriptions": [{"id": number, "channelId": channel["id"]}]}
+                self.socket.send(json.dumps(ask))
+        assert set(self.topics.values()) == TOPICS, self.topics
+
+    def message(self):
+        while True:
+            frame = self.socket.recv(timeout=10)
+            if isinstance(frame, bytes):
+                kind, subscription, stamp = struct.unpack_from("<BIQ", frame)
+                assert kind == 1, f"a frame of kind {kind}"
+                topic, message = self.topics[subscription], json.loads(frame[13:])
+                scene.must_fit(self.known[topic], message, topic)
+                return topic, stamp, message
+
+
+def resident_kib(process):
+    with open(f"/proc/{process}/status", encoding="ascii") as status:
+        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS:"))
+
+
+def watch(viewer, seconds):
+    """Scenes, states and beats for a while: counts, and what was drawn."""
+    count, drawn, cycle, beat_before = dict.fromkeys(TOPICS, 0), set(), 0, 0
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        topic, stamp, message = viewer.message()
+        count[topic] += 1
+        assert abs(stamp - time.time_ns()) < 60_000_000_000, "a time of another clock"
+        if topic == scene.SCENE:
+            drawn |= scene.check_scene(message)
+        elif topic == scene.STATE:
+            scene.check_state(message)
+            assert message["cycle"] > cycle, "a cycle twice, or backwards"
+            cycle = message["cycle"]
+        else:
+            assert message["beat"] > beat_before, "beats run backwards"
+            beat_before = message["beat"]
+            if message["fresh"]:
+                assert message["age_ns"] < AGE_MAX_NS and "missing" not in message, message
+    return count, drawn
+
+
+def main():
+    port, outlet, station = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    stuck = Viewer(port)
+    # Nobody takes messages of it: the library's thread stops reading once a few of them wait. Another never says a word.
+    silent_one = socket.create_connection(("127.0.0.1", port))
+    time.sleep(SECONDS / 2)
+    before = resident_kib(outlet)
+    viewer = Viewer(port)
+    count, drawn = watch(viewer, SECONDS)
+    for topic in TOPICS:
+        # Half the rate is enough: the machine may be busy.
+        assert count[topic] >= 0.5 * 60 * SECONDS, f"{topic}: only {count[topic]} in {SECONDS} s"
+    assert {"figure", "support polygon", "centre of pressure, measured"} <= drawn, drawn
+    grown = resident_kib(outlet) - before
+    assert grown < 16_384, f"the outlet has grown by {grown} KiB beside a stuck viewer"
+    print("foxglove: " + ", ".join(f"{topic} {count[topic]}" for topic in sorted(count)), f"in {SECONDS} s; {grown} KiB more")
+
+    # The station dies: within seconds viewers are told that there is no state, and why.
+    os.kill(station, signal.SIGKILL)
+    deadline, silent, cleared = time.monotonic() + 20, False, False
+    while not (silent and cleared):
+        assert time.monotonic() < deadline, "nobody said that the station is silent"
+        topic, _, message = viewer.message()
+        if topic == BEAT and not message["fresh"]:
+            assert message["missing"] == "silent" and "age_ns" not in message, message
+            silent = True
+        if silent and topic == scene.SCENE:
+            cleared = scene.check_scene(message) == {"words"}
+    del stuck
+    silent_one.close()
+    print("foxglove: after the station's death only the reason is shown")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except AssertionError as error:
+        sys.exit(f"foxglove: {error}")

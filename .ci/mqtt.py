@@ -1,0 +1,214 @@
+"""Watches what the MQTT outlet publishes to a mosquitto, with paho-mqtt; kills the outlet and stops the broker.
+
+mqtt.py PORT SCRATCH MOSQUITTO OUTLET DEMO...: configurations are SCRATCH/*.toml, DEMO is the command of a real daemon with
+a simulated person, whose station is "demo".
+"""
+
+import json
+import pathlib
+import queue
+import signal
+import ssl
+import subprocess
+import sys
+import time
+
+import paho.mqtt.client as mqtt
+
+PATIENCE_S = 120
+JOINTS = 22
+LEVELS = {"green", "orange", "red", "above_max", "undecided"}
+PHASES = {"waiting", "identifying", "monitoring", "degraded"}
+# Every key that may leave the machine, and what its value may be beside null.
+ALLOWED = {
+    "v": lambda value: value == 1,
+    "station": lambda value: value == "demo",
+    "t": lambda value: abs(value - time.time()) < 60,
+    "sequence": lambda value: isinstance(value, int) and value > 0,
+    "phase": PHASES.__contains__,
+    "withheld": lambda value: all(isinstance(reason, str) for reason in value),
+    "counts": lambda value: set(value) == LEVELS and all(isinstance(count, int) for count in value.values()),
+    "worst_joint": lambda value: isinstance(value, str),
+    "levels": lambda value: len(value) == JOINTS and all(level in LEVELS | {None} for level in value.values()),
+    "lifts": lambda value: isinstance(value, int),
+}
+
+
+def check(summary):
+    assert set(summary) == set(ALLOWED), f"other keys than levels and counts: {sorted(summary)}"
+    for key, value in summary.items():
+        assert value is None or ALLOWED[key](value), f"{key}: {value}"
+    assert (summary["levels"] is None) == (summary["counts"] is None)
+    if summary["levels"] is None:
+        assert summary["withheld"], "levels are withheld, and nothing says why"
+        assert summary["worst_joint"] is None, "a worst joint without levels"
+    else:
+        levels = [level for level in summary["levels"].values() if level]
+        assert summary["counts"] == {name: levels.count(name) for name in LEVELS}
+
+
+# The station with the right certificate comes and goes; nobody else who is not "demo" may say a word.
+LET_IN = "equipoise/certificate/"
+
+
+class Watcher:
+    """Everything that the broker hands on below `equipoise/`."""
+
+    def __init__(self, port, scratch):
+        self.messages, self.seen = queue.Queue(), []
+        self.client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id="watcher")
+        self.client.username_pw_set("watcher", "secret")
+        self.client.tls_set(ca_certs=str(scratch / "ours.pem"), tls_version=ssl.PROTOCOL_TLS_CLIENT)
+        self.client.on_connect = lambda client, *_: client.subscribe("equipoise/#", qos=1)
+        self.client.on_message = lambda _client, _data, message: self.messages.put(message)
+        self.client.reconnect_delay_set(1, 2)
+        for _ in range(100):
+            try:
+                self.client.connect("127.0.0.1", port, keepalive=60)
+                break
+            except OSError:
+                time.sleep(0.1)
+        self.client.loop_start()
+
+    def next(self, left_s):
+        message = self.messages.get(timeout=left_s)
+        while message.topic.startswith(LET_IN):
+            message = self.messages.get(timeout=left_s)
+        topic, text = message.topic, message.payload.decode()
+        self.seen.append(topic)
+        assert topic in ("equipoise/demo/summary", "equipoise/demo/online"), f"{topic}: {text}"
+        if topic.endswith("/summary"):
+            # A dashboard that comes late must not be shown an old one.
+            assert not message.retain, "a summary was retained"
+            check(summary := json.loads(text))
+            return summary
+        return text
+
+    def until(self, what, holds):
+        end = time.monotonic() + PATIENCE_S
+        while (left_s := end - time.monotonic()) > 0:
+            try:
+                message = self.next(left_s)
+            except queue.Empty:
+                break
+            if holds(message):
+                return message
+        raise AssertionError(f"waited in vain for {what}")
+
+    def forget(self):
+        while not self.messages.empty():
+            self.messages.get()
+
+
+def resident_mib(process):
+    with open(f"/proc/{process.pid}/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS")) / 1024
+
+
+def judge(port, scratch, mosquitto, outlet, demo, start):
+    broker = start("mosquitto", [mosquitto, "-c", str(scratch / "mosquitto.conf")])
+    watcher = Watcher(port, scratch)
+
+    def serve(name):
+        return start(name, [outlet, "--config", str(scratch / f"{name}.toml")])
+
+    # Who must not get in.
+    refused = {
+        "wrong-ca": "UnknownIssuer",
+        "wrong-login": "refuses",
+        "no-certificate": "cannot be reached",
+    }
+    strangers = {name: serve(name) for name in refused}
+    right = serve("right")
+    watcher.until("online", "online".__eq__)
+    summary = watcher.until("a summary", lambda message: isinstance(message, dict))
+    assert summary["withheld"] == ["daemon_silent"] and summary["levels"] is None, summary
+    for name, reason in refused.items():
+        end = time.monotonic() + PATIENCE_S
+        while reason not in (said := (scratch / f"{name}.err").read_text()) and time.monotonic() < end:
+            time.sleep(0.1)
+        assert reason in said, f"{name}: {said}"
+        assert "connected to the broker" not in said, f"{name} was let in"
+        strangers[name].terminate()
+        assert strangers[name].wait(30) == 0
+    known = serve("certificate")
+    end = time.monotonic() + PATIENCE_S
+    while "connected to the broker" not in (scratch / "certificate.err").read_text():
+        assert time.monotonic() < end, (scratch / "certificate.err").read_text()
+        time.sleep(0.1)
+    known.terminate()
+    assert known.wait(30) == 0
+    print("mqtt: another signer, a wrong password and a missing certificate are refused, the right ones let in")
+
+    # What is told of a person who lifts.
+    start("demo", demo)
+    phases, told = set(), 0
+
+    def lifts(message):
+        nonlocal told
+        if isinstance(message, dict):
+            phases.add(message["phase"])
+            told += 1
+            return message["levels"] is not None
+        return False
+
+    summary = watcher.until("levels", lifts)
+    assert {"identifying", "monitoring"} <= phases, phases
+    print(f"mqtt: {told} summaries of levels and counts only, then {summary['counts']}, worst {summary['worst_joint']}")
+
+    # The outlet dies.
+    right.kill()
+    right.wait()
+    watcher.until("the last will", "offline".__eq__)
+    right = serve("right")
+    watcher.until("online again", "online".__eq__)
+    watcher.until("a summary again", lambda message: isinstance(message, dict))
+    print("mqtt: the broker tells the outlet's SIGKILL (last will), and the next outlet is online")
+
+    # The broker hangs.
+    before_mib = resident_mib(right)
+    broker.send_signal(signal.SIGSTOP)
+    time.sleep(20)
+    grown_mib = resident_mib(right) - before_mib
+    assert right.poll() is None
+    broker.send_signal(signal.SIGCONT)
+    watcher.forget()
+    watcher.until("a summary after the standstill", lambda message: isinstance(message, dict))
+    assert grown_mib < 5, f"the outlet grew by {grown_mib:.1f} MiB"
+    print(f"mqtt: {grown_mib:.1f} MiB more after 20 s of a broker that hangs; summaries came again by themselves")
+
+    right.terminate()
+    watcher.until("a farewell", "offline".__eq__)
+    assert right.wait(30) == 0
+    lost = [line for line in (scratch / "right.err").read_text().splitlines() if "ended:" in line][-1]
+    assert int(lost.split(" lost")[0].split()[-1]) > 0, f"nothing was counted as lost: {lost}"
+    watcher.client.loop_stop()
+    print(f"mqtt: {lost.split('ended: ')[1]}")
+
+
+def main(port, scratch, mosquitto, outlet, *demo):
+    started = []
+
+    def start(name, command):
+        scratch_ = pathlib.Path(scratch)
+        with open(scratch_ / f"{name}.out", "ab") as out, open(scratch_ / f"{name}.err", "ab") as err:
+            process = subprocess.Popen(command, stdout=out, stderr=err)
+        started.append(process)
+        return process
+
+    try:
+        judge(int(port), pathlib.Path(scratch), mosquitto, outlet, demo, start)
+    finally:
+        for process in started:
+            if process.poll() is None:
+                process.send_signal(signal.SIGCONT)
+                process.terminate()
+        for process in started:
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+main(*sys.argv[1:])

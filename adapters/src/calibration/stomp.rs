@@ -1,0 +1,271 @@
+//! How far the clocks of suit and plate are apart, by a stomp: the foot stops at the moment at which the plate is hit.
+//!
+//! The instant that is compared is the same in both streams: half of the foot's momentum is gone. In the suit it is
+//! where the foot's downward speed has fallen to half; on the plate, where half of the impulse of the force's first peak
+//! has passed. Whether the foot rebounds or sticks, and the weight that follows it, move both apart by some milliseconds,
+//! which is in σ ([`CONTACT_SIGMA_NS`]).
+//!
+//! Every pair of a hit and a stop proposes an offset; the one that most pairs agree on wins. If another does as well,
+//! nothing is told: stomps at a regular beat fit one beat later, too.
+
+mod events;
+#[cfg(test)]
+mod tests;
+
+use thiserror::Error;
+
+use events::{foot_stops, plate_hits};
+
+/// 1-σ of what shoe, floor and weight do to the offset, ns; the same for all stomps of a session, so it does not
+/// shrink with their number (`a_foot_on_many_grounds` holds it).
+pub const CONTACT_SIGMA_NS: f64 = 4e6;
+/// Scatter of a single stomp where there is no second one to see it by, ns.
+const ONE_STOMP_SIGMA_NS: f64 = 5e6;
+/// Pairs agree within this and one interval of each stream, ns.
+const TOLERANCE_NS: u64 = 15_000_000;
+/// More events than this in one stream are walking, not stomping.
+const EVENTS_MAX: usize = 1000;
+
+/// One reading of the plate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Force {
+    /// On the plate's clock, ns.
+    pub time_ns: u64,
+    /// Vertical force on the person, N.
+    pub vertical_n: f64,
+}
+
+/// One reading of both feet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feet {
+    /// On the suit's clock, ns.
+    pub time_ns: u64,
+    /// Upward velocity of the left and the right foot, m/s.
+    pub upward_m_per_s: [f64; 2],
+}
+
+/// What counts as a stomp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StompSettings {
+    /// The offset is looked for within this on both sides of zero, ns.
+    pub offset_max_ns: u64,
+    /// The force must rise by so much within 60 ms, N.
+    pub rise_min_n: f64,
+    /// The foot must come down so fast, m/s.
+    pub speed_min_m_per_s: f64,
+}
+
+impl Default for StompSettings {
+    fn default() -> Self {
+        StompSettings { offset_max_ns: 2_000_000_000, rise_min_n: 250.0, speed_min_m_per_s: 0.6 }
+    }
+}
+
+/// The offset that stomps agree on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StompOffset {
+    /// What must be added to the suit's time to get the plate's, ns.
+    pub offset_ns: i64,
+    /// 1-σ of it: scatter over stomps, sampling, and [`CONTACT_SIGMA_NS`].
+    pub sigma_ns: u64,
+    /// Root mean square of what single stomps are off the offset, ns; 0 for one stomp.
+    pub residual_ns: u64,
+    /// How many stomps were seen by both.
+    pub stomps: usize,
+    /// Hits that the plate felt, matched or not.
+    pub plate_hits: usize,
+    /// Stops of a foot that the suit saw, matched or not.
+    pub foot_stops: usize,
+}
+
+/// Why there is no offset.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum StompRefusal {
+    /// The plate felt no stomp.
+    #[error(
+        "the plate felt no stomp: the force rose by {largest_n:.0} N at most within 60 ms, {needed_n:.0} N are needed; \
+         stand on the plate, lift one foot and stamp it down, three times at an irregular beat"
+    )]
+    NoHit {
+        /// The largest rise, N.
+        largest_n: f64,
+        /// The rise that counts, N.
+        needed_n: f64,
+    },
+    /// No foot stopped short.
+    #[error(
+        "the suit saw no stomp: a foot came down at {fastest_m_per_s:.2} m/s at most, or did not stop short; \
+         {needed_m_per_s:.2} m/s are needed"
+    )]
+    NoStop {
+        /// The largest downward speed, m/s.
+        fastest_m_per_s: f64,
+        /// The speed that counts, m/s.
+        needed_m_per_s: f64,
+    },
+    /// Hits and stops are farther apart than the offset may be.
+    #[error(
+        "no hit of the plate is within {:.1} s of a stop of a foot (the nearest are {:.3} s apart); the clocks differ \
+         by more, or these are not the same stomps",
+        *offset_max_ns as f64 / 1e9, *nearest_ns as f64 / 1e9
+    )]
+    TooFarApart {
+        /// The least distance of any hit and any stop, ns.
+        nearest_ns: u64,
+        /// The largest offset allowed, ns.
+        offset_max_ns: u64,
+    },
+    /// Two offsets explain the stomps equally well.
+    #[error(
+        "two offsets explain {stomps} stomps each: {:.3} s and {:.3} s; stamp again, three times at an irregular beat",
+        *one_ns as f64 / 1e9, *other_ns as f64 / 1e9
+    )]
+    Ambiguous {
+        /// One of them, ns.
+        one_ns: i64,
+        /// The other, ns.
+        other_ns: i64,
+        /// How many stomps each explains.
+        stomps: usize,
+    },
+    /// Most of what the plate felt was no stomp that the suit saw.
+    #[error(
+        "only {stomps} of {plate_hits} hits of the plate are stomps that the suit saw; nobody else may step on the \
+         plate, and nothing may be dropped on it"
+    )]
+    MostlyUnseen {
+        /// Hits that fit a stop.
+        stomps: usize,
+        /// All hits.
+        plate_hits: usize,
+    },
+    /// So many events are walking.
+    #[error("{found} hits or stops are no stomps but walking; give the part of the session with the stomps")]
+    TooMany {
+        /// How many were found in one stream.
+        found: usize,
+    },
+}
+
+/// The vertical velocities of feet whose heights are known (left and right, m), by central differences.
+///
+/// Heights that are not finite, and times that do not increase, are passed over.
+pub fn feet_of_heights(heights_m: &[(u64, [f64; 2])]) -> Vec<Feet> {
+    let mut sound: Vec<(u64, [f64; 2])> = Vec::with_capacity(heights_m.len());
+    for &(time_ns, feet_m) in heights_m {
+        let increases = sound.last().is_none_or(|(before_ns, _)| *before_ns < time_ns);
+        if increases && feet_m.iter().all(|metres| metres.is_finite()) {
+            sound.push((time_ns, feet_m));
+        }
+    }
+    let between = |window: &[(u64, [f64; 2])]| {
+        let [(from_ns, from_m), (time_ns, _), (to_ns, to_m)] = window else {
+            unreachable!("windows of three")
+        };
+        let seconds = (to_ns - from_ns) as f64 * 1e-9;
+        Feet {
+            time_ns: *time_ns,
+            upward_m_per_s: std::array::from_fn(|foot| (to_m[foot] - from_m[foot]) / seconds),
+        }
+    };
+    sound.windows(3).map(between).collect()
+}
+
+/// Finds what must be added to the suit's times so that its stomps are those of the plate.
+///
+/// Readings that are not finite, and times that do not increase, are passed over; a stomp in a gap of either stream is
+/// not used.
+///
+/// # Errors
+/// A [`StompRefusal`]: there is no stomp, or more than one way to match them.
+pub fn estimate(
+    plate: &[Force],
+    feet: &[Feet],
+    settings: &StompSettings,
+) -> Result<StompOffset, StompRefusal> {
+    let hits = plate_hits(plate, settings.rise_min_n);
+    let stops = foot_stops(feet, settings.speed_min_m_per_s);
+    if hits.times_ns.is_empty() {
+        return Err(StompRefusal::NoHit { largest_n: hits.largest, needed_n: settings.rise_min_n });
+    }
+    if stops.times_ns.is_empty() {
+        let needed_m_per_s = settings.speed_min_m_per_s;
+        return Err(StompRefusal::NoStop { fastest_m_per_s: stops.largest, needed_m_per_s });
+    }
+    let most = hits.times_ns.len().max(stops.times_ns.len());
+    if most > EVENTS_MAX {
+        return Err(StompRefusal::TooMany { found: most });
+    }
+    let mut proposals_ns = Vec::with_capacity(hits.times_ns.len() * stops.times_ns.len());
+    for hit_ns in &hits.times_ns {
+        proposals_ns
+            .extend(stops.times_ns.iter().map(|stop_ns| hit_ns.cast_signed() - stop_ns.cast_signed()));
+    }
+    let nearest_ns = proposals_ns.iter().map(|ns: &i64| ns.unsigned_abs()).min().unwrap_or(u64::MAX);
+    proposals_ns.retain(|ns| ns.unsigned_abs() <= settings.offset_max_ns);
+    proposals_ns.sort_unstable();
+    let width_ns = 2 * TOLERANCE_NS + hits.interval_ns + stops.interval_ns;
+    let Some(best) = fullest(&proposals_ns, width_ns, None) else {
+        return Err(StompRefusal::TooFarApart { nearest_ns, offset_max_ns: settings.offset_max_ns });
+    };
+    if let Some(other) = fullest(&proposals_ns, width_ns, Some(best))
+        && other.len() >= best.len()
+    {
+        let (one_ns, other_ns) = (middle(best), middle(other));
+        return Err(StompRefusal::Ambiguous { one_ns, other_ns, stomps: best.len() });
+    }
+    let (stomps, plate_hits) = (best.len(), hits.times_ns.len());
+    if stomps * 2 < plate_hits {
+        return Err(StompRefusal::MostlyUnseen { stomps, plate_hits });
+    }
+    let offset_ns = middle(best);
+    let square_sum: f64 = best.iter().map(|ns| ((ns - offset_ns) as f64).powi(2)).sum();
+    let count = stomps as f64;
+    let scatter_ns = if stomps > 1 { (square_sum / (count - 1.0)).sqrt() } else { ONE_STOMP_SIGMA_NS };
+    // A uniform error within one interval of each stream.
+    let sampling_ns =
+        ((hits.interval_ns as f64).powi(2) + (stops.interval_ns as f64).powi(2)).sqrt() / 12f64.sqrt();
+    let random_ns = scatter_ns.max(sampling_ns) / count.sqrt();
+    Ok(StompOffset {
+        offset_ns,
+        sigma_ns: random_ns.hypot(CONTACT_SIGMA_NS).ceil() as u64,
+        residual_ns: (square_sum / count).sqrt().round() as u64,
+        stomps,
+        plate_hits,
+        foot_stops: stops.times_ns.len(),
+    })
+}
+
+/// The most proposals within `width_ns`, of those that are farther than it from `taken`.
+///
+/// Events of one stream are farther apart than the width, so no event is in two of its pairs.
+fn fullest<'a>(sorted_ns: &'a [i64], width_ns: u64, taken: Option<&[i64]>) -> Option<&'a [i64]> {
+    let free = |window: &[i64]| match (window, taken) {
+        ([first, .., last] | [first @ last], Some([from, .., to] | [from @ to])) => {
+            *first > to.saturating_add_unsigned(width_ns) || *last < from.saturating_sub_unsigned(width_ns)
+        }
+        _ => true,
+    };
+    let mut best: Option<&[i64]> = None;
+    let mut begin = 0;
+    for end in 1..=sorted_ns.len() {
+        while sorted_ns[end - 1].abs_diff(sorted_ns[begin]) > width_ns {
+            begin += 1;
+        }
+        let window = &sorted_ns[begin..end];
+        let spread = |window: &[i64]| window[window.len() - 1].abs_diff(window[0]);
+        let better = best.is_none_or(|best| {
+            window.len() > best.len() || (window.len() == best.len() && spread(window) < spread(best))
+        });
+        if better && free(window) {
+            best = Some(window);
+        }
+    }
+    best
+}
+
+/// The mean, ns.
+fn middle(proposals_ns: &[i64]) -> i64 {
+    let sum: i128 = proposals_ns.iter().map(|ns| i128::from(*ns)).sum();
+    (sum / proposals_ns.len().max(1) as i128) as i64
+}

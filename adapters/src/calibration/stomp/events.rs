@@ -1,0 +1,223 @@
+//! Hits of the plate and stops of a foot: when half of the momentum is gone.
+
+use super::{Feet, Force};
+
+/// The force must have risen within this time, and its first peak come within it after that, ns.
+const RISE_NS: u64 = 60_000_000;
+/// A foot that has come down must have stopped within this time, ns: two samples at 30 Hz.
+const STOP_NS: u64 = 80_000_000;
+/// The first peak is passed once the force has fallen by this share of its rise.
+const PEAK_PASSED: f64 = 0.1;
+/// What the force was before is its median over this time, ns.
+const REST_NS: u64 = 1_000_000_000;
+/// Somebody stands on the other foot while the force is no lower than this share of what it was.
+const STANDING: f64 = 0.3;
+/// A landing is so much of the whole rise at least.
+const LANDING: f64 = 0.3;
+/// Of the downward speed so much may be left when the foot has stopped.
+const STOPPED: f64 = 0.3;
+/// What comes sooner after an event belongs to it (the other foot, a rebound), ns.
+const APART_NS: u64 = 250_000_000;
+/// A longer pause between two readings is a gap, ns.
+const GAP_NS: u64 = 40_000_000;
+
+/// Events of one stream.
+#[derive(Debug, Default)]
+pub(super) struct Events {
+    /// When, ns, increasing.
+    pub(super) times_ns: Vec<u64>,
+    /// The largest rise (N) or downward speed (m/s) of all, whether it was an event or not.
+    pub(super) largest: f64,
+    /// Median distance of readings, ns.
+    pub(super) interval_ns: u64,
+}
+
+impl Events {
+    fn add(&mut self, time_ns: u64) {
+        if self.times_ns.last().is_none_or(|last_ns| time_ns.saturating_sub(*last_ns) >= APART_NS) {
+            self.times_ns.push(time_ns);
+        }
+    }
+}
+
+/// A stream of one number, finite and with increasing times.
+struct Stream {
+    points: Vec<(u64, f64)>,
+}
+
+impl Stream {
+    fn of(readings: impl Iterator<Item = (u64, f64)>) -> Stream {
+        let mut points: Vec<(u64, f64)> = Vec::new();
+        for (time_ns, value) in readings {
+            if value.is_finite() && points.last().is_none_or(|(before_ns, _)| *before_ns < time_ns) {
+                points.push((time_ns, value));
+            }
+        }
+        Stream { points }
+    }
+
+    /// Of the readings as they came in: the stream itself may have lost some.
+    fn interval_ns(&self) -> u64 {
+        let mut intervals: Vec<u64> = self.points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        let middle = intervals.len() / 2;
+        if intervals.is_empty() { 0 } else { *intervals.select_nth_unstable(middle).1 }
+    }
+
+    /// Whether there is a gap between two places.
+    fn has_gap(&self, from: usize, to: usize) -> bool {
+        self.points[from..=to].windows(2).any(|pair| pair[1].0 - pair[0].0 > GAP_NS)
+    }
+}
+
+/// Hits of the plate.
+pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
+    let stream = Stream::of(plate.iter().map(|force| (force.time_ns, force.vertical_n)));
+    let mut hits = Events { interval_ns: stream.interval_ns(), ..Events::default() };
+    let points = &stream.points;
+    let (mut window, mut at) = (0, 0);
+    while at < points.len() {
+        while points[at].0 - points[window].0 > RISE_NS {
+            window += 1;
+        }
+        // The last of equals: the force rises from there.
+        let low = (window..=at).rev().min_by(|a, b| points[*a].1.total_cmp(&points[*b].1)).unwrap_or(at);
+        let rise_n = points[at].1 - points[low].1;
+        hits.largest = hits.largest.max(rise_n);
+        if rise_n < rise_min_n {
+            at += 1;
+            continue;
+        }
+        let peak = first_peak(points, low, at);
+        if !stream.has_gap(low, peak) {
+            hits.largest = hits.largest.max(points[peak].1 - points[low].1);
+            let landing = landing(points, low, peak);
+            // Between a foot that rebounds, which stands still at the peak, and one that sticks, which does after it.
+            let rebounds_ns = half_impulse_ns(&points[landing..=peak]);
+            let sticks_ns = half_impulse_ns(&points[landing..=after_peak(points, landing, peak)]);
+            hits.add(u64::midpoint(rebounds_ns, sticks_ns));
+        }
+        let passed_ns = points[peak].0.saturating_add(APART_NS);
+        at += points[at..].partition_point(|(time_ns, _)| *time_ns < passed_ns);
+        window = at.min(points.len().saturating_sub(1));
+    }
+    hits
+}
+
+/// Where the force is highest before it falls again.
+fn first_peak(points: &[(u64, f64)], low: usize, from: usize) -> usize {
+    let mut peak = from;
+    for at in from + 1..points.len() {
+        let (time_ns, force_n) = points[at];
+        let passed = points[peak].1 - force_n > PEAK_PASSED * (points[peak].1 - points[low].1);
+        if passed || time_ns - points[from].0 > RISE_NS {
+            break;
+        }
+        if force_n > points[peak].1 {
+            peak = at;
+        }
+    }
+    peak
+}
+
+/// Where the peak is over: the force has fallen to half of its rise, or as long after the peak as it began before it, if
+/// the weight of the person stays.
+fn after_peak(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
+    let ((low_ns, low_n), (peak_ns, peak_n)) = (points[low], points[peak]);
+    let over = |(time_ns, force_n): &(u64, f64)| {
+        *force_n <= f64::midpoint(low_n, peak_n) || time_ns - peak_ns >= peak_ns - low_ns
+    };
+    points[peak..].iter().position(over).map_or(points.len() - 1, |later| peak + later)
+}
+
+/// Where the hit itself begins between the lowest point and the peak.
+///
+/// A leg that is thrown down lightens the plate under the other foot. The force then rises twice: back to what it was as the
+/// leg falls on freely, and from there when the foot lands; only the second is the hit. Where nobody stood before (a leap, a
+/// step onto the plate) the whole rise is.
+fn landing(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
+    let since_ns = points[low].0.saturating_sub(REST_NS);
+    let first = points[..low].partition_point(|(time_ns, _)| *time_ns < since_ns);
+    let mut before: Vec<f64> = points[first..low].iter().map(|(_, force_n)| *force_n).collect();
+    let middle = before.len() / 2;
+    if before.is_empty() {
+        return low;
+    }
+    let rest_n = *before.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let (low_n, peak_n) = (points[low].1, points[peak].1);
+    if low_n < STANDING * rest_n || peak_n - rest_n < LANDING * (peak_n - low_n) {
+        return low;
+    }
+    (low..peak).rev().find(|place| points[*place].1 <= rest_n).unwrap_or(low)
+}
+
+/// When half of the impulse over the first force has passed; there are at least two points.
+fn half_impulse_ns(points: &[(u64, f64)]) -> u64 {
+    let base_n = points[0].1;
+    let step = |pair: &[(u64, f64)]| {
+        let seconds = (pair[1].0 - pair[0].0) as f64;
+        (pair[0].1 + pair[1].1 - 2.0 * base_n) / 2.0 * seconds
+    };
+    let half = points.windows(2).map(step).sum::<f64>() / 2.0;
+    let mut passed = 0.0;
+    for pair in points.windows(2) {
+        let next = passed + step(pair);
+        if next >= half {
+            let ([a_n, b_n], span) =
+                ([pair[0].1 - base_n, pair[1].1 - base_n], (pair[1].0 - pair[0].0) as f64);
+            // Within a step the force is a line: the impulse is a parabola in time.
+            let (slope, wanted) = ((b_n - a_n) / span, half - passed);
+            let root = (a_n * a_n + 2.0 * slope * wanted).max(0.0).sqrt();
+            let since = if a_n + root > 0.0 { 2.0 * wanted / (a_n + root) } else { 0.0 };
+            return pair[0].0 + since.clamp(0.0, span).round() as u64;
+        }
+        passed = next;
+    }
+    points[points.len() - 1].0
+}
+
+/// Stops of either foot.
+pub(super) fn foot_stops(feet: &[Feet], speed_min_m_per_s: f64) -> Events {
+    let mut stops = Events::default();
+    let mut times_ns = Vec::new();
+    for foot in 0..2 {
+        let stream = Stream::of(feet.iter().map(|feet| (feet.time_ns, feet.upward_m_per_s[foot])));
+        stops.interval_ns = stops.interval_ns.max(stream.interval_ns());
+        let fastest = stream.points.iter().map(|(_, upward)| -upward).fold(0.0, f64::max);
+        stops.largest = stops.largest.max(fastest);
+        times_ns.extend(stops_of(&stream, speed_min_m_per_s));
+    }
+    times_ns.sort_unstable();
+    for time_ns in times_ns {
+        stops.add(time_ns);
+    }
+    stops
+}
+
+fn stops_of(stream: &Stream, speed_min_m_per_s: f64) -> Vec<u64> {
+    let points = &stream.points;
+    let mut stops = Vec::new();
+    let mut at = 0;
+    while at < points.len() {
+        let (time_ns, upward) = points[at];
+        let falls = upward <= -speed_min_m_per_s;
+        // The fastest moment of this way down.
+        if !falls || points.get(at + 1).is_some_and(|(_, next)| *next <= upward) {
+            at += 1;
+            continue;
+        }
+        let until = at + points[at..].partition_point(|(later_ns, _)| later_ns - time_ns <= STOP_NS);
+        let stopped = (at..until).find(|place| points[*place].1 >= STOPPED * upward);
+        let half = (at + 1..until).find(|place| points[*place].1 >= upward / 2.0);
+        if let (Some(stopped), Some(half)) = (stopped, half)
+            && !stream.has_gap(at, stopped)
+        {
+            let [(from_ns, from), (to_ns, to)] = [points[half - 1], points[half]];
+            let share = (upward / 2.0 - from) / (to - from);
+            stops.push(from_ns + ((to_ns - from_ns) as f64 * share.clamp(0.0, 1.0)).round() as u64);
+            at = stopped;
+        } else {
+            at += 1;
+        }
+    }
+    stops
+}

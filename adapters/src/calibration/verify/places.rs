@@ -1,0 +1,77 @@
+//! What several places of a known mass tell of a plate's geometry: the scale of its moments, its turn, its origin.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// 1-σ of a place that was measured with a ruler, m.
+const RULER_SIGMA_M: f64 = 0.002;
+/// The places must span so much in every direction, m.
+const SPAN_MIN_M: f64 = 0.08;
+
+/// A number and its 1-σ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// The number.
+    pub value: f64,
+    /// 1-σ.
+    pub sigma: f64,
+}
+
+/// How the plate's idea of places differs from the ruler's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    /// Along x: how much too large distances are, as a share.
+    pub scale_x: Known,
+    /// Along y.
+    pub scale_y: Known,
+    /// How far the plate's axes are turned to the right of those it claims, rad.
+    pub turned_rad: Known,
+    /// Where the plate sees what lies at its origin, m.
+    pub origin_m: [Known; 2],
+    /// What is left of the places, root mean square per axis, m; 0 for three places, which always fit.
+    pub left_m: f64,
+}
+
+/// Compares places as the plate sees them with where they are, both in the plate's own frame, m.
+///
+/// `None` for fewer than three places, or places nearly on a line.
+pub fn geometry(seen_m: &[[f64; 2]], true_m: &[[f64; 2]]) -> Option<Geometry> {
+    let count = seen_m.len().min(true_m.len());
+    if count < 3 || !spans(&true_m[..count]) {
+        return None;
+    }
+    let rows: Vec<Vector3<f64>> = true_m[..count].iter().map(|[x, y]| Vector3::new(1.0, *x, *y)).collect();
+    let information: Matrix3<f64> = rows.iter().map(|row| row * row.transpose()).sum();
+    let inverse = information.try_inverse()?;
+    let fits = [0, 1].map(|axis| {
+        let right: Vector3<f64> = rows.iter().zip(seen_m).map(|(row, seen)| row * seen[axis]).sum();
+        inverse * right
+    });
+    let square: f64 = rows
+        .iter()
+        .zip(seen_m)
+        .map(|(row, seen)| (0..2).map(|axis| (seen[axis] - row.dot(&fits[axis])).powi(2)).sum::<f64>())
+        .sum();
+    let freedom = 2.0 * count as f64 - 6.0;
+    let scatter_m = if freedom > 0.0 { (square / freedom).sqrt() } else { 0.0 };
+    let sigma_m = scatter_m.max(RULER_SIGMA_M);
+    let sigma = |parameter: usize| sigma_m * inverse[(parameter, parameter)].max(0.0).sqrt();
+    let known = |value: f64, parameter: usize| Known { value, sigma: sigma(parameter) };
+    let [x, y] = fits;
+    Some(Geometry {
+        scale_x: known(x[1] - 1.0, 1),
+        scale_y: known(y[2] - 1.0, 2),
+        turned_rad: Known { value: 0.5 * (y[1] - x[2]), sigma: 0.5 * sigma(1).hypot(sigma(2)) },
+        origin_m: [known(x[0], 0), known(y[0], 0)],
+        left_m: (square / (2.0 * count as f64)).sqrt(),
+    })
+}
+
+/// Whether the places lie apart in every direction.
+fn spans(places_m: &[[f64; 2]]) -> bool {
+    (0..12).all(|index| {
+        let (sine, cosine) = (core::f64::consts::PI * f64::from(index) / 12.0).sin_cos();
+        let along = places_m.iter().map(|[x, y]| cosine * x + sine * y);
+        let (least, most) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), m| (a.min(m), b.max(m)));
+        most - least >= SPAN_MIN_M
+    })
+}

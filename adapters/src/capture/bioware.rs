@@ -1,0 +1,352 @@
+//! Forces of a plate as text: Kistler's BioWare exports, and what other programs write alike.
+//!
+//! Some lines of any kind, then a head line that names a time and forces, perhaps a line of units, then rows; cells are
+//! parted by tabs, semicolons or commas; decimals have a point, or a comma where cells are not parted by it. Columns are
+//! found by name: `abs time` or `time`, and
+//! - `Fx Fy Fz Mx My Mz`, moments about the sensor's origin, or
+//! - `Fx Fy Fz Ax Ay` and perhaps `Tz`: centre of pressure and free moment; without `Tz` samples say that the free moment
+//!   was not measured; or
+//! - `fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4`: the channels of a plate with four sensors, whose distances must be given.
+//!
+//! Units stand beside the names, `Fx (N)`, or below them; where they do not, they must be declared: nothing is guessed.
+//! Axes and place are those of the settings: BioWare's z points down and its forces are those on the plate.
+
+mod columns;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use bytemuck::Zeroable;
+use equipoise_core::message::GroundSample;
+use thiserror::Error;
+
+pub use self::columns::Units;
+use self::columns::{Columns, Layout};
+use super::csv::TIME_BASE_NS;
+use super::lines::ShortLines;
+use super::rejected::Rejected;
+use crate::ground::channels::{Centre, Direct, EightChannels, ForceUnit, MomentUnit};
+use crate::ground::{ChannelFault, Channels, GroundSettings, Load, SensorAxes, Wrench};
+
+/// The head line stands among the first so many.
+const HEAD_LINES_MAX: u64 = 200;
+/// More columns than any export has.
+const CELLS_MAX: usize = 512;
+/// The longest session, s.
+const SESSION_MAX_S: f64 = 4e6;
+/// Times from here on are seconds since 1970.
+const UNIX_FROM_S: f64 = 1e9;
+/// … and up to here: the year 2100.
+const UNIX_TO_S: f64 = 4.2e9;
+/// No person exerts more, N or N m.
+const LARGEST: f64 = 1e5;
+/// Below this force on the plate there is no centre of pressure, N.
+const PRESSURE_MIN_N: f64 = 5.0;
+
+/// What the file does not say.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BioWareSettings {
+    /// Sign, axes, place and delay of the plate.
+    pub ground: GroundSettings,
+    /// Units where the file states none.
+    pub units: Units,
+    /// Which plate, from 1, where the file has several.
+    pub plate: Option<usize>,
+    /// Distances a and b of the four sensors from the middle, m: for files with eight channels.
+    pub sensor_offsets_m: Option<[f64; 2]>,
+}
+
+/// Why a text export could not be read at all.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[expect(missing_docs, reason = "lines and names say what they are; the sentences tell the rest")]
+pub enum BioWareError {
+    /// The file could not be opened or read.
+    #[error("cannot read {}: {reason}", path.display())]
+    Open { path: PathBuf, reason: String },
+    /// Nothing names the columns.
+    #[error(
+        "no line of the first {HEAD_LINES_MAX} names a time and a vertical force (abs time, Fx, Fy, Fz, Mx, My, Mz); \
+         export with column names, as text in UTF-8"
+    )]
+    NoHead,
+    /// Some are missing.
+    #[error(
+        "line {line}: of {} the columns Fx Fy Fz Mx My Mz are needed, or Fx Fy Fz Ax Ay, or fx12 fx34 fy14 fy23 fz1 fz2 \
+         fz3 fz4; there are {found}", if *of_plate { "the plate" } else { "the file" }
+    )]
+    MissingColumns { line: u64, found: String, of_plate: bool },
+    /// A unit that is stated and not known.
+    #[error(
+        "line {line}: column {column} is in \"{unit}\", which is no unit of {of} that is read; declare the units"
+    )]
+    UnknownUnit { line: u64, column: String, unit: String, of: &'static str },
+    /// A unit that nobody states.
+    #[error("line {line}: column {column} has no unit of {of}; declare the units, as in s,N,N.m,m")]
+    NoUnit { line: u64, column: String, of: &'static str },
+    /// Two plates, one ground.
+    #[error("line {line}: the file has {plates} plates; say which of them")]
+    WhichPlate { line: u64, plates: usize },
+    /// One that is not there.
+    #[error("line {line}: there is no plate {plate}; the file has {plates}")]
+    NoSuchPlate { line: u64, plate: usize, plates: usize },
+    /// Eight channels and no distances.
+    #[error(
+        "line {line}: the file has eight channels; the distances a and b of the plate's sensors must be given, m"
+    )]
+    NoOffsets { line: u64 },
+    /// Distances that are none, a surface that is no number.
+    #[error("the plate's channels cannot be used: {0}")]
+    Channels(#[from] ChannelFault),
+}
+
+/// Rows of a text export as samples; what cannot be used is counted in [`BioWareCapture::rejected`].
+///
+/// Reasons: `unreadable_row` (too few cells), `not_a_number` (also NaN and infinite), `implausible` (more than 100 kN),
+/// `time_out_of_range`, `time_not_increasing`.
+#[derive(Debug)]
+pub struct BioWareCapture<R: Read> {
+    lines: BufReader<ShortLines<R>>,
+    text: Vec<u8>,
+    line: u64,
+    /// The line is in `text` and was not used.
+    waiting: bool,
+    separator: char,
+    columns: Columns,
+    channels: Channels,
+    settings: BioWareSettings,
+    first_s: Option<f64>,
+    sequence: u64,
+    last_time_ns: u64,
+    rejected: Rejected,
+}
+
+impl BioWareCapture<File> {
+    /// Opens a file and finds its columns.
+    ///
+    /// # Errors
+    /// [`BioWareError`].
+    pub fn open(path: impl AsRef<Path>, settings: BioWareSettings) -> Result<Self, BioWareError> {
+        let path = path.as_ref();
+        let file = File::open(path)
+            .map_err(|error| BioWareError::Open { path: path.to_owned(), reason: error.to_string() })?;
+        BioWareCapture::new(file, settings)
+    }
+}
+
+impl<R: Read> BioWareCapture<R> {
+    /// Reads up to the first row.
+    ///
+    /// # Errors
+    /// [`BioWareError`] if columns or units are missing.
+    pub fn new(reader: R, settings: BioWareSettings) -> Result<Self, BioWareError> {
+        let mut lines = BufReader::new(ShortLines::new(reader));
+        let (mut text, mut below) = (Vec::new(), Vec::new());
+        for line in 1..=HEAD_LINES_MAX {
+            if !next_line(&mut lines, &mut text) {
+                break;
+            }
+            let head = String::from_utf8_lossy(&text).into_owned();
+            let separator =
+                ['\t', ';', ','].into_iter().find(|separator| head.contains(*separator)).unwrap_or('\t');
+            let cells: Vec<&str> = head.split(separator).take(CELLS_MAX).collect();
+            if !columns::is_head(&cells) {
+                continue;
+            }
+            let waiting = next_line(&mut lines, &mut below);
+            let below_text = String::from_utf8_lossy(&below).into_owned();
+            let below_cells: Vec<&str> = below_text.split(separator).take(CELLS_MAX).collect();
+            let columns = Columns::find(line, &cells, &below_cells, &settings)?;
+            let channels = channels_of(&columns.layout, &settings, line)?;
+            let mut capture = BioWareCapture {
+                lines,
+                text: below,
+                line: line + 1,
+                waiting: waiting && !columns.has_unit_line,
+                separator,
+                columns,
+                channels,
+                settings,
+                first_s: None,
+                sequence: 0,
+                last_time_ns: 0,
+                rejected: Rejected::by("line"),
+            };
+            capture.find_first_time();
+            return Ok(capture);
+        }
+        Err(BioWareError::NoHead)
+    }
+
+    /// When [`TIME_BASE_NS`] was, ns since 1970, where the file's times are seconds since then.
+    pub fn wall_clock_ns(&self) -> Option<u64> {
+        let first_s = self.first_s.filter(|first_s| (UNIX_FROM_S..UNIX_TO_S).contains(first_s))?;
+        Some((first_s * 1e9).round() as u64)
+    }
+
+    /// The file's own time of [`TIME_BASE_NS`], s: that of its first row.
+    pub fn first_s(&self) -> Option<f64> {
+        self.first_s
+    }
+
+    /// Rows left out so far, by reason.
+    pub fn rejected(&self) -> &Rejected {
+        &self.rejected
+    }
+
+    /// Reads on until a row has a time, which is then where all times count from.
+    fn find_first_time(&mut self) {
+        while self.waiting || self.advance() {
+            match self.number(self.columns.time) {
+                Ok(first_s) if first_s.abs() < UNIX_TO_S => {
+                    self.first_s = Some(first_s);
+                    self.waiting = true;
+                    return;
+                }
+                Ok(_) => self.rejected.count("time_out_of_range", self.line),
+                Err(reason) => self.rejected.count(reason, self.line),
+            }
+            self.waiting = false;
+        }
+    }
+
+    /// The next line that is not blank, into `text`.
+    fn advance(&mut self) -> bool {
+        loop {
+            if !next_line(&mut self.lines, &mut self.text) {
+                return false;
+            }
+            self.line += 1;
+            if !self.text.iter().all(u8::is_ascii_whitespace) {
+                return true;
+            }
+        }
+    }
+
+    fn number(&self, column: columns::Column) -> Result<f64, &'static str> {
+        let separator = self.separator as u8;
+        let cell = self.text.split(|byte| *byte == separator).nth(column.index).ok_or("unreadable_row")?;
+        let cell = std::str::from_utf8(cell).map_err(|_| "not_a_number")?.trim().trim_matches('"');
+        let number: f64 = match cell.parse() {
+            Ok(number) => number,
+            Err(_) => cell.replacen(',', ".", 1).parse().map_err(|_| "not_a_number")?,
+        };
+        let number = number * column.size;
+        if number.is_finite() { Ok(number) } else { Err("not_a_number") }
+    }
+
+    fn sample(&self) -> Result<GroundSample, &'static str> {
+        let since_s = self.number(self.columns.time)? - self.first_s.unwrap_or_default();
+        if since_s.abs() >= SESSION_MAX_S {
+            return Err("time_out_of_range");
+        }
+        let time_ns = TIME_BASE_NS.saturating_add_signed((since_s * 1e9).round() as i64);
+        if time_ns <= self.last_time_ns {
+            return Err("time_not_increasing");
+        }
+        let (sensor, not_measured) = self.wrench()?;
+        if sensor.force_n.iter().chain(&sensor.moment_nm).any(|number| number.abs() > LARGEST) {
+            return Err("implausible");
+        }
+        let ground = &self.settings.ground;
+        let person = ground.frame.person_from_sensor(sensor, ground.measures);
+        Ok(GroundSample {
+            sample_time_ns: time_ns.saturating_sub(ground.latency_ns),
+            arrival_ns: time_ns,
+            published_ns: time_ns,
+            sequence: self.sequence + 1,
+            device_counter: (self.sequence + 1) as u32,
+            force_n: person.force_n,
+            moment_nm: person.moment_nm,
+            surface_z_m: ground.frame.surface_z_m(),
+            not_measured,
+            devices: ground.device as u32,
+            ..GroundSample::zeroed()
+        }
+        .without_what_was_not_measured())
+    }
+
+    fn wrench(&self) -> Result<(Wrench, u32), &'static str> {
+        let mut numbers = [0.0; 8];
+        for (number, column) in numbers.iter_mut().zip(self.columns.layout.columns()) {
+            *number = self.number(column)?;
+        }
+        if let (Layout::Pressure(..), [_, _, fz, x, y, ..]) = (&self.columns.layout, &mut numbers)
+            && fz.abs() < PRESSURE_MIN_N
+        {
+            // Exports write a centre at (0, 0), or noise, where nobody stands.
+            (*x, *y) = (0.0, 0.0);
+        }
+        match self.channels.load(&numbers) {
+            Load::Wrench(wrench) => Ok((wrench, 0)),
+            Load::Part { wrench, not_measured } => Ok((wrench, not_measured)),
+            // No layout is of insoles.
+            Load::Soles(_) => Err("not_a_number"),
+        }
+    }
+}
+
+/// What the columns mean; their numbers come in N, N m and m.
+fn channels_of(layout: &Layout, settings: &BioWareSettings, line: u64) -> Result<Channels, BioWareError> {
+    Ok(match layout {
+        Layout::Wrench(_) => {
+            let direct = Direct { force: [Some(0), Some(1), Some(2)], moment: [Some(3), Some(4), Some(5)] };
+            Channels::direct(6, direct, ForceUnit::Newton, MomentUnit::NewtonMetre)?
+        }
+        Layout::Pressure(_, free) => {
+            let frame = &settings.ground.frame;
+            let centre = Centre {
+                shear: Some([0, 1]),
+                vertical: 2,
+                cop: [3, 4],
+                free_moment: free.map(|_| 5),
+                surface_z_m: match frame.axes {
+                    SensorAxes::ZUp => frame.surface_height_m,
+                    SensorAxes::ZDown => -frame.surface_height_m,
+                },
+                newtons_per_unit: 1.0,
+                newton_metres_per_unit: 1.0,
+                metres_per_unit: 1.0,
+            };
+            Channels::centre(6, centre)?
+        }
+        Layout::Channels(_) => {
+            let [a_m, b_m] = settings.sensor_offsets_m.ok_or(BioWareError::NoOffsets { line })?;
+            let channels = std::array::from_fn(|channel| channel);
+            let eight = EightChannels { channels, a_m, b_m, newtons_per_unit: [1.0; 8], zero: [0.0; 8] };
+            Channels::eight(8, &eight)?
+        }
+    })
+}
+
+/// Reads a line without its end; `false` at the end of the file, or of what can be read.
+fn next_line<R: Read>(lines: &mut BufReader<ShortLines<R>>, text: &mut Vec<u8>) -> bool {
+    text.clear();
+    if !matches!(lines.read_until(b'\n', text), Ok(1..)) {
+        return false;
+    }
+    while matches!(text.last(), Some(b'\n' | b'\r')) {
+        text.pop();
+    }
+    true
+}
+
+impl<R: Read> Iterator for BioWareCapture<R> {
+    type Item = GroundSample;
+
+    fn next(&mut self) -> Option<GroundSample> {
+        loop {
+            if !std::mem::take(&mut self.waiting) && !self.advance() {
+                return None;
+            }
+            match self.sample() {
+                Ok(sample) => {
+                    self.sequence = sample.sequence;
+                    self.last_time_ns = sample.arrival_ns;
+                    return Some(sample);
+                }
+                Err(reason) => self.rejected.count(reason, self.line),
+            }
+        }
+    }
+}

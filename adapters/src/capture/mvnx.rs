@@ -1,0 +1,310 @@
+//! Motion as MVN exports it, `.mvnx`, versions 3 and 4.
+//!
+//! Read frame by frame, in bounded memory. Both versions have the same elements; they differ in names of joints and
+//! points, and in the axes of the arms: version 3 writes them as the ISB recommends, so that they are not alike in the
+//! T pose. The null pose at the file's head (`identity` in version 4, `npose` in 3) shows which axes it has, and every
+//! frame is turned by it into ours (X forward, Y left, Z up for every segment in the T pose). A file without one is
+//! refused, and a frame whose segments then do not meet at their joints is left out.
+//!
+//! Time is `index` over `frameRate`: `time` and `ms` are rounded to whole milliseconds, and the last part of `tc` is a
+//! frame number. Where `ms`, the wall clock, leaves that by more than two frames, frames are missing from the file, and
+//! the time follows `ms`.
+
+mod frame;
+mod head;
+mod xml;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+use bytemuck::Zeroable;
+use equipoise_core::message::{SuitBody, SuitSample};
+use thiserror::Error;
+
+use self::frame::{Frame, Pose};
+use self::head::Head;
+use self::xml::Xml;
+use super::csv::TIME_BASE_NS;
+use super::rejected::Rejected;
+use crate::suit::SuitSubject;
+
+/// The latest time taken, s.
+const TIME_MAX_S: f64 = 4e6;
+const NS_PER_MS: i64 = 1_000_000;
+
+/// Why an `.mvnx` could not be read at all, or not to its end.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "lines and names say what they are; the sentences tell the rest")]
+pub enum MvnxError {
+    /// The file could not be opened.
+    #[error("cannot read {}: {reason}", path.display())]
+    Open { path: PathBuf, reason: String },
+    /// It is something else.
+    #[error("not an .mvnx: it begins with {found}; in MVN, choose File > Export > MVNX")]
+    NotMvnx { found: String },
+    /// The XML is broken: a damaged or unfinished export.
+    #[error("line {line}: {reason}; export the file again")]
+    Malformed { line: u64, reason: String },
+    /// Nobody says how fast the suit measured.
+    #[error("line {line}: the subject's frameRate is {}, not a number of 1 to 1000 Hz", found.as_deref().unwrap_or("missing"))]
+    NoFrameRate { line: u64, found: Option<String> },
+    /// Frames without the list of segments mean nothing.
+    #[error(
+        "line {line}: <frames> without <segments> before it: nobody says which number belongs to which segment"
+    )]
+    NoSegments { line: u64 },
+    /// A body has 23.
+    #[error("line {line}: these segments are missing: {names}; a whole body is needed (no prop, no object)")]
+    MissingSegments { line: u64, names: String },
+    /// One name, two columns.
+    #[error("line {line}: a second segment {label}; one file holds one body")]
+    TwiceTheSegment { line: u64, label: String },
+    /// A bound that no real file reaches.
+    #[error("line {line}: more than {most} {what}")]
+    TooMany { line: u64, what: &'static str, most: usize },
+    /// The head is all there is.
+    #[error("it has no frames; in MVN, export at least \"Segment Orientation\" and \"Segment Position\"")]
+    NoFrames,
+    /// The axes are not known.
+    #[error(
+        "line {line}: no frame of type \"identity\" (version 4) or \"npose\" (version 3) stands before the first one; \
+         without it the axes of the arms are not known; export the file again from MVN"
+    )]
+    NoNullPose { line: u64 },
+    /// The null pose cannot be used.
+    #[error(
+        "line {line}: the null pose cannot be used ({reason}); export the file again with orientation and position"
+    )]
+    BadNullPose { line: u64, reason: &'static str },
+}
+
+/// Frames of an `.mvnx` as samples; what cannot be used is counted in [`MvnxCapture::rejected`].
+///
+/// Reasons: `no_pose` (without orientation or position), `wrong_count` (not as many numbers as segments or joints),
+/// `not_a_number`, `implausible` (above 10 000 in its unit), `not_a_rotation`, `joints_apart` (orientation and position
+/// contradict each other), `without_time`, `time_not_increasing`, `time_out_of_range`.
+pub struct MvnxCapture<R: BufRead> {
+    xml: Xml<R>,
+    frames_depth: usize,
+    head: Head,
+    null: Pose,
+    frame: Frame,
+    /// Whether `frame` was read and not handed out.
+    waiting: bool,
+    clock: Clock,
+    sequence: u64,
+    last_time_ns: u64,
+    rejected: Rejected,
+    fault: Option<MvnxError>,
+}
+
+impl<R: BufRead> std::fmt::Debug for MvnxCapture<R> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("MvnxCapture").field("sequence", &self.sequence).finish_non_exhaustive()
+    }
+}
+
+impl MvnxCapture<BufReader<File>> {
+    /// Opens a file and reads up to its first frame.
+    ///
+    /// # Errors
+    /// [`MvnxError`] if it cannot be opened, or is no body's motion.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, MvnxError> {
+        let path = path.as_ref();
+        let failed =
+            |error: std::io::Error| MvnxError::Open { path: path.to_owned(), reason: error.to_string() };
+        MvnxCapture::new(BufReader::with_capacity(1 << 16, File::open(path).map_err(failed)?))
+    }
+}
+
+impl<R: BufRead> MvnxCapture<R> {
+    /// Reads up to the first frame.
+    ///
+    /// # Errors
+    /// [`MvnxError`] if this is no body's motion.
+    pub fn new(reader: R) -> Result<Self, MvnxError> {
+        let mut xml = Xml::new(reader);
+        let mut head = Head::read(&mut xml)?;
+        let frames_depth = xml.depth();
+        let mut frame = Frame::default();
+        let mut null = None;
+        loop {
+            if !frame.read(&mut xml, frames_depth)? {
+                return Err(MvnxError::NoFrames);
+            }
+            match frame.kind.as_str() {
+                "identity" | "npose" => {
+                    let line = frame.line;
+                    null = Some(frame.pose(&head).map_err(|reason| MvnxError::BadNullPose { line, reason })?);
+                }
+                "normal" => break,
+                _ => {}
+            }
+        }
+        let null = null.ok_or(MvnxError::NoNullPose { line: frame.line })?;
+        head.subject.null_pose.origins_m = Some(null.position_m);
+        let clock = Clock::of(&frame, head.rate_hz);
+        Ok(MvnxCapture {
+            xml,
+            frames_depth,
+            head,
+            null,
+            frame,
+            waiting: true,
+            clock,
+            sequence: 0,
+            last_time_ns: 0,
+            rejected: Rejected::by("line"),
+            fault: None,
+        })
+    }
+
+    /// The body: name, origins of the segments in the T pose, points on them.
+    pub fn subject(&self) -> &SuitSubject {
+        &self.head.subject
+    }
+
+    /// The same as the message that a live suit sends; `None` if nobody can be built like that.
+    pub fn body(&self) -> Option<SuitBody> {
+        let body = self.head.subject.null_pose.to_body(0).filter(SuitBody::is_plausible)?;
+        Some(SuitBody { arrival_ns: TIME_BASE_NS, published_ns: TIME_BASE_NS, ..body })
+    }
+
+    /// `version` of the file.
+    pub fn version(&self) -> Option<&str> {
+        self.head.version.as_deref()
+    }
+
+    /// Which trackers were worn (`FullBody`, `UpperBody`, …), where the file says it: what had none is not measured.
+    pub fn configuration(&self) -> Option<&str> {
+        self.head.configuration.as_deref()
+    }
+
+    /// Frames a second.
+    pub fn rate_hz(&self) -> f64 {
+        self.head.rate_hz
+    }
+
+    /// When [`TIME_BASE_NS`] was by the wall clock of MVN's computer, ns since 1970; `None` if the file does not say.
+    pub fn wall_clock_ns(&self) -> Option<u64> {
+        let unix_ms = self.clock.first.unix_ms?;
+        u64::try_from(unix_ms).ok()?.checked_mul(NS_PER_MS as u64)
+    }
+
+    /// Frames left out so far, by reason.
+    pub fn rejected(&self) -> &Rejected {
+        &self.rejected
+    }
+
+    /// What ended the reading before the end of the frames, once the iterator has ended.
+    pub fn fault(&self) -> Option<&MvnxError> {
+        self.fault.as_ref()
+    }
+
+    fn sample(&mut self) -> Result<SuitSample, &'static str> {
+        let time_ns = self.clock.time_ns(&self.frame)?;
+        if time_ns <= self.last_time_ns {
+            return Err("time_not_increasing");
+        }
+        let mut sample = SuitSample {
+            sample_time_ns: time_ns,
+            arrival_ns: time_ns,
+            published_ns: time_ns,
+            sequence: self.sequence + 1,
+            device_counter: self.frame.index.map_or(self.sequence as u32, |index| index as u32),
+            device_time_ms: self.frame.time_ms.map_or(0, |time_ms| time_ms as u32),
+            ..Zeroable::zeroed()
+        };
+        self.frame.fill(&self.head, &self.null, &mut sample)?;
+        Ok(sample)
+    }
+}
+
+impl<R: BufRead> Iterator for MvnxCapture<R> {
+    type Item = SuitSample;
+
+    fn next(&mut self) -> Option<SuitSample> {
+        while self.fault.is_none() {
+            if !std::mem::take(&mut self.waiting) {
+                match self.frame.read(&mut self.xml, self.frames_depth) {
+                    Ok(true) => {}
+                    Ok(false) => return None,
+                    Err(fault) => {
+                        self.fault = Some(fault.into());
+                        return None;
+                    }
+                }
+            }
+            if self.frame.kind != "normal" {
+                continue;
+            }
+            match self.sample() {
+                Ok(sample) => {
+                    self.sequence = sample.sequence;
+                    self.last_time_ns = sample.sample_time_ns;
+                    return Some(sample);
+                }
+                Err(reason) => self.rejected.count(reason, self.frame.line),
+            }
+        }
+        None
+    }
+}
+
+/// When a frame was taken.
+#[derive(Debug, Clone, Copy)]
+struct Clock {
+    rate_hz: f64,
+    first: Stamps,
+    /// What `ms` was found to be ahead of `index`: frames that are missing.
+    ahead_ns: i64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Stamps {
+    index: Option<i64>,
+    time_ms: Option<i64>,
+    unix_ms: Option<i64>,
+}
+
+impl Stamps {
+    fn of(frame: &Frame) -> Stamps {
+        // Zero is how MVN writes that it does not know.
+        let unix_ms = frame.unix_ms.filter(|ms| *ms > 0);
+        Stamps { index: frame.index, time_ms: frame.time_ms, unix_ms }
+    }
+}
+
+impl Clock {
+    fn of(first: &Frame, rate_hz: f64) -> Clock {
+        Clock { rate_hz, first: Stamps::of(first), ahead_ns: 0 }
+    }
+
+    fn time_ns(&mut self, frame: &Frame) -> Result<u64, &'static str> {
+        let now = Stamps::of(frame);
+        let since = |now: Option<i64>, first: Option<i64>| now?.checked_sub(first?);
+        let wall_ms = since(now.unix_ms, self.first.unix_ms);
+        let elapsed_s =
+            match (since(now.index, self.first.index), since(now.time_ms, self.first.time_ms), wall_ms) {
+                (Some(frames), ..) => frames as f64 / self.rate_hz,
+                (None, Some(ms), _) | (None, None, Some(ms)) => ms as f64 * 1e-3,
+                _ => return Err("without_time"),
+            };
+        if !(0.0..TIME_MAX_S).contains(&elapsed_s) {
+            return Err("time_out_of_range");
+        }
+        let elapsed_ns = (elapsed_s * 1e9).round() as i64;
+        if let Some(wall_ns) = wall_ms.and_then(|ms| ms.checked_mul(NS_PER_MS)) {
+            let interval_ns = (1e9 / self.rate_hz) as i64;
+            let apart_ns = wall_ns.saturating_sub(elapsed_ns);
+            if (0..(TIME_MAX_S * 1e9) as i64).contains(&wall_ns)
+                && apart_ns.abs_diff(self.ahead_ns) > 2 * interval_ns.unsigned_abs() + NS_PER_MS as u64
+            {
+                self.ahead_ns = apart_ns;
+            }
+        }
+        let time_ns = elapsed_ns.saturating_add(self.ahead_ns);
+        u64::try_from(time_ns).map(|ns| TIME_BASE_NS + ns).map_err(|_| "time_not_increasing")
+    }
+}

@@ -1,0 +1,258 @@
+//! The numbers of one frame, and what they say in our order and axes.
+
+use std::io::BufRead;
+
+use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
+use equipoise_core::message::SuitSample;
+use equipoise_core::message::suit::SuitBlocks;
+
+use super::head::{Columns, Head, JOINTS_MAX, SEGMENTS_MAX};
+use super::xml::{Fault, Token, Xml};
+
+/// Quaternions are written with six digits; farther than this from 1 they are no rotation.
+const NORM_TOLERANCE: f64 = 0.05;
+/// No number of a frame, in its unit, is larger.
+const LARGEST: f64 = 1e4;
+/// Shoulder blades slide by millimetres; a segment that is farther from where its joint is, is turned otherwise.
+const JOINT_GAP_MAX_M: f64 = 0.1;
+/// No element that is read has more numbers.
+const NUMBERS_MAX: usize = if SEGMENTS_MAX * 4 > JOINTS_MAX * 3 { SEGMENTS_MAX * 4 } else { JOINTS_MAX * 3 };
+
+/// The elements of a frame that are read.
+#[derive(Debug, Clone, Copy)]
+enum Block {
+    Orientation,
+    Position,
+    Velocity,
+    Acceleration,
+    AngularVelocity,
+    JointAngle,
+    CentreOfMass,
+}
+
+const BLOCKS: [(&str, Block); 7] = [
+    ("orientation", Block::Orientation),
+    ("position", Block::Position),
+    ("velocity", Block::Velocity),
+    ("acceleration", Block::Acceleration),
+    ("angularVelocity", Block::AngularVelocity),
+    ("jointAngle", Block::JointAngle),
+    ("centerOfMass", Block::CentreOfMass),
+];
+
+/// A frame as it stands in the file.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Frame {
+    /// Line of its begin, from 1.
+    pub(super) line: u64,
+    /// `normal`, or one of the poses of calibration.
+    pub(super) kind: String,
+    pub(super) index: Option<i64>,
+    /// Since the begin, ms.
+    pub(super) time_ms: Option<i64>,
+    /// Since 1970, ms.
+    pub(super) unix_ms: Option<i64>,
+    numbers: [Vec<f64>; BLOCKS.len()],
+}
+
+impl Frame {
+    /// Reads the next frame; `false` at the end of `<frames>`.
+    pub(super) fn read<R: BufRead>(&mut self, xml: &mut Xml<R>, frames_depth: usize) -> Result<bool, Fault> {
+        loop {
+            let depth = xml.depth();
+            let line = xml.line();
+            match xml.next()? {
+                Token::Start(element) if depth == frames_depth && element.name() == "frame" => {
+                    let whole = |name| element.attribute(name).and_then(|text| text.trim().parse().ok());
+                    self.line = line;
+                    self.kind = element.attribute("type").unwrap_or_else(|| "normal".to_owned());
+                    (self.index, self.time_ms, self.unix_ms) = (whole("index"), whole("time"), whole("ms"));
+                    return self.read_numbers(xml, frames_depth);
+                }
+                Token::End if depth <= frames_depth => return Ok(false),
+                Token::Eof => return Ok(false),
+                _ => {}
+            }
+        }
+    }
+
+    fn read_numbers<R: BufRead>(&mut self, xml: &mut Xml<R>, frames_depth: usize) -> Result<bool, Fault> {
+        for numbers in &mut self.numbers {
+            numbers.clear();
+        }
+        let mut block = None;
+        loop {
+            let depth = xml.depth();
+            match xml.next()? {
+                Token::Start(element) => {
+                    // Only children of the frame itself.
+                    block = BLOCKS
+                        .iter()
+                        .find(|(name, _)| depth == frames_depth + 1 && *name == element.name())
+                        .map(|(_, block)| *block);
+                }
+                Token::Text(text) => {
+                    if let Some(block) = block {
+                        let numbers = &mut self.numbers[block as usize];
+                        let room = (NUMBERS_MAX + 1).saturating_sub(numbers.len());
+                        let read = text.split_ascii_whitespace().map(|text| text.parse().unwrap_or(f64::NAN));
+                        numbers.extend(read.take(room));
+                    }
+                }
+                Token::Reference => {
+                    if let Some(block) = block {
+                        self.numbers[block as usize].push(f64::NAN);
+                    }
+                }
+                Token::End => {
+                    block = None;
+                    if xml.depth() == frames_depth {
+                        return Ok(true);
+                    }
+                }
+                Token::Eof => return Ok(false),
+            }
+        }
+    }
+
+    /// `N` numbers for each of ours; `None` if the block is not there.
+    fn block<const N: usize, const PARTS: usize>(
+        &self,
+        block: Block,
+        columns: &Columns<PARTS>,
+    ) -> Result<Option<[[f64; N]; PARTS]>, &'static str> {
+        let numbers = &self.numbers[block as usize];
+        if numbers.is_empty() {
+            return Ok(None);
+        }
+        if numbers.len() != columns.count * N {
+            return Err("wrong_count");
+        }
+        let mut parts = [[0.0; N]; PARTS];
+        for (part, place) in parts.iter_mut().zip(&columns.places) {
+            part.copy_from_slice(&numbers[place * N..(place + 1) * N]);
+            check(part)?;
+        }
+        Ok(Some(parts))
+    }
+
+    /// Orientations and positions of all segments, as written.
+    pub(super) fn pose(&self, head: &Head) -> Result<Pose, &'static str> {
+        let mut orientation_wxyz = self.block(Block::Orientation, &head.segments)?.ok_or("no_pose")?;
+        for quaternion in &mut orientation_wxyz {
+            normalise(quaternion)?;
+        }
+        let position_m = self.block(Block::Position, &head.segments)?.ok_or("no_pose")?;
+        Ok(Pose { orientation_wxyz, position_m })
+    }
+
+    /// Writes everything but the times into a sample; on an error nothing of it is to be used.
+    pub(super) fn fill(&self, head: &Head, null: &Pose, sample: &mut SuitSample) -> Result<(), &'static str> {
+        let pose = self.pose(head)?.in_axes_of(null);
+        if !pose.holds_together(null) {
+            return Err("joints_apart");
+        }
+        sample.orientation_wxyz = pose.orientation_wxyz;
+        sample.position_m = pose.position_m;
+        let velocity = self.block(Block::Velocity, &head.segments)?;
+        let acceleration = self.block(Block::Acceleration, &head.segments)?;
+        if let (Some(velocity), Some(acceleration)) = (velocity, acceleration) {
+            sample.velocity_m_per_s = velocity;
+            sample.acceleration_m_per_s2 = acceleration;
+            sample.blocks |= SuitBlocks::LinearKinematics as u32;
+        }
+        if let Some(velocity) = self.block(Block::AngularVelocity, &head.segments)? {
+            sample.angular_velocity_rad_per_s = velocity;
+            sample.blocks |= SuitBlocks::AngularKinematics as u32;
+        }
+        if let Some(joints) = &head.joints
+            && let Some(angles) = self.block::<3, JOINTS>(Block::JointAngle, joints)?
+        {
+            sample.joint_angle_deg = angles;
+            sample.blocks |= SuitBlocks::JointAngles as u32;
+        }
+        // Newer files add its velocity and acceleration.
+        if let [x, y, z, rest @ ..] = &self.numbers[Block::CentreOfMass as usize][..]
+            && matches!(rest.len(), 0 | 6)
+        {
+            sample.com_m = [*x, *y, *z];
+            check(&sample.com_m)?;
+            sample.blocks |= SuitBlocks::CentreOfMass as u32;
+        }
+        Ok(())
+    }
+}
+
+/// Where all segments are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pose {
+    pub(super) orientation_wxyz: [[f64; 4]; SEGMENTS],
+    pub(super) position_m: [[f64; 3]; SEGMENTS],
+}
+
+impl Pose {
+    /// Version 3 turns the arms' axes (ISB), and its null pose shows how; ours are all alike in the null pose.
+    fn in_axes_of(mut self, null: &Pose) -> Pose {
+        for (orientation, null) in self.orientation_wxyz.iter_mut().zip(&null.orientation_wxyz) {
+            *orientation = product(*orientation, conjugate(*null));
+        }
+        self
+    }
+
+    /// Whether every segment begins where its parent's joint is, by the null pose.
+    fn holds_together(&self, null: &Pose) -> bool {
+        Segment::ALL.into_iter().all(|segment| {
+            let Some(parent) = segment.parent() else { return true };
+            let (child, parent) = (segment.index(), parent.index());
+            let offset_m = difference(null.position_m[child], null.position_m[parent]);
+            let turned_m = turned(self.orientation_wxyz[parent], offset_m);
+            let there_m = difference(self.position_m[child], self.position_m[parent]);
+            let gap_m =
+                difference(there_m, turned_m).iter().map(|metres| metres * metres).sum::<f64>().sqrt();
+            gap_m <= JOINT_GAP_MAX_M
+        })
+    }
+}
+
+fn check(numbers: &[f64]) -> Result<(), &'static str> {
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return Err("not_a_number");
+    }
+    if numbers.iter().any(|number| number.abs() > LARGEST) {
+        return Err("implausible");
+    }
+    Ok(())
+}
+
+fn normalise(quaternion: &mut [f64; 4]) -> Result<(), &'static str> {
+    let norm = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > NORM_TOLERANCE {
+        return Err("not_a_rotation");
+    }
+    for part in quaternion {
+        *part /= norm;
+    }
+    Ok(())
+}
+
+fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
+    [w, -x, -y, -z]
+}
+
+fn product([w, x, y, z]: [f64; 4], [a, b, c, d]: [f64; 4]) -> [f64; 4] {
+    [
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    ]
+}
+
+fn turned(q: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
+    let [_, x, y, z] = product(product(q, [0.0, x, y, z]), conjugate(q));
+    [x, y, z]
+}
+
+fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
+}

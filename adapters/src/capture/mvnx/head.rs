@@ -1,0 +1,214 @@
+//! What stands before the frames: who wore the suit, how fast it measured, and what the columns of a frame are.
+
+use std::io::BufRead;
+
+use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
+
+use super::super::mvnx::MvnxError;
+use super::xml::{Fault, Token, Xml};
+use crate::suit::SuitSubject;
+
+/// More segments than a body with props has.
+pub(super) const SEGMENTS_MAX: usize = 64;
+/// More joints than a body with fingers has.
+pub(super) const JOINTS_MAX: usize = 128;
+/// More points than any segment has.
+const POINTS_MAX: usize = 64;
+
+/// The longest name that is kept, letters.
+const NAME_MAX: usize = 80;
+
+/// The head of a file.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Head {
+    pub(super) version: Option<String>,
+    pub(super) configuration: Option<String>,
+    pub(super) rate_hz: f64,
+    pub(super) subject: SuitSubject,
+    pub(super) segments: Columns<SEGMENTS>,
+    /// `None` where the file does not say which joint ends at which segment.
+    pub(super) joints: Option<Columns<JOINTS>>,
+}
+
+/// Where the body's parts stand among those of the file.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Columns<const N: usize> {
+    /// How many the file has, props included.
+    pub(super) count: usize,
+    /// Place of each of ours.
+    pub(super) places: [usize; N],
+}
+
+impl<const N: usize> Default for Columns<N> {
+    fn default() -> Self {
+        Columns { count: 0, places: [0; N] }
+    }
+}
+
+impl Head {
+    /// Reads up to the begin of `<frames>`.
+    pub(super) fn read<R: BufRead>(xml: &mut Xml<R>) -> Result<Head, MvnxError> {
+        let mut head = Head::default();
+        let mut segments = None;
+        loop {
+            let depth = xml.depth();
+            let line = xml.line();
+            match xml.next()? {
+                Token::Start(element) if depth == 0 => {
+                    if element.name() != "mvnx" {
+                        return Err(MvnxError::NotMvnx { found: element.name().chars().take(40).collect() });
+                    }
+                    head.version =
+                        element.attribute("version").map(|text| text.chars().take(NAME_MAX).collect());
+                }
+                Token::Start(element) if depth == 1 && element.name() == "subject" => {
+                    let rate: Option<String> =
+                        element.attribute("frameRate").map(|text| text.chars().take(NAME_MAX).collect());
+                    head.rate_hz = rate
+                        .as_deref()
+                        .and_then(|rate| rate.trim().parse().ok())
+                        .filter(|rate_hz| (1.0..=1000.0).contains(rate_hz))
+                        .ok_or(MvnxError::NoFrameRate { line, found: rate })?;
+                    let short =
+                        |name| element.attribute(name).map(|text| text.chars().take(NAME_MAX).collect());
+                    head.configuration = short("configuration");
+                    head.subject.name = short("label");
+                }
+                Token::Start(element) if depth == 2 => match element.name() {
+                    "segments" => segments = Some(read_segments(xml, &mut head.subject)?),
+                    "joints" => head.joints = read_joints(xml)?,
+                    "frames" => {
+                        // Another element than the subject may hold them, in a damaged file.
+                        if head.rate_hz == 0.0 {
+                            return Err(MvnxError::NoFrameRate { line, found: None });
+                        }
+                        head.segments = segments.ok_or(MvnxError::NoSegments { line })?;
+                        return Ok(head);
+                    }
+                    _ => {}
+                },
+                Token::Eof if head.version.is_none() && segments.is_none() && head.rate_hz == 0.0 => {
+                    return Err(MvnxError::NotMvnx { found: "nothing".to_owned() });
+                }
+                Token::Eof => return Err(MvnxError::NoFrames),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Which of the file's names is which segment of ours; MVN writes `ForeArm`.
+fn segment_of(label: &str) -> Option<Segment> {
+    Segment::ALL.into_iter().find(|segment| segment.name().eq_ignore_ascii_case(label.trim()))
+}
+
+fn read_segments<R: BufRead>(
+    xml: &mut Xml<R>,
+    subject: &mut SuitSubject,
+) -> Result<Columns<SEGMENTS>, MvnxError> {
+    let outside = xml.depth() - 1;
+    let mut places = [usize::MAX; SEGMENTS];
+    let (mut count, mut current, mut points) = (0, None, 0_u16);
+    let (mut point, mut in_position) = (None, false);
+    loop {
+        let depth = xml.depth();
+        let line = xml.line();
+        match xml.next()? {
+            Token::Start(element) if depth == outside + 1 && element.name() == "segment" => {
+                let label: String =
+                    element.attribute("label").unwrap_or_default().chars().take(NAME_MAX).collect();
+                current = segment_of(&label);
+                if let Some(segment) = current {
+                    if places[segment.index()] != usize::MAX {
+                        return Err(MvnxError::TwiceTheSegment { line, label });
+                    }
+                    places[segment.index()] = count;
+                }
+                points = 0;
+                count += 1;
+                if count > SEGMENTS_MAX {
+                    return Err(MvnxError::TooMany { line, what: "segments", most: SEGMENTS_MAX });
+                }
+            }
+            Token::Start(element) if element.name() == "point" => {
+                points += 1;
+                if usize::from(points) > POINTS_MAX {
+                    return Err(MvnxError::TooMany { line, what: "points of a segment", most: POINTS_MAX });
+                }
+                point = element.attribute("label").map(|label| label.chars().take(NAME_MAX).collect());
+            }
+            // Version 3 says pos_s, version 4 pos_b: both from the segment's origin.
+            Token::Start(element) => in_position = matches!(element.name(), "pos_s" | "pos_b"),
+            Token::Text(text) if in_position && !text.trim().is_empty() => {
+                if let (Some(segment), Some(label), Some(offset_m)) = (current, point.take(), three(text)) {
+                    // Ids as in the datagram of the null pose: from 1, in the order of the file.
+                    let key = (segment.index() as u16 + 1, points);
+                    subject.null_pose.points.insert(key, (label, offset_m));
+                }
+            }
+            Token::End => {
+                in_position = false;
+                if xml.depth() == outside {
+                    break;
+                }
+            }
+            Token::Eof => return Err(MvnxError::NoFrames),
+            _ => {}
+        }
+    }
+    let missing: Vec<_> =
+        Segment::ALL.into_iter().filter(|segment| places[segment.index()] == usize::MAX).collect();
+    if !missing.is_empty() {
+        let names = missing.iter().map(|segment| segment.name()).collect::<Vec<_>>().join(", ");
+        return Err(MvnxError::MissingSegments { line: xml.line(), names });
+    }
+    Ok(Columns { count, places })
+}
+
+/// By the segment at which each joint ends, since versions name the joints differently.
+fn read_joints<R: BufRead>(xml: &mut Xml<R>) -> Result<Option<Columns<JOINTS>>, MvnxError> {
+    let outside = xml.depth() - 1;
+    let mut places = [usize::MAX; JOINTS];
+    let (mut count, mut in_child) = (0_usize, false);
+    loop {
+        let line = xml.line();
+        match xml.next()? {
+            Token::Start(element) => {
+                in_child = element.name() == "connector2";
+                count += usize::from(element.name() == "joint");
+                if count > JOINTS_MAX {
+                    return Err(MvnxError::TooMany { line, what: "joints", most: JOINTS_MAX });
+                }
+            }
+            Token::Text(text) if in_child => {
+                let child = text.trim().split('/').next().and_then(segment_of);
+                // Joint j ends at segment j + 1; nothing ends at the pelvis.
+                let joint = child.and_then(|segment| segment.index().checked_sub(1));
+                if let (Some(joint), Some(place)) = (joint, count.checked_sub(1)) {
+                    places[joint] = place;
+                }
+            }
+            Token::End => {
+                in_child = false;
+                if xml.depth() == outside {
+                    break;
+                }
+            }
+            Token::Eof => return Err(MvnxError::NoFrames),
+            _ => {}
+        }
+    }
+    Ok(places.iter().all(|place| *place != usize::MAX).then_some(Columns { count, places }))
+}
+
+fn three(text: &str) -> Option<[f64; 3]> {
+    let mut numbers = text.split_ascii_whitespace().map(|number| number.parse::<f64>().ok());
+    let three = [numbers.next()??, numbers.next()??, numbers.next()??];
+    (numbers.next().is_none() && three.iter().all(|metres| metres.abs() <= 10.0)).then_some(three)
+}
+
+impl From<Fault> for MvnxError {
+    fn from(fault: Fault) -> MvnxError {
+        MvnxError::Malformed { line: fault.line, reason: fault.reason }
+    }
+}

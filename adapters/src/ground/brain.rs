@@ -1,0 +1,91 @@
+//! A device and the receiver of its readings: bytes in, samples out.
+
+use super::device::{GroundDevice, Want};
+use super::reading::Taken;
+use super::receiver::{GroundReceiver, GroundSettings};
+use super::refusal::GroundRefusal;
+use crate::counts::Counts;
+use equipoise_core::message::GroundSample;
+
+/// All of a ground source that has no door: for live lines, captures and tests alike.
+pub struct GroundBrain {
+    device: Box<dyn GroundDevice>,
+    receiver: GroundReceiver,
+    taken: Taken,
+}
+
+impl core::fmt::Debug for GroundBrain {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("GroundBrain").field("receiver", &self.receiver).finish_non_exhaustive()
+    }
+}
+
+impl GroundBrain {
+    /// A brain that has seen nothing yet.
+    pub fn new(device: Box<dyn GroundDevice>, settings: GroundSettings) -> GroundBrain {
+        GroundBrain { device, receiver: GroundReceiver::new(settings), taken: Taken::default() }
+    }
+
+    /// The connection was opened (again).
+    pub fn opened(&mut self, now_ns: u64) {
+        self.device.opened(now_ns);
+        self.receiver.begin_anew();
+    }
+
+    /// Takes in one datagram, or a piece of a stream, and appends its samples to `samples`, oldest first.
+    pub fn receive(&mut self, bytes: &[u8], arrival_ns: u64, samples: &mut Vec<GroundSample>) {
+        self.device.take(bytes, arrival_ns, &mut self.taken);
+        self.receiver.receive(&mut self.taken, arrival_ns, samples);
+    }
+
+    /// As [`GroundDevice::wants`].
+    pub fn wants(&mut self, now_ns: u64) -> Want {
+        self.device.wants(now_ns)
+    }
+
+    /// As [`GroundDevice::farewell`].
+    pub fn farewell(&mut self) -> Option<Vec<u8>> {
+        self.device.farewell()
+    }
+
+    /// As [`GroundDevice::trouble`].
+    pub fn trouble(&self) -> Option<String> {
+        self.device.trouble()
+    }
+
+    /// As [`GroundDevice::note`].
+    pub fn note(&self) -> Option<String> {
+        self.device.note()
+    }
+
+    /// Counts something that was refused before it was read.
+    pub fn refuse(&mut self, refusal: GroundRefusal) {
+        self.receiver.refuse(refusal);
+    }
+
+    /// What was counted so far; `refused` in the order of [`GroundRefusal`].
+    pub fn counts(&self) -> &Counts {
+        self.receiver.counts()
+    }
+
+    /// As [`GroundReceiver::block_latency_ns`].
+    pub fn block_latency_ns(&self) -> u64 {
+        self.receiver.block_latency_ns()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::device::bota::{Bota, BotaSettings};
+
+    #[test]
+    fn a_way_that_is_opened_again_and_again_and_brings_nothing_takes_no_room() {
+        let device = Box::new(Bota::new(BotaSettings { baud: 460_800, sinc: None }));
+        let mut brain = GroundBrain::new(device, GroundSettings::default());
+        for now_ns in 0..1000 {
+            brain.opened(now_ns);
+        }
+        assert!(brain.taken.found.is_empty());
+    }
+}

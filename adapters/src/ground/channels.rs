@@ -1,0 +1,159 @@
+//! Channels to what they measure: numbers in the order a device tells them, to a [`Load`] in its own axes.
+//!
+//! For devices whose bytes say nothing of what they mean: text, binary frames, volts. Units are declared, never guessed.
+
+mod form;
+mod units;
+
+pub use form::{Cell, Centre, Direct, EightChannels, Sole};
+pub use units::{ForceUnit, MomentUnit};
+
+use super::frame::Wrench;
+use super::reading::{FootLoad, Load};
+use equipoise_core::message::Component;
+
+/// What a device's channels mean.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channels {
+    count: usize,
+    form: Form,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Form {
+    /// Each number of the wrench is a weighted sum of channels.
+    Linear {
+        /// Force x, y, z in N, moment x, y, z about the sensor's origin in N m.
+        rows: [Row; 6],
+        /// What the channels read without load; taken off first.
+        zero: Vec<f64>,
+        not_measured: u32,
+    },
+    Centre {
+        centre: Centre,
+        not_measured: u32,
+    },
+    Soles([Sole; 2]),
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Row {
+    /// Channel and its weight.
+    terms: Vec<(usize, f64)>,
+    /// What one of the sum is, N or N m; by itself, so that a plain channel keeps its very bits.
+    unit: f64,
+}
+
+impl Row {
+    fn of(&self, values: &[f64], zero: &[f64]) -> f64 {
+        let term = |(channel, weight): &(usize, f64)| {
+            weight * (value(values, Some(*channel)) - zero.get(*channel).copied().unwrap_or_default())
+        };
+        self.terms.iter().map(term).sum::<f64>() * self.unit
+    }
+}
+
+/// What a channel reads: zero if it is not there by design, and no number if the device did not send it.
+fn value(values: &[f64], channel: Option<usize>) -> f64 {
+    channel.map_or(0.0, |channel| values.get(channel).copied().unwrap_or(f64::NAN))
+}
+
+impl Channels {
+    /// How many numbers a reading has.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// What a device with these channels cannot measure: a union of [`Component`] bits.
+    pub fn not_measured(&self) -> u32 {
+        match &self.form {
+            Form::Linear { not_measured, .. } | Form::Centre { not_measured, .. } => *not_measured,
+            Form::Soles(_) => ALL_BUT_VERTICAL,
+        }
+    }
+
+    /// What these numbers mean. Too few of them make a load that is not finite, which the receiver refuses.
+    pub fn load(&self, values: &[f64]) -> Load {
+        match &self.form {
+            Form::Linear { rows, zero, not_measured } => {
+                let [fx, fy, fz, mx, my, mz] = core::array::from_fn(|row| rows[row].of(values, zero));
+                part(Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] }, *not_measured)
+            }
+            Form::Centre { centre, not_measured } => part(centre.wrench(values), *not_measured),
+            Form::Soles(soles) => Load::Soles(soles.map(|sole| sole.load(values))),
+        }
+    }
+}
+
+const ALL_BUT_VERTICAL: u32 = Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32;
+
+fn part(wrench: Wrench, not_measured: u32) -> Load {
+    if not_measured == 0 { Load::Wrench(wrench) } else { Load::Part { wrench, not_measured } }
+}
+
+impl Sole {
+    fn load(self, values: &[f64]) -> FootLoad {
+        let vertical_n = value(values, Some(self.vertical)) * self.newtons_per_unit;
+        let [x, y] =
+            core::array::from_fn(|axis| value(values, Some(self.cop[axis])) * self.metres_per_unit[axis]);
+        // What a foot without force tells of its centre is noise; NaN stays, to be refused.
+        let cop_m = if vertical_n <= 0.0 { [0.0; 2] } else { [x, y] };
+        FootLoad { vertical_n, cop_m }
+    }
+}
+
+impl Centre {
+    fn wrench(&self, values: &[f64]) -> Wrench {
+        let newtons = |channel| value(values, channel) * self.newtons_per_unit;
+        let (fx, fy) = (newtons(self.shear.map(|[x, _]| x)), newtons(self.shear.map(|[_, y]| y)));
+        let fz = newtons(Some(self.vertical));
+        let [x, y] = self.cop.map(|channel| value(values, Some(channel)) * self.metres_per_unit);
+        let z = self.surface_z_m;
+        let free_nm = value(values, self.free_moment) * self.newton_metres_per_unit;
+        Wrench {
+            force_n: [fx, fy, fz],
+            moment_nm: [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx + free_nm],
+        }
+    }
+}
+
+/// Why channels cannot mean what is asked of them.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ChannelFault {
+    /// There is no such channel.
+    #[error("channel {channel} is asked for, and there are {count}, counted from 0")]
+    Beyond {
+        /// Counted from 0.
+        channel: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// The x without the y of a pair, or the other way round.
+    #[error("{what}: one of the two without the other says nothing; name both or neither")]
+    Half {
+        /// Which two.
+        what: &'static str,
+    },
+    /// A matrix that is not six rows of one number a channel.
+    #[error("row {row} of the matrix has {got} numbers, and there are {want} channels")]
+    Row {
+        /// Counted from 1.
+        row: usize,
+        /// How many it has.
+        got: usize,
+        /// How many it should have.
+        want: usize,
+    },
+    /// A number that is not finite, or zero where one divides by it.
+    #[error("{what} must be a finite number, and not zero")]
+    Number {
+        /// Which number.
+        what: &'static str,
+    },
+    /// Load cells that do not carry a plate.
+    #[error("a plate needs three load cells or more that do not stand in one line")]
+    Cells,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,198 @@
+//! AMTI plates with a serial line: told to start, step by step, and frames to readings by the plate's own matrix.
+
+mod dialogue;
+
+use super::framing::{Framing, missing};
+use super::{GroundDevice, Want};
+use crate::ground::frame::Wrench;
+use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+pub use crate::units::{METRE_PER_INCH, NEWTON_PER_LBF};
+use crate::wire::amti::{CHANNELS, Command, FRAME_SIZE, Frame, SPEED_FAST, SPEED_SLOW};
+use crate::wire::sliding::{Found, Sliding};
+use dialogue::Dialogue;
+
+/// A plate that streams and is silent for so long was switched off, or did not mean it.
+const SILENCE_NS: u64 = 500_000_000;
+/// Set in a sample's counter while the plate's trigger input is active.
+pub const TRIGGER: u32 = 1 << 31;
+
+/// How many frames a second a plate sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Rate {
+    /// 50, the one that works with every adapter.
+    #[default]
+    Hz50,
+    /// 100.
+    Hz100,
+    /// 200.
+    Hz200,
+}
+
+impl Rate {
+    fn command(self) -> Command {
+        match self {
+            Rate::Hz50 => Command::Rate50,
+            Rate::Hz100 => Command::Rate100,
+            Rate::Hz200 => Command::Rate200,
+        }
+    }
+
+    fn hz(self) -> f64 {
+        match self {
+            Rate::Hz50 => 50.0,
+            Rate::Hz100 => 100.0,
+            Rate::Hz200 => 200.0,
+        }
+    }
+
+    fn speed(self) -> u32 {
+        if self == Rate::Hz50 { SPEED_SLOW } else { SPEED_FAST }
+    }
+}
+
+/// One plate: what its sheet says, and how it is used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AmtiSettings {
+    /// How often it sends.
+    pub rate: Rate,
+    /// From counts to force and moment: rows Fx, Fy, Fz, Mx, My, Mz, in the units below.
+    pub matrix: [[f64; CHANNELS]; 6],
+    /// The matrix' unit of force, N.
+    pub force_unit_n: f64,
+    /// The matrix' unit of moment, N m.
+    pub moment_unit_nm: f64,
+    /// Take the load at the first start as zero: the plate must be empty then.
+    pub auto_zero: bool,
+}
+
+/// A plate that speaks AMTI's serial language.
+#[derive(Debug, Clone)]
+pub struct Amti {
+    settings: AmtiSettings,
+    dialogue: Dialogue,
+    stream: Sliding,
+    framing: Framing,
+    /// Bytes since the last frame that made none.
+    passed: usize,
+    /// When the last frame came.
+    framed_ns: u64,
+    frames: u32,
+    last_ns: u64,
+}
+
+impl Amti {
+    /// A plate that was told nothing yet.
+    pub fn new(settings: AmtiSettings) -> Amti {
+        Amti {
+            settings,
+            dialogue: Dialogue::new(settings.rate, settings.auto_zero),
+            stream: Sliding::default(),
+            framing: Framing::new(
+                "an AMTI plate",
+                FRAME_SIZE,
+                settings.rate.speed(),
+                "57600 or 115200, as its rate is",
+            ),
+            passed: 0,
+            framed_ns: 0,
+            frames: 0,
+            last_ns: 0,
+        }
+    }
+
+    fn reading(&mut self, frame: &Frame) -> Reading {
+        self.frames = self.frames.wrapping_add(1) & !TRIGGER;
+        let AmtiSettings { matrix, force_unit_n, moment_unit_nm, .. } = &self.settings;
+        let row = |index: usize, unit: f64| -> f64 {
+            let row = matrix.get(index).map_or(&[][..], |row| &row[..]);
+            unit * row
+                .iter()
+                .zip(frame.counts)
+                .map(|(factor, counts)| factor * f64::from(counts))
+                .sum::<f64>()
+        };
+        Reading {
+            sequence: None,
+            tick: Tick::Uncounted,
+            device_counter: self.frames | if frame.trigger { TRIGGER } else { 0 },
+            status: 0,
+            load: Load::Wrench(Wrench {
+                force_n: [0, 1, 2].map(|index| row(index, *force_unit_n)),
+                moment_nm: [3, 4, 5].map(|index| row(index, *moment_unit_nm)),
+            }),
+        }
+    }
+
+    fn read(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        self.stream.push(bytes);
+        while let Some(found) = self.stream.next(Frame::parse) {
+            match found {
+                Found::Frame(frame) => {
+                    if self.passed > 0 {
+                        let since_ns = arrival_ns.saturating_sub(self.framed_ns);
+                        let frames = missing(self.passed, FRAME_SIZE, since_ns, self.settings.rate.hz());
+                        taken.lost(u32::try_from(frames).unwrap_or(u32::MAX));
+                    }
+                    (self.passed, self.framed_ns) = (0, arrival_ns);
+                    self.framing.frame();
+                    let reading = self.reading(&frame);
+                    taken.reading(reading);
+                }
+                Found::Passed { bytes, .. } => {
+                    if self.passed == 0 {
+                        taken.refuse(GroundRefusal::Garbage);
+                    }
+                    self.passed += bytes;
+                    self.framing.passed(bytes);
+                }
+            }
+        }
+    }
+}
+
+impl GroundDevice for Amti {
+    fn opened(&mut self, now_ns: u64) {
+        self.stream.clear();
+        self.framing.restart(self.settings.rate.speed());
+        self.dialogue.begin(now_ns);
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        if self.dialogue.streams() {
+            if arrival_ns.saturating_sub(self.last_ns) > SILENCE_NS {
+                // However many frames that were, nobody counted them.
+                taken.restarted();
+            }
+            self.last_ns = arrival_ns;
+            self.read(bytes, arrival_ns, taken);
+        } else if let Some(rest) = self.dialogue.hear(bytes, arrival_ns) {
+            self.stream.clear();
+            self.passed = 0;
+            taken.restarted();
+            self.last_ns = arrival_ns;
+            self.framed_ns = arrival_ns;
+            self.read(rest, arrival_ns, taken);
+        }
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        let silent = now_ns.saturating_sub(self.last_ns) > SILENCE_NS;
+        if self.dialogue.streams() && (silent || self.framing.is_hopeless()) {
+            self.framing.hope_again();
+            self.dialogue.begin(now_ns);
+        }
+        self.dialogue.wants(now_ns)
+    }
+
+    fn farewell(&mut self) -> Option<Vec<u8>> {
+        Some(vec![Command::Stop as u8])
+    }
+
+    fn trouble(&self) -> Option<String> {
+        self.dialogue.trouble().or_else(|| self.framing.trouble())
+    }
+}
+
+#[cfg(test)]
+mod tests;

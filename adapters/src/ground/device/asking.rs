@@ -1,0 +1,63 @@
+//! Asks a device to begin, and again while it is silent: what devices have in common that stream on request.
+
+use super::Want;
+
+/// A request may get lost: ask again after this …
+const RETRY_NS: u64 = 100_000_000;
+/// … so many times, …
+const QUICK_RETRIES: u32 = 10;
+/// … and then, as the device is probably off, this often.
+const SLOW_RETRY_NS: u64 = 1_000_000_000;
+/// A stream that is silent for so long has ended: the device was restarted, or another client took it.
+const SILENCE_NS: u64 = 500_000_000;
+
+/// A request, and when it was made.
+#[derive(Debug, Clone)]
+pub(super) struct Asking {
+    request: Vec<u8>,
+    last_data_ns: Option<u64>,
+    last_request_ns: u64,
+    requests: u32,
+    /// It was asked since the last data: what comes may count from the start again.
+    asked: bool,
+}
+
+impl Asking {
+    pub(super) fn new(request: Vec<u8>) -> Asking {
+        Asking { request, last_data_ns: None, last_request_ns: 0, requests: 0, asked: false }
+    }
+
+    /// The connection was opened (again).
+    pub(super) fn opened(&mut self) {
+        self.last_data_ns = None;
+        self.requests = 0;
+    }
+
+    /// Whether what comes now answers a request: asked once for each.
+    pub(super) fn is_answer(&mut self) -> bool {
+        core::mem::take(&mut self.asked)
+    }
+
+    /// Whether it streamed until now; what it sends from here on is not asked for.
+    pub(super) fn is_heard_no_more(&mut self) -> bool {
+        self.last_data_ns.take().is_some()
+    }
+
+    /// The device streams.
+    pub(super) fn heard(&mut self, arrival_ns: u64) {
+        self.last_data_ns = Some(arrival_ns);
+        self.requests = 0;
+    }
+
+    pub(super) fn wants(&mut self, now_ns: u64) -> Want {
+        let pause_ns = if self.requests < QUICK_RETRIES { RETRY_NS } else { SLOW_RETRY_NS };
+        let streams = self.last_data_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) < SILENCE_NS);
+        if streams || (self.requests > 0 && now_ns.saturating_sub(self.last_request_ns) < pause_ns) {
+            return Want::Nothing;
+        }
+        self.last_request_ns = now_ns;
+        self.requests = self.requests.saturating_add(1);
+        self.asked = true;
+        Want::Send(self.request.clone())
+    }
+}

@@ -1,0 +1,175 @@
+//! ATI Net F/T and Axia over RDT: records to readings, and the request that keeps them coming.
+
+mod scale;
+
+use super::asking::Asking;
+use super::{GroundDevice, Want};
+use crate::ground::frame::Wrench;
+use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::ati_rdt::{Command, Record, Records, Request};
+pub use scale::Page;
+use scale::Scale;
+
+/// A page that cannot be worked with is read again after this: somebody may have changed the device's settings.
+const JUDGED_AGAIN_NS: u64 = 5_000_000_000;
+/// Records overtake each other by some counts, not by so many.
+const FALL_MIN: i32 = 20_000;
+
+/// What is configured of the device, and how it is asked to start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RdtSettings {
+    /// Counts per newton; `None` leaves it to the device's page.
+    pub counts_per_newton: Option<f64>,
+    /// Counts per newton metre; `None` leaves it to the device's page.
+    pub counts_per_newton_metre: Option<f64>,
+    /// How to start: [`Command::StartRealTime`] for Net F/T, [`Command::StartSingleBlock`] for Axia.
+    pub start: Command,
+}
+
+impl Default for RdtSettings {
+    fn default() -> Self {
+        let counts = Some(1e6);
+        RdtSettings {
+            counts_per_newton: counts,
+            counts_per_newton_metre: counts,
+            start: Command::StartRealTime,
+        }
+    }
+}
+
+/// A device that speaks RDT.
+#[derive(Debug, Clone)]
+pub struct AtiRdt {
+    settings: RdtSettings,
+    /// What its counts are worth, or why that is not known.
+    scale: Result<Scale, String>,
+    /// Nothing came since the connection was opened.
+    fresh: bool,
+    /// Its page was read; if it restarts, that may say something else.
+    has_page: bool,
+    judged_ns: u64,
+    note: Option<String>,
+    last_count: Option<u32>,
+    /// Its records count from the start again whenever it is asked.
+    asking: Asking,
+    restarted: bool,
+}
+
+impl AtiRdt {
+    /// A device that was not asked yet.
+    pub fn new(settings: RdtSettings) -> AtiRdt {
+        AtiRdt {
+            settings,
+            scale: Scale::configured(&settings),
+            fresh: true,
+            has_page: false,
+            judged_ns: 0,
+            note: None,
+            last_count: None,
+            asking: Asking::new(Request { command: settings.start, sample_count: 0 }.to_bytes().to_vec()),
+            restarted: false,
+        }
+    }
+
+    fn page(&mut self, page: Result<&str, &str>, now_ns: u64) {
+        self.judged_ns = now_ns;
+        self.has_page = page.is_ok();
+        (self.scale, self.note) = match Scale::told(&self.settings, page) {
+            Ok((scale, note)) => (Ok(scale), Some(note)),
+            Err(why) => (Err(why), None),
+        };
+    }
+
+    fn reading(&mut self, record: &Record, scale: Scale) -> Reading {
+        // Its own count falls when it was switched off and on, and never else.
+        let before = self.last_count.replace(record.ft_sequence);
+        let steps = before.map_or(0, |before| record.ft_sequence.wrapping_sub(before).cast_signed());
+        self.restarted |= self.has_page && steps < -FALL_MIN;
+        Reading {
+            sequence: Some(record.rdt_sequence),
+            tick: Tick::Counter(record.ft_sequence),
+            device_counter: record.ft_sequence,
+            status: record.status,
+            load: Load::Wrench(Wrench {
+                force_n: record.force_counts.map(|counts| f64::from(counts) / scale.counts_per_newton),
+                moment_nm: record
+                    .torque_counts
+                    .map(|counts| f64::from(counts) / scale.counts_per_newton_metre),
+            }),
+        }
+    }
+
+    /// While its counts mean nothing: silence, and after a while its page once more.
+    fn wants_page(&mut self, now_ns: u64, why: String) -> Want {
+        if self.asking.is_answer() || self.asking.is_heard_no_more() {
+            return Want::Send(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec());
+        }
+        if now_ns.saturating_sub(self.judged_ns) < JUDGED_AGAIN_NS {
+            return Want::Nothing;
+        }
+        self.judged_ns = now_ns;
+        Want::Reopen(why)
+    }
+}
+
+impl GroundDevice for AtiRdt {
+    fn opened(&mut self, now_ns: u64) {
+        (self.fresh, self.has_page, self.judged_ns) = (true, false, now_ns);
+        self.scale = Scale::configured(&self.settings);
+        self.last_count = None;
+        self.asking.opened();
+        self.restarted = false;
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        if core::mem::take(&mut self.fresh)
+            && let Some(page) = Page::from_bytes(bytes)
+        {
+            self.page(page.as_deref().map_err(String::as_str), arrival_ns);
+            return;
+        }
+        let Ok(records) = Records::parse(bytes) else {
+            taken.refuse(GroundRefusal::Length);
+            return;
+        };
+        self.asking.heard(arrival_ns);
+        let Ok(scale) = self.scale else {
+            taken.refuse(GroundRefusal::UnknownKind);
+            return;
+        };
+        if self.asking.is_answer() {
+            taken.restarted();
+        }
+        for record in records {
+            let reading = self.reading(&record, scale);
+            taken.reading(reading);
+        }
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        if let Err(why) = &self.scale {
+            let why = why.clone();
+            return self.wants_page(now_ns, why);
+        }
+        if core::mem::take(&mut self.restarted) {
+            return Want::Reopen("the ATI device was restarted: its settings are read again".to_owned());
+        }
+        self.asking.wants(now_ns)
+    }
+
+    fn farewell(&mut self) -> Option<Vec<u8>> {
+        Some(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec())
+    }
+
+    fn trouble(&self) -> Option<String> {
+        self.scale.as_ref().err().cloned()
+    }
+
+    fn note(&self) -> Option<String> {
+        self.note.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests;

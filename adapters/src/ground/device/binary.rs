@@ -1,0 +1,339 @@
+//! Any device that tells its numbers in binary frames, by a description.
+
+use super::asking::Asking;
+use super::framing::missing;
+use super::{GroundDevice, Want};
+use crate::ground::channels::Channels;
+use crate::ground::order::{Order, Told, Trust};
+use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::frame::{Found, FrameForm, Frames, Length, Look, Number, Place, Tag};
+
+/// Set in a sample's counter while the device's trigger input is active, where there is one.
+pub const TRIGGER: u32 = 1 << 31;
+/// So many frames' worth of bytes without one frame are no accident …
+const TROUBLE_FRAMES: usize = 20;
+/// … if they are so many.
+const TROUBLE_BYTES: usize = 512;
+
+/// One number that a frame tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Field {
+    /// Where.
+    pub place: Place,
+    /// The channel is `scale × number ÷ per + offset`.
+    pub scale: f64,
+    /// How many of the number one of the channel's unit is; 1 where `scale` says it all.
+    pub per: f64,
+    /// In the channel's unit.
+    pub offset: f64,
+}
+
+/// A number that counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Count {
+    /// Where.
+    pub place: Place,
+    /// Where it starts again at zero, 2 to 2⁶⁴.
+    pub modulus: u128,
+}
+
+/// The device's time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Time {
+    /// Where.
+    pub place: Place,
+    /// What one of it is, ns.
+    pub unit_ns: u64,
+}
+
+/// Several readings in one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Scans {
+    /// How many.
+    pub count: usize,
+    /// The numbers of each stand so many bytes after those of the one before.
+    pub bytes: usize,
+}
+
+/// Form and meaning of frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BinarySettings {
+    /// The form of a frame.
+    pub form: FrameForm,
+    /// Each delivery is whole frames and nothing else; otherwise they are found in a stream.
+    pub datagrams: bool,
+    /// The channels, in the order in which `channels` counts them; of the first scan.
+    pub fields: Vec<Field>,
+    /// What the channels mean.
+    pub channels: Channels,
+    /// How many readings a frame holds.
+    pub scans: Scans,
+    /// What counts the frames.
+    pub sequence: Option<Count>,
+    /// What counts the device's measurements, sent or not.
+    pub counter: Option<Count>,
+    /// The device's time.
+    pub time: Option<Time>,
+    /// How many frames a second a device sends that counts nothing, if that is known: what is missing then shows in the time,
+    /// too.
+    pub rate_hz: Option<f64>,
+    /// Bits that forbid to use a sample if one is set.
+    pub status: Option<Place>,
+    /// The number that says that the trigger input is active.
+    pub trigger: Option<Tag>,
+    /// What the device is told so that it begins, and again while it is silent.
+    pub request: Option<Vec<u8>>,
+    /// What it is told before the connection is closed.
+    pub farewell: Option<Vec<u8>>,
+}
+
+/// A device that tells its numbers in binary frames.
+#[derive(Debug, Clone)]
+pub struct Binary {
+    frames: Frames,
+    reader: Reader,
+    asking: Option<Asking>,
+    /// Bytes since the last frame that made none.
+    passed: usize,
+    /// When the last frame came.
+    framed_ns: Option<u64>,
+    /// The same, or all bytes of datagrams that made none: what is told as trouble.
+    unframed: usize,
+}
+
+#[derive(Debug, Clone)]
+struct Reader {
+    settings: BinarySettings,
+    order: Order,
+    /// Frames that were read, for devices that count nothing.
+    count: u32,
+    values: Vec<f64>,
+}
+
+impl Binary {
+    /// A device that was not heard yet.
+    pub fn new(settings: BinarySettings) -> Binary {
+        let all = |count: Option<Count>| count.map_or(1 << 64, |count| count.modulus);
+        let scans = settings.scans.count.max(1) as u128;
+        // In a stream nothing overtakes; and what a checksum vouches for is no accident.
+        let trust = if settings.form.checksum.is_some() && !settings.datagrams {
+            Trust::Proven
+        } else {
+            Trust::Doubtful
+        };
+        let time_modulus = settings.time.map_or(1 << 64, |time| 1u128 << (8 * time.place.number.bytes()));
+        let order = Order::new((all(settings.sequence) * scans).min(1 << 64), all(settings.counter))
+            .with_time(time_modulus)
+            .trusting(trust);
+        Binary {
+            frames: Frames::new(settings.form.clone()),
+            asking: settings.request.clone().map(Asking::new),
+            reader: Reader { order, count: 0, values: vec![0.0; settings.fields.len()], settings },
+            passed: 0,
+            framed_ns: None,
+            unframed: 0,
+        }
+    }
+
+    fn datagram(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        let fits = match self.frames.form().length {
+            Length::Fixed(length) => bytes.len().is_multiple_of(length),
+            Length::Told { .. } => true,
+        };
+        if bytes.is_empty() || !fits {
+            self.unframed = self.unframed.saturating_add(bytes.len());
+            return taken.refuse(GroundRefusal::Length);
+        }
+        if self.asking.as_mut().is_some_and(Asking::is_answer) {
+            taken.restarted();
+        }
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let form = self.frames.form();
+            let length = match form.look(rest) {
+                Look::Frame(frame) => {
+                    (self.passed, self.unframed) = (0, 0);
+                    self.reader.frame(frame, arrival_ns, taken);
+                    self.asking.iter_mut().for_each(|asking| asking.heard(arrival_ns));
+                    frame.len()
+                }
+                Look::Other(frame) => {
+                    taken.refuse(GroundRefusal::UnknownKind);
+                    frame.len()
+                }
+                Look::TooFew => {
+                    taken.refuse(GroundRefusal::Length);
+                    rest.len()
+                }
+                Look::Nothing => {
+                    let damaged = form.begins_damaged(rest);
+                    taken.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
+                    if damaged && self.reader.counts_nothing() {
+                        taken.lost(u32::try_from(self.reader.scans()).unwrap_or(u32::MAX));
+                    }
+                    self.unframed = self.unframed.saturating_add(rest.len());
+                    // Where one that tells its length is damaged, nobody knows where the next one begins.
+                    match form.length {
+                        Length::Fixed(length) => length,
+                        Length::Told { .. } => rest.len(),
+                    }
+                }
+            };
+            rest = rest.get(length..).unwrap_or_default();
+        }
+    }
+
+    fn stream(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        self.frames.push(bytes);
+        while let Some(found) = self.frames.advance() {
+            match found {
+                Found::Frame(frame) => {
+                    if self.asking.as_mut().is_some_and(Asking::is_answer) {
+                        taken.restarted();
+                    }
+                    self.unframed = 0;
+                    let passed = core::mem::take(&mut self.passed);
+                    let before_ns = self.framed_ns.replace(arrival_ns);
+                    if self.reader.counts_nothing() && passed > 0 {
+                        let since_ns = before_ns.map_or(0, |before_ns| arrival_ns.saturating_sub(before_ns));
+                        let rate_hz = self.reader.settings.rate_hz.unwrap_or_default();
+                        let frames = missing(passed, frame.len(), since_ns, rate_hz);
+                        taken.lost(u32::try_from(frames * self.reader.scans()).unwrap_or(u32::MAX));
+                    }
+                    self.reader.frame(frame, arrival_ns, taken);
+                    self.asking.iter_mut().for_each(|asking| asking.heard(arrival_ns));
+                }
+                Found::Other => {
+                    (self.passed, self.unframed) = (0, 0);
+                    taken.refuse(GroundRefusal::UnknownKind);
+                }
+                Found::Passed { bytes, damaged } => {
+                    if self.passed == 0 {
+                        taken.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
+                    }
+                    self.passed = self.passed.saturating_add(bytes);
+                    self.unframed = self.unframed.saturating_add(bytes);
+                }
+            }
+        }
+    }
+}
+
+impl GroundDevice for Binary {
+    fn opened(&mut self, _now_ns: u64) {
+        self.frames.clear();
+        self.asking.iter_mut().for_each(Asking::opened);
+        self.reader.order.forget();
+        (self.passed, self.framed_ns) = (0, None);
+        self.unframed = 0;
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        if self.reader.counts_nothing() {
+            self.reader.order.heard(arrival_ns, taken);
+        }
+        if self.reader.settings.datagrams {
+            self.datagram(bytes, arrival_ns, taken);
+        } else {
+            self.stream(bytes, arrival_ns, taken);
+        }
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        self.asking.as_mut().map_or(Want::Nothing, |asking| asking.wants(now_ns))
+    }
+
+    fn farewell(&mut self) -> Option<Vec<u8>> {
+        self.reader.settings.farewell.clone()
+    }
+
+    fn trouble(&self) -> Option<String> {
+        let limit = (TROUBLE_FRAMES * self.frames.form().least()).max(TROUBLE_BYTES);
+        (self.unframed >= limit).then(|| {
+            let unframed = self.unframed;
+            format!(
+                "bytes come, but none of the last {unframed} make a frame of the form in [ground.binary]: look at sync, length and \
+                 crc there, and on a serial line at the speed ([ground.serial] baud)"
+            )
+        })
+    }
+}
+
+impl Reader {
+    fn counts_nothing(&self) -> bool {
+        let BinarySettings { sequence, counter, time, .. } = &self.settings;
+        sequence.is_none() && counter.is_none() && time.is_none()
+    }
+
+    /// Readings in a frame.
+    fn scans(&self) -> usize {
+        self.settings.scans.count.max(1)
+    }
+
+    fn frame(&mut self, frame: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        for scan in 0..self.scans() {
+            // The form was checked to hold them all; a place that is not there would be refused as no number.
+            if self.scan(frame, scan, arrival_ns, taken).is_none() {
+                taken.refuse(GroundRefusal::Number);
+            }
+        }
+    }
+
+    fn scan(&mut self, frame: &[u8], scan: usize, arrival_ns: u64, taken: &mut Taken) -> Option<()> {
+        let settings = &self.settings;
+        let scans = settings.scans.count.max(1) as u64;
+        for (field, value) in settings.fields.iter().zip(&mut self.values) {
+            let number = field.place.moved(scan * settings.scans.bytes)?.value(frame)?;
+            *value = number * field.scale / field.per + field.offset;
+        }
+        let counted = |count: Option<Count>| match count {
+            Some(count) => count.place.count(frame).map(Some),
+            None => Some(None),
+        };
+        let sequence =
+            counted(settings.sequence)?.map(|frames| frames.wrapping_mul(scans).wrapping_add(scan as u64));
+        let time = match settings.time {
+            Some(time) => Some(time_ns(time, frame, &mut self.order)?),
+            None => None,
+        };
+        let short_time = settings.time.filter(|time| time.place.number == Number::U32);
+        let counter = match short_time {
+            // A short time wraps as a count does, and is one.
+            Some(time) => time.place.count(frame),
+            None => counted(settings.counter)?,
+        };
+        let status = settings.status.map_or(Some(0), |place| place.masked(frame))?;
+        let trigger = settings.trigger.as_ref().is_some_and(|tag| tag.fits(frame));
+        let told = Told { sequence, counter, time_ns: time };
+        let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else { return Some(()) };
+        self.count = self.count.wrapping_add(1);
+        let own = match (tick, sequence) {
+            (Tick::Counter(count), _) | (_, Some(count)) => count,
+            _ => self.count,
+        };
+        let device_counter = match (&settings.trigger, trigger) {
+            (None, _) => own,
+            (Some(_), false) => own & !TRIGGER,
+            (Some(_), true) => own | TRIGGER,
+        };
+        let load = settings.channels.load(&self.values);
+        // A status of more than 32 bits is not sound if any of them says so.
+        let status = u32::try_from(status).unwrap_or(u32::MAX);
+        taken.reading(Reading { sequence, tick, device_counter, status, load });
+        Some(())
+    }
+}
+
+/// What a frame says of the device's time, ns; `None` if that is no time.
+fn time_ns(time: Time, frame: &[u8], order: &mut Order) -> Option<u64> {
+    if !matches!(time.place.number, Number::F32 | Number::F64) {
+        return Some(order.time_ns(time.place.count(frame)?, time.unit_ns));
+    }
+    let ns = time.place.value(frame)? * time.unit_ns as f64;
+    // The bound is a power of two and thus exact.
+    (ns >= 0.0 && ns < 2f64.powi(64)).then_some(ns as u64)
+}
+
+#[cfg(test)]
+mod tests;

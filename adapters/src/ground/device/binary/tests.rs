@@ -1,0 +1,237 @@
+use super::*;
+use crate::ground::brain::GroundBrain;
+use crate::ground::channels::{Direct, ForceUnit, MomentUnit};
+use crate::ground::receiver::GroundSettings;
+use crate::wire::checksum::Checksum;
+use crate::wire::frame::{Endian, Summed};
+use equipoise_core::message::GroundSample;
+use proptest::prelude::*;
+
+const MS: u64 = 1_000_000;
+
+/// `5A count:u8 time:u16 ms fz:i24 sum`, big-endian, force in tenths of a newton.
+fn settings() -> BinarySettings {
+    let place = |at, number| Place::new(at, number, Endian::Big);
+    let direct = Direct { force: [None, None, Some(0)], ..Direct::default() };
+    BinarySettings {
+        form: FrameForm {
+            sync: vec![0x5a],
+            length: Length::Fixed(8),
+            tags: vec![],
+            kind: None,
+            checksum: Some(Summed {
+                checksum: Checksum::named("SUM-8").unwrap(),
+                from: 0,
+                to: 7,
+                at: 7,
+                endian: Endian::Big,
+            }),
+        },
+        datagrams: false,
+        fields: vec![Field { place: place(4, Number::I24), scale: 1.0, per: 10.0, offset: 0.0 }],
+        channels: Channels::direct(1, direct, ForceUnit::Newton, MomentUnit::NewtonMetre).unwrap(),
+        scans: Scans { count: 1, bytes: 0 },
+        sequence: Some(Count { place: place(1, Number::U8), modulus: 256 }),
+        counter: None,
+        time: None,
+        rate_hz: None,
+        status: None,
+        trigger: None,
+        request: None,
+        farewell: None,
+    }
+}
+
+fn frame(index: u32) -> Vec<u8> {
+    let mut bytes = vec![0x5a, index as u8];
+    bytes.extend_from_slice(&((10 * index) as u16).to_be_bytes());
+    bytes.extend_from_slice(&(-7005i32).to_be_bytes()[1..]);
+    bytes.push(bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
+    bytes
+}
+
+fn run(settings: BinarySettings, pieces: &[&[u8]]) -> (Vec<GroundSample>, GroundBrain) {
+    let mut brain = GroundBrain::new(Box::new(Binary::new(settings)), GroundSettings::default());
+    brain.opened(0);
+    let mut samples = Vec::new();
+    for (index, piece) in pieces.iter().enumerate() {
+        brain.receive(piece, 1000 * MS + index as u64 * 10 * MS, &mut samples);
+    }
+    (samples, brain)
+}
+
+fn refused(brain: &GroundBrain, refusal: GroundRefusal) -> u64 {
+    brain.counts().refused[refusal.index()]
+}
+
+fn with_time(settings: BinarySettings) -> BinarySettings {
+    let time = Time { place: Place::new(2, Number::U16, Endian::Big), unit_ns: MS };
+    BinarySettings { sequence: None, time: Some(time), ..settings }
+}
+
+#[test]
+fn a_damaged_datagram_is_lost_and_takes_its_time_where_nothing_counts() {
+    let settings = BinarySettings { sequence: None, datagrams: true, ..settings() };
+    let mut sent: Vec<Vec<u8>> = (0..60).map(frame).collect();
+    for index in [40, 41, 45] {
+        sent[index][4] ^= 0x10;
+    }
+    let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
+    let (samples, brain) = run(settings, &pieces);
+    assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Checksum)), (57, 3, 3));
+    assert!(samples.iter().all(|sample| sample.sample_time_ns.abs_diff(sample.arrival_ns) < MS));
+}
+
+#[test]
+fn a_short_count_tells_what_is_lost_over_its_wrap() {
+    let sent: Vec<Vec<u8>> = [250, 251, 255, 257, 257, 256, 300].into_iter().map(frame).collect();
+    let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
+    let (samples, brain) = run(settings(), &pieces);
+    assert_eq!((samples.len(), brain.counts().lost), (5, 3 + 1 + 42));
+    assert_eq!(
+        (refused(&brain, GroundRefusal::Duplicate), refused(&brain, GroundRefusal::OutOfOrder)),
+        (1, 1)
+    );
+    assert_eq!(samples[0].force_n, [0.0, 0.0, 700.5]);
+    assert_eq!(samples[4].device_counter, 300);
+}
+
+#[test]
+fn a_short_time_tells_it_too_and_going_back_is_a_restart() {
+    let sent: Vec<Vec<u8>> =
+        [6550, 6551, 6552, 6553, 6554, 6557, 6557, 6558].into_iter().map(frame).collect();
+    let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
+    let (mut samples, mut brain) = run(with_time(settings()), &pieces);
+    assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Duplicate)), (7, 2, 1));
+    assert!(samples.iter().all(|sample| sample.session == 0), "65 536 ms are a wrap and no restart");
+    brain.receive(&frame(6000), 2000 * MS, &mut samples);
+    assert_eq!(samples.last().map(|sample| sample.session), Some(1));
+}
+
+#[test]
+fn what_counts_nothing_is_told_lost_by_the_room_it_left() {
+    let silent = BinarySettings { sequence: None, ..settings() };
+    let mut stream: Vec<u8> = (0..5).flat_map(frame).collect();
+    stream[8..24].fill(0);
+    let (samples, brain) = run(silent.clone(), &[&stream]);
+    assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Garbage)), (3, 2, 1));
+    // After a silence nobody knows how many.
+    let mut brain = GroundBrain::new(Box::new(Binary::new(silent)), GroundSettings::default());
+    let mut samples = Vec::new();
+    brain.receive(&frame(0), 1000 * MS, &mut samples);
+    brain.receive(&frame(1), 2000 * MS, &mut samples);
+    assert_eq!(samples.iter().map(|sample| sample.session).collect::<Vec<_>>(), [0, 1]);
+}
+
+#[test]
+fn a_datagram_is_whole_frames_or_nothing() {
+    let datagrams = BinarySettings { datagrams: true, ..settings() };
+    let two: Vec<u8> = [frame(1), frame(2)].concat();
+    let mut damaged = [frame(3), frame(4)].concat();
+    damaged[6] ^= 1;
+    let mut foreign = frame(5);
+    foreign[0] = 0;
+    let (samples, brain) = run(datagrams, &[&two, &damaged, &two[..12], &[], &foreign]);
+    assert_eq!(samples.iter().map(|sample| sample.device_counter).collect::<Vec<_>>(), [1, 2, 4]);
+    use GroundRefusal::{Checksum, Garbage, Length};
+    assert_eq!([Checksum, Length, Garbage].map(|refusal| refused(&brain, refusal)), [1, 2, 1]);
+}
+
+#[test]
+fn scans_of_a_frame_are_readings_of_their_own() {
+    let place = |at, number| Place::new(at, number, Endian::Big);
+    let scans = BinarySettings {
+        form: FrameForm { checksum: None, length: Length::Fixed(8), ..settings().form },
+        fields: vec![Field { place: place(2, Number::U16), scale: 2.0, per: 1.0, offset: 1.0 }],
+        scans: Scans { count: 3, bytes: 2 },
+        datagrams: true,
+        ..settings()
+    };
+    let (samples, brain) = run(
+        scans,
+        &[&[0x5a, 255, 0, 1, 0, 2, 0, 3], &[0x5a, 0, 0, 4, 0, 5, 0, 6], &[0x5a, 2, 0, 7, 0, 8, 0, 9]],
+    );
+    let forces: Vec<f64> = samples.iter().map(|sample| -sample.force_n[2]).collect();
+    assert_eq!(forces, [3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.0, 19.0]);
+    assert_eq!(brain.counts().lost, 3, "a frame is three readings");
+}
+
+#[test]
+fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
+    let asked =
+        BinarySettings { request: Some(b"go".to_vec()), farewell: Some(b"halt".to_vec()), ..settings() };
+    let mut brain = GroundBrain::new(Box::new(Binary::new(asked)), GroundSettings::default());
+    let go = Want::Send(b"go".to_vec());
+    brain.opened(0);
+    assert_eq!(
+        (brain.wants(0), brain.wants(50 * MS), brain.wants(100 * MS)),
+        (go.clone(), Want::Nothing, go.clone())
+    );
+    brain.receive(&frame(200), 110 * MS, &mut Vec::new());
+    assert_eq!((brain.wants(600 * MS), brain.wants(611 * MS)), (Want::Nothing, go));
+    // It counts from the start again, and nothing was lost by that.
+    brain.receive(&frame(0), 700 * MS, &mut Vec::new());
+    assert_eq!((brain.counts().lost, brain.counts().published), (0, 2));
+    assert_eq!(brain.farewell(), Some(b"halt".to_vec()));
+}
+
+#[test]
+fn bytes_that_never_make_a_frame_are_told_in_words() {
+    let (_, mut brain) = run(settings(), &[&[7; 600]]);
+    assert!(brain.trouble().is_some_and(|said| said.contains("none of the last 593 make a frame")));
+    brain.receive(&frame(1), 5000 * MS, &mut Vec::new());
+    assert_eq!(brain.trouble(), None);
+}
+
+#[test]
+fn status_and_trigger_are_bits_where_they_stand() {
+    let place = Place { mask: 0xf000, ..Place::new(2, Number::U16, Endian::Big) };
+    let bits = BinarySettings {
+        status: Some(Place { mask: 0x0006, ..place }),
+        trigger: Some(Tag { place, values: vec![0xf000] }),
+        form: FrameForm { checksum: None, ..settings().form },
+        ..settings()
+    };
+    let (samples, _) = run(bits, &[&[0x5a, 1, 0xf0, 0x03, 0, 0, 0, 0], &[0x5a, 2, 0x10, 0x01, 0, 0, 0, 0]]);
+    assert_eq!(samples.iter().map(|sample| sample.device_status).collect::<Vec<_>>(), [2, 0]);
+    assert_eq!(samples.iter().map(|sample| sample.device_counter).collect::<Vec<_>>(), [TRIGGER | 1, 2]);
+}
+
+proptest! {
+    #[test]
+    fn any_pieces_make_the_same_readings_and_garbage_never_panics(
+        parts in proptest::collection::vec((1u32..4, 0u8..8, proptest::collection::vec(any::<u8>(), 0..20)), 1..40),
+        cuts in proptest::collection::vec(any::<u16>(), 0..12), timed: bool,
+    ) {
+        let mut stream = Vec::new();
+        let mut index = 0;
+        for (step, fault, bytes) in parts {
+            index += step;
+            let mut frame = frame(index);
+            match fault {
+                0 => frame[5] ^= 0x10,
+                1 => stream.extend_from_slice(&bytes),
+                2 => frame.truncate(5),
+                _ => {}
+            }
+            stream.extend(frame);
+        }
+        let settings = if timed { with_time(settings()) } else { settings() };
+        let read = |pieces: &[&[u8]]| {
+            let mut device = Binary::new(settings.clone());
+            let mut taken = Taken::default();
+            for piece in pieces {
+                device.take(piece, 0, &mut taken);
+            }
+            taken
+        };
+        let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| usize::from(cut) % (stream.len() + 1)).chain([0, stream.len()]).collect();
+        cuts.sort_unstable();
+        let pieces: Vec<&[u8]> = cuts.windows(2).map(|pair| &stream[pair[0]..pair[1]]).collect();
+        prop_assert_eq!(read(&pieces), read(&[&stream]));
+        let mut datagrams = Binary::new(BinarySettings { datagrams: true, ..settings.clone() });
+        for piece in pieces {
+            datagrams.take(piece, 0, &mut Taken::default());
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Bota's and Rokubi's sensors over a serial line: merely listened to, or set up first.
+
+use super::framing::Framing;
+use super::{GroundDevice, Want};
+use crate::ground::frame::Wrench;
+use crate::ground::lead::Lead;
+use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::bota::{FRAME_SIZE, Frame, HEADER, setup, status};
+use crate::wire::sliding::{Found, Sliding};
+
+const MS: u64 = 1_000_000;
+/// A sensor answers within this; it is told the same again after it.
+const ANSWER_NS: u64 = 1000 * MS;
+/// So many unanswered questions in a row are told.
+const UNANSWERED: u32 = 2;
+/// A line on which nothing comes for so long is told of.
+const SILENCE_NS: u64 = 2000 * MS;
+/// What of the last bytes may be the beginning of an answer.
+const ANSWER_MAX: usize = 16;
+/// What forbids to use a sample. A late one is sound, and no other bits are known.
+const UNFIT: u16 = status::OVERRANGE | status::INVALID | status::RAW;
+/// A step of the sensor's clock that is the same so often is its period.
+const STEPS_ALIKE: u32 = 3;
+/// So many frames with a clock that stands are told of.
+const STANDS: u32 = 20;
+
+/// How a sensor is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BotaSettings {
+    /// Speed of the line, baud.
+    pub baud: u32,
+    /// Length of the filter to set up; `None` only listens.
+    pub sinc: Option<u32>,
+}
+
+/// A sensor on a serial line.
+#[derive(Debug, Clone)]
+pub struct Bota {
+    settings: BotaSettings,
+    stream: Sliding,
+    framing: Framing,
+    /// The bytes before made no frame.
+    passing: bool,
+    clock: Clock,
+    /// The step of the set-up that is due; beyond the last, frames are.
+    step: usize,
+    asked_ns: Option<u64>,
+    unanswered: u32,
+    heard: Vec<u8>,
+    last_ns: u64,
+    silent: bool,
+    raw: bool,
+}
+
+impl Bota {
+    /// A sensor that was not heard yet.
+    pub fn new(settings: BotaSettings) -> Bota {
+        Bota {
+            settings,
+            stream: Sliding::default(),
+            framing: Framing::new("a Bota sensor", FRAME_SIZE, settings.baud, "460800"),
+            passing: false,
+            clock: Clock::default(),
+            step: 0,
+            asked_ns: None,
+            unanswered: 0,
+            heard: Vec::new(),
+            last_ns: 0,
+            silent: false,
+            raw: false,
+        }
+    }
+
+    /// What is to be said now and what answers it, while the sensor is set up.
+    fn due(&self) -> Option<(String, &'static str)> {
+        setup(self.settings.sinc?, self.settings.baud)?.into_iter().nth(self.step)
+    }
+
+    /// Looks for an answer among the frames that still come; what follows it.
+    fn hear<'a>(&mut self, bytes: &'a [u8], answer: &str) -> Option<&'a [u8]> {
+        let before = self.heard.len();
+        self.heard.extend_from_slice(bytes);
+        let place = self.heard.windows(answer.len()).position(|window| window == answer.as_bytes());
+        if place.is_none() {
+            self.heard.drain(..self.heard.len().saturating_sub(ANSWER_MAX));
+        }
+        let end = (place? + answer.len()).saturating_sub(before);
+        self.heard.clear();
+        (self.step, self.asked_ns, self.unanswered) = (self.step + 1, None, 0);
+        bytes.get(end..)
+    }
+
+    fn read(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        self.stream.push(bytes);
+        while let Some(found) = self.stream.next(Frame::parse) {
+            match found {
+                Found::Frame(frame) => self.frame(&frame, arrival_ns, taken),
+                Found::Passed { bytes, first } => {
+                    let damaged = first == HEADER;
+                    if !core::mem::replace(&mut self.passing, true) {
+                        taken.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
+                    }
+                    self.framing.passed(bytes);
+                }
+            }
+        }
+    }
+
+    fn frame(&mut self, frame: &Frame, arrival_ns: u64, taken: &mut Taken) {
+        self.passing = false;
+        self.framing.frame();
+        self.raw = frame.status & status::RAW != 0;
+        match self.clock.follow(frame.timestamp_us, arrival_ns) {
+            Step::Stands => return taken.refuse(GroundRefusal::Duplicate),
+            Step::Forward { lost: 0 } => {}
+            Step::Forward { lost } => taken.lost(lost),
+            Step::Rebooted => taken.rebooted(),
+        }
+        taken.reading(Reading {
+            sequence: None,
+            tick: Tick::Counter(frame.timestamp_us),
+            device_counter: frame.timestamp_us,
+            status: u32::from(frame.status & UNFIT),
+            load: Load::Wrench(Wrench {
+                force_n: frame.force_n.map(f64::from),
+                moment_nm: frame.torque_nm.map(f64::from),
+            }),
+        });
+    }
+}
+
+impl GroundDevice for Bota {
+    fn opened(&mut self, now_ns: u64) {
+        self.stream.clear();
+        self.heard.clear();
+        self.framing.restart(self.settings.baud);
+        self.clock = Clock::default();
+        (self.step, self.asked_ns, self.unanswered) = (0, None, 0);
+        (self.last_ns, self.silent) = (now_ns, false);
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        (self.last_ns, self.silent) = (arrival_ns, false);
+        match self.due() {
+            None => self.read(bytes, arrival_ns, taken),
+            Some((_, answer)) => {
+                if let (Some(rest), None) = (self.hear(bytes, answer), self.due()) {
+                    self.stream.clear();
+                    self.read(rest, arrival_ns, taken);
+                }
+            }
+        }
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        self.silent = now_ns.saturating_sub(self.last_ns) > SILENCE_NS;
+        let Some((said, _)) = self.due() else { return Want::Nothing };
+        match self.asked_ns {
+            Some(asked_ns) if now_ns.saturating_sub(asked_ns) < ANSWER_NS => return Want::Nothing,
+            // Whatever it took of what was said, it takes from the beginning.
+            Some(_) if self.step > 0 => {
+                (self.step, self.asked_ns, self.unanswered) = (0, None, self.unanswered + 1);
+                return self.wants(now_ns);
+            }
+            Some(_) => self.unanswered += 1,
+            None => {}
+        }
+        self.asked_ns = Some(now_ns);
+        Want::Send(said.into_bytes())
+    }
+
+    fn trouble(&self) -> Option<String> {
+        let baud = self.settings.baud;
+        if self.due().is_some() && self.unanswered >= UNANSWERED {
+            return Some(format!(
+                "the Bota sensor does not answer when it is to be set up: is it on, and does it speak at {baud} baud \
+                 ([ground.serial] baud; usually 460800)? Without `sinc` in [ground.bota] it is only listened to"
+            ));
+        }
+        if self.silent {
+            return Some(format!(
+                "nothing comes from the Bota sensor: look at its power and cable, and whether it speaks at {baud} baud \
+                 ([ground.serial] baud; usually 460800). One that was left being set up falls silent: switch it off and on, \
+                 or give [ground.bota] a `sinc`"
+            ));
+        }
+        if self.raw {
+            let raw = "the Bota sensor sends what its gauges read and no forces: set it to calibrated values, or give \
+                       [ground.bota] a `sinc`, with which it is set up so";
+            return Some(raw.to_owned());
+        }
+        if self.clock.stood >= STANDS {
+            let stands = "the clock of the Bota sensor stands still, so nothing it sends can be dated: switch it off and on";
+            return Some(stands.to_owned());
+        }
+        self.framing.trouble()
+    }
+}
+
+/// The sensor's clock, which shows what is missing: it numbers nothing.
+#[derive(Debug, Clone, Copy, Default)]
+struct Clock {
+    last_us: Option<u32>,
+    lead: Lead,
+    period_us: u32,
+    alike: u32,
+    stood: u32,
+}
+
+/// What a frame's time says.
+enum Step {
+    Stands,
+    Forward { lost: u32 },
+    Rebooted,
+}
+
+impl Clock {
+    fn follow(&mut self, now_us: u32, arrival_ns: u64) -> Step {
+        let Some(last_us) = self.last_us.replace(now_us) else {
+            self.lead.begin(arrival_ns);
+            return Step::Forward { lost: 0 };
+        };
+        let step_us = now_us.wrapping_sub(last_us);
+        if step_us == 0 {
+            self.stood = self.stood.saturating_add(1);
+            return Step::Stands;
+        }
+        self.stood = 0;
+        // It was switched off and on: a step back, seen as a huge one forward, or one that no time was for.
+        if step_us.cast_signed() < 0 || !self.lead.allows(u64::from(step_us) * 1000, arrival_ns) {
+            self.lead.begin(arrival_ns);
+            (self.period_us, self.alike) = (0, 0);
+            return Step::Rebooted;
+        }
+        if step_us.abs_diff(self.period_us) <= self.period_us / 10 {
+            self.alike = self.alike.saturating_add(1);
+        } else if self.alike < STEPS_ALIKE || step_us < self.period_us {
+            (self.period_us, self.alike) = (step_us, 0);
+        }
+        let periods =
+            if self.alike < STEPS_ALIKE { 1 } else { (step_us + self.period_us / 2) / self.period_us.max(1) };
+        Step::Forward { lost: periods.saturating_sub(1) }
+    }
+}
+
+#[cfg(test)]
+mod tests;

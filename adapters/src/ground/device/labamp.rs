@@ -1,0 +1,261 @@
+//! Kistler's LabAmp: scans of charge amplifiers to the wrench of a plate.
+//!
+//! The stream begins with a line that its way here puts before it: the device's own answer about its channels. Everything
+//! after that line is frames.
+
+mod mean;
+
+use self::mean::{Decimator, Mean};
+use super::{GroundDevice, Want};
+use crate::ground::plan::{Fitted, Plan, Told, Whose};
+use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::labamp::talk::{Metadata, Signal};
+use crate::wire::labamp::{Content, Cutter, Data, Event, Frame, Malformed};
+
+/// The answer about channels is some kilobytes.
+const LINE_MAX: usize = 1 << 20;
+/// Where nothing is configured, so many scans are one that about this many a second are left, Hz.
+const USUAL_RATE_HZ: f64 = 1000.0;
+/// No LabAmp measures less often than its slowest rate by so much, or more often than its fastest, Hz.
+const RATES_HZ: core::ops::RangeInclusive<f64> = 0.01..=1e7;
+/// Nothing for so long, where frames come every few tenths of a second, is a stream that ended.
+const SILENCE_NS: u64 = 3_000_000_000;
+
+const WHOSE: Whose = Whose {
+    device: "Kistler's LabAmp",
+    section: "ground.labamp",
+    missing: "switch it on for DAQ on the device's page",
+    unit: "set its sensor's unit and sensitivity on the device's page",
+};
+
+fn told(signals: &[Signal]) -> Vec<Told> {
+    let one = |Signal { source, name, unit }: &Signal| Told {
+        name: source.clone(),
+        label: name.clone(),
+        unit: unit.clone(),
+    };
+    signals.iter().map(one).collect()
+}
+
+/// What the channels are, and how many scans make one reading.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabAmpSettings {
+    /// What the channels measure.
+    pub plan: Plan,
+    /// The mean of so many scans is one reading; `None`: about 1000 readings a second.
+    pub decimate: Option<u32>,
+}
+
+/// A LabAmp.
+#[derive(Debug, Clone)]
+pub struct LabAmp {
+    settings: LabAmpSettings,
+    phase: Phase,
+    trouble: Option<String>,
+    /// The stream is over.
+    over: Option<String>,
+    last_ns: u64,
+}
+
+#[derive(Debug, Clone)]
+enum Phase {
+    /// The line about the channels, as far as it came.
+    Channels(Vec<u8>),
+    Frames(Box<Frames>),
+}
+
+#[derive(Debug, Clone)]
+struct Frames {
+    cutter: Cutter,
+    fitted: Fitted,
+    rate_hz: f64,
+    decimator: Decimator,
+    sequence: Option<u32>,
+}
+
+impl LabAmp {
+    /// A LabAmp that has told nothing yet.
+    pub fn new(settings: LabAmpSettings) -> LabAmp {
+        LabAmp { settings, phase: Phase::Channels(Vec::new()), trouble: None, over: None, last_ns: 0 }
+    }
+
+    fn line(&mut self, line: &[u8]) {
+        let fitted = Metadata::parse(&String::from_utf8_lossy(line))
+            .map_err(|error| {
+                format!("Kistler's LabAmp tells its channels in a form that is not known: {error}")
+            })
+            .and_then(|metadata| {
+                let rate_hz = metadata.rate_hz;
+                if !RATES_HZ.contains(&rate_hz) {
+                    return Err(format!(
+                        "Kistler's LabAmp says that it measures {rate_hz} times a second, which none does: set its sampling \
+                         rate on the device's page"
+                    ));
+                }
+                let fitted = self.settings.plan.fit(&told(&metadata.signals), WHOSE)?;
+                Ok((fitted, rate_hz))
+            });
+        match fitted {
+            Ok((fitted, rate_hz)) => {
+                let usual = (rate_hz / USUAL_RATE_HZ).round().max(1.0) as u32;
+                let decimate = self.settings.decimate.unwrap_or(usual).max(1);
+                self.phase = Phase::Frames(Box::new(Frames {
+                    cutter: Cutter::default(),
+                    decimator: Decimator::new(fitted.count(), decimate, rate_hz),
+                    fitted,
+                    rate_hz,
+                    sequence: None,
+                }));
+                self.trouble = None;
+            }
+            Err(why) => {
+                self.trouble = Some(why.clone());
+                self.over = Some(why);
+            }
+        }
+    }
+
+    fn event(&mut self, event: Event, taken: &mut Taken) {
+        let over = match event {
+            Event::Overrun => {
+                taken.refuse(GroundRefusal::Overrun);
+                // What its buffer lost bears no number: the time of the next frame tells how much.
+                if let Phase::Frames(frames) = &mut self.phase {
+                    frames.decimator.missing_frames(1);
+                }
+                return;
+            }
+            Event::TimeSkew => {
+                // The times of the frames tell how far it was set.
+                taken.refuse(GroundRefusal::DeviceStatus);
+                return;
+            }
+            Event::Other(_) => {
+                taken.refuse(GroundRefusal::UnknownKind);
+                return;
+            }
+            Event::Closed => "the stream of Kistler's LabAmp was closed by somebody: it is opened anew",
+            Event::Reconfigured => "Kistler's LabAmp was set up anew: its stream is opened anew",
+            Event::Stopped => {
+                "the measurement of Kistler's LabAmp was stopped by somebody: it is started anew"
+            }
+        };
+        self.over = Some(over.to_owned());
+    }
+}
+
+impl LabAmp {
+    fn frame(&mut self, frame: Result<Frame<'_>, Malformed>, taken: &mut Taken) {
+        let Phase::Frames(frames) = &mut self.phase else { return };
+        let frame = match frame {
+            Ok(frame) => frame,
+            Err(error @ Malformed::Front { front }) => {
+                // A version to come, in either order of bytes, or no frame at all.
+                let later = matches!(front, [2..=9, 0, ..] | [0, 2..=9, ..]);
+                taken.refuse(if later { GroundRefusal::Version } else { GroundRefusal::Garbage });
+                self.over = Some(format!("{error}: its stream is opened anew"));
+                return;
+            }
+            Err(Malformed::Length { .. }) => {
+                taken.refuse(GroundRefusal::Length);
+                return;
+            }
+        };
+        let before = frames.sequence.replace(frame.sequence);
+        // A step back is no loss.
+        let steps = before.map_or(1, |before| frame.sequence.wrapping_sub(before)).cast_signed();
+        frames.decimator.missing_frames(u32::try_from(steps.saturating_sub(1)).unwrap_or(0));
+        match frame.content {
+            Content::Data(data) => frames.data(&frame, &data, taken),
+            Content::Event(event) => self.event(event, taken),
+            Content::Other => taken.refuse(GroundRefusal::UnknownKind),
+        }
+    }
+}
+
+impl Frames {
+    fn data(&mut self, frame: &Frame<'_>, data: &Data<'_>, taken: &mut Taken) {
+        let channels = self.fitted.count();
+        if data.count() == 0 || !data.count().is_multiple_of(channels) {
+            taken.refuse(GroundRefusal::Length);
+            return;
+        }
+        let scans = data.count() / channels;
+        taken.block_latency((scans as f64 / self.rate_hz * 1e9) as u64);
+        self.decimator.frame(data.time_ns, scans, taken);
+        let mut numbers = data.numbers();
+        for _ in 0..scans {
+            if let Some(Mean { time_ns, values }) = self.decimator.scan(&mut numbers) {
+                let load = self.fitted.load(values);
+                taken.reading(Reading {
+                    sequence: None,
+                    tick: Tick::Time(time_ns),
+                    device_counter: frame.sequence,
+                    status: 0,
+                    load,
+                });
+            }
+        }
+    }
+}
+
+impl GroundDevice for LabAmp {
+    fn opened(&mut self, now_ns: u64) {
+        self.phase = Phase::Channels(Vec::new());
+        self.over = None;
+        self.last_ns = now_ns;
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        self.last_ns = arrival_ns;
+        let mut bytes = bytes;
+        if let Phase::Channels(line) = &mut self.phase {
+            let end = bytes.iter().position(|byte| *byte == b'\n');
+            let (own, rest) = bytes.split_at(end.unwrap_or(bytes.len()));
+            line.extend_from_slice(own);
+            if end.is_none() {
+                if line.len() > LINE_MAX {
+                    line.clear();
+                    taken.refuse(GroundRefusal::TooLong);
+                }
+                return;
+            }
+            let line = core::mem::take(line);
+            self.line(&line);
+            bytes = rest.get(1..).unwrap_or_default();
+        }
+        let Phase::Frames(frames) = &mut self.phase else {
+            if !bytes.is_empty() {
+                taken.refuse(GroundRefusal::UnknownKind);
+            }
+            return;
+        };
+        let mut cutter = core::mem::take(&mut frames.cutter);
+        cutter.push(bytes);
+        while let Some(frame) = cutter.next_frame() {
+            self.frame(frame, taken);
+        }
+        if let Phase::Frames(frames) = &mut self.phase {
+            frames.cutter = cutter;
+        }
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        if let Some(why) = self.over.take() {
+            return Want::Reopen(why);
+        }
+        if matches!(self.phase, Phase::Frames(_)) && now_ns.saturating_sub(self.last_ns) > SILENCE_NS {
+            self.last_ns = now_ns;
+            return Want::Reopen("Kistler's LabAmp fell silent: its stream is opened anew".to_owned());
+        }
+        Want::Nothing
+    }
+
+    fn trouble(&self) -> Option<String> {
+        self.trouble.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests;

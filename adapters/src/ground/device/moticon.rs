@@ -1,0 +1,235 @@
+//! Moticon's insoles, as their software sends them on over UDP: one line of text a sample.
+//!
+//! What stands in a line follows the channels that somebody ticked in that software; with all of them it is 51 fields.
+//! Source: four public receivers (hermes-moticon, PhysioSense, OpenSimRT, ActionNet). They agree that the centre of pressure
+//! runs from -0.5 to 0.5 of the insole's length (x) and width (y). None says which end of x is the tip. The maker says that
+//! it is told in coordinates that are the same for both sides, and not whether y then grows to the inner or the outer edge:
+//! that must be told, or tried.
+
+use super::text::{Column, Framing, Judge, Text, TextSettings};
+use super::{GroundDevice, Want};
+use crate::ground::channels::{ChannelFault, Channels, Sole};
+use crate::ground::reading::Taken;
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
+
+/// Pressure sensors of an insole.
+pub const PRESSURES: usize = 16;
+/// A centre farther out than this, as a share of length or width, is none: the fields are others than described.
+const EDGE: f64 = 0.55;
+/// A foot that bears this, N, presses on some sensor, and one whose sensors all feel nothing bears less.
+const BEARS_N: f64 = 50.0;
+/// So many samples in a row that contradict themselves are no accident.
+const TROUBLE: u32 = 20;
+const LONGEST: usize = 4096;
+
+/// Where y grows to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sideways {
+    /// To the inner edge of each foot.
+    Medial,
+    /// To the outer edge of each foot.
+    Lateral,
+    /// To the left, for both feet.
+    Left,
+    /// To the right, for both feet.
+    Right,
+}
+
+impl Sideways {
+    /// Whether it is to the left on the left foot, and on the right foot: the sole's own Y.
+    pub fn left_is_up(self) -> [bool; 2] {
+        match self {
+            Sideways::Medial => [false, true],
+            Sideways::Lateral => [true, false],
+            Sideways::Left => [true, true],
+            Sideways::Right => [false, false],
+        }
+    }
+}
+
+/// Which field is what, and how the insoles lie.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MoticonSettings {
+    /// Names of the fields in their order, as in [`all_fields`]; `-` for one that nobody reads.
+    pub fields: Vec<String>,
+    /// Length of the insoles, m.
+    pub length_m: f64,
+    /// Their width, m.
+    pub width_m: f64,
+    /// Whether x grows to the tip rather than to the heel.
+    pub x_to_tip: bool,
+    /// Where y grows to.
+    pub y: Sideways,
+    /// What is called left is worn on the right foot.
+    pub swapped: bool,
+}
+
+/// Names of the fields with all channels ticked, in their order.
+pub fn all_fields() -> Vec<String> {
+    let mut names = vec!["time".to_owned()];
+    for side in ["left", "right"] {
+        for name in ["acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z", "cop_x", "cop_y"] {
+            names.push(format!("{side}_{name}"));
+        }
+        names.extend((1..=PRESSURES).map(|sensor| format!("{side}_pressure_{sensor}")));
+        names.push(format!("{side}_force"));
+    }
+    names
+}
+
+/// Why a list of fields cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FieldsFault {
+    /// A field without which there is no ground.
+    #[error(
+        "no field is `{0}`: tick time, centre of pressure and total force of both sides in Moticon's software"
+    )]
+    Missing(String),
+    /// A name that is not known.
+    #[error("`{0}` is no field of Moticon's; one that is not read is called \"-\"")]
+    Unknown(String),
+    /// The same field twice.
+    #[error("`{0}` stands there twice")]
+    Twice(String),
+    /// Length or width.
+    #[error(transparent)]
+    Size(#[from] ChannelFault),
+}
+
+/// A pair of insoles.
+#[derive(Debug, Clone)]
+pub struct Moticon {
+    text: Text<Insoles>,
+}
+
+impl Moticon {
+    /// Insoles that were not heard yet.
+    ///
+    /// # Errors
+    /// [`FieldsFault`].
+    pub fn new(settings: &MoticonSettings) -> Result<Moticon, FieldsFault> {
+        let place = |name: &str| settings.fields.iter().position(|field| field == name);
+        let needed = |name: String| place(&name).ok_or(FieldsFault::Missing(name));
+        let known = all_fields();
+        for (index, name) in settings.fields.iter().enumerate().filter(|(_, name)| *name != "-") {
+            if !known.contains(name) {
+                return Err(FieldsFault::Unknown(name.clone()));
+            }
+            if place(name) != Some(index) {
+                return Err(FieldsFault::Twice(name.clone()));
+            }
+        }
+        let time = needed("time".to_owned())?;
+        let sides = if settings.swapped { ["right", "left"] } else { ["left", "right"] };
+        let mut fields = Vec::new();
+        for side in sides {
+            for name in ["force", "cop_x", "cop_y"] {
+                fields.push(needed(format!("{side}_{name}"))?);
+            }
+        }
+        let mut pressures = [(0, 0); 2];
+        for (side, (from, to)) in sides.into_iter().zip(&mut pressures) {
+            *from = fields.len();
+            fields.extend((1..=PRESSURES).filter_map(|sensor| place(&format!("{side}_pressure_{sensor}"))));
+            *to = fields.len();
+        }
+        let channels = Channels::soles(fields.len(), settings.soles())?;
+        let form = LineForm {
+            delimiter: Delimiter::Spaces,
+            decimal: Decimal::Point,
+            comment: None,
+            prefix: Vec::new(),
+            fields: settings.fields.len(),
+        };
+        let text = TextSettings {
+            form,
+            framing: Framing::Datagrams,
+            header_lines: 0,
+            longest: LONGEST,
+            columns: fields.into_iter().map(|field| Column { field, scale: 1.0, offset: 0.0 }).collect(),
+            channels,
+            time: Some((time, Unit::NanosecondInSeconds)),
+            sequence: None,
+        };
+        Ok(Moticon { text: Text::judged(text, Insoles { pressures, ..Insoles::default() }) })
+    }
+}
+
+impl MoticonSettings {
+    /// Left, right; each foot's force, x and y stand in a row.
+    fn soles(&self) -> [Sole; 2] {
+        let x_m = if self.x_to_tip { self.length_m } else { -self.length_m };
+        let left_is_up = self.y.left_is_up();
+        [0, 1].map(|side| Sole {
+            vertical: 3 * side,
+            cop: [3 * side + 1, 3 * side + 2],
+            newtons_per_unit: 1.0,
+            metres_per_unit: [x_m, if left_is_up[side] { self.width_m } else { -self.width_m }],
+        })
+    }
+}
+
+impl GroundDevice for Moticon {
+    fn opened(&mut self, now_ns: u64) {
+        self.text.opened(now_ns);
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        self.text.take(bytes, arrival_ns, taken);
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        self.text.wants(now_ns)
+    }
+
+    fn trouble(&self) -> Option<String> {
+        self.text.trouble()
+    }
+}
+
+/// What is known of insoles: where a centre can be, and that a force needs a pressure.
+#[derive(Debug, Clone, Copy, Default)]
+struct Insoles {
+    /// Where the pressures of each side stand among the channels; empty if they were not ticked.
+    pressures: [(usize, usize); 2],
+    outside: u32,
+    contradiction: u32,
+}
+
+impl Judge for Insoles {
+    fn judge(&mut self, values: &[f64]) -> Result<(), GroundRefusal> {
+        let mut contradicts = false;
+        for (foot, (from, to)) in values.chunks_exact(3).zip(self.pressures) {
+            let [force_n, x, y] = [foot[0], foot[1], foot[2]];
+            // NaN is for the receiver to refuse.
+            if force_n > 0.0 && (x.abs() > EDGE || y.abs() > EDGE) {
+                self.outside = self.outside.saturating_add(1);
+                return Err(GroundRefusal::Implausible);
+            }
+            let pressures = values.get(from..to).unwrap_or_default();
+            contradicts |= force_n > BEARS_N
+                && !pressures.is_empty()
+                && pressures.iter().all(|pressure| *pressure == 0.0);
+        }
+        self.outside = 0;
+        self.contradiction = if contradicts { self.contradiction.saturating_add(1) } else { 0 };
+        Ok(())
+    }
+
+    fn trouble(&self) -> Option<String> {
+        if self.outside >= TROUBLE {
+            let said = "a foot bears force and its centre of pressure lies outside the insole: the fields are not in the order of \
+                        ground.moticon.fields; compare it with the channels ticked in Moticon's software";
+            return Some(said.to_owned());
+        }
+        (self.contradiction >= TROUBLE).then(|| {
+            "a foot bears force while none of its sensors feels pressure: the fields are not in the order of \
+             ground.moticon.fields; compare it with the channels ticked in Moticon's software"
+                .to_owned()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

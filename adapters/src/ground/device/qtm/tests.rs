@@ -1,0 +1,196 @@
+use super::*;
+use crate::ground::{GroundBrain, GroundSettings};
+
+const MS: u64 = 1_000_000;
+
+fn said(kind: u32, content: &[u8]) -> Vec<u8> {
+    let size = (content.len() + 8) as u32;
+    [&size.to_le_bytes()[..], &kind.to_le_bytes(), content].concat()
+}
+
+/// A frame with so many forces on plate 2: 1, 2, … N upwards at (100, 0) mm.
+fn frame(timestamp_us: u64, number: u32, first: u32, count: u32) -> Vec<u8> {
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>();
+    let mut content = words(&[1, 2, count, first]);
+    for index in 0..count {
+        let fz = (first + index) as f32;
+        let force = [0.0, 0.0, fz, 0.0, -0.1 * fz, 0.0, 100.0, 0.0, 0.0];
+        content.extend(force.iter().flat_map(|number| number.to_le_bytes()));
+    }
+    let frame = [timestamp_us.to_le_bytes().to_vec(), words(&[number, 1]), said(4, &content)].concat();
+    said(3, &frame)
+}
+
+fn plate(divisor: u32) -> Qtm {
+    Qtm::new(QtmSettings { plate: 2, divisor })
+}
+
+/// The times and counters of what a device finds.
+fn times(taken: &Taken) -> Vec<(Tick, u32)> {
+    taken.readings().map(|reading| (reading.tick, reading.device_counter)).collect()
+}
+
+fn sent(want: Want) -> String {
+    match want {
+        Want::Send(bytes) => String::from_utf8(bytes[8..bytes.len() - 1].to_vec()).unwrap(),
+        other => format!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_dialogue_waits_for_its_answers() {
+    let mut qtm = plate(1);
+    let mut taken = Taken::default();
+    qtm.opened(0);
+    assert_eq!(sent(qtm.wants(0)), "Version 1.25");
+    qtm.take(&said(1, b"QTM RT Interface connected\0"), MS, &mut taken);
+    assert_eq!(qtm.wants(2 * MS), Want::Nothing);
+    qtm.take(&said(1, b"Version set to 1.25\0"), 3 * MS, &mut taken);
+    assert_eq!(sent(qtm.wants(3 * MS)), "StreamFrames AllFrames Force");
+    assert_eq!(qtm.wants(4 * MS), Want::Nothing);
+    assert_eq!(qtm.trouble(), None);
+    // Nothing is measured; once it is, frames are asked for again at once.
+    qtm.take(&said(4, b""), 5 * MS, &mut taken);
+    assert!(qtm.trouble().unwrap().contains("measures nothing"));
+    assert_eq!(qtm.wants(6 * MS), Want::Nothing);
+    qtm.take(&said(6, &[3]), 7 * MS, &mut taken);
+    assert_eq!(sent(qtm.wants(8 * MS)), "StreamFrames AllFrames Force");
+    qtm.take(&frame(10, 1, 1, 1), 9 * MS, &mut taken);
+    assert_eq!((qtm.trouble(), taken.readings().count()), (None, 1));
+    // And again after a silence.
+    assert_eq!(sent(qtm.wants(3000 * MS)), "StreamFrames AllFrames Force");
+    assert!(qtm.trouble().unwrap().contains("measures nothing"));
+    assert_eq!(sent(Want::Send(qtm.farewell().unwrap())), "StreamFrames Stop");
+    // Every n-th frame: one force with each.
+    let mut slow = plate(4);
+    slow.wants(0);
+    slow.take(&said(1, b"Version set to 1.25\0"), 3 * MS, &mut taken);
+    assert_eq!(sent(slow.wants(4 * MS)), "StreamFrames FrequencyDivisor:4 ForceSingle");
+}
+
+#[test]
+fn a_version_that_is_refused_or_not_answered_is_said_and_tried_anew() {
+    let mut qtm = plate(1);
+    qtm.wants(0);
+    qtm.take(&said(0, b"Version NOT supported\0"), MS, &mut Taken::default());
+    assert!(qtm.trouble().unwrap().contains("Version NOT supported"));
+    let Want::Reopen(why) = qtm.wants(4000 * MS) else { panic!() };
+    assert!(why.contains("Version NOT supported") && why.contains("ground.address"), "{why}");
+    qtm.opened(5000 * MS);
+    assert_eq!(sent(qtm.wants(5000 * MS)), "Version 1.25");
+    let Want::Reopen(why) = qtm.wants(9000 * MS) else { panic!() };
+    assert!(why.contains("does not answer"), "{why}");
+}
+
+#[test]
+fn forces_of_a_frame_are_spread_over_its_time() {
+    let mut qtm = plate(1);
+    let mut taken = Taken::default();
+    qtm.take(&frame(10_000, 1, 100, 4), MS, &mut taken);
+    assert_eq!(times(&taken), [], "how long a frame lasts is not known yet");
+    qtm.take(&frame(20_000, 2, 104, 4), 2 * MS, &mut taken);
+    let want: Vec<_> =
+        (0..8).map(|index| (Tick::Time(10 * MS + index * 5 * MS / 2), 100 + index as u32)).collect();
+    assert_eq!(times(&taken), want);
+    assert_eq!(taken.block_latency_ns, Some(10 * MS));
+    let Load::Wrench(wrench) = taken.readings().next().unwrap().load else { panic!() };
+    assert_eq!((wrench.force_n, wrench.moment_nm[1] as f32), ([0.0, 0.0, 100.0], -10.0));
+}
+
+#[test]
+fn missing_frames_are_lost_forces_and_a_frame_twice_is_one() {
+    let mut brain = GroundBrain::new(Box::new(plate(1)), GroundSettings::default());
+    let mut samples = Vec::new();
+    for (timestamp_us, number) in [(10_000, 1), (20_000, 2), (50_000, 5), (50_000, 5), (60_000, 6)] {
+        brain.receive(&frame(timestamp_us, number, number * 2, 2), timestamp_us * 1000, &mut samples);
+    }
+    assert_eq!((samples.len(), brain.counts().lost), (8, 4));
+    assert_eq!(brain.counts().refused[GroundRefusal::Duplicate.index()], 1);
+    assert!(samples.iter().all(|sample| sample.session == 0));
+    // Another measurement: its time starts anew.
+    brain.receive(&frame(10_000, 1, 2, 2), 70 * MS, &mut samples);
+    brain.receive(&frame(20_000, 2, 4, 2), 80 * MS, &mut samples);
+    assert_eq!((samples.len(), brain.counts().lost, samples.last().unwrap().session), (12, 4, 1));
+}
+
+#[test]
+fn a_long_pause_dates_nothing_into_the_future() {
+    let mut qtm = plate(1);
+    let mut taken = Taken::default();
+    // 100 frames a second, 4 forces each; then QTM rests for 200 s, and for 300 s before the interval is known.
+    for (timestamp_us, number) in [(10_000, 1), (20_000, 2), (200_020_000, 20_002), (200_030_000, 20_003)] {
+        qtm.take(&frame(timestamp_us, number, number * 4, 4), MS, &mut taken);
+    }
+    let want = |stamp_ms: u64, number: u32| {
+        (0..4)
+            .map(move |index| (Tick::Time(stamp_ms * MS + u64::from(index) * 5 * MS / 2), number * 4 + index))
+    };
+    let all: Vec<_> =
+        want(10, 1).chain(want(20, 2)).chain(want(200_020, 20_002)).chain(want(200_030, 20_003)).collect();
+    assert_eq!(times(&taken), all);
+    let mut brain = GroundBrain::new(Box::new(plate(1)), GroundSettings::default());
+    let mut samples = Vec::new();
+    for (timestamp_us, number) in [(10_000, 1), (300_010_000, 30_001), (300_020_000, 30_002)] {
+        brain.receive(&frame(timestamp_us, number, number % 100 * 4, 4), MS, &mut samples);
+    }
+    assert_eq!((samples.len(), brain.counts().lost), (8, 4), "the first frame's length was never known");
+}
+
+#[test]
+fn a_preview_that_does_not_count_its_frames_is_timed_all_the_same() {
+    let mut qtm = plate(1);
+    let mut taken = Taken::default();
+    for timestamp_us in [10_000, 20_000, 30_000, 60_000, 70_000] {
+        qtm.take(&frame(timestamp_us, 1, 1, 1), MS, &mut taken);
+    }
+    let want: Vec<_> = [10, 20, 30, 60, 70].map(|ms| (Tick::Time(ms * MS), 1)).into();
+    assert_eq!(times(&taken), want);
+    let mut brain = GroundBrain::new(Box::new(plate(4)), GroundSettings::default());
+    for (timestamp_us, number) in [(40_000, 4), (80_000, 8), (160_000, 16)] {
+        brain.receive(&frame(timestamp_us, number, 1, 1), MS, &mut Vec::new());
+    }
+    assert_eq!(brain.counts().lost, 1, "of every fourth frame");
+}
+
+#[test]
+fn a_plate_that_is_not_there_and_forces_without_a_number_are_reasons() {
+    let mut qtm = Qtm::new(QtmSettings { plate: 1, divisor: 1 });
+    let mut taken = Taken::default();
+    qtm.take(&frame(10, 1, 1, 1), MS, &mut taken);
+    assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::UnknownKind]);
+    assert!(qtm.trouble().unwrap().contains("no force plate 1 but 2: set ground.qtm.plate"));
+
+    let mut brain = GroundBrain::new(Box::new(plate(1)), GroundSettings::default());
+    let mut bytes = frame(10, 1, 1, 1);
+    let fz = bytes.len() - 36 + 8;
+    bytes[fz..fz + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let mut samples = Vec::new();
+    brain.receive(&bytes, MS, &mut samples);
+    assert_eq!((samples.len(), brain.counts().refused[GroundRefusal::NotFinite.index()]), (0, 1));
+}
+
+#[test]
+fn moment_and_point_that_contradict_each_other_are_said() {
+    let mut qtm = plate(1);
+    for number in 200..400 {
+        qtm.take(&frame(u64::from(number) * 1000, number, number, 1), MS, &mut Taken::default());
+    }
+    assert_eq!(qtm.trouble(), None);
+    for number in 400..600 {
+        let mut bytes = frame(u64::from(number) * 1000, number, number, 1);
+        let my = bytes.len() - 36 + 16;
+        bytes[my..my + 4].copy_from_slice(&3.0_f32.to_le_bytes());
+        qtm.take(&bytes, MS, &mut Taken::default());
+    }
+    assert!(qtm.trouble().unwrap().contains("different origins"));
+}
+
+#[test]
+fn a_stream_of_the_wrong_byte_order_ends_the_connection_with_a_hint() {
+    let mut qtm = plate(1);
+    let mut taken = Taken::default();
+    qtm.take(&[0, 0, 0, 35, 0, 0, 0, 1, b'Q'], MS, &mut taken);
+    assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
+    let Want::Reopen(why) = qtm.wants(MS) else { panic!() };
+    assert!(why.contains("22223"), "{why}");
+}

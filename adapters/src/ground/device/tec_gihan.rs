@@ -1,0 +1,215 @@
+//! Tec Gihan's force plates: the dialogue that makes the controller measure, and blocks of counts to readings.
+//!
+//! Axes z down, force on the plate, moments about the sensors' middle: as the maker's own formulae have it.
+
+mod dialogue;
+
+use self::dialogue::{Dialogue, Known, Next};
+use super::{GroundDevice, Want};
+use crate::ground::frame::Wrench;
+use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::tec_gihan::{FullScales, Line, Range, Rate, block_size, plate_samples};
+
+/// A block is late when it takes so much longer than it is gathered; the transfer of the largest takes a quarter second.
+const LATE_NS: u64 = 500_000_000;
+/// A surface told by the plate and one told by the configuration may differ by so much, m.
+const SURFACE_SLACK_M: f64 = 0.0005;
+
+/// What is asked of the controller.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TecGihanSettings {
+    /// Which of its plates, from 1.
+    pub plate: u32,
+    /// How often it measures.
+    pub rate: Rate,
+    /// Full scale.
+    pub range: Range,
+    /// Height of the walking surface over the sensors, as configured, m: the plate knows it too.
+    pub surface_height_m: f64,
+}
+
+/// A controller and its plates.
+#[derive(Debug, Clone)]
+pub struct TecGihan {
+    settings: TecGihanSettings,
+    phase: Phase,
+    /// Counted once bytes come again: refusals found while nothing came.
+    owed: Owed,
+    surface: Option<String>,
+    trouble: Option<String>,
+}
+
+#[derive(Debug, Clone)]
+enum Phase {
+    Talking(Dialogue),
+    Measuring(Blocks),
+}
+
+/// Blocks on their way.
+#[derive(Debug, Clone)]
+struct Blocks {
+    scales: FullScales,
+    size: usize,
+    block: Vec<u8>,
+    /// When the block that is awaited was asked for.
+    since_ns: u64,
+    /// The next one is to be asked for.
+    due: bool,
+    /// More came than was asked for: counts and bytes no longer fit.
+    excess: bool,
+    fresh: bool,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Owed {
+    incomplete: bool,
+    lost: u32,
+}
+
+impl TecGihan {
+    /// A controller that was not spoken to yet.
+    pub fn new(settings: TecGihanSettings) -> TecGihan {
+        TecGihan {
+            settings,
+            phase: Phase::Talking(Dialogue::new(settings)),
+            owed: Owed::default(),
+            surface: None,
+            trouble: None,
+        }
+    }
+
+    /// From the start: stop, flush, ask, start.
+    fn anew(&mut self) {
+        self.phase = Phase::Talking(Dialogue::new(self.settings));
+    }
+
+    fn began(&mut self, known: &Known, now_ns: u64) {
+        let size = block_size(known.plates, self.settings.rate);
+        self.surface = known.surface_height_m.and_then(|metres| self.other_surface(metres));
+        self.phase = Phase::Measuring(Blocks {
+            scales: known.scales,
+            size,
+            block: Vec::with_capacity(size),
+            since_ns: now_ns,
+            due: false,
+            excess: false,
+            fresh: true,
+        });
+    }
+
+    fn other_surface(&self, plate_m: f64) -> Option<String> {
+        let configured_m = self.settings.surface_height_m;
+        // A mat on top may make it higher, never lower.
+        (configured_m < plate_m - SURFACE_SLACK_M).then(|| {
+            format!(
+                "the plate says that its surface is {plate_m:.4} m above its sensors, the configuration says \
+                 {configured_m:.4} m: set ground.frame.surface_height_m to {plate_m:.4}, or more by a mat"
+            )
+        })
+    }
+
+    fn take_block(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        let TecGihanSettings { plate, rate, range, .. } = self.settings;
+        let Phase::Measuring(blocks) = &mut self.phase else { return };
+        let room = blocks.size - blocks.block.len();
+        let (own, excess) = bytes.split_at(room.min(bytes.len()));
+        blocks.block.extend_from_slice(own);
+        // The controller speaks only when asked. Bytes too many are noise, or a block that began before.
+        blocks.excess |= !excess.is_empty();
+        if blocks.excess || blocks.block.len() < blocks.size {
+            return;
+        }
+        if core::mem::take(&mut blocks.fresh) {
+            taken.restarted();
+        }
+        taken.block_latency(rate.block_ns());
+        for counts in plate_samples(&blocks.block, plate - 1, rate) {
+            let [fx, fy, fz, mx, my, mz] = blocks.scales.scaled(range, counts);
+            taken.reading(Reading {
+                sequence: None,
+                tick: Tick::Uncounted,
+                device_counter: 0,
+                status: 0,
+                load: Load::Wrench(Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] }),
+            });
+        }
+        blocks.block.clear();
+        (blocks.due, blocks.since_ns) = (true, arrival_ns);
+        self.trouble = None;
+    }
+
+    /// A block that does not come, or does not fit, ends the measurement: there is no mark to find the next one by.
+    fn broken(&mut self, now_ns: u64) -> Option<(&'static str, bool)> {
+        let Phase::Measuring(blocks) = &self.phase else { return None };
+        if blocks.excess {
+            return Some(("more bytes than a block has", true));
+        }
+        let patience_ns = 3 * self.settings.rate.block_ns() + LATE_NS;
+        if now_ns.saturating_sub(blocks.since_ns) <= patience_ns {
+            return None;
+        }
+        Some(if blocks.block.is_empty() { ("no block", false) } else { ("only a part of a block", true) })
+    }
+}
+
+impl GroundDevice for TecGihan {
+    fn opened(&mut self, _now_ns: u64) {
+        self.anew();
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        if core::mem::take(&mut self.owed.incomplete) {
+            taken.refuse(GroundRefusal::Incomplete);
+        }
+        match core::mem::take(&mut self.owed.lost) {
+            0 => {}
+            lost => taken.lost(lost),
+        }
+        match &mut self.phase {
+            Phase::Talking(dialogue) => dialogue.take(bytes, taken),
+            Phase::Measuring(_) => self.take_block(bytes, arrival_ns, taken),
+        }
+    }
+
+    fn wants(&mut self, now_ns: u64) -> Want {
+        if let Some((what, partly)) = self.broken(now_ns) {
+            self.trouble = Some(format!(
+                "the controller sent {what}: it is stopped and started anew; check the cable, and that the line has \
+                 RTS/CTS"
+            ));
+            self.owed = Owed { incomplete: partly, lost: self.settings.rate.block_samples };
+            self.anew();
+        }
+        match &mut self.phase {
+            Phase::Measuring(blocks) if blocks.due => {
+                (blocks.due, blocks.since_ns) = (false, now_ns);
+                Want::Send(Line::NextBlock.to_bytes())
+            }
+            Phase::Measuring(_) => Want::Nothing,
+            Phase::Talking(dialogue) => match dialogue.next(now_ns) {
+                Next::Wait => Want::Nothing,
+                Next::Say(line) => Want::Send(line.to_bytes()),
+                Next::Start(known) => {
+                    self.began(&known, now_ns);
+                    Want::Send(Line::Start.to_bytes())
+                }
+                Next::GiveUp(why) => {
+                    self.trouble = Some(why.clone());
+                    Want::Reopen(why)
+                }
+            },
+        }
+    }
+
+    fn farewell(&mut self) -> Option<Vec<u8>> {
+        Some(Line::Stop.to_bytes())
+    }
+
+    fn trouble(&self) -> Option<String> {
+        self.trouble.clone().or_else(|| self.surface.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,226 @@
+use super::*;
+use crate::ground::{GroundBrain, GroundSettings, Measures, SensorAxes};
+
+const MS: u64 = 1_000_000;
+
+/// A controller with two plates of serial numbers 106 and 107, written from the protocol's text.
+#[derive(Default)]
+struct Controller {
+    heard: Vec<String>,
+    asleep: bool,
+    measuring: bool,
+    blocks: u32,
+}
+
+impl Controller {
+    fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let line = String::from_utf8(bytes.to_vec()).unwrap().trim_end_matches('\n').to_owned();
+        assert_eq!(bytes.last(), Some(&b'\n'));
+        self.heard.push(line.clone());
+        let text = match line.as_str() {
+            "STATE" if self.asleep => "SLEEP\n",
+            "STATE" => "IDLE\n",
+            "WAKE" => {
+                self.asleep = false;
+                ""
+            }
+            "SPS_1K" => "SPS_OK\n",
+            "FPCOUNT" => "FPCOUNT_2\n",
+            "FPSERIAL_1" => "FPSERIAL_1_107\n",
+            "FP_0107_GET_AZ0" => "AZ0_-0.037\n",
+            "FP_0107_GETFS" => {
+                "FS_1500,1500,3000,300,300,200,3000,3000,6000,600,600,400,5000,5000,10000,1000,1000,600\n"
+            }
+            "STOP" => {
+                self.measuring = false;
+                ""
+            }
+            "START" => {
+                self.measuring = true;
+                return self.block();
+            }
+            "DT" if self.measuring => return self.block(),
+            _ => "",
+        };
+        text.as_bytes().to_vec()
+    }
+
+    /// Every sample of plate 2 bears its number from the start of all in Fz; plate 1 shouts.
+    fn block(&mut self) -> Vec<u8> {
+        let first = self.blocks * 100;
+        let samples = (first..first + 100).map(|number| number as i16);
+        self.blocks += 1;
+        let loud = [i16::MAX; 600].to_vec();
+        let quiet: Vec<i16> = samples.flat_map(|number| [0, 0, number, 0, 0, 0]).collect();
+        [loud, quiet].concat().iter().flat_map(|count| count.to_le_bytes()).collect()
+    }
+}
+
+fn plate() -> TecGihan {
+    TecGihan::new(TecGihanSettings {
+        plate: 2,
+        rate: Rate::of_hz(1000).unwrap(),
+        range: Range::Kn3,
+        surface_height_m: 0.037,
+    })
+}
+
+/// Lets both speak for so many milliseconds; the answers come in pieces, and `harm` may change them.
+fn talk(
+    brain: &mut GroundBrain,
+    controller: &mut Controller,
+    ms: core::ops::Range<u64>,
+    harm: fn(u32, &mut Vec<u8>),
+) -> Vec<f64> {
+    let (mut samples, mut under_way) = (Vec::new(), Vec::new());
+    for ms in ms {
+        while let Want::Send(bytes) = brain.wants(ms * MS) {
+            let mut answer = controller.hear(&bytes);
+            harm(controller.blocks, &mut answer);
+            // A block is gathered first.
+            under_way.push((if answer.len() > 1000 { ms + 99 } else { ms }, answer));
+        }
+        for (_, answer) in under_way.extract_if(.., |(due_ms, _)| *due_ms <= ms) {
+            for piece in answer.chunks(1000) {
+                brain.receive(piece, ms * MS, &mut samples);
+            }
+        }
+    }
+    // A count of vertical force is 0.1 N.
+    samples.iter().map(|sample| (sample.force_n[2] * 10.0).round()).collect()
+}
+
+fn brain() -> GroundBrain {
+    let mut settings = GroundSettings { measures: Measures::Action, ..GroundSettings::default() };
+    settings.frame.axes = SensorAxes::ZDown;
+    let mut brain = GroundBrain::new(Box::new(plate()), settings);
+    brain.opened(0);
+    brain
+}
+
+#[test]
+fn the_dialogue_is_the_makers_and_each_block_is_asked_for() {
+    let (mut brain, mut controller) = (brain(), Controller::default());
+    let forces = talk(&mut brain, &mut controller, 0..1500, |_, _| {});
+    let want = [
+        "STOP",
+        "STATE",
+        "SPS_1K",
+        "RANGE_3kN",
+        "FPCOUNT",
+        "FPSERIAL_1",
+        "FP_0107_GET_AZ0",
+        "FP_0107_GETFS",
+        "START",
+        "DT",
+    ];
+    assert_eq!(controller.heard[..want.len()], want);
+    assert!(controller.heard[want.len()..].iter().all(|line| line == "DT"));
+    assert!(forces.len() > 500);
+    for (index, force) in forces.iter().enumerate() {
+        assert_eq!(*force, index as f64);
+    }
+    assert_eq!((brain.block_latency_ns(), brain.counts().lost, brain.trouble()), (100 * MS, 0, None));
+    assert_eq!(brain.farewell(), Some(b"STOP\n".to_vec()));
+}
+
+#[test]
+fn a_sleeping_controller_is_woken() {
+    let (mut brain, mut controller) = (brain(), Controller { asleep: true, ..Controller::default() });
+    let forces = talk(&mut brain, &mut controller, 0..2000, |_, _| {});
+    assert!(controller.heard.contains(&"WAKE".to_owned()) && !forces.is_empty());
+}
+
+#[test]
+fn a_short_block_and_one_with_noise_are_found_out_and_begun_anew() {
+    for harm in [
+        (|blocks, answer: &mut Vec<u8>| {
+            if blocks == 3 && answer.len() > 100 {
+                answer.pop();
+            }
+        }) as fn(u32, &mut Vec<u8>),
+        |blocks, answer| {
+            if blocks == 3 && answer.len() > 100 {
+                answer.push(0);
+            }
+        },
+    ] {
+        let (mut brain, mut controller) = (brain(), Controller::default());
+        let forces = talk(&mut brain, &mut controller, 0..4000, harm);
+        assert_eq!(
+            controller.heard.iter().filter(|line| *line == "START").count(),
+            2,
+            "{:?}",
+            brain.trouble()
+        );
+        // Blocks 0 and 1 are sound, 2 is lost, and not one number of it is passed off as another.
+        assert_eq!((forces[199], forces[200]), (199.0, 300.0));
+        let counts = brain.counts();
+        assert_eq!((counts.lost, counts.refused[GroundRefusal::Incomplete.index()]), (100, 1));
+        assert_eq!(brain.trouble(), None, "all is well again");
+    }
+}
+
+#[test]
+fn silence_and_wrong_answers_are_said() {
+    let mut device = plate();
+    let (mut now, mut asked) = (0, 0);
+    let why = loop {
+        now += 10 * MS;
+        match device.wants(now) {
+            Want::Reopen(why) => break why,
+            Want::Send(bytes) => {
+                asked += u32::from(bytes == b"STATE\n");
+                device.take(b"\xff\xfe?\n", now, &mut Taken::default());
+            }
+            _ => {}
+        }
+    };
+    assert_eq!(asked, 3);
+    assert!(why.contains("does not answer STATE") && why.contains("ground.serial.port"), "{why}");
+    assert_eq!(device.trouble(), Some(why));
+
+    let mut taken = Taken::default();
+    let mut device = plate();
+    while !matches!(device.wants(now), Want::Send(bytes) if bytes == b"STATE\n") {
+        now += 10 * MS;
+    }
+    device.take(&[b'a'; 10_000], now, &mut taken);
+    device.take(b"\nERR_2\n", now, &mut taken);
+    assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::TooLong]);
+    let Want::Reopen(why) = device.wants(now) else { panic!() };
+    assert!(why.contains("error of its own"), "{why}");
+}
+
+#[test]
+fn a_surface_the_plate_knows_better_is_said() {
+    let mut device = TecGihan::new(TecGihanSettings { surface_height_m: 0.0, ..plate().settings });
+    let mut controller = Controller::default();
+    for ms in 0..1000 {
+        while let Want::Send(bytes) = device.wants(ms * MS) {
+            let answer = controller.hear(&bytes);
+            device.take(&answer, ms * MS, &mut Taken::default());
+            if device.trouble().is_some() {
+                break;
+            }
+        }
+    }
+    let why = device.trouble().unwrap();
+    assert!(why.contains("set ground.frame.surface_height_m to 0.0370"), "{why}");
+}
+
+proptest::proptest! {
+    #[test]
+    fn anything_may_come_at_any_time(pieces in proptest::collection::vec(proptest::collection::vec(proptest::num::u8::ANY, 0..300), 0..60)) {
+        let mut brain = brain();
+        let mut samples = Vec::new();
+        for (index, piece) in pieces.iter().enumerate() {
+            let now = index as u64 * 100 * MS;
+            for _ in 0..8 {
+                if brain.wants(now) == Want::Nothing { break; }
+            }
+            brain.receive(piece, now, &mut samples);
+        }
+        proptest::prop_assert!(samples.is_empty());
+    }
+}

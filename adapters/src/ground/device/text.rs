@@ -1,0 +1,260 @@
+//! Any device that tells its numbers in lines of text, by a description.
+
+use super::GroundDevice;
+use crate::ground::channels::Channels;
+use crate::ground::order::{Order, Told};
+use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::refusal::GroundRefusal;
+use crate::wire::text_line::{Fields, LineForm, Lines, Malformed, Unit};
+
+/// Lines longer than this are no lines of numbers.
+pub const LINE_BYTES_MAX: usize = 64 * 1024;
+/// So many lines in a row that are not of the form are no accident.
+const TROUBLE: u32 = 20;
+
+/// How lines reach us.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Framing {
+    /// Each delivery begins and ends a line, and may hold several.
+    Datagrams,
+    /// Deliveries are pieces of a stream that begins with a line.
+    Stream,
+    /// Pieces of a stream that is joined anywhere: what comes before the first line's end is not known to be whole.
+    Joined,
+}
+
+/// One number that a line tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Column {
+    /// Which field, counted from 0.
+    pub field: usize,
+    /// The channel is `scale × number + offset`.
+    pub scale: f64,
+    /// As above, in the channel's unit.
+    pub offset: f64,
+}
+
+/// A field that counts the lines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Numbered {
+    /// Which field, counted from 0.
+    pub field: usize,
+    /// Where it wraps, 2 to 2⁶⁴.
+    pub modulus: u128,
+}
+
+/// Form and meaning of lines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TextSettings {
+    /// The form of a line.
+    pub form: LineForm,
+    /// How lines come.
+    pub framing: Framing,
+    /// So many lines that are not empty stand before the first of the form, each time the stream begins.
+    pub header_lines: u32,
+    /// The longest line, bytes; at most [`LINE_BYTES_MAX`].
+    pub longest: usize,
+    /// The channels, in the order in which `channels` counts them.
+    pub columns: Vec<Column>,
+    /// What the channels mean.
+    pub channels: Channels,
+    /// Which field is the device's time, and its unit.
+    pub time: Option<(usize, Unit)>,
+    /// Which field counts the lines.
+    pub sequence: Option<Numbered>,
+}
+
+/// Looks at the channels of every line, for devices whose numbers can contradict each other.
+pub(super) trait Judge: Send {
+    /// Whether they can be true.
+    fn judge(&mut self, _values: &[f64]) -> Result<(), GroundRefusal> {
+        Ok(())
+    }
+
+    /// What is wrong with them, and what to do, in a sentence; `None` while all is well.
+    fn trouble(&self) -> Option<String> {
+        None
+    }
+}
+
+/// Of a device of which nothing is known but its description.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Described;
+
+impl Judge for Described {}
+
+/// A device that tells its numbers in lines of text.
+#[derive(Debug, Clone)]
+pub struct Text<J = Described> {
+    settings: TextSettings,
+    lines: Lines,
+    reader: Reader<J>,
+}
+
+/// All but the stream's own state, so that a line can be read where it lies.
+#[derive(Debug, Clone)]
+struct Reader<J> {
+    order: Order,
+    judge: J,
+    header_left: u32,
+    /// Fields of the channels, sorted, and where each of them goes.
+    sorted: Vec<(usize, usize)>,
+    fields: Vec<usize>,
+    numbers: Vec<f64>,
+    values: Vec<f64>,
+    /// Lines in a row that were not of the form, and what was wrong with the last.
+    wrong: u32,
+    fault: Option<Malformed>,
+}
+
+impl Text {
+    /// A device that was not heard yet.
+    pub fn new(settings: TextSettings) -> Text {
+        Text::judged(settings, Described)
+    }
+}
+
+impl<J> Text<J> {
+    /// The same, for a device whose numbers are looked at.
+    pub(super) fn judged(settings: TextSettings, judge: J) -> Text<J> {
+        let modulus = settings.sequence.map_or(1 << 64, |numbered| numbered.modulus);
+        let mut sorted: Vec<(usize, usize)> =
+            settings.columns.iter().enumerate().map(|(channel, column)| (column.field, channel)).collect();
+        sorted.sort_unstable();
+        // Two channels may be made of one field.
+        let mut fields: Vec<usize> = sorted.iter().map(|(field, _)| *field).collect();
+        fields.dedup();
+        let reader = Reader {
+            order: Order::new(modulus, 1 << 64),
+            judge,
+            header_left: settings.header_lines,
+            sorted,
+            fields,
+            numbers: Vec::new(),
+            values: vec![0.0; settings.columns.len()],
+            wrong: 0,
+            fault: None,
+        };
+        Text { lines: settings.lines(), settings, reader }
+    }
+}
+
+impl TextSettings {
+    fn lines(&self) -> Lines {
+        Lines::new(self.longest.min(LINE_BYTES_MAX), self.framing == Framing::Joined)
+    }
+
+    fn counts_nothing(&self) -> bool {
+        self.time.is_none() && self.sequence.is_none()
+    }
+
+    /// A line that cannot be read: where something counts, the next one tells of the loss.
+    fn damaged(&self, refusal: GroundRefusal, taken: &mut Taken) {
+        taken.refuse(refusal);
+        if self.counts_nothing() {
+            taken.lost(1);
+        }
+    }
+}
+
+impl<J: Judge> GroundDevice for Text<J> {
+    fn opened(&mut self, _now_ns: u64) {
+        self.lines = self.settings.lines();
+        self.reader.header_left = self.settings.header_lines;
+        self.reader.order.forget();
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        let Text { settings, lines, reader } = self;
+        if settings.counts_nothing() {
+            reader.order.heard(arrival_ns, taken);
+        }
+        let mut each = |line: Result<&[u8], _>| match line {
+            Ok(line) => reader.line(settings, line, arrival_ns, taken),
+            Err(_) => settings.damaged(GroundRefusal::TooLong, taken),
+        };
+        lines.take(bytes, &mut each);
+        if settings.framing == Framing::Datagrams {
+            lines.end(&mut each);
+        }
+    }
+
+    fn trouble(&self) -> Option<String> {
+        let Some(fault) = self.reader.fault.filter(|_| self.reader.wrong >= TROUBLE) else {
+            return self.reader.judge.trouble();
+        };
+        let noise = match self.settings.framing {
+            Framing::Joined => {
+                "; a serial line at another speed than the device's, ground.serial.baud, brings noise alone"
+            }
+            Framing::Stream | Framing::Datagrams => "",
+        };
+        Some(format!(
+            "the lines that come are not as described: {fault}; look at what the device sends, and set columns, delimiter \
+             and decimal sign accordingly{noise}"
+        ))
+    }
+}
+
+impl<J: Judge> Reader<J> {
+    fn line(&mut self, settings: &TextSettings, line: &[u8], arrival_ns: u64, taken: &mut Taken) {
+        if self.header_left > 0 {
+            self.header_left -= 1;
+            return;
+        }
+        let read = settings.form.parse(line).and_then(|fields| match fields {
+            Some(fields) => self.read(settings, &fields).map(Some),
+            None => Ok(None),
+        });
+        match read {
+            Ok(None) => {}
+            Ok(Some(told)) => {
+                (self.wrong, self.fault) = (0, None);
+                // One that contradicts itself was not lost: it has its place in the order.
+                let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else { return };
+                if let Err(refusal) = self.judge.judge(&self.values) {
+                    return taken.refuse(refusal);
+                }
+                let device_counter = match (sequence, tick) {
+                    (Some(count), _) | (None, Tick::Counter(count)) => count,
+                    _ => 0,
+                };
+                let load = settings.channels.load(&self.values);
+                taken.reading(Reading { sequence, tick, device_counter, status: 0, load });
+            }
+            Err(fault) => {
+                self.wrong = self.wrong.saturating_add(1);
+                self.fault = Some(fault);
+                let refusal = match fault {
+                    Malformed::Fields { .. } => GroundRefusal::Fields,
+                    Malformed::Number { .. } => GroundRefusal::Number,
+                };
+                settings.damaged(refusal, taken);
+            }
+        }
+    }
+
+    /// The channels into `values`, and what the line says of when and which.
+    fn read(&mut self, settings: &TextSettings, fields: &Fields<'_>) -> Result<Told, Malformed> {
+        let told = Told {
+            sequence: settings
+                .sequence
+                .map(|numbered| fields.whole(numbered.field, Unit::One))
+                .transpose()?,
+            counter: None,
+            time_ns: settings.time.map(|(field, unit)| fields.whole(field, unit)).transpose()?,
+        };
+        fields.numbers(&self.fields, &mut self.numbers)?;
+        let mut numbers = self.fields.iter().zip(&self.numbers).peekable();
+        for (field, channel) in &self.sorted {
+            while numbers.next_if(|(at, _)| *at < field).is_some() {}
+            let number = numbers.peek().map_or(f64::NAN, |(_, number)| **number);
+            let column = settings.columns[*channel];
+            self.values[*channel] = number * column.scale + column.offset;
+        }
+        Ok(told)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,72 @@
+//! The second device's recent samples, asked for what was so at a time.
+
+use std::collections::VecDeque;
+
+use equipoise_core::message::GroundSample;
+
+/// Neighbours farther apart than this are not interpolated between, ns; as in the loop's own alignment.
+const GAP_MAX_NS: u64 = 60_000_000;
+/// More than a second of the fastest device.
+const KEPT_MAX: usize = 20_000;
+
+/// Samples of the second device, ordered by time.
+#[derive(Debug, Default)]
+pub(super) struct Partners {
+    samples: VecDeque<GroundSample>,
+    came_ns: Option<u64>,
+}
+
+/// What the second device says of a time.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Found {
+    /// This.
+    Partner(GroundSample),
+    /// Nothing yet.
+    NotYet,
+    /// Nothing, and nothing will come: a gap, or before its first sample.
+    Nothing,
+}
+
+impl Partners {
+    /// Takes in a sample; `false` if its time does not advance. A device that starts anew may start at an earlier time.
+    pub(super) fn push(&mut self, sample: GroundSample, now_ns: u64) -> bool {
+        if let Some(newest) = self.samples.back()
+            && sample.sample_time_ns <= newest.sample_time_ns
+        {
+            if sample.session == newest.session {
+                return false;
+            }
+            self.samples.clear();
+        }
+        if self.samples.len() == KEPT_MAX {
+            self.samples.pop_front();
+        }
+        self.samples.push_back(sample);
+        self.came_ns = Some(now_ns);
+        true
+    }
+
+    /// When the newest sample came, ns; `None` before the first.
+    pub(super) fn came_ns(&self) -> Option<u64> {
+        self.came_ns
+    }
+
+    /// What was so at a time. Times asked for should not fall: what lies before is forgotten.
+    pub(super) fn at(&mut self, time_ns: u64) -> Found {
+        while self.samples.get(1).is_some_and(|next| next.sample_time_ns <= time_ns) {
+            self.samples.pop_front();
+        }
+        let Some(earlier) = self.samples.front() else { return Found::NotYet };
+        let after_ns = match time_ns.checked_sub(earlier.sample_time_ns) {
+            None => return Found::Nothing,
+            Some(0) => return Found::Partner(*earlier),
+            Some(after_ns) => after_ns,
+        };
+        let Some(later) = self.samples.get(1) else { return Found::NotYet };
+        let span_ns = later.sample_time_ns - earlier.sample_time_ns;
+        if span_ns > GAP_MAX_NS {
+            return Found::Nothing;
+        }
+        Found::Partner(earlier.between(later, after_ns as f64 / span_ns as f64))
+    }
+}

@@ -1,0 +1,61 @@
+//! How far a device's clock runs ahead of the host's: what shows that it was started anew although, by its count, which
+//! wraps, it merely leapt ahead.
+
+/// Nothing comes earlier than everything else did by more than this: the way to us is never that long.
+const SLACK_NS: i64 = 1_000_000_000;
+
+/// A clock that came in order. What was held up on its way lags behind; nothing can be ahead of what was fastest.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Lead {
+    heard_ns: u64,
+    /// Of the last reading, from the first on.
+    ahead_ns: i64,
+    most_ns: i64,
+}
+
+impl Lead {
+    /// The first reading came.
+    pub(super) fn begin(&mut self, arrival_ns: u64) {
+        *self = Lead { heard_ns: arrival_ns, ahead_ns: 0, most_ns: 0 };
+    }
+
+    /// Takes in a step ahead of the device's clock; whether the host's time since then can hold it.
+    pub(super) fn allows(&mut self, step_ns: u64, arrival_ns: u64) -> bool {
+        let signed = |ns: u64| i64::try_from(ns).unwrap_or(i64::MAX);
+        let since_ns = signed(arrival_ns.saturating_sub(self.heard_ns));
+        self.heard_ns = arrival_ns;
+        self.ahead_ns = self.ahead_ns.saturating_add(signed(step_ns)).saturating_sub(since_ns);
+        let credible = self.ahead_ns <= self.most_ns.saturating_add(SLACK_NS);
+        self.most_ns = self.most_ns.max(self.ahead_ns);
+        credible
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn a_burst_after_a_pause_with_a_hole_in_it_is_no_restart_and_a_leap_is() {
+        let mut lead = Lead::default();
+        lead.begin(0);
+        for index in 1..100 {
+            assert!(lead.allows(10 * MS, index * 10 * MS));
+        }
+        // Nobody read for 20 s; the line kept the first second of them, and what came last.
+        for _ in 0..100 {
+            assert!(lead.allows(10 * MS, 21_000 * MS));
+        }
+        assert!(lead.allows(19_000 * MS, 21_000 * MS));
+        assert!(!lead.allows(1_300_000 * MS, 21_010 * MS));
+    }
+
+    #[test]
+    fn a_clock_that_runs_at_another_pace_is_borne() {
+        let mut lead = Lead::default();
+        lead.begin(0);
+        assert!((1..10_000).all(|index| lead.allows(100 * MS, index * 10 * MS)));
+    }
+}

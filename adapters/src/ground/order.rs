@@ -1,0 +1,325 @@
+//! Numbers and times of any width and unit, as the receiver takes them: for devices that a file of the configuration
+//! describes.
+
+use super::lead::Lead;
+use super::reading::{Taken, Tick};
+use super::refusal::GroundRefusal;
+use crate::sequence::{Place, Sequence};
+use crate::stride::TimeStride;
+
+/// What a device says of when and which; its file's description says which of these there are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Told {
+    /// Counts what is sent.
+    pub(super) sequence: Option<u64>,
+    /// Counts what is measured, sent or not.
+    pub(super) counter: Option<u64>,
+    /// The device's time, ns.
+    pub(super) time_ns: Option<u64>,
+}
+
+/// A count that wraps at `modulus`, as one that does not: steps are at most half a turn either way.
+#[derive(Debug, Clone)]
+pub(super) struct Unwrapped {
+    modulus: u128,
+    newest: Option<(u64, u64)>,
+}
+
+impl Unwrapped {
+    /// `modulus` is at least 2 and at most 2⁶⁴.
+    pub(super) fn new(modulus: u128) -> Unwrapped {
+        Unwrapped { modulus, newest: None }
+    }
+
+    pub(super) fn take(&mut self, raw: u64) -> u64 {
+        let raw = (u128::from(raw) % self.modulus) as u64;
+        let unwrapped = match self.newest {
+            None => raw,
+            Some((before, unwrapped)) => {
+                let ahead = (u128::from(raw) + self.modulus - u128::from(before)) % self.modulus;
+                if ahead <= self.modulus / 2 {
+                    unwrapped.wrapping_add(ahead as u64)
+                } else {
+                    // A device that was started anew may count from before where it began.
+                    unwrapped.checked_sub((self.modulus - ahead) as u64).unwrap_or(raw)
+                }
+            }
+        };
+        self.newest = Some((raw, unwrapped));
+        unwrapped
+    }
+}
+
+/// Whether a time that jumps may be an accident.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Trust {
+    /// Nothing vouches for it, and what comes may have been overtaken: a jump is believed once it goes on from there.
+    Doubtful,
+    /// It comes in order, and a checksum vouches for it.
+    Proven,
+}
+
+/// A device that counts nothing and was silent for so long lost nobody knows how much.
+const SILENCE_NS: u64 = 500_000_000;
+
+/// Puts readings in order.
+#[derive(Debug, Clone)]
+pub(super) struct Order {
+    sequence: Unwrapped,
+    counter: Unwrapped,
+    time: Unwrapped,
+    trust: Trust,
+    timeline: Timeline,
+    heard_ns: Option<u64>,
+}
+
+impl Order {
+    /// For numbers that wrap at these; a count that does not wrap has 2⁶⁴.
+    pub(super) fn new(sequence_modulus: u128, counter_modulus: u128) -> Order {
+        Order {
+            sequence: Unwrapped::new(sequence_modulus),
+            counter: Unwrapped::new(counter_modulus),
+            time: Unwrapped::new(1 << 64),
+            trust: Trust::Doubtful,
+            timeline: Timeline::new(Trust::Doubtful),
+            heard_ns: None,
+        }
+    }
+
+    /// For a time that wraps at this, for [`Self::time_ns`].
+    pub(super) fn with_time(self, modulus: u128) -> Order {
+        Order { time: Unwrapped::new(modulus), ..self }
+    }
+
+    /// For times that come with a checksum and in order, or without.
+    pub(super) fn trusting(self, trust: Trust) -> Order {
+        Order { trust, timeline: Timeline::new(trust), ..self }
+    }
+
+    /// Whatever comes next is the first. The device's own counts and time ran on.
+    pub(super) fn forget(&mut self) {
+        self.sequence.newest = None;
+        self.timeline = Timeline::new(self.trust);
+        self.heard_ns = None;
+    }
+
+    /// A device that counts nothing is heard: after a silence its readings begin anew.
+    pub(super) fn heard(&mut self, arrival_ns: u64, taken: &mut Taken) {
+        let before_ns = self.heard_ns.replace(arrival_ns);
+        if before_ns.is_some_and(|before_ns| arrival_ns.saturating_sub(before_ns) > SILENCE_NS) {
+            taken.restarted();
+        }
+    }
+
+    /// The device's time of a count of its clock, which wraps, ns.
+    pub(super) fn time_ns(&mut self, raw: u64, unit_ns: u64) -> u64 {
+        self.time.take(raw).saturating_mul(unit_ns)
+    }
+
+    /// Sequence and tick of a reading, telling of what was lost before it; `None` if it came twice or too late, which is
+    /// counted.
+    pub(super) fn place(
+        &mut self,
+        told: Told,
+        arrival_ns: u64,
+        taken: &mut Taken,
+    ) -> Option<(Option<u32>, Tick)> {
+        // Wrapping: the receiver takes sequences and counters modulo 2³².
+        let sequence = told.sequence.map(|raw| self.sequence.take(raw) as u32);
+        let counter = told.counter.map(|raw| self.counter.take(raw) as u32);
+        let tick = match (counter, told.time_ns, sequence) {
+            (Some(counter), _, _) => Tick::Counter(counter),
+            (None, Some(time_ns), _) => Tick::Time(time_ns),
+            (None, None, Some(sequence)) => Tick::Counter(sequence),
+            (None, None, None) => Tick::Uncounted,
+        };
+        if let (None, Some(time_ns)) = (sequence, told.time_ns) {
+            let placed = match self.trust {
+                Trust::Doubtful => self.timeline.place(time_ns, arrival_ns),
+                Trust::Proven => self.timeline.follow(time_ns, arrival_ns),
+            };
+            match placed {
+                Ok(Gap::Lost(0)) => {}
+                Ok(Gap::Lost(lost)) => taken.lost(lost),
+                Ok(Gap::Rebooted) => taken.rebooted(),
+                Err(refusal) => {
+                    taken.refuse(refusal);
+                    return None;
+                }
+            }
+        }
+        Some((sequence, tick))
+    }
+}
+
+/// The unit in which times are put in order; a device that stamps two readings within one must number them.
+const GRAIN_NS: u64 = 100_000;
+/// A datagram that is so much behind was overtaken, never the first after a restart.
+const OVERTAKEN_NS: u64 = 250_000_000;
+/// A time that runs ahead of the host's by more than this many times is not believed.
+const PACE_MAX: u64 = 2;
+
+/// Order and loss of readings that bear a time and no number.
+#[derive(Debug, Clone)]
+struct Timeline {
+    order: Sequence,
+    newest_ns: Option<u64>,
+    lead: Lead,
+    stride: TimeStride,
+    /// One that has seen nothing.
+    usual: TimeStride,
+}
+
+/// What lies between a time and the one before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Gap {
+    /// So many readings that did not come.
+    Lost(u32),
+    /// The start of the device's clock.
+    Rebooted,
+}
+
+impl Timeline {
+    fn new(trust: Trust) -> Timeline {
+        let grains_per_s = PACE_MAX * 1_000_000_000 / GRAIN_NS;
+        // What a checksum vouches for is the device's own clock; a number in a text may be rounded.
+        let stride = match trust {
+            Trust::Doubtful => TimeStride::of_rounded(),
+            Trust::Proven => TimeStride::of_exact(),
+        };
+        let order = Sequence::new(grains_per_s).overtaken_by_at_most((OVERTAKEN_NS / GRAIN_NS) as u32);
+        Timeline { order, newest_ns: None, lead: Lead::default(), usual: stride.clone(), stride }
+    }
+
+    /// What is before this reading, whose time may be wrong.
+    fn place(&mut self, time_ns: u64, arrival_ns: u64) -> Result<Gap, GroundRefusal> {
+        // Wrapping, as a sequence does: only differences count.
+        let grain = (time_ns / GRAIN_NS) as u32;
+        match self.order.place(grain, arrival_ns) {
+            Place::Same => Err(GroundRefusal::Duplicate),
+            Place::Old => Err(GroundRefusal::OutOfOrder),
+            Place::Next { .. } => Ok(Gap::Lost(self.lost_before(time_ns))),
+            Place::First => {
+                self.begin(time_ns);
+                Ok(Gap::Lost(0))
+            }
+            Place::NewSession => {
+                self.begin(time_ns);
+                Ok(Gap::Rebooted)
+            }
+        }
+    }
+
+    /// What is before this reading, whose time is what the device said.
+    fn follow(&mut self, time_ns: u64, arrival_ns: u64) -> Result<Gap, GroundRefusal> {
+        let Some(newest_ns) = self.newest_ns else {
+            self.lead.begin(arrival_ns);
+            self.begin(time_ns);
+            return Ok(Gap::Lost(0));
+        };
+        if newest_ns == time_ns {
+            return Err(GroundRefusal::Duplicate);
+        }
+        // A clock that wraps and was started anew may seem to have leapt ahead.
+        if newest_ns < time_ns && self.lead.allows(time_ns - newest_ns, arrival_ns) {
+            return Ok(Gap::Lost(self.lost_before(time_ns)));
+        }
+        self.lead.begin(arrival_ns);
+        self.begin(time_ns);
+        Ok(Gap::Rebooted)
+    }
+
+    fn begin(&mut self, time_ns: u64) {
+        self.stride = self.usual.clone();
+        self.newest_ns = Some(time_ns);
+    }
+
+    fn lost_before(&mut self, time_ns: u64) -> u32 {
+        let gap_us = time_ns.saturating_sub(self.newest_ns.unwrap_or(time_ns)) / 1000;
+        self.newest_ns = Some(time_ns);
+        self.stride.lost_in(u32::try_from(gap_us).unwrap_or(u32::MAX).max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const MS: u64 = 1_000_000;
+    const NONE: Result<Gap, GroundRefusal> = Ok(Gap::Lost(0));
+
+    fn timeline(stamps_ms: &[u64]) -> Vec<Result<Gap, GroundRefusal>> {
+        let mut timeline = Timeline::new(Trust::Doubtful);
+        let mut arrival_ns = 0;
+        let mut place = |stamp_ms: &u64| {
+            arrival_ns += 10 * MS;
+            timeline.place(stamp_ms * MS, arrival_ns)
+        };
+        stamps_ms.iter().map(&mut place).collect()
+    }
+
+    #[test]
+    fn stamps_alone_tell_loss_repetition_and_disorder() {
+        use GroundRefusal::{Duplicate, OutOfOrder};
+        let got = timeline(&[80, 90, 100, 110, 120, 120, 150, 130, 140, 160]);
+        assert_eq!(got[..6], [NONE, NONE, NONE, NONE, NONE, Err(Duplicate)]);
+        assert_eq!(got[6..], [Ok(Gap::Lost(2)), Err(OutOfOrder), Err(OutOfOrder), NONE]);
+    }
+
+    #[test]
+    fn however_many_were_overtaken_the_device_was_not_restarted() {
+        let stamps_ms = [70, 80, 90, 100, 110, 160, 120, 130, 140, 150, 170];
+        let got = timeline(&stamps_ms);
+        assert_eq!(got[5], Ok(Gap::Lost(4)));
+        assert_eq!(got[6..10], [Err(GroundRefusal::OutOfOrder); 4]);
+        assert_eq!(got[10], NONE);
+    }
+
+    #[test]
+    fn a_proven_clock_is_at_its_start_again_whichever_way_it_seems_to_have_leapt() {
+        for (start_ns, first_ns) in [(70_000 * MS, 0), (3_000_000 * MS, 4_294_967_296_000)] {
+            let mut timeline = Timeline::new(Trust::Proven);
+            let mut follow = |index: u64, time_ns| timeline.follow(time_ns, 9000 * MS + index * 10 * MS);
+            for index in 0..10 {
+                assert_eq!(follow(index, start_ns + index * 10 * MS), NONE);
+            }
+            // It was off for five seconds.
+            assert_eq!(follow(510, first_ns), Ok(Gap::Rebooted));
+            assert_eq!(follow(511, first_ns + 10 * MS), NONE);
+            assert_eq!(follow(513, first_ns + 30 * MS), NONE, "the step is not known again yet");
+        }
+    }
+
+    #[test]
+    fn one_wild_stamp_does_no_harm_and_a_restart_is_believed_at_the_second_step() {
+        let got = timeline(&[70, 80, 90, 100, 110, 99_999_120, 130, 140]);
+        assert_eq!(got[5..], [Err(GroundRefusal::OutOfOrder), Ok(Gap::Lost(1)), NONE]);
+        let got = timeline(&[70_000, 70_010, 0, 10, 20, 30]);
+        assert_eq!(got.iter().filter(|placed| placed.is_err()).count(), 2, "{got:?}");
+        assert_eq!(got[4..], [Ok(Gap::Rebooted), NONE]);
+    }
+
+    proptest! {
+        #[test]
+        fn a_wrapped_count_is_the_count_where_steps_are_short(
+            modulus in 4u64..100_000, start: u32, steps in proptest::collection::vec(0.0..1.0f64, 1..50),
+        ) {
+            let mut unwrapped = Unwrapped::new(u128::from(modulus));
+            let mut count = u64::from(start);
+            let first = unwrapped.take(count % modulus);
+            for step in steps {
+                count += (step * (modulus / 2) as f64) as u64;
+                prop_assert_eq!(unwrapped.take(count % modulus) - first, count - u64::from(start));
+            }
+        }
+
+        #[test]
+        fn any_count_is_taken(modulus in 2u128..=1 << 64, counts in proptest::collection::vec(any::<u64>(), 0..20)) {
+            let mut unwrapped = Unwrapped::new(modulus);
+            for count in counts {
+                unwrapped.take(count);
+            }
+        }
+    }
+}

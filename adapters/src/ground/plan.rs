@@ -1,0 +1,210 @@
+//! Which of a device's channels is what: names in the configuration to places in a scan, units checked.
+
+use super::channels::{Channels, Direct, EightChannels, ForceUnit, MomentUnit};
+use super::reading::Load;
+use crate::units::letters;
+
+/// A channel as a device tells it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Told {
+    /// The device's own name of it, which no other channel has.
+    pub(super) name: String,
+    /// What its owner calls it; several may be called the same.
+    pub(super) label: String,
+    /// Its unit, as the device writes it; empty if it says nothing.
+    pub(super) unit: String,
+}
+
+/// What the channels measure; each is named as the device calls it or as its owner does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Plan {
+    /// A plate of Kistler with eight channels: fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4.
+    Eight {
+        /// Their names, in that order.
+        names: [String; 8],
+        /// Distance of the sensors from the plate's middle along x, m.
+        a_m: f64,
+        /// And along y, m.
+        b_m: f64,
+    },
+    /// Channels that are force and moment themselves, as virtual channels may be.
+    Direct {
+        /// Names of force x, y, z.
+        force: [Option<String>; 3],
+        /// Names of moment x, y, z.
+        moment: [Option<String>; 3],
+    },
+}
+
+/// A plan that fits the device's channels.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Fitted {
+    channels: Channels,
+    /// What one of each channel is in N or N m; 0 for those that are not used.
+    unit: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Fitted {
+    /// Numbers in a scan.
+    pub(super) fn count(&self) -> usize {
+        self.unit.len()
+    }
+
+    pub(super) fn load(&mut self, values: &[f64]) -> Load {
+        for ((scaled, value), unit) in self.values.iter_mut().zip(values).zip(&self.unit) {
+            // A channel that is not used may read anything, infinity too.
+            *scaled = if *unit == 0.0 { 0.0 } else { value * unit };
+        }
+        self.channels.load(&self.values)
+    }
+}
+
+/// Whose channels they are, for sentences.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Whose {
+    /// The device.
+    pub(super) device: &'static str,
+    /// The section of the configuration that names its channels.
+    pub(super) section: &'static str,
+    /// What to do about a channel that is not there.
+    pub(super) missing: &'static str,
+    /// What to do about a unit that does not fit.
+    pub(super) unit: &'static str,
+}
+
+const FORCE: &str = "force";
+const MOMENT: &str = "moment";
+
+impl Plan {
+    /// Finds every name among the device's channels, in a unit of what it is to measure.
+    ///
+    /// # Errors
+    /// What does not fit, and what to do, in a sentence.
+    pub(super) fn fit(&self, told: &[Told], whose: Whose) -> Result<Fitted, String> {
+        self.fit_with(told, whose, [None; 2])
+    }
+
+    /// As [`Self::fit`], with units of force and moment for channels of which nobody tells one.
+    pub(super) fn fit_with(
+        &self,
+        told: &[Told],
+        whose: Whose,
+        [force_unit, moment_unit]: [Option<&str>; 2],
+    ) -> Result<Fitted, String> {
+        let mut unit = vec![0.0; told.len()];
+        let mut find = |name: &str, in_base: fn(&str) -> Option<f64>, kind: &str| {
+            let (index, channel) = found(told, name, whose)?;
+            let declared = if kind == FORCE { force_unit } else { moment_unit };
+            let written = match (channel.unit.as_str(), declared) {
+                ("", Some(declared)) => declared,
+                (told, _) => told,
+            };
+            unit[index] = in_base(written).ok_or_else(|| {
+                let Whose { device, unit, .. } = whose;
+                let written = if channel.unit.is_empty() {
+                    "has no unit".to_owned()
+                } else {
+                    format!("is in {:?}, which is no unit of {kind}", channel.unit)
+                };
+                format!("channel {name} of {device} {written}: {unit}")
+            })?;
+            Ok::<usize, String>(index)
+        };
+        let channels = match self {
+            Plan::Eight { names, a_m, b_m } => {
+                let mut channels = [0; 8];
+                for (channel, name) in channels.iter_mut().zip(names) {
+                    *channel = find(name, newtons, FORCE)?;
+                }
+                let eight = EightChannels {
+                    channels,
+                    a_m: *a_m,
+                    b_m: *b_m,
+                    newtons_per_unit: [1.0; 8],
+                    zero: [0.0; 8],
+                };
+                Channels::eight(told.len(), &eight)
+            }
+            Plan::Direct { force, moment } => {
+                let mut direct = Direct::default();
+                for (place, name) in direct.force.iter_mut().zip(force) {
+                    *place = name.as_deref().map(|name| find(name, newtons, FORCE)).transpose()?;
+                }
+                for (place, name) in direct.moment.iter_mut().zip(moment) {
+                    *place = name.as_deref().map(|name| find(name, newton_metres, MOMENT)).transpose()?;
+                }
+                Channels::direct(told.len(), direct, ForceUnit::Newton, MomentUnit::NewtonMetre)
+            }
+        };
+        let channels = channels.map_err(|fault| format!("[{}]: {fault}", whose.section))?;
+        Ok(Fitted { channels, values: vec![0.0; unit.len()], unit })
+    }
+}
+
+fn found<'a>(told: &'a [Told], name: &str, whose: Whose) -> Result<(usize, &'a Told), String> {
+    let Whose { device, section, missing, .. } = whose;
+    let places = || told.iter().enumerate();
+    let by_name = places().find(|(_, channel)| channel.name.eq_ignore_ascii_case(name));
+    let by_label: Vec<_> = places().filter(|(_, channel)| channel.label.eq_ignore_ascii_case(name)).collect();
+    let there = || {
+        let called = |channel: &Told| match channel.label.as_str() {
+            "" => channel.name.clone(),
+            label => format!("{} ({label})", channel.name),
+        };
+        told.iter().map(called).collect::<Vec<_>>().join(", ")
+    };
+    match (by_name, &by_label[..]) {
+        (Some(found), _) => Ok(found),
+        (None, [found]) => Ok(*found),
+        (None, []) => {
+            Err(format!("{device} has no channel {name} but {}: {missing}, or correct [{section}]", there()))
+        }
+        (None, _) => Err(format!(
+            "{device} has several channels {name}: tell them apart by their own names, {}",
+            there()
+        )),
+    }
+}
+
+/// Whether a unit of force is written so, and one of moment.
+pub fn units_are_known(force: &str, moment: &str) -> (bool, bool) {
+    (newtons(force).is_some(), newton_metres(moment).is_some())
+}
+
+/// What one is, N. Case matters: mN is not MN.
+fn newtons(unit: &str) -> Option<f64> {
+    match unit.trim() {
+        "mN" => Some(1e-3),
+        "N" | "newton" | "newtons" | "Newton" | "Newtons" => Some(ForceUnit::Newton.newtons()),
+        "kN" => Some(ForceUnit::Kilonewton.newtons()),
+        "lbf" => Some(ForceUnit::PoundForce.newtons()),
+        "kgf" | "kp" => Some(ForceUnit::KilogramForce.newtons()),
+        _ => None,
+    }
+}
+
+/// What one is, N m.
+fn newton_metres(unit: &str) -> Option<f64> {
+    match letters(unit)?.as_str() {
+        "Nm" => Some(MomentUnit::NewtonMetre.newton_metres()),
+        "Nmm" => Some(MomentUnit::NewtonMillimetre.newton_metres()),
+        "Ncm" => Some(1e-2),
+        "kNm" => Some(MomentUnit::KilonewtonMetre.newton_metres()),
+        "lbfin" => Some(MomentUnit::PoundForceInch.newton_metres()),
+        "lbfft" => Some(MomentUnit::PoundForceFoot.newton_metres()),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stiffness_is_no_moment() {
+        assert_eq!(units_are_known("N", "N·m"), (true, true));
+        assert_eq!(units_are_known("N/m", "N/m"), (false, false));
+        assert_eq!((newton_metres("N-mm"), newton_metres("N/mm")), (Some(1e-3), None));
+    }
+}

@@ -1,0 +1,253 @@
+//! Readings of any device to ground samples: order, loss, time, place.
+
+use super::frame::{GroundFrame, Measures};
+use super::reading::{Found, Load, Reading, Taken, Tick};
+use super::refusal::GroundRefusal;
+use crate::counts::Counts;
+use crate::sequence::{Place, Sequence};
+use bytemuck::Zeroable;
+use equipoise_core::message::{Component, FootFrame, GroundDevice as DeviceKind, GroundSample};
+use equipoise_core::time::ClockFit;
+
+/// Devices send at 7912 Hz at most; this leaves room.
+const MAX_RATE_HZ: u64 = 20_000;
+/// No person exerts more, N or N m: ten people who jump.
+const LARGEST: f64 = 1e5;
+
+/// Sign, place and constant delay of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundSettings {
+    /// Which side of the contact.
+    pub measures: Measures,
+    /// Where it stands.
+    pub frame: GroundFrame,
+    /// Constant part of the delay from a sample to its coming, ns: the clock fit cannot see it, so it is taken off
+    /// every sample time.
+    pub latency_ns: u64,
+    /// What it is.
+    pub device: DeviceKind,
+}
+
+impl Default for GroundSettings {
+    fn default() -> Self {
+        GroundSettings {
+            measures: Measures::default(),
+            frame: GroundFrame::default(),
+            latency_ns: 0,
+            device: DeviceKind::Plate,
+        }
+    }
+}
+
+/// Makes samples of the readings of one device.
+#[derive(Debug, Clone)]
+pub struct GroundReceiver {
+    settings: GroundSettings,
+    sequence: Sequence,
+    clock: ClockFit,
+    /// The last tick as told and unwrapped.
+    newest: Option<(Tick, u64)>,
+    session: u32,
+    counts: Counts,
+    block_latency_ns: u64,
+    /// Unwrapped ticks of the samples in work, beside them.
+    ticks: Vec<u64>,
+}
+
+impl GroundReceiver {
+    /// A receiver that has seen nothing yet.
+    pub fn new(settings: GroundSettings) -> Self {
+        GroundReceiver {
+            settings,
+            sequence: Sequence::new(MAX_RATE_HZ),
+            clock: ClockFit::new(),
+            newest: None,
+            session: 0,
+            counts: Counts::default(),
+            block_latency_ns: 0,
+            ticks: Vec::new(),
+        }
+    }
+
+    /// Empties `taken`, what one delivery held, and appends its samples to `samples`, oldest first.
+    ///
+    /// `arrival_ns` is the delivery's on CLOCK_MONOTONIC. `published_ns` is left at 0 for whoever publishes.
+    pub fn receive(&mut self, taken: &mut Taken, arrival_ns: u64, samples: &mut Vec<GroundSample>) {
+        self.block_latency_ns = taken.block_latency_ns.take().unwrap_or(self.block_latency_ns);
+        let first = samples.len();
+        self.ticks.clear();
+        for found in taken.found.drain(..) {
+            match found {
+                Found::Reading(reading) => {
+                    self.counts.received += 1;
+                    match self.accept(&reading, arrival_ns) {
+                        Ok(sample) => samples.push(sample),
+                        Err(refusal) => self.counts.refuse(refusal.index()),
+                    }
+                }
+                Found::Refused(refusal) => self.refuse(refusal),
+                Found::Lost(readings) => self.skip(readings),
+                Found::Restarted => self.begin_anew(),
+                Found::Rebooted => self.begin_clock(),
+            }
+        }
+        // The readings of one delivery waited for the last of them: only that one says when it was sent.
+        if let Some(newest) = self.ticks.last() {
+            self.clock.observe(*newest, arrival_ns);
+        }
+        for (sample, tick) in samples.iter_mut().skip(first).zip(&self.ticks) {
+            (sample.sample_time_ns, sample.sample_time_sigma_ns) = match self.clock.estimate(*tick) {
+                Some(estimate) => (estimate.host_ns, estimate.sigma_ns),
+                None => (sample.arrival_ns, u64::MAX),
+            };
+            sample.sample_time_ns = sample.sample_time_ns.saturating_sub(self.settings.latency_ns);
+        }
+    }
+
+    /// What was counted so far; `refused` in the order of [`GroundRefusal`].
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// How long the device gathers readings before it sends them, ns; 0 if it sends each by itself.
+    pub fn block_latency_ns(&self) -> u64 {
+        self.block_latency_ns
+    }
+
+    /// Counts something that was refused before it was read.
+    pub fn refuse(&mut self, refusal: GroundRefusal) {
+        self.counts.received += 1;
+        self.counts.refuse(refusal.index());
+    }
+
+    /// The stream begins anew. A device with a clock of its own kept it running; where readings are merely counted, nothing
+    /// ties the count from here on to the one before.
+    pub(super) fn begin_anew(&mut self) {
+        self.sequence.forget();
+        if let Some((Tick::Uncounted, _)) = self.newest {
+            self.begin_clock();
+        }
+    }
+
+    /// Nothing ties the device's clock from here on to what it was before.
+    fn begin_clock(&mut self) {
+        if self.newest.take().is_some() {
+            self.session += 1;
+            self.clock.restart();
+        }
+    }
+
+    fn skip(&mut self, readings: u32) {
+        self.counts.lost += u64::from(readings);
+        self.pass(readings);
+    }
+
+    /// So many were measured of which there is no sample: those that are merely counted took their time all the same.
+    fn pass(&mut self, readings: u32) {
+        if let Some((Tick::Uncounted, tick)) = &mut self.newest {
+            *tick += u64::from(readings);
+        }
+    }
+
+    fn accept(&mut self, reading: &Reading, arrival_ns: u64) -> Result<GroundSample, GroundRefusal> {
+        // One that is of no use was not lost: it has its place in the order like any other.
+        if let Some(sequence) = reading.sequence {
+            match self.sequence.place(sequence, arrival_ns) {
+                Place::Same => return Err(GroundRefusal::Duplicate),
+                Place::Old => return Err(GroundRefusal::OutOfOrder),
+                Place::Next { gap } => self.counts.lost += u64::from(gap - 1),
+                Place::First | Place::NewSession => {}
+            }
+        }
+        if let Err(refusal) = believable(&reading.load) {
+            if reading.tick == Tick::Uncounted {
+                self.pass(1);
+            }
+            return Err(refusal);
+        }
+        let tick = self.follow(reading.tick);
+        self.ticks.push(tick);
+        self.counts.published += 1;
+        if reading.status != 0 {
+            self.counts.refuse(GroundRefusal::DeviceStatus.index());
+        }
+        let sample = GroundSample {
+            arrival_ns,
+            sequence: self.counts.published,
+            device_counter: reading.device_counter,
+            device_status: reading.status,
+            session: self.session,
+            surface_z_m: self.settings.frame.surface_z_m(),
+            devices: self.settings.device as u32,
+            ..GroundSample::zeroed()
+        };
+        Ok(self.placed(sample, &reading.load))
+    }
+
+    /// The sample with what was measured, in the station's world as far as the device alone can tell.
+    fn placed(&self, sample: GroundSample, load: &Load) -> GroundSample {
+        match load {
+            Load::Wrench(sensor) => {
+                let person = self.settings.frame.person_from_sensor(*sensor, self.settings.measures);
+                GroundSample { force_n: person.force_n, moment_nm: person.moment_nm, ..sample }
+            }
+            Load::Part { wrench, not_measured } => {
+                // What turning and shifting left where nothing was measured means nothing.
+                let whole = self.placed(sample, &Load::Wrench(*wrench));
+                GroundSample { not_measured: *not_measured, ..whole }.without_what_was_not_measured()
+            }
+            Load::Soles(feet) => GroundSample {
+                per_foot: 1,
+                force_n: [0.0, 0.0, feet[0].vertical_n + feet[1].vertical_n],
+                foot_vertical_n: feet.map(|foot| foot.vertical_n),
+                foot_cop_m: feet.map(|foot| foot.cop_m),
+                foot_frame: FootFrame::Sole as u32,
+                not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
+                ..sample
+            },
+        }
+    }
+
+    /// Unwraps the device's clock. It runs on while streams come and go; if it falls, the device was restarted.
+    fn follow(&mut self, tick: Tick) -> u64 {
+        let unwrapped = match (tick, self.newest) {
+            (Tick::Counter(now), Some((Tick::Counter(before), unwrapped))) => {
+                let steps = now.wrapping_sub(before);
+                (steps.cast_signed() > 0).then(|| unwrapped + u64::from(steps))
+            }
+            // A coarse clock may stand still between two readings whose order is known by their numbers.
+            (Tick::Time(now), Some((Tick::Time(before), _))) => (now >= before).then_some(now),
+            (Tick::Uncounted, Some((Tick::Uncounted, before))) => Some(before + 1),
+            (Tick::Counter(first), None) => Some(u64::from(first)),
+            (Tick::Time(first), None) => Some(first),
+            (Tick::Uncounted, None) => Some(0),
+            // One device does not change its kind of clock; if it did, it is another one.
+            _ => None,
+        };
+        let unwrapped = unwrapped.unwrap_or_else(|| {
+            self.session += 1;
+            self.clock.restart();
+            match tick {
+                Tick::Counter(now) => u64::from(now),
+                Tick::Time(now) => now,
+                Tick::Uncounted => 0,
+            }
+        });
+        self.newest = Some((tick, unwrapped));
+        unwrapped
+    }
+}
+
+/// Whether a person can have exerted this.
+fn believable(load: &Load) -> Result<(), GroundRefusal> {
+    if !load.is_finite() {
+        Err(GroundRefusal::NotFinite)
+    } else if !load.is_within(LARGEST) {
+        Err(GroundRefusal::Implausible)
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

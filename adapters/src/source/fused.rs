@@ -1,0 +1,303 @@
+//! Two devices at once: each read by a thread of its own, so that neither waits for the other, and fused here.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use equipoise_core::message::{AdapterHealth, GroundSample};
+
+use super::error::SourceError;
+use super::ground::GroundSource;
+use crate::clock::now_monotonic_ns;
+use crate::counts::{Counts, HealthReporter, Stream};
+use crate::ground::fusion::{Fusion, FusionSettings};
+
+/// Words that may lie between a device's thread and the fusion: more than a second of the fastest device. One that is not
+/// fetched by then is dropped and counted.
+const WORDS_MAX: usize = 8192;
+/// How long a call waits for a word: short, for a sample may run out of patience meanwhile.
+const WAIT: Duration = Duration::from_millis(10);
+/// A device that sends nothing for so long is told to be silent, ns.
+const SILENT_NS: u64 = 500_000_000;
+
+/// How often a device's thread says how it fares, ns; oftener if something goes wrong.
+const FARES_EVERY_NS: u64 = 100_000_000;
+
+/// What a device's thread says.
+enum Word {
+    /// Samples, oldest first.
+    Samples(Vec<GroundSample>),
+    /// How it fares.
+    Fares { counts: Box<Counts>, block_latency_ns: u64, trouble: Option<String>, note: Option<String> },
+    /// It cannot go on.
+    Failed(SourceError),
+}
+
+/// One of the two, as seen from here.
+#[derive(Debug)]
+struct Device {
+    /// As people find it in the configuration.
+    name: String,
+    heard_ns: u64,
+    counts: Counts,
+    block_latency_ns: u64,
+    trouble: Option<String>,
+    note: Option<String>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Two ground devices that are one ground.
+#[derive(Debug)]
+pub struct FusedSource {
+    fusion: Fusion,
+    words: Receiver<(usize, Word)>,
+    devices: [Device; 2],
+    health: HealthReporter,
+    stop: Arc<AtomicBool>,
+}
+
+impl FusedSource {
+    /// Reads both devices, each named as people find it in the configuration.
+    ///
+    /// # Errors
+    /// The system starts no thread.
+    pub fn start(
+        sources: [(String, GroundSource); 2],
+        settings: FusionSettings,
+    ) -> Result<FusedSource, SourceError> {
+        let (sender, words) = sync_channel(WORDS_MAX);
+        let stop = Arc::new(AtomicBool::new(false));
+        let now_ns = now_monotonic_ns();
+        let mut devices = Vec::with_capacity(2);
+        for (index, (name, source)) in sources.into_iter().enumerate() {
+            let (sender, stopping) = (sender.clone(), Arc::clone(&stop));
+            let reader = Reader { index, source, sender, missed: 0 };
+            let thread = std::thread::Builder::new()
+                .name(format!("ground-{}", index + 1))
+                .spawn(move || reader.run(&stopping))
+                .map_err(|error| SourceError::Unusable(format!("{name}: no thread to read it: {error}")));
+            let thread = thread.inspect_err(|_| stop.store(true, Ordering::Relaxed))?;
+            let (counts, block_latency_ns) = (Counts::default(), 0);
+            let thread = Some(thread);
+            let (trouble, note) = (None, None);
+            devices.push(Device { name, heard_ns: now_ns, counts, block_latency_ns, trouble, note, thread });
+        }
+        let Ok(devices) = devices.try_into() else {
+            return Err(SourceError::Unusable("two devices are fused, no fewer and no more".to_owned()));
+        };
+        let (fusion, health) = (Fusion::new(settings), HealthReporter::new(Stream::Ground, now_ns));
+        Ok(FusedSource { fusion, words, devices, health, stop })
+    }
+
+    /// Waits a short while and appends what is whole by then to `samples`; says how many.
+    ///
+    /// # Errors
+    /// What either device cannot mend by itself.
+    pub fn receive(&mut self, samples: &mut Vec<GroundSample>) -> Result<usize, SourceError> {
+        let before = samples.len();
+        match self.words.recv_timeout(WAIT) {
+            Ok((index, word)) => self.take_in(index, word)?,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(SourceError::Unusable("the threads that read both devices are gone".to_owned()));
+            }
+        }
+        while let Ok((index, word)) = self.words.try_recv() {
+            self.take_in(index, word)?;
+        }
+        self.fusion.fused(now_monotonic_ns(), samples);
+        Ok(samples.len() - before)
+    }
+
+    fn take_in(&mut self, index: usize, word: Word) -> Result<(), SourceError> {
+        let now_ns = now_monotonic_ns();
+        match word {
+            Word::Samples(samples) => {
+                self.devices[index].heard_ns = now_ns;
+                for sample in samples {
+                    self.fusion.push(index, sample, now_ns);
+                }
+            }
+            Word::Fares { counts, block_latency_ns, trouble, note } => {
+                let device = &mut self.devices[index];
+                (device.counts, device.block_latency_ns) = (*counts, block_latency_ns);
+                (device.trouble, device.note) = (trouble, note);
+            }
+            Word::Failed(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// What is wrong with either device, and what to do, in a sentence; `None` while all is well.
+    pub fn trouble(&self) -> Option<String> {
+        let now_ns = now_monotonic_ns();
+        let troubles: Vec<String> =
+            self.devices.iter().filter_map(|device| device.trouble_at(now_ns)).collect();
+        (!troubles.is_empty()).then(|| troubles.join("; "))
+    }
+
+    /// What either device told of itself, in a sentence; `None` if there is nothing.
+    pub fn note(&self) -> Option<String> {
+        let told = |device: &Device| device.note.as_ref().map(|note| format!("{}: {note}", device.name));
+        let notes: Vec<String> = self.devices.iter().filter_map(told).collect();
+        (!notes.is_empty()).then(|| notes.join("; "))
+    }
+
+    /// What both devices counted since the start, and what found no partner; `published` counts what was whole.
+    pub fn counts(&self) -> Counts {
+        let mut all = *self.fusion.counts();
+        for device in &self.devices {
+            all.received += device.counts.received;
+            all.lost += device.counts.lost;
+            for (sum, more) in all.refused.iter_mut().zip(device.counts.refused) {
+                *sum += more;
+            }
+        }
+        all
+    }
+
+    /// The counts as a message, with the rate since the last call.
+    pub fn health(&mut self) -> AdapterHealth {
+        let health = self.health.report(&self.counts(), now_monotonic_ns());
+        let block_latency_ns = self.devices.iter().map(|device| device.block_latency_ns).max();
+        AdapterHealth { block_latency_ns: block_latency_ns.unwrap_or(0), ..health }
+    }
+}
+
+impl Device {
+    fn trouble_at(&self, now_ns: u64) -> Option<String> {
+        if let Some(trouble) = &self.trouble {
+            return Some(format!("{}: {trouble}", self.name));
+        }
+        let silent = now_ns.saturating_sub(self.heard_ns) > SILENT_NS;
+        silent.then(|| format!("{} sends nothing; is it on, and is its cable in?", self.name))
+    }
+}
+
+impl Drop for FusedSource {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.devices.iter_mut().filter_map(|device| device.thread.take()) {
+            // A reader that panicked has nothing more to say.
+            let _panicked = thread.join();
+        }
+    }
+}
+
+/// Reads one device until it shall stop.
+struct Reader {
+    index: usize,
+    source: GroundSource,
+    sender: SyncSender<(usize, Word)>,
+    /// Samples that nobody fetched in time.
+    missed: u64,
+}
+
+impl Reader {
+    fn run(mut self, stop: &AtomicBool) {
+        let (mut told, mut told_ns) = (None, 0);
+        while !stop.load(Ordering::Relaxed) {
+            let mut samples = Vec::new();
+            if let Err(error) = self.source.receive(&mut samples) {
+                return self.last_word(Word::Failed(error), stop);
+            }
+            if !samples.is_empty() {
+                let count = samples.len() as u64;
+                self.missed += if self.say(Word::Samples(samples)) { 0 } else { count };
+            }
+            let (trouble, now_ns) = (self.source.trouble(), now_monotonic_ns());
+            if now_ns.saturating_sub(told_ns) >= FARES_EVERY_NS || told.as_ref() != Some(&trouble) {
+                let mut counts = Box::new(*self.source.counts());
+                counts.lost += self.missed;
+                let block_latency_ns = self.source.block_latency_ns();
+                // If there is no room now, it is said next time.
+                let note = self.source.note();
+                if self.say(Word::Fares { counts, block_latency_ns, trouble: trouble.clone(), note }) {
+                    (told, told_ns) = (Some(trouble), now_ns);
+                }
+            }
+        }
+    }
+
+    /// Says something for which there must be room some time. Whoever does not listen any more need not know, and may wait for
+    /// us to end: so this never merely waits.
+    fn last_word(&self, word: Word, stop: &AtomicBool) {
+        let mut word = (self.index, word);
+        while let Err(TrySendError::Full(unsaid)) = self.sender.try_send(word) {
+            if stop.load(Ordering::Relaxed) {
+                return;
+            }
+            word = unsaid;
+            std::thread::sleep(WAIT);
+        }
+    }
+
+    /// Whether there was room for it; whoever does not listen any more needs none.
+    fn say(&self, word: Word) -> bool {
+        !matches!(self.sender.try_send((self.index, word)), Err(TrySendError::Full(_)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::transport::{Incoming, Transport};
+    use super::*;
+    use crate::ground::GroundSettings;
+    use crate::ground::device::bota::{Bota, BotaSettings};
+    use std::time::Instant;
+
+    /// A way that cannot be mended once it is open.
+    struct Broken;
+
+    impl Transport for Broken {
+        fn open(&mut self) -> Result<(), SourceError> {
+            Ok(())
+        }
+
+        fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
+            Err(SourceError::Unusable("it is broken".to_owned()))
+        }
+
+        fn send(&mut self, _bytes: &[u8]) -> Result<(), SourceError> {
+            Ok(())
+        }
+    }
+
+    fn reader(sender: SyncSender<(usize, Word)>) -> Reader {
+        let device = Box::new(Bota::new(BotaSettings { baud: 460_800, sinc: None }));
+        let source = GroundSource::open(Box::new(Broken), device, GroundSettings::default()).unwrap();
+        Reader { index: 1, source, sender, missed: 0 }
+    }
+
+    #[test]
+    fn a_reader_whose_last_word_nobody_fetches_ends_when_it_shall() {
+        let (sender, words) = sync_channel(1);
+        sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let (reader, stopping) = (reader(sender), Arc::clone(&stop));
+        let thread = std::thread::spawn(move || reader.run(&stopping));
+        std::thread::sleep(10 * WAIT);
+        assert!(!thread.is_finished(), "why it failed is not said yet");
+        stop.store(true, Ordering::Relaxed);
+        let until = Instant::now() + Duration::from_secs(10);
+        while !thread.is_finished() && Instant::now() < until {
+            std::thread::sleep(WAIT);
+        }
+        assert!(thread.is_finished());
+        drop(words);
+    }
+
+    #[test]
+    fn the_last_word_comes_once_there_is_room() {
+        let (sender, words) = sync_channel(1);
+        sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
+        let reader = reader(sender);
+        let thread = std::thread::spawn(move || reader.run(&AtomicBool::new(false)));
+        assert!(matches!(words.recv(), Ok((0, Word::Samples(_)))));
+        let last = words.recv_timeout(Duration::from_secs(10));
+        assert!(matches!(last, Ok((1, Word::Failed(SourceError::Unusable(_))))));
+        thread.join().unwrap();
+    }
+}

@@ -1,0 +1,258 @@
+//! The one engine of every ground device: opens the way to it, lets its brain speak and listen, and tries again when
+//! it went away.
+
+use super::error::SourceError;
+use super::transport::Transport;
+use crate::clock::now_monotonic_ns;
+use crate::counts::{Counts, HealthReporter, Stream};
+use crate::ground::{GroundBrain, GroundDevice, GroundRefusal, GroundSettings, Want};
+use equipoise_core::message::{AdapterHealth, GroundSample};
+use std::time::Duration;
+
+/// A way that could not be opened, or failed, is tried again after this.
+const REOPEN_NS: u64 = 500_000_000;
+/// How long a call waits at most while there is no way to wait on.
+const IDLE: Duration = Duration::from_millis(50);
+/// So many things a device may want in a row before its bytes are read again.
+const WANTS_MAX: usize = 8;
+
+/// A ground device that streams to us.
+pub struct GroundSource {
+    transport: Box<dyn Transport>,
+    brain: GroundBrain,
+    health: HealthReporter,
+    open: bool,
+    opened_at_ns: u64,
+    trouble: Option<String>,
+}
+
+impl core::fmt::Debug for GroundSource {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let GroundSource { brain, open, trouble, .. } = self;
+        f.debug_struct("GroundSource")
+            .field("brain", brain)
+            .field("open", open)
+            .field("trouble", trouble)
+            .finish_non_exhaustive()
+    }
+}
+
+impl GroundSource {
+    /// Opens the way to a device. One that is off or unplugged is no error: it is tried again and again, and
+    /// [`Self::trouble`] says so.
+    ///
+    /// # Errors
+    /// What this machine cannot do: no such address here, a port that is taken.
+    pub fn open(
+        transport: Box<dyn Transport>,
+        device: Box<dyn GroundDevice>,
+        settings: GroundSettings,
+    ) -> Result<GroundSource, SourceError> {
+        let mut source = GroundSource {
+            transport,
+            brain: GroundBrain::new(device, settings),
+            health: HealthReporter::new(Stream::Ground, now_monotonic_ns()),
+            open: false,
+            opened_at_ns: 0,
+            trouble: None,
+        };
+        source.reopen(now_monotonic_ns())?;
+        if source.open {
+            source.serve(now_monotonic_ns())?;
+        }
+        Ok(source)
+    }
+
+    /// Waits for what comes next and appends its samples to `samples`; says how many. Zero after a short time.
+    ///
+    /// # Errors
+    /// What does not mend itself: the socket was shut down, this machine lost the address.
+    pub fn receive(&mut self, samples: &mut Vec<GroundSample>) -> Result<usize, SourceError> {
+        let now_ns = now_monotonic_ns();
+        if !self.open && now_ns.saturating_sub(self.opened_at_ns) >= REOPEN_NS {
+            self.reopen(now_ns)?;
+        }
+        if self.open {
+            self.serve(now_ns)?;
+        }
+        if !self.open {
+            std::thread::sleep(IDLE);
+            return Ok(0);
+        }
+        let before = samples.len();
+        match self.transport.receive() {
+            Ok(None) => {}
+            Ok(Some(incoming)) if !incoming.admitted => self.brain.refuse(GroundRefusal::ForeignSender),
+            Ok(Some(incoming)) => self.brain.receive(incoming.bytes, incoming.arrival_ns, samples),
+            Err(error) => self.failed(error)?,
+        }
+        Ok(samples.len() - before)
+    }
+
+    /// What is wrong, and what to do, in a sentence; `None` while all is well.
+    pub fn trouble(&self) -> Option<String> {
+        if self.open { self.brain.trouble() } else { self.trouble.clone() }
+    }
+
+    /// What the device told of itself, in a sentence; `None` if there is nothing.
+    pub fn note(&self) -> Option<String> {
+        self.brain.note()
+    }
+
+    /// What was counted since the start.
+    pub fn counts(&self) -> &Counts {
+        self.brain.counts()
+    }
+
+    /// How long the device gathers readings before it sends them, ns; 0 if it sends each by itself.
+    pub fn block_latency_ns(&self) -> u64 {
+        self.brain.block_latency_ns()
+    }
+
+    /// The counts as a message, with the rate since the last call. Reasons in the order of [`GroundRefusal`].
+    pub fn health(&mut self) -> AdapterHealth {
+        let health = self.health.report(self.brain.counts(), now_monotonic_ns());
+        AdapterHealth { block_latency_ns: self.brain.block_latency_ns(), ..health }
+    }
+
+    fn reopen(&mut self, now_ns: u64) -> Result<(), SourceError> {
+        self.opened_at_ns = now_ns;
+        match self.transport.open() {
+            Ok(()) => {
+                (self.open, self.trouble) = (true, None);
+                if !self.transport.goes_on() {
+                    self.brain.opened(now_ns);
+                }
+                Ok(())
+            }
+            Err(error) => self.failed(error),
+        }
+    }
+
+    /// Does what the device wants.
+    fn serve(&mut self, now_ns: u64) -> Result<(), SourceError> {
+        for _ in 0..WANTS_MAX {
+            let done = match self.brain.wants(now_ns) {
+                Want::Nothing => break,
+                Want::Send(bytes) => self.transport.send(&bytes),
+                Want::Speed(baud) => self.transport.set_speed(baud),
+                Want::Reopen(reason) => {
+                    (self.open, self.trouble) = (false, Some(reason));
+                    break;
+                }
+            };
+            if let Err(error) = done {
+                self.failed(error)?;
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// A device that went away may come back; everything else is for whoever runs us.
+    fn failed(&mut self, error: SourceError) -> Result<(), SourceError> {
+        if !error.may_mend() {
+            return Err(error);
+        }
+        (self.open, self.trouble) = (false, Some(error.to_string()));
+        Ok(())
+    }
+}
+
+impl Drop for GroundSource {
+    fn drop(&mut self) {
+        if let (true, Some(farewell)) = (self.open, self.brain.farewell()) {
+            // If it cannot be told, it will find out: nobody listens any more.
+            let _unreachable = self.transport.send(&farewell);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file_line::{Begin, FileLine};
+    use super::super::transport::Incoming;
+    use super::*;
+    use crate::ground::channels::{Channels, Direct, ForceUnit, MomentUnit};
+    use crate::ground::device::text::{Column, Framing, Text, TextSettings};
+    use crate::wire::text_line::{Decimal, Delimiter, LineForm};
+    use std::io::Write;
+    use std::time::Instant;
+
+    /// A file on a share that answers with an error where this says so.
+    struct Share {
+        line: FileLine,
+        fails: std::sync::mpsc::Receiver<()>,
+    }
+
+    impl Transport for Share {
+        fn open(&mut self) -> Result<(), SourceError> {
+            self.line.open()
+        }
+
+        fn goes_on(&self) -> bool {
+            self.line.goes_on()
+        }
+
+        fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
+            if self.fails.try_recv().is_ok() {
+                let (what, remedy) = ("the share".to_owned(), String::new());
+                return Err(SourceError::Absent {
+                    what,
+                    remedy,
+                    error: std::io::Error::from_raw_os_error(5),
+                });
+            }
+            self.line.receive()
+        }
+
+        fn send(&mut self, bytes: &[u8]) -> Result<(), SourceError> {
+            self.line.send(bytes)
+        }
+    }
+
+    fn force_lines() -> Box<dyn GroundDevice> {
+        let direct = Direct { force: [None, None, Some(0)], ..Direct::default() };
+        Box::new(Text::new(TextSettings {
+            form: LineForm {
+                delimiter: Delimiter::Comma,
+                decimal: Decimal::Point,
+                comment: None,
+                prefix: Vec::new(),
+                fields: 1,
+            },
+            framing: Framing::Stream,
+            header_lines: 1,
+            longest: 100,
+            columns: vec![Column { field: 0, scale: 1.0, offset: 0.0 }],
+            channels: Channels::direct(1, direct, ForceUnit::Newton, MomentUnit::NewtonMetre).unwrap(),
+            time: None,
+            sequence: None,
+        }))
+    }
+
+    #[test]
+    fn a_file_that_could_not_be_read_for_a_while_goes_on_in_the_middle_of_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("export.txt");
+        let mut file = std::fs::File::create(&path).unwrap();
+        let (fail, fails) = std::sync::mpsc::channel();
+        let line = FileLine::new(path, Begin::Start, "ground.file.path");
+        let share = Box::new(Share { line, fails });
+        let mut source = GroundSource::open(share, force_lines(), GroundSettings::default()).unwrap();
+        let forces_n = |source: &mut GroundSource, want: usize| {
+            let (mut samples, until) = (Vec::new(), Instant::now() + Duration::from_secs(10));
+            while samples.len() < want && Instant::now() < until {
+                source.receive(&mut samples).unwrap();
+            }
+            samples.iter().map(|sample: &GroundSample| sample.force_n[2]).collect::<Vec<_>>()
+        };
+        file.write_all(b"Fz\n-701\n-7").unwrap();
+        assert_eq!(forces_n(&mut source, 1), [701.0]);
+        fail.send(()).unwrap();
+        source.receive(&mut Vec::new()).unwrap();
+        assert!(source.trouble().is_some_and(|said| said.contains("the share is not there")));
+        file.write_all(b"02\n-703\n").unwrap();
+        assert_eq!(forces_n(&mut source, 2), [702.0, 703.0]);
+    }
+}

@@ -1,0 +1,153 @@
+//! The suit, however MVN sends it: over UDP or over TCP, one worker or several.
+
+use super::error::SourceError;
+use super::mvn_tcp::MvnTcpSource;
+use super::mvn_udp::MvnUdpSource;
+use super::udp::Senders;
+use crate::clock::now_monotonic_ns;
+use crate::counts::{Counts, HealthReporter, Stream};
+use crate::suit::{SuitAssembler, SuitRouter, SuitSettings, SuitSubject};
+use equipoise_core::message::{AdapterHealth, SuitBody, SuitSample};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+/// One call reads at most so many datagrams, so that a flood of refused ones does not hold up its caller.
+pub(super) const MAX_DATAGRAMS_PER_CALL: usize = 64;
+
+/// How MVN's datagrams come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MvnTransport {
+    /// One by one.
+    #[default]
+    Udp,
+    /// As a stream; MVN connects to us.
+    Tcp,
+}
+
+/// Where to listen, and for what.
+#[derive(Debug, Clone)]
+pub struct MvnSettings {
+    /// How datagrams come.
+    pub transport: MvnTransport,
+    /// The address to listen on.
+    pub listen: SocketAddr,
+    /// Whether computers other than this one may send.
+    pub allow_remote: bool,
+    /// How long one [`SuitSource::receive`] waits.
+    pub timeout: Duration,
+    /// What to make of the datagrams, and which character is the station's own.
+    pub suit: SuitSettings,
+    /// Further characters on the same port.
+    pub others: Vec<u8>,
+}
+
+impl MvnSettings {
+    pub(super) fn senders(&self) -> Senders {
+        if self.allow_remote { Senders::Anyone } else { Senders::Loopback }
+    }
+}
+
+impl Default for MvnSettings {
+    fn default() -> Self {
+        MvnSettings {
+            transport: MvnTransport::Udp,
+            listen: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), crate::wire::mvn::DEFAULT_PORT),
+            allow_remote: false,
+            timeout: Duration::from_millis(100),
+            suit: SuitSettings::default(),
+            others: Vec::new(),
+        }
+    }
+}
+
+#[derive(Debug)]
+enum Wire {
+    Udp(MvnUdpSource),
+    Tcp(MvnTcpSource),
+}
+
+/// Suits that stream to us.
+#[derive(Debug)]
+pub struct SuitSource {
+    wire: Wire,
+    suits: SuitRouter,
+    /// Who is told how each character's stream fares; the station's own is the first.
+    health: Vec<(u8, HealthReporter)>,
+}
+
+impl SuitSource {
+    /// Begins to listen.
+    ///
+    /// # Errors
+    /// [`SourceError::PortTaken`] or [`SourceError::Open`].
+    pub fn open(settings: &MvnSettings) -> Result<SuitSource, SourceError> {
+        let wire = match settings.transport {
+            MvnTransport::Udp => Wire::Udp(MvnUdpSource::open(settings)?),
+            MvnTransport::Tcp => Wire::Tcp(MvnTcpSource::open(settings)?),
+        };
+        let reporter = |avatar: &u8| (*avatar, HealthReporter::new(Stream::Suit, now_monotonic_ns()));
+        Ok(SuitSource {
+            wire,
+            suits: SuitRouter::new(settings.suit, &settings.others),
+            health: [settings.suit.avatar].iter().chain(&settings.others).map(reporter).collect(),
+        })
+    }
+
+    /// The address it listens on.
+    pub fn local_address(&self) -> SocketAddr {
+        match &self.wire {
+            Wire::Udp(source) => source.door.local_address(),
+            Wire::Tcp(source) => source.door.local_address(),
+        }
+    }
+
+    /// Waits for one sample, whose `avatar` says whose it is; `None` after the timeout, or if what came made no sample.
+    ///
+    /// # Errors
+    /// [`SourceError::Receive`] if the socket itself fails.
+    pub fn receive(&mut self) -> Result<Option<SuitSample>, SourceError> {
+        if let Some(sample) = self.suits.take_ready() {
+            return Ok(Some(sample));
+        }
+        match &mut self.wire {
+            Wire::Udp(source) => source.receive(&mut self.suits),
+            Wire::Tcp(source) => source.receive(&mut self.suits),
+        }
+    }
+
+    /// What the suit said about the station's own worker.
+    pub fn subject(&self) -> &SuitSubject {
+        self.suits.own().subject()
+    }
+
+    /// What the suit said of the station's own worker's build, as a message; `None` until it did.
+    pub fn body(&self) -> Option<SuitBody> {
+        self.suits.own().body()
+    }
+
+    /// What was counted since the start: the station's own worker, and all that belongs to nobody.
+    pub fn counts(&self) -> &Counts {
+        self.suits.own().counts()
+    }
+
+    /// The assembler of a character that is wanted.
+    pub fn assembler(&self, avatar: u8) -> Option<&SuitAssembler> {
+        let (own, _) = self.health.first()?;
+        if avatar == *own { Some(self.suits.own()) } else { self.suits.other(avatar) }
+    }
+
+    /// The station's own counts as a message, with the rate since the last call. Reasons in the order of
+    /// [`crate::suit::SuitRefusal`].
+    pub fn health(&mut self) -> AdapterHealth {
+        let own = self.health.first().map_or(0, |(own, _)| *own);
+        // The station's own character is always there.
+        self.health_of(own).unwrap_or_else(bytemuck::Zeroable::zeroed)
+    }
+
+    /// The same of a character that is wanted.
+    pub fn health_of(&mut self, avatar: u8) -> Option<AdapterHealth> {
+        let counts = *self.assembler(avatar)?.counts();
+        let (_, reporter) = self.health.iter_mut().find(|(whose, _)| *whose == avatar)?;
+        Some(reporter.report(&counts, now_monotonic_ns()))
+    }
+}

@@ -1,0 +1,83 @@
+//! UDP as a way to a device: asked and answering, or merely listened to.
+
+use super::error::SourceError;
+use super::transport::{Incoming, Transport};
+use super::udp::{Senders, UdpDoor};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::time::Duration;
+
+/// How long one wait for a datagram lasts.
+const TIMEOUT: Duration = Duration::from_millis(50);
+
+/// UDP to or from one device.
+#[derive(Debug)]
+pub struct UdpLine {
+    local: SocketAddr,
+    peer: Option<SocketAddr>,
+    senders: Senders,
+    key: &'static str,
+    door: Option<UdpDoor>,
+}
+
+impl UdpLine {
+    /// To a device at an address, which answers from there; `key` names the address in errors.
+    pub fn to(address: SocketAddr, key: &'static str) -> UdpLine {
+        let ip = match address.ip() {
+            // Bound to loopback if the device is simulated here: nothing else can reach the socket then.
+            ip if ip.is_loopback() => ip,
+            IpAddr::V4(_) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
+            IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
+        };
+        let senders = Senders::Only(address.ip());
+        UdpLine { local: SocketAddr::new(ip, 0), peer: Some(address), senders, key, door: None }
+    }
+
+    /// Listening for a device that sends of itself; `key` names the address in errors.
+    pub fn listening(local: SocketAddr, senders: Senders, key: &'static str) -> UdpLine {
+        UdpLine { local, peer: None, senders, key, door: None }
+    }
+
+    /// Where it listens, once open; with the port the system chose if 0 was asked for.
+    pub fn local_address(&self) -> Option<SocketAddr> {
+        self.door.as_ref().map(UdpDoor::local_address)
+    }
+
+    fn door(&mut self) -> Result<&mut UdpDoor, SourceError> {
+        match &mut self.door {
+            Some(door) => Ok(door),
+            None => Err(SourceError::Unusable(format!("{}: used before it was opened", self.key))),
+        }
+    }
+}
+
+impl Transport for UdpLine {
+    fn open(&mut self) -> Result<(), SourceError> {
+        // The old one holds the port.
+        self.door = None;
+        self.door = Some(UdpDoor::open(self.local, self.senders, TIMEOUT, self.key)?);
+        Ok(())
+    }
+
+    fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
+        let peer_port = self.peer.map(|peer| peer.port());
+        let received = self.door()?.receive()?;
+        Ok(received.map(|received| Incoming {
+            bytes: received.bytes,
+            arrival_ns: received.arrival_ns,
+            admitted: received.admitted && peer_port.is_none_or(|port| port == received.sender.port()),
+        }))
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), SourceError> {
+        let Some(peer) = self.peer else {
+            let listening =
+                format!("{}: a device that is only listened to cannot be told anything", self.key);
+            return Err(SourceError::Unusable(listening));
+        };
+        match self.door()?.send_to(bytes, peer) {
+            // A network that is down (cable, interface) comes back, and the silence is seen by everyone anyway.
+            Err(SourceError::Send { .. }) | Ok(()) => Ok(()),
+            Err(other) => Err(other),
+        }
+    }
+}

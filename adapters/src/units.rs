@@ -1,0 +1,32 @@
+//! What units of people's trades are in ours, and how their names are written.
+
+/// One pound of force, N: exact by definition of pound and standard gravity.
+pub const NEWTON_PER_LBF: f64 = 4.448_221_615_260_5;
+/// One kilogram under standard gravity, N: exact.
+pub(crate) const NEWTON_PER_KGF: f64 = 9.806_65;
+/// One inch, m: exact.
+pub const METRE_PER_INCH: f64 = 0.0254;
+/// One foot, m: exact.
+pub(crate) const METRE_PER_FOOT: f64 = 12.0 * METRE_PER_INCH;
+
+/// The letters of a product of units, whatever stands between its parts: "N m", "N·m", "N-m" and "N*m" are one. `None` for a
+/// quotient or a power, which is another thing of the same letters: "N/m".
+pub(crate) fn letters(unit: &str) -> Option<String> {
+    let is_product = !unit.chars().any(|sign| matches!(sign, '/' | '^' | '⁻') || sign.is_numeric());
+    is_product.then(|| unit.chars().filter(char::is_ascii_alphabetic).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_product_is_its_letters_and_a_quotient_or_a_power_is_none() {
+        for written in ["Nm", "N m", "N·m", "N.m", "N-m", "N*m", "N\u{fffd}m", "N_m", "N×m"] {
+            assert_eq!(letters(written).as_deref(), Some("Nm"), "{written}");
+        }
+        for other in ["N/m", "N / m", "N/m²", "Nm²", "N^m", "Nm^2", "Nm⁻¹", "N m2", "Nm-1"] {
+            assert_eq!(letters(other), None, "{other}");
+        }
+    }
+}

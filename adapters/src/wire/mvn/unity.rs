@@ -1,0 +1,236 @@
+//! Type 05: segment poses for Unity3D (MVN protocol, "Segment position and orientation, Unity3D").
+//!
+//! Items as in type 02, but in Unity's world (**left-handed**, X right, Y up, Z forward; m), in an order of their own, and
+//! only the pelvis stands in the world: every other segment stands in its parent's frame.
+//!
+//! No real datagram of this type was ever seen here. The specification names handedness, up axis, order and what is
+//! relative to what; that X points to the right and that ids do not matter beside the order are our reading of it.
+
+use super::Malformed;
+use super::SegmentPose;
+use super::header::{DatagramType, Header, Oversized, frame};
+use super::items::Item;
+use crate::wire::reader::Reader;
+use equipoise_core::body::{SEGMENTS, Segment};
+
+/// The segments in the order of the wire (MVN protocol, table 3), as places in MVN's own order.
+const ORDER: [usize; SEGMENTS] =
+    [0, 15, 16, 17, 18, 19, 20, 21, 22, 1, 2, 3, 4, 11, 12, 13, 14, 7, 8, 9, 10, 5, 6];
+
+/// One body of 23 segments. Read when asked for, since the whole chain is needed for any of it.
+#[derive(Debug, Clone, Copy)]
+pub struct UnityBody<'a> {
+    reader: Reader<'a>,
+}
+
+impl<'a> UnityBody<'a> {
+    pub(super) fn parse(header: &Header, payload: &'a [u8]) -> Result<Self, Malformed> {
+        let items = usize::from(header.items);
+        // Props may follow the body; they stand in the world and are passed over.
+        if items < SEGMENTS || payload.len() != items * SegmentPose::SIZE {
+            return Err(Malformed::Items {
+                datagram_type: header.datagram_type,
+                items: header.items,
+                payload: payload.len(),
+            });
+        }
+        Ok(UnityBody { reader: Reader::new(payload) })
+    }
+
+    /// The items as the wire has them, in its order: left-handed, Y up, all but the pelvis relative to their parents.
+    pub fn items(&self) -> impl Iterator<Item = SegmentPose> + use<'a> {
+        let mut reader = self.reader;
+        core::iter::from_fn(move || SegmentPose::read(&mut reader))
+    }
+
+    /// The body as type 02 has it, in MVN's order: Z up, right-handed, every segment in the world.
+    ///
+    /// Numbers that are not finite stay so; quaternions that are not of unit length make others wrong in length too.
+    pub fn to_z_up(&self) -> [SegmentPose; SEGMENTS] {
+        let mut body =
+            [SegmentPose { segment_id: 0, position_m: [0.0; 3], orientation_wxyz: [0.0; 4] }; SEGMENTS];
+        for (place, item) in ORDER.into_iter().zip(self.items()) {
+            body[place] = right_handed(&item, place);
+        }
+        // Parents come before their children in MVN's order.
+        for segment in &Segment::ALL[1..] {
+            if let Some(parent) = segment.parent() {
+                body[segment.index()] = placed(&body[parent.index()], &body[segment.index()]);
+            }
+        }
+        body
+    }
+}
+
+/// Unity's axes are right, up and forward; MVN's forward, left and up. Vectors change as they are, turns with a sign
+/// more, since one of the two worlds is a mirror image.
+fn right_handed(item: &SegmentPose, place: usize) -> SegmentPose {
+    let [right, up, forward] = item.position_m;
+    let [w, x, y, z] = item.orientation_wxyz;
+    SegmentPose {
+        segment_id: place as u32 + 1,
+        position_m: [forward, -right, up],
+        orientation_wxyz: [w, -z, x, -y],
+    }
+}
+
+fn left_handed(pose: &SegmentPose, segment_id: u32) -> SegmentPose {
+    let [forward, left, up] = pose.position_m;
+    let [w, x, y, z] = pose.orientation_wxyz;
+    SegmentPose { segment_id, position_m: [-left, up, forward], orientation_wxyz: [w, y, -z, -x] }
+}
+
+/// A pose in its parent's frame, put into the world.
+fn placed(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
+    let offset = turned(parent.orientation_wxyz, child.position_m);
+    SegmentPose {
+        segment_id: child.segment_id,
+        position_m: core::array::from_fn(|axis| parent.position_m[axis] + offset[axis]),
+        orientation_wxyz: product(parent.orientation_wxyz, child.orientation_wxyz),
+    }
+}
+
+/// A pose in the world, told in its parent's frame.
+fn relative(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
+    let back = conjugate(parent.orientation_wxyz);
+    let offset = core::array::from_fn(|axis| child.position_m[axis] - parent.position_m[axis]);
+    SegmentPose {
+        segment_id: child.segment_id,
+        position_m: turned(back, offset),
+        orientation_wxyz: product(back, child.orientation_wxyz),
+    }
+}
+
+fn product([aw, ax, ay, az]: [f32; 4], [bw, bx, by, bz]: [f32; 4]) -> [f32; 4] {
+    [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
+}
+
+fn conjugate([w, x, y, z]: [f32; 4]) -> [f32; 4] {
+    [w, -x, -y, -z]
+}
+
+fn turned(q: [f32; 4], [x, y, z]: [f32; 3]) -> [f32; 3] {
+    let [_, x, y, z] = product(product(q, [0.0, x, y, z]), conjugate(q));
+    [x, y, z]
+}
+
+/// Replaces the content of `out` by one datagram of type 05; `body` as type 02 has it, in MVN's order.
+///
+/// # Errors
+/// Never; it has the shape of its siblings.
+pub fn encode(header: &Header, body: &[SegmentPose; SEGMENTS], out: &mut Vec<u8>) -> Result<(), Oversized> {
+    frame(header, DatagramType::UNITY, SEGMENTS, out, |out| {
+        for (index, place) in ORDER.into_iter().enumerate() {
+            let parent = Segment::ALL[place].parent();
+            let local = match parent {
+                Some(parent) => relative(&body[parent.index()], &body[place]),
+                None => body[place],
+            };
+            left_handed(&local, index as u32 + 1).write(out);
+        }
+    })
+}
+
+// bytes    object (each of 23 items, in ORDER)
+// 0–3      segment_id u32, the item's number from 1
+// 4–15     position_m 3 × f32: right, up, forward
+// 16–31    orientation_wxyz 4 × f32
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::mvn::Datagram;
+    use proptest::prelude::*;
+
+    fn body(seeds: &[[f32; 7]]) -> [SegmentPose; SEGMENTS] {
+        core::array::from_fn(|place| {
+            let [x, y, z, a, b, c, d] = seeds[place];
+            let norm = (a * a + b * b + c * c + d * d).sqrt();
+            SegmentPose {
+                segment_id: place as u32 + 1,
+                position_m: [x, y, z],
+                orientation_wxyz: [a, b, c, d].map(|part| part / norm),
+            }
+        })
+    }
+
+    fn read(bytes: &[u8]) -> UnityBody<'_> {
+        match Datagram::parse(bytes) {
+            Ok(Datagram::Unity(_, body)) => body,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_body_comes_back_to_its_place_in_the_world(
+            seeds in proptest::collection::vec(proptest::array::uniform7(-2f32..2.0), SEGMENTS..=SEGMENTS)
+        ) {
+            prop_assume!(seeds.iter().all(|seed| seed[3..].iter().map(|part| part * part).sum::<f32>() > 0.1));
+            let written = body(&seeds);
+            let mut bytes = Vec::new();
+            encode(&Header::new(7, 29, 1), &written, &mut bytes).unwrap();
+            prop_assert_eq!(bytes.len(), 24 + 32 * SEGMENTS);
+            for (read, written) in read(&bytes).to_z_up().iter().zip(&written) {
+                prop_assert_eq!(read.segment_id, written.segment_id);
+                for axis in 0..3 {
+                    prop_assert!((read.position_m[axis] - written.position_m[axis]).abs() < 1e-4);
+                }
+                let dot: f32 = read.orientation_wxyz.iter().zip(written.orientation_wxyz).map(|(a, b)| a * b).sum();
+                prop_assert!(dot.abs() > 1.0 - 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn the_wire_is_left_handed_and_has_an_order_of_its_own() {
+        let mut standing = body(&[[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]; SEGMENTS]);
+        // The pelvis is turned to the left by a right angle; the left thigh begins 0.1 m to its left, so behind it.
+        let half = core::f32::consts::FRAC_1_SQRT_2;
+        standing[0].orientation_wxyz = [half, 0.0, 0.0, half];
+        standing[19].position_m = [-0.1, 0.0, 1.0];
+        let mut bytes = Vec::new();
+        encode(&Header::new(1, 4, 0), &standing, &mut bytes).unwrap();
+        let items: Vec<SegmentPose> = read(&bytes).items().collect();
+        let near = |got: &[f32], want: &[f32]| got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(near(&items[0].position_m, &[0.0, 1.0, 0.0]), "up is Y: {:?}", items[0]);
+        // Seen from above, a left-handed turn about Y goes the other way.
+        assert!(near(&items[0].orientation_wxyz, &[half, 0.0, -half, 0.0]), "{:?}", items[0]);
+        // The left thigh is the sixth of the wire, and its own left is Unity's −X.
+        assert!(near(&items[5].position_m, &[-0.1, 0.0, 0.0]), "{:?}", items[5]);
+        let ids: Vec<u32> = items.iter().map(|item| item.segment_id).collect();
+        assert_eq!(ids, (1..=23).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn the_order_names_every_segment_once_and_parents_come_first() {
+        let mut sorted = ORDER;
+        sorted.sort_unstable();
+        assert_eq!(sorted, core::array::from_fn(|place| place));
+        let names = ORDER.map(|place| Segment::ALL[place].name());
+        assert_eq!(
+            (names[1], names[8], names[9], names[13]),
+            ("RightUpperLeg", "LeftToe", "L5", "LeftShoulder")
+        );
+        assert_eq!((names[17], names[21], names[22]), ("RightShoulder", "Neck", "Head"));
+        for segment in &Segment::ALL[1..] {
+            assert!(segment.parent().is_some_and(|parent| parent.index() < segment.index()), "{segment:?}");
+        }
+    }
+
+    #[test]
+    fn less_than_a_body_is_refused() {
+        let mut bytes = Vec::new();
+        encode(&Header::new(1, 4, 0), &body(&[[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]; SEGMENTS]), &mut bytes)
+            .unwrap();
+        bytes[11] = 22;
+        bytes.truncate(24 + 22 * 32);
+        bytes[22..24].copy_from_slice(&(22u16 * 32).to_be_bytes());
+        assert!(matches!(Datagram::parse(&bytes), Err(Malformed::Items { items: 22, .. })));
+    }
+}

@@ -1,0 +1,26 @@
+//! Plates over the network, over real sockets on loopback, against devices played by the test.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
+mod labamp;
+mod lsl;
+mod qtm;
+
+use equipoise_adapters::source::GroundSource;
+use equipoise_core::message::GroundSample;
+use std::time::{Duration, Instant};
+
+/// Long enough for a loaded machine; nothing here measures speed.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Runs a source until something is so; the samples it gave meanwhile.
+fn until(
+    source: &mut GroundSource,
+    so: impl Fn(&GroundSource, &[GroundSample]) -> bool,
+) -> Vec<GroundSample> {
+    let (began, mut samples) = (Instant::now(), Vec::new());
+    while !so(source, &samples) {
+        assert!(began.elapsed() < PATIENCE, "{:?} {:?}", source.counts(), source.trouble());
+        source.receive(&mut samples).unwrap();
+    }
+    samples
+}

@@ -1,0 +1,99 @@
+//! Qualisys' track manager: the words, the frames, and what happens when it goes away.
+
+use crate::{PATIENCE, until};
+use equipoise_adapters::ground::device::qtm::{Qtm, QtmSettings};
+use equipoise_adapters::ground::{GroundSettings, SensorAxes};
+use equipoise_adapters::source::{GroundSource, TcpLine};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::time::Duration;
+
+fn packet(kind: u32, content: &[u8]) -> Vec<u8> {
+    [&(content.len() as u32 + 8).to_le_bytes()[..], &kind.to_le_bytes(), content].concat()
+}
+
+/// A frame of a plate that measures ten times as often as the cameras; 700 N downwards.
+fn frame(number: u32) -> Vec<u8> {
+    let force = [0.0_f32, 0.0, 700.0, 0.0, -70.0, 0.0, 100.0, 0.0, 0.0].map(f32::to_le_bytes).concat();
+    let plate = [1_u32, 10, number * 10].map(u32::to_le_bytes).concat();
+    let component = packet(4, &[1_u32.to_le_bytes().to_vec(), plate, force.repeat(10)].concat());
+    let head =
+        [u64::from(number * 10_000).to_le_bytes().to_vec(), [number, 1].map(u32::to_le_bytes).concat()]
+            .concat();
+    packet(3, &[head, component].concat())
+}
+
+/// What was said, one command; `None` once nobody is there.
+fn heard(stream: &mut TcpStream) -> Option<String> {
+    let mut head = [0; 8];
+    stream.read_exact(&mut head).ok()?;
+    let mut text = vec![0; u32::from_le_bytes(head[..4].try_into().unwrap()) as usize - 8];
+    stream.read_exact(&mut text).unwrap();
+    assert_eq!((head[4], text.pop()), (1, Some(0)));
+    Some(String::from_utf8(text).unwrap())
+}
+
+/// Serves one client: so many frames, torn into pieces; says what it heard.
+fn serve(listener: &TcpListener, frames: u32) -> Vec<String> {
+    let (mut stream, _) = listener.accept().unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.write_all(&packet(1, b"QTM RT Interface connected\0")).unwrap();
+    let mut words = vec![heard(&mut stream).unwrap()];
+    stream.write_all(&packet(1, b"Version set to 1.25\0")).unwrap();
+    words.push(heard(&mut stream).unwrap());
+    let bytes: Vec<u8> = (1..=frames).flat_map(frame).collect();
+    for piece in bytes.chunks(997) {
+        stream.write_all(piece).unwrap();
+    }
+    // What a client that leaves says last; one that was left says nothing more.
+    stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+    let mut rest = [0; 8];
+    match stream.peek(&mut rest) {
+        Ok(1..) => words.extend(heard(&mut stream)),
+        Ok(0) => {}
+        Err(error) => assert!(matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut), "{error}"),
+    }
+    words
+}
+
+#[test]
+fn frames_become_samples_and_a_track_manager_that_was_closed_is_found_again() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let line = TcpLine::to(listener.local_addr().unwrap(), "Qualisys' track manager", "ground.address");
+    let played = std::thread::spawn(move || {
+        let first = serve(&listener, 20);
+        // It hung up with that; the port stays open for the next call.
+        (first, serve(&listener, 30))
+    });
+    let mut settings = GroundSettings::default();
+    settings.frame.axes = SensorAxes::ZDown;
+    let device = Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 }));
+    let mut source = GroundSource::open(Box::new(line), device, settings).unwrap();
+    let samples = until(&mut source, |_, samples| samples.len() >= 200);
+    assert_eq!((samples.len(), source.counts().lost), (200, 0));
+    for (index, sample) in samples.iter().enumerate() {
+        // Pressed at (0.1, 0) m: the moment about y of the force on the person is -70 N m in axes with z up.
+        assert_eq!((sample.force_n, sample.moment_nm), ([0.0, 0.0, 700.0], [0.0, -70.0, 0.0]));
+        assert_eq!((sample.device_counter, sample.session), (10 + index as u32, 0));
+        assert!(sample.sample_time_ns <= sample.arrival_ns);
+    }
+    assert_eq!(source.health().block_latency_ns, 10_000_000);
+    until(&mut source, |source, _| source.trouble().is_some_and(|why| why.contains("closed the connection")));
+    let samples = until(&mut source, |_, samples| samples.len() >= 300);
+    assert_eq!((samples.last().unwrap().session, source.trouble()), (1, None), "its time started anew");
+    drop(source);
+    let (first, second) = played.join().unwrap();
+    assert_eq!(first, ["Version 1.25", "StreamFrames AllFrames Force"]);
+    assert_eq!(second, ["Version 1.25", "StreamFrames AllFrames Force", "StreamFrames Stop"]);
+}
+
+#[test]
+fn nobody_at_the_address_is_a_sentence_and_no_end() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let line = TcpLine::to(listener.local_addr().unwrap(), "Qualisys' track manager", "ground.address");
+    drop(listener);
+    let device = Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 }));
+    let mut source = GroundSource::open(Box::new(line), device, GroundSettings::default()).unwrap();
+    assert!(source.trouble().unwrap().contains("correct ground.address"));
+    assert_eq!(source.receive(&mut Vec::new()).unwrap(), 0);
+}

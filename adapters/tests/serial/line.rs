@@ -1,0 +1,121 @@
+//! The line itself: open, taken, forbidden, missing, unplugged and plugged in again.
+
+use crate::pty::{Device, Socket};
+use equipoise_adapters::source::{Flow, LineSettings, SerialLine, Transport};
+use std::path::PathBuf;
+
+fn line(port: PathBuf) -> SerialLine {
+    SerialLine::new(LineSettings { port, baud: 57_600, flow: Flow::Free, key: "ground.serial.port" })
+}
+
+/// Everything that comes until there is nothing more.
+fn all(line: &mut SerialLine) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    while let Some(incoming) = line.receive().unwrap() {
+        assert!(incoming.admitted);
+        bytes.extend_from_slice(incoming.bytes);
+    }
+    bytes
+}
+
+fn open(socket: &Socket) -> (Device, SerialLine) {
+    let device = socket.plug();
+    let mut line = line(socket.port());
+    line.open().unwrap();
+    (device, line)
+}
+
+#[test]
+fn every_byte_comes_through_both_ways_as_it_was_sent() {
+    let socket = Socket::new();
+    let (device, mut line) = open(&socket);
+    assert!(line.receive().unwrap().is_none(), "silence is no fault");
+    let every: Vec<u8> = (0..=255).collect();
+    device.say(&every);
+    assert_eq!(all(&mut line), every, "no line end, no control character is meant");
+    line.send(&every).unwrap();
+    let mut heard = Vec::new();
+    while heard.len() < every.len() {
+        heard.extend_from_slice(&device.heard());
+    }
+    assert_eq!(heard, every);
+    assert!(line.receive().unwrap().is_none(), "and nothing is echoed");
+}
+
+#[test]
+fn the_speed_is_set_and_changed_and_what_came_before_is_gone() {
+    let socket = Socket::new();
+    let (device, mut line) = open(&socket);
+    assert_eq!(device.speed(), 57_600);
+    device.say(b"noise of the other speed");
+    line.set_speed(115_200).unwrap();
+    assert_eq!(device.speed(), 115_200);
+    device.say(b"after");
+    assert_eq!(all(&mut line), b"after");
+    // One that no table has.
+    line.set_speed(250_000).unwrap();
+    assert_eq!(device.speed(), 250_000);
+    line.open().unwrap();
+    assert_eq!(device.speed(), 57_600, "opened anew, it is as it was configured");
+}
+
+#[test]
+fn a_port_that_is_not_there_is_named_with_what_to_do_and_works_once_it_is() {
+    let socket = Socket::new();
+    let mut line = line(socket.port());
+    let refused = line.open().unwrap_err();
+    assert!(refused.may_mend());
+    let said = refused.to_string();
+    let port = socket.port().display().to_string();
+    assert!(said.starts_with(&format!("the serial port {port} is not there: No such file")), "{said}");
+    assert!(said.contains("plug it in, or set ground.serial.port: "), "{said}");
+    assert!(line.send(b"x").is_err() && line.receive().is_err(), "nothing goes over a closed line");
+    let device = socket.plug();
+    line.open().unwrap();
+    device.say(b"x");
+    assert_eq!(all(&mut line), b"x");
+}
+
+#[test]
+fn a_device_that_is_unplugged_is_missed_at_once_and_found_again_under_its_name() {
+    let socket = Socket::new();
+    let (device, mut line) = open(&socket);
+    device.say(b"last");
+    device.unplug();
+    // What was on its way may still be read, or be lost with the device; then it is gone, and stays so.
+    let gone = (0..100).find_map(|_| line.receive().err()).expect("that it is gone");
+    assert!(gone.may_mend(), "{gone}");
+    assert!(gone.to_string().contains("it was unplugged"), "{gone}");
+    assert!(line.open().is_err());
+    let device = socket.plug();
+    line.open().unwrap();
+    device.say(b"again");
+    assert_eq!(all(&mut line), b"again");
+}
+
+#[test]
+fn a_port_that_somebody_has_is_busy_and_free_once_they_let_go() {
+    let socket = Socket::new();
+    let (device, first) = open(&socket);
+    let mut second = line(socket.port());
+    let refused = second.open().unwrap_err();
+    assert!(refused.may_mend());
+    let said = refused.to_string();
+    assert!(said.contains("cannot be used: this very process") && said.contains("close that"), "{said}");
+    drop(first);
+    second.open().unwrap();
+    device.say(b"mine");
+    assert_eq!(all(&mut second), b"mine");
+}
+
+#[test]
+fn what_is_no_serial_port_is_refused_for_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("notes.txt");
+    std::fs::write(&file, "").unwrap();
+    for path in [file, PathBuf::from("/dev/null")] {
+        let refused = line(path).open().unwrap_err();
+        assert!(!refused.may_mend(), "{refused}");
+        assert!(refused.to_string().contains("is no serial port; set ground.serial.port"), "{refused}");
+    }
+}

@@ -1,0 +1,39 @@
+//! What a header must say of this library, in one number.
+
+use crate::{Options, Outcome, Reading};
+use equipoise_bus::Topic;
+use equipoise_core::message::State;
+use equipoise_core::message::layout::fnv1a;
+use std::mem::offset_of;
+
+/// `EQUIPOISE_LAYOUT` of the header: a hash of the state's fields, of every name and number in it (reasons and what they
+/// spoil, levels, joints), of the outcomes, and of places and sizes in the structs that cross the border.
+pub fn layout() -> u64 {
+    let mut hash = State::schema();
+    let mut fold =
+        |name: &str, number: u64| hash = fnv1a(fnv1a(hash, name.as_bytes()), &number.to_le_bytes());
+    for (name, number) in structs() {
+        fold(name, number as u64);
+    }
+    for (outcome, name) in Outcome::ALL {
+        fold(name, outcome as u64);
+    }
+    hash
+}
+
+fn structs() -> Vec<(&'static str, usize)> {
+    let mut places = Vec::new();
+    macro_rules! places {
+        ($($Type:ident { $($field:ident),* })*) => {
+            $(// Without one of the fields this does not compile.
+              let _every_field_is_named = |$Type { $($field: _),* }: $Type| ();
+              places.push((stringify!($Type), size_of::<$Type>()));
+              $(places.push((stringify!($field), offset_of!($Type, $field)));)*)*
+        };
+    }
+    places! {
+        Reading { state, picked_up_ns, age_ns, moment_age_ns, missed, restarted, is_new }
+        Options { layout, stale_after_ns, depth, no_report }
+    }
+    places
+}

@@ -1,0 +1,169 @@
+//! Insoles feel what presses on each sole, in the sole's own frame: where that is, only the suit knows.
+//!
+//! What they cannot feel is left out, never taken for zero: shear and the moment about the vertical. Where the ground's
+//! wrench is not measured by a plate too, the moment about the horizontal axes follows from the feet: vertical forces
+//! at places that are known have one.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::settings::Settings;
+use super::sole::FootShape;
+use crate::body::Side;
+use crate::frame::{Pose, StationWorld};
+use crate::message::{Component, FootFrame, GroundSample};
+
+/// How well the ground's sample is known.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub(super) struct GroundSigma {
+    /// 1-σ of the centre of pressure per axis, m.
+    pub(super) cop_m: f64,
+    /// What of it a held pose does not average away, m.
+    pub(super) lasting_cop_m: f64,
+    /// 1-σ of the vertical force and body weight together, N.
+    pub(super) force_n: f64,
+}
+
+impl GroundSigma {
+    /// By what the sample is made of: a plate's, or that of insoles alone.
+    pub(super) fn of(ground: Option<&GroundSample>, settings: &Settings) -> GroundSigma {
+        if ground.is_some_and(GroundSample::is_by_insoles_alone) {
+            let cop_m = settings.insole_cop_sigma_m;
+            GroundSigma { cop_m, lasting_cop_m: cop_m, force_n: settings.insole_force_sigma_n }
+        } else {
+            let (cop_m, force_n) = (settings.cop_sigma_m, settings.force_sigma_n);
+            GroundSigma { cop_m, lasting_cop_m: 0.0, force_n }
+        }
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        [self.cop_m, self.lasting_cop_m, self.force_n].iter().all(|sigma| sigma.is_finite())
+    }
+}
+
+/// The sample with the feet's centres of pressure in the world, at the pose of the sample's time. One whose feet are in
+/// the world already, or that has none, is left as it is.
+pub(super) fn place(
+    ground: &GroundSample,
+    pose: &Pose<StationWorld>,
+    soles: &[FootShape; 2],
+) -> GroundSample {
+    if ground.foot_frame != FootFrame::Sole as u32 || !ground.has_feet() {
+        return *ground;
+    }
+    let foot_cop_m = Side::BOTH
+        .map(|side| soles[side as usize].on_the_floor_m(pose, side, ground.foot_cop_m[side as usize]));
+    let mut placed = GroundSample { foot_cop_m, foot_frame: FootFrame::World as u32, ..*ground };
+    if ground.measures(Component::Tilt) {
+        return placed;
+    }
+    let pressing_n = ground.foot_vertical_n.map(|newtons| newtons.max(0.0));
+    let sum_n = pressing_n[0] + pressing_n[1];
+    let share = |foot: usize| if sum_n > 0.0 { pressing_n[foot] / sum_n } else { 0.0 };
+    let [x, y] = [0, 1].map(|axis| share(0) * foot_cop_m[0][axis] + share(1) * foot_cop_m[1][axis]);
+    // About the world's origin, by the equation that gives the centre back. Shear that was not measured is zero in the
+    // message and nowhere believed: at the surface it has no part in the centre of pressure.
+    let ([fx, fy, fz], z) = (ground.force_n, ground.surface_z_m);
+    placed.moment_nm[0] = y * fz - z * fy;
+    placed.moment_nm[1] = z * fx - x * fz;
+    placed.not_measured &= !(Component::Tilt as u32);
+    placed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{SEGMENTS, Segment, Skeleton};
+    use crate::cycle::sole;
+    use crate::message::GroundDevice;
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    const HEIGHT_M: f64 = 1.77;
+
+    fn standing(turn_rad: f64, at: Vector3<f64>) -> Pose<StationWorld> {
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn_rad);
+        let origin = Skeleton::nominal(HEIGHT_M).t_pose_m().map(|origin| at + turn * Vector3::from(origin));
+        Pose::new(origin, [turn; SEGMENTS])
+    }
+
+    fn insoles(vertical_n: [f64; 2], cop_m: [[f64; 2]; 2]) -> GroundSample {
+        GroundSample {
+            per_foot: 1,
+            force_n: [0.0, 0.0, vertical_n[0] + vertical_n[1]],
+            foot_vertical_n: vertical_n,
+            foot_cop_m: cop_m,
+            foot_frame: FootFrame::Sole as u32,
+            not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
+            devices: GroundDevice::Insoles as u32,
+            surface_z_m: 0.1,
+            ..Zeroable::zeroed()
+        }
+    }
+
+    #[test]
+    fn the_whole_s_centre_is_the_feet_s_weighted_by_force_wherever_the_person_stands_and_turns() {
+        let told = insoles([200.0, 500.0], [[0.03, -0.01], [-0.02, 0.005]]);
+        assert!(told.cop_m().is_err(), "nobody knows where the feet are");
+        for (turn, x, y) in [(0.0, 0.0, 0.0), (1.2, 0.4, -0.3), (-2.5, -1.0, 2.0)] {
+            let pose = standing(turn, Vector3::new(x, y, 0.95));
+            let soles = sole::both(&pose, None, HEIGHT_M);
+            let placed = place(&told, &pose, &soles);
+            let feet = placed.feet().unwrap();
+            assert_eq!(feet.vertical_n, [200.0, 500.0]);
+            let at = feet.cop_m.unwrap();
+            let cop = placed.cop_m().unwrap();
+            for axis in 0..2 {
+                let expected = (200.0 * at[0][axis] + 500.0 * at[1][axis]) / 700.0;
+                assert!((cop[axis] - expected).abs() < 1e-12, "{cop:?}");
+            }
+            // Back in the foot's own axes it is what the insole said.
+            for side in Side::BOTH {
+                let ankle = pose.origin_of(side.foot());
+                let away = Vector3::new(at[side as usize][0] - ankle.x, at[side as usize][1] - ankle.y, 0.0);
+                let on_foot = pose.world_from_segment[side.foot().index()].inverse() * away;
+                let middle = soles[side as usize].middle_m();
+                for axis in 0..2 {
+                    let told = told.foot_cop_m[side as usize][axis];
+                    assert!((on_foot[axis] - middle[axis] - told).abs() < 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_insoles_cannot_feel_stays_not_measured() {
+        let pose = standing(0.3, Vector3::zeros());
+        let placed = place(&insoles([350.0; 2], [[0.0; 2]; 2]), &pose, &sole::both(&pose, None, HEIGHT_M));
+        assert!(placed.measures(Component::Tilt));
+        assert!(!placed.measures(Component::Shear) && !placed.measures(Component::FreeMoment));
+    }
+
+    #[test]
+    fn beside_a_plate_only_the_feet_are_placed() {
+        let pose = standing(0.0, Vector3::zeros());
+        let both = GroundSample {
+            moment_nm: [30.0, -20.0, 1.0],
+            force_n: [12.0, -3.0, 700.0],
+            not_measured: 0,
+            devices: GroundDevice::Plate as u32 | GroundDevice::Insoles as u32,
+            ..insoles([300.0, 400.0], [[0.0; 2]; 2])
+        };
+        let placed = place(&both, &pose, &sole::both(&pose, None, HEIGHT_M));
+        assert_eq!((placed.moment_nm, placed.cop_m()), (both.moment_nm, both.cop_m()));
+        assert_eq!(both.feet().unwrap().cop_m, None, "a sole's own frame is no place in the world");
+        let at = placed.feet().unwrap().cop_m.unwrap();
+        let foot = pose.origin_of(Segment::LeftFoot);
+        assert!((at[0][1] - foot.y).abs() < 1e-12 && at[0][0] > foot.x);
+    }
+
+    #[test]
+    fn nobody_on_them_is_nobody_standing_and_contradiction_is_no_centre() {
+        let pose = standing(0.0, Vector3::zeros());
+        let soles = sole::both(&pose, None, HEIGHT_M);
+        let empty = place(&insoles([0.0; 2], [[0.0; 2]; 2]), &pose, &soles);
+        assert!(matches!(empty.cop_m(), Err(crate::message::ground::NoCop::TooLittleForce { .. })));
+        let contradicting = GroundSample { force_n: [0.0, 0.0, 900.0], ..insoles([350.0; 2], [[0.0; 2]; 2]) };
+        let placed = place(&contradicting, &pose, &soles);
+        assert_eq!(placed.cop_m(), Err(crate::message::ground::NoCop::NotMeasured));
+    }
+}

@@ -1,0 +1,189 @@
+//! What the suit says of the worker's build, and when it is believed.
+
+use super::*;
+use crate::message::suit_body::FootPoint;
+
+const STANDING: [[i16; 3]; 2] = [[-80, 0, 0], [80, 0, 0]];
+
+fn upright() -> Posture {
+    stand(0, 0, STANDING[0], STANDING[1], 0)
+}
+
+fn null_pose_of(skeleton: &crate::body::Skeleton) -> SuitBody {
+    let origin_m = skeleton.t_pose_m().map(|[x, y, z]| [x, y, z + 0.95]);
+    SuitBody { origin_m, ..Zeroable::zeroed() }
+}
+
+fn told(bench: &Bench) -> (BodySource, BodyRefusal) {
+    let state = bench.state();
+    (
+        BodySource::from_number(state.body_source).unwrap(),
+        BodyRefusal::from_number(state.body_refused).unwrap(),
+    )
+}
+
+#[test]
+fn with_the_null_pose_the_bones_are_known_by_the_first_sample_and_exactly() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.hold(&person, &upright(), None, 200);
+    assert_eq!(told(&bench), (BodySource::NullPose, BodyRefusal::None));
+    let bones = bench.memory.identification.skeleton();
+    let expected = bench.build.unwrap().skeleton();
+    assert_eq!(bones, expected, "the null pose's own, to the last bit");
+
+    let mut without = Bench::new(|_| {});
+    without.hold(&person, &upright(), None, 180);
+    assert_eq!(told(&without).0, BodySource::Unknown);
+    without.hold(&person, &upright(), None, 200);
+    assert_eq!(told(&without).0, BodySource::Poses);
+}
+
+#[test]
+fn bones_learnt_from_poses_give_way_and_what_was_learnt_stays() {
+    let (person, mut early) = (Person::real(), Bench::new(|_| {}));
+    early.hold(&person, &upright(), None, 220);
+    assert_eq!(told(&early).0, BodySource::Poses);
+    early.build = Some(null_pose_of(&person.skeleton));
+    early.hold(&person, &upright(), None, 20);
+    assert_eq!(told(&early).0, BodySource::NullPose);
+
+    let mut late = Bench::new(|_| {});
+    late.identify(&person);
+    let used = late.state().poses_used;
+    assert!(used > 0);
+    late.build = Some(null_pose_of(&person.skeleton));
+    let theta = late.memory.identification.phi();
+    late.hold(&person, &upright(), None, 5);
+    late.hold(&person, &upright(), None, 95);
+    assert_eq!(told(&late), (BodySource::NullPose, BodyRefusal::None));
+    assert!(late.memory.identification.phi() == theta || late.state().poses_used > used);
+    assert!(late.state().poses_used >= used, "nothing was forgotten");
+}
+
+#[test]
+fn a_null_pose_that_contradicts_the_poses_is_refused_and_the_poses_are_kept_to() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let taller = crate::body::Skeleton::nominal(1.2 * HEIGHT_M);
+    bench.build = Some(null_pose_of(&taller));
+    bench.hold(&person, &upright(), None, 400);
+    assert_eq!(told(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
+    assert!(bench.memory.identification.skeleton().differs_by_m(&person.skeleton) < 1e-9);
+    // A right one that follows is believed.
+    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.hold(&person, &upright(), None, 100);
+    assert_eq!(told(&bench).1, BodyRefusal::None);
+}
+
+#[test]
+fn a_null_pose_that_is_right_while_the_profile_is_another_s_is_said_and_the_profile_stays() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    let taller = Person {
+        skeleton: crate::body::Skeleton::nominal(1.1 * HEIGHT_M),
+        phi: person.phi,
+        body: person.body,
+    };
+    bench.build = Some(null_pose_of(&taller.skeleton));
+    bench.hold(&taller, &upright(), None, 200);
+    assert_eq!(told(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
+}
+
+#[test]
+fn impossible_and_stale_builds_are_refused_by_reason_and_change_nothing() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.suit_session = 1;
+    bench.build = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
+    bench.hold(&person, &upright(), None, 200);
+    let good = bench.build.unwrap();
+    let soles = bench.memory.build.body().copied();
+    let mut lying = good;
+    lying.origin_m.iter_mut().for_each(|[_, y, z]| core::mem::swap(y, z));
+    for (build, reason) in [
+        (lying, BodyRefusal::Impossible),
+        (SuitBody { session: 0, ..good }, BodyRefusal::Stale),
+        (SuitBody { avatar: 3, ..good }, BodyRefusal::OtherCharacter),
+    ] {
+        bench.build = Some(build);
+        bench.hold(&person, &upright(), None, 50);
+        assert_eq!(told(&bench), (BodySource::NullPose, reason));
+        let kept = bench.memory.build.body().copied();
+        assert!(kept.zip(soles).is_some_and(|(kept, before)| kept.is_same_build(&before)), "{reason:?}");
+        bench.build = Some(good);
+        bench.hold(&person, &upright(), None, 20);
+        assert_eq!(told(&bench).1, BodyRefusal::None);
+    }
+    // One that waited for long.
+    bench.build = None;
+    let old = SuitBody { published_ns: bench.now_ns, ..good };
+    bench.cycle += 1;
+    bench.now_ns += 6 * NS_PER_S;
+    let inputs = Inputs { body: Some(&old), ..Inputs::default() };
+    step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle, due_ns: bench.now_ns }, inputs);
+    assert_eq!(told(&bench).1, BodyRefusal::Stale);
+}
+
+#[test]
+fn a_suit_that_was_started_anew_must_say_again_who_wears_it() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.hold(&person, &upright(), None, 200);
+    assert!(bench.memory.build.body().is_some());
+    bench.build = None;
+    bench.suit_session = 1;
+    bench.hold(&person, &upright(), None, 50);
+    assert!(bench.memory.build.body().is_none(), "it may be another's");
+    assert_eq!(told(&bench).1, BodyRefusal::Stale);
+}
+
+#[test]
+fn an_adapter_that_counts_sessions_from_zero_again_must_say_again_who_wears_the_suit() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.suit_session = 2;
+    bench.build = Some(SuitBody { session: 2, ..null_pose_of(&person.skeleton) });
+    bench.hold(&person, &upright(), None, 200);
+    assert!(bench.memory.build.body().is_some());
+    bench.build = None;
+    bench.suit_session = 0;
+    bench.hold(&person, &upright(), None, 50);
+    assert!(bench.memory.build.body().is_none(), "it may be another's");
+    assert_eq!(told(&bench).1, BodyRefusal::Stale);
+    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.hold(&person, &upright(), None, 50);
+    assert!(bench.memory.build.body().is_some_and(|body| body.session == 0));
+    assert_eq!(told(&bench).1, BodyRefusal::None);
+}
+
+#[test]
+fn a_null_pose_told_before_the_first_pose_of_its_session_waits_for_it() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &upright(), None, 50);
+    bench.build = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
+    bench.hold(&person, &upright(), None, 50);
+    assert!(bench.memory.build.body().is_none(), "no pose of its session was seen");
+    bench.build = None;
+    bench.suit_session = 1;
+    bench.hold(&person, &upright(), None, 50);
+    assert!(bench.memory.build.body().is_some_and(|body| body.session == 1));
+}
+
+#[test]
+fn the_soles_of_the_suit_decide_where_the_ground_may_push() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let mut build = null_pose_of(&person.skeleton);
+    build.foot_points = [FootPoint::Heel as u32 | FootPoint::ToeTip as u32; 2];
+    // Very short feet: heel and tip next to the ankle.
+    build.foot_point_m = [[[-0.02, 0.0, -0.1], [0.0; 3], [0.0; 3], [0.12, 0.0, -0.1]]; 2];
+    bench.build = Some(build);
+    bench.hold(&person, &upright(), None, 100);
+    assert_eq!(bench.state().sole_source, 1);
+    let forward = stand(40, 0, STANDING[0], STANDING[1], 0);
+    bench.hold(&person, &forward, None, 600);
+    let with_short_feet = bench.state().poses_used;
+
+    let mut nominal = Bench::new(|_| {});
+    nominal.hold(&person, &upright(), None, 100);
+    assert_eq!(nominal.state().sole_source, 0);
+    nominal.hold(&person, &forward, None, 600);
+    assert!(nominal.state().poses_used > with_short_feet, "the CoP of that pose is beyond short toes");
+}

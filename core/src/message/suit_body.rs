@@ -1,0 +1,155 @@
+//! What the suit says of its wearer's build: the null pose and the soles.
+
+use nalgebra::Vector3;
+
+use super::layout::{ZeroCopySend, message};
+use crate::body::{SEGMENTS, Segment, Side, Skeleton};
+
+/// Points of a foot that the message holds, in the order of [`FootPoint`].
+pub const FOOT_POINTS: usize = 4;
+
+message! {
+    /// The worker's dimensions as the suit's software knows them (MVN type 13): told once a second, and at once when
+    /// they change.
+    ///
+    /// Null pose: upright, arms to the sides, every segment's axes along the world's (X forward, Y left, Z up).
+    /// Written by the suit adapter only.
+    as "equipoise/SuitBody/1", 832 bytes,
+    pub struct SuitBody {
+        /// Kernel receive stamp of the datagram that last changed it, CLOCK_MONOTONIC.
+        pub arrival_ns: u64,
+        /// When the adapter published it, CLOCK_MONOTONIC; no two bodies of a station have the same.
+        pub published_ns: u64,
+        /// MVN character id.
+        pub avatar: u32,
+        /// The session of the suit's counter in which it was told: `SuitSample::session`.
+        pub session: u32,
+        /// Which points were sent of the left and the right foot: a union of [`FootPoint`] bits. Others are zero and
+        /// mean nothing.
+        pub foot_points: [u32; 2],
+        /// Segment origins (proximal joint centres) in the null pose, MVN order, m.
+        pub origin_m: [[f64; 3]; SEGMENTS],
+        /// Points of the left and the right foot from the foot segment's origin, m: heel, first and fifth metatarsal,
+        /// toe tip.
+        pub foot_point_m: [[[f64; 3]; FOOT_POINTS]; 2],
+        /// Always zero; fills the message to a multiple of 64 bytes.
+        pub reserved_tail: [u64; 7],
+    }
+}
+
+/// The points of a foot, as bits of `foot_points`; the place in the table is the bit's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum FootPoint {
+    /// The back of the heel.
+    Heel = 1,
+    /// The ball on the side of the big toe.
+    FirstMetatarsal = 1 << 1,
+    /// The ball on the side of the little toe.
+    FifthMetatarsal = 1 << 2,
+    /// The tip of the toes.
+    ToeTip = 1 << 3,
+}
+
+/// Nobody is longer than this in any direction, m.
+const REACH_MAX_M: f64 = 4.0;
+/// No foot reaches farther from its ankle, m.
+const FOOT_MAX_M: f64 = 0.5;
+/// Head above feet: nobody who stands is smaller or taller, m.
+const STATURE_M: core::ops::RangeInclusive<f64> = 0.8..=2.6;
+
+impl SuitBody {
+    /// A point of a foot from the foot segment's origin, m; `None` if it was not sent.
+    pub fn foot_point_m(&self, side: Side, point: FootPoint) -> Option<Vector3<f64>> {
+        let foot = side as usize;
+        let sent = self.foot_points[foot] & point as u32 != 0;
+        sent.then(|| Vector3::from(self.foot_point_m[foot][(point as u32).trailing_zeros() as usize]))
+    }
+
+    /// The bones: in the null pose a parent's axes are the world's.
+    pub fn skeleton(&self) -> Skeleton {
+        let origin = |segment: Segment| Vector3::from(self.origin_m[segment.index()]);
+        Skeleton {
+            offset_m: Segment::ALL.map(|segment| {
+                segment.parent().map_or([0.0; 3], |parent| (origin(segment) - origin(parent)).into())
+            }),
+        }
+    }
+
+    /// Whether a person can be built like that, upright. Every comparison is false for NaN.
+    pub fn is_plausible(&self) -> bool {
+        let height_m = |segment: Segment| self.origin_m[segment.index()][2];
+        let sides =
+            |left: Segment, right: Segment| self.origin_m[left.index()][1] > self.origin_m[right.index()][1];
+        self.origin_m.iter().flatten().all(|metres| metres.abs() < REACH_MAX_M)
+            && self.foot_point_m.iter().flatten().flatten().all(|metres| metres.abs() < FOOT_MAX_M)
+            && Side::BOTH
+                .iter()
+                .all(|side| STATURE_M.contains(&(height_m(Segment::Head) - height_m(side.foot()))))
+            && sides(Segment::LeftUpperLeg, Segment::RightUpperLeg)
+            && sides(Segment::LeftUpperArm, Segment::RightUpperArm)
+    }
+
+    /// Whether both tell of the same build of the same character in the same session, whenever they were told.
+    pub fn is_same_build(&self, other: &SuitBody) -> bool {
+        *self == SuitBody { arrival_ns: self.arrival_ns, published_ns: self.published_ns, ..*other }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn body() -> SuitBody {
+        let origin_m = Skeleton::nominal(1.77).t_pose_m().map(|[x, y, z]| [x, y, z + 0.95]);
+        SuitBody { origin_m, ..Zeroable::zeroed() }
+    }
+
+    #[test]
+    fn the_bones_of_the_null_pose_are_those_it_was_made_of() {
+        let (made, nominal) = (body().skeleton(), Skeleton::nominal(1.77));
+        for (made, nominal) in made.offset_m.iter().flatten().zip(nominal.offset_m.iter().flatten()) {
+            assert!((made - nominal).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_point_that_was_not_sent_is_none() {
+        let mut body = body();
+        body.foot_points[1] = FootPoint::ToeTip as u32;
+        body.foot_point_m[1][3] = [0.2, 0.0, -0.08];
+        assert_eq!(body.foot_point_m(Side::Right, FootPoint::ToeTip), Some(Vector3::new(0.2, 0.0, -0.08)));
+        assert_eq!(body.foot_point_m(Side::Right, FootPoint::Heel), None);
+        assert_eq!(body.foot_point_m(Side::Left, FootPoint::ToeTip), None);
+    }
+
+    #[test]
+    fn what_nobody_is_built_like_is_refused() {
+        assert!(body().is_plausible());
+        let spoilt = |spoil: &dyn Fn(&mut SuitBody)| {
+            let mut body = body();
+            spoil(&mut body);
+            body.is_plausible()
+        };
+        assert!(!spoilt(&|body| body.origin_m[4][2] = f64::NAN));
+        assert!(!spoilt(&|body| body.origin_m = [[0.0; 3]; SEGMENTS]), "everything in one place");
+        assert!(
+            !spoilt(&|body| body.origin_m.iter_mut().for_each(|[_, y, z]| core::mem::swap(y, z))),
+            "lying"
+        );
+        assert!(!spoilt(&|body| body.origin_m.iter_mut().for_each(|[_, y, _]| *y = -*y)), "sides exchanged");
+        assert!(
+            !spoilt(&|body| body.origin_m.iter_mut().flatten().for_each(|metres| *metres *= 100.0)),
+            "cm"
+        );
+        assert!(!spoilt(&|body| body.foot_point_m[0][0] = [0.0, 0.0, -9.0]));
+    }
+
+    #[test]
+    fn the_same_build_told_again_is_the_same() {
+        let again = SuitBody { published_ns: 9, arrival_ns: 8, ..body() };
+        assert!(again.is_same_build(&body()));
+        assert!(!again.is_same_build(&SuitBody { session: 1, ..body() }));
+    }
+}

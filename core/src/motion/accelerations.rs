@@ -1,0 +1,178 @@
+//! Accelerations of the segments: from positions alone, or with what the suit itself sends of them (MVN type 21).
+//!
+//! Positions differentiated twice are flattened where motion is quick, and shake where positions do. A suit's own
+//! accelerations come from its inertial sensors: right in quick motion, but a sensor that is tilted by half a degree
+//! shows 0.09 m/s² that is not there, for ever. The blend takes from each what it is good at: a parabola through the
+//! positions less the suit's accelerations integrated twice, and those accelerations on top of it. What is constant in
+//! their error drops out; what the parabola would flatten does not.
+
+use nalgebra::Vector3;
+
+use super::history::{CAPACITY, Moment, Motion};
+use super::weights::Weights;
+use crate::body::SEGMENTS;
+
+/// Where accelerations come from, if the suit sends its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Accelerations {
+    /// The positions alone.
+    Positions,
+    /// The suit's own, with what turning adds to each centre.
+    Suit,
+    /// Quick motion from the suit's own, slow from the positions.
+    Blend,
+}
+
+/// The times, weights and number of a window's moments.
+pub(super) struct Window<'a> {
+    pub(super) times_s: &'a [f64; CAPACITY],
+    pub(super) count: usize,
+    pub(super) weights: &'a Weights,
+}
+
+/// Puts the suit's accelerations into a motion that was made of positions. `at` is the moment of the window's own time;
+/// `moment` gives the window's moments in order. Whether all of them have accelerations; if not, nothing is changed.
+pub(super) fn take_in<'a>(
+    motion: &mut Motion,
+    how: Accelerations,
+    at: &Moment,
+    window: &Window<'_>,
+    moment: impl Fn(usize) -> &'a Moment,
+) -> bool {
+    if how == Accelerations::Positions || (0..window.count).any(|place| moment(place).has_acceleration != 1) {
+        return false;
+    }
+    let seen = Seen::over(window, moment);
+    for segment in 0..SEGMENTS {
+        let acceleration = if how == Accelerations::Suit {
+            let arm = at.arm(segment);
+            let (velocity, angular) = motion.angular(segment, &at.orientation_wxyz[segment]);
+            seen.smoothed[segment] + angular.cross(&arm) + velocity.cross(&velocity.cross(&arm))
+        } else {
+            let slow = Vector3::from(motion.acceleration_m_per_s2[segment]);
+            slow + seen.smoothed[segment] - seen.flattened[segment]
+        };
+        motion.acceleration_m_per_s2[segment] = acceleration.into();
+    }
+    true
+}
+
+/// The suit's accelerations of a window, m/s².
+struct Seen {
+    /// By the parabola through them, at the window's own time.
+    smoothed: [Vector3<f64>; SEGMENTS],
+    /// What the parabola through positions makes of them: integrated twice over the window's times, and differentiated
+    /// twice by its weights. Where integration begins does not matter: the weights take no heed of a straight line.
+    flattened: [Vector3<f64>; SEGMENTS],
+}
+
+impl Seen {
+    /// In one pass: moments are large.
+    fn over<'a>(window: &Window<'_>, moment: impl Fn(usize) -> &'a Moment) -> Seen {
+        let nothing = [Vector3::zeros(); SEGMENTS];
+        let mut seen = Seen { smoothed: nothing, flattened: nothing };
+        let (mut position, mut velocity, mut before) = (nothing, nothing, nothing);
+        for place in 0..window.count {
+            let (value, second) = (window.weights.value[place], window.weights.second[place]);
+            let step_s = match place.checked_sub(1) {
+                Some(last) => window.times_s[place] - window.times_s[last],
+                None => 0.0,
+            };
+            for (segment, now) in moment(place).acceleration_m_per_s2.iter().enumerate() {
+                let now = Vector3::from(*now);
+                // Straight between two samples.
+                position[segment] +=
+                    step_s * velocity[segment] + step_s * step_s * (before[segment] / 3.0 + now / 6.0);
+                velocity[segment] += 0.5 * step_s * (before[segment] + now);
+                before[segment] = now;
+                seen.smoothed[segment] += value * now;
+                seen.flattened[segment] += second * position[segment];
+            }
+        }
+        seen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Anthropometry, Sex, Skeleton, gyration_m2};
+    use crate::frame::{Pose, SuitWorld};
+    use crate::motion::{Build, History, Inertia};
+    use nalgebra::UnitQuaternion;
+
+    extern crate std;
+    use std::boxed::Box;
+
+    const PERIOD_NS: u64 = 1_000_000_000 / 60;
+    const HALF_NS: u64 = 70_000_000;
+    /// A shake that a parabola over 140 ms flattens.
+    const HZ: f64 = 3.0;
+    const AMPLITUDE_M: f64 = 0.01;
+
+    /// A stiff body that is shaken forward and back while it turns slowly about the vertical; its suit's accelerations are
+    /// off by `bias` for ever. The true and the told acceleration of the centre of mass, m/s².
+    fn shaken(how: Accelerations, bias: f64, sends: bool) -> (f64, f64, bool) {
+        let skeleton = Skeleton::nominal(1.77);
+        let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
+        let gyration_m2 = gyration_m2(&skeleton, 1.77);
+        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let mut history: Box<History> = bytemuck::zeroed_box();
+        let omega = core::f64::consts::TAU * HZ;
+        let (turn_rate, mut worst, mut largest, mut by_suit) = (0.5, 0.0_f64, 0.0_f64, false);
+        for index in 1..=120u64 {
+            let time_s = (index * PERIOD_NS) as f64 * 1e-9;
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn_rate * time_s);
+            let shake = Vector3::new(AMPLITUDE_M * (omega * time_s).sin(), 0.0, 0.95);
+            let arms = skeleton.t_pose_m().map(|origin| turn * Vector3::from(origin));
+            let pose = Pose::<SuitWorld>::new(arms.map(|arm| shake + arm), [turn; SEGMENTS]);
+            let mut moment = Moment::new(index * PERIOD_NS, &pose, &pose.shifted(Vector3::zeros()), &body);
+            if sends {
+                let along = -AMPLITUDE_M * omega * omega * (omega * time_s).sin();
+                let spin = Vector3::z() * turn_rate;
+                moment.acceleration_m_per_s2 = arms
+                    .map(|arm| (Vector3::new(along + bias, 0.0, 0.0) + spin.cross(&spin.cross(&arm))).into());
+                moment.has_acceleration = 1;
+            }
+            history.push(moment);
+            while let Some((moment, inertia)) = history.next(HALF_NS, how, &build) {
+                let Some(Inertia { acceleration_m_per_s2: [x, ..], is_by_suit, .. }) = inertia else {
+                    continue;
+                };
+                let time_s = moment.time_ns as f64 * 1e-9;
+                let truth = -AMPLITUDE_M * omega * omega * (omega * time_s).sin();
+                largest = largest.max(truth.abs());
+                // The table's centre lies a little off the axis, and goes round it: 2 mm/s².
+                worst = worst.max((x - truth).abs());
+                by_suit = is_by_suit;
+            }
+        }
+        (worst, largest, by_suit)
+    }
+
+    #[test]
+    fn the_suit_s_accelerations_are_not_flattened_and_the_blend_s_neither() {
+        let (positions, largest, by_suit) = shaken(Accelerations::Positions, 0.0, true);
+        assert!(positions > 0.1 * largest && !by_suit, "the parabola flattens: {positions} of {largest}");
+        for how in [Accelerations::Suit, Accelerations::Blend] {
+            let (error, _, by_suit) = shaken(how, 0.0, true);
+            assert!(by_suit && error < 0.3 * positions, "{how:?}: {error}, by positions {positions}");
+        }
+    }
+
+    #[test]
+    fn what_is_constant_in_their_error_drops_out_of_the_blend() {
+        let clean = shaken(Accelerations::Blend, 0.0, true).0;
+        let (blend, suit) =
+            (shaken(Accelerations::Blend, 0.3, true).0, shaken(Accelerations::Suit, 0.3, true).0);
+        assert!((blend - clean).abs() < 1e-9, "{blend} {clean}");
+        assert!(suit > 0.25, "{suit}");
+    }
+
+    #[test]
+    fn without_them_positions_are_taken() {
+        let told = shaken(Accelerations::Blend, 0.0, false);
+        assert_eq!(told, shaken(Accelerations::Positions, 0.0, false));
+        assert!(!told.2);
+    }
+}

@@ -1,0 +1,127 @@
+//! States and suit samples to moments of somebody on a plate.
+//!
+//! Where the body's centre of mass is comes from the suit's own world and the table of an average body, and not from the
+//! daemon's estimate: the daemon may be learning this worker right now, and from a plate in a wrong frame it learns that
+//! frame's error; and the feet that it holds to the floor lose a part of every step.
+
+use std::collections::VecDeque;
+
+use equipoise_adapters::calibration::register::Hold;
+use equipoise_adapters::calibration::register::holds::Moment;
+use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton};
+use equipoise_core::message::{State, SuitSample, Validity};
+use nalgebra::Vector3;
+
+/// Suit samples kept until the state that is about them has come: a second at 240 Hz.
+const KEPT: usize = 256;
+/// The slowest suit has a sample every 17 ms.
+const BESIDE_NS: u64 = 10_000_000;
+
+/// What a suit sample says of where somebody stands, in the suit's own world.
+#[derive(Debug, Clone, Copy)]
+struct Body {
+    time_ns: u64,
+    centre_m: Vector3<f64>,
+    heading_rad: f64,
+}
+
+/// Joins both streams.
+#[derive(Debug)]
+pub struct Standing {
+    height_m: f64,
+    sex: Sex,
+    bodies: VecDeque<Body>,
+    told_ns: u64,
+}
+
+impl Standing {
+    /// For a body of that stature (m) and sex.
+    pub fn new(height_m: f64, sex: Sex) -> Standing {
+        Standing { height_m, sex, bodies: VecDeque::new(), told_ns: 0 }
+    }
+
+    /// Takes in a suit sample.
+    pub fn suit(&mut self, sample: &SuitSample) {
+        let pose = sample.pose();
+        let table = Anthropometry::de_leva(&Skeleton::of(&pose), self.height_m, self.sex);
+        let centre_m = (0..SEGMENTS)
+            .map(|index| pose.point_on(Segment::ALL[index], table.com_m[index]) * table.mass_fraction[index])
+            .sum();
+        let looks: Vector3<f64> =
+            Side::BOTH.map(|side| pose.world_from_segment[side.foot().index()] * Vector3::x()).iter().sum();
+        if self.bodies.len() == KEPT {
+            self.bodies.pop_front();
+        }
+        self.bodies.push_back(Body {
+            time_ns: sample.sample_time_ns,
+            centre_m,
+            heading_rad: looks.y.atan2(looks.x),
+        });
+    }
+
+    /// The moment that a state is about; `None` if it was told already, or nothing is known of it.
+    pub fn state(&mut self, state: &State) -> Option<Moment> {
+        let time_ns = state.suit_sample_time_ns;
+        if time_ns <= self.told_ns {
+            return None;
+        }
+        // The loop may have dated the sample by a model's lag, so no time need be equal; who stands still is the same in
+        // the sample beside it.
+        let off_ns = |body: &&Body| body.time_ns.abs_diff(time_ns);
+        let body = self.bodies.iter().min_by_key(off_ns).filter(|body| off_ns(body) <= BESIDE_NS)?;
+        self.told_ns = time_ns;
+        let spoilt = state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SUIT_STALE));
+        Some(Moment {
+            time_ns,
+            stance: state.stance,
+            still: state.static_pose == 1 && !spoilt,
+            seen: Hold {
+                measured_m: state.cop_measured_m,
+                expected_m: [body.centre_m.x, body.centre_m.y],
+                heading_rad: body.heading_rad,
+            },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equipoise_core::frame::wxyz;
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn a_body_that_stands_straight_is_above_its_pelvis_wherever_the_loop_has_shifted_it() {
+        let mut standing = Standing::new(1.77, Sex::Male);
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.5);
+        let t_pose = Skeleton::nominal(1.77).t_pose_m();
+        let mut sample: SuitSample = Zeroable::zeroed();
+        sample.sample_time_ns = 77;
+        sample.orientation_wxyz = [wxyz(&turn); SEGMENTS];
+        sample.position_m = t_pose.map(|at| (turn * Vector3::from(at)).into());
+        standing.suit(&sample);
+        let mut state: State = Zeroable::zeroed();
+        (state.suit_sample_time_ns, state.static_pose, state.stance) = (77, 1, 3);
+        state.segment_origin_m[0] = [0.5, -0.25, 1.0];
+        state.cop_measured_m = [0.1, 0.2];
+        let moment = standing.state(&state).unwrap();
+        assert!(moment.still && moment.stance == 3);
+        assert_eq!(moment.seen.measured_m, [0.1, 0.2]);
+        assert!((moment.seen.heading_rad - 0.5).abs() < 1e-9);
+        // A model's lag has dated the next one back.
+        sample.sample_time_ns += 1_000_000_000;
+        standing.suit(&sample);
+        state.suit_sample_time_ns = sample.sample_time_ns - 8_000_000;
+        assert!(standing.state(&state).is_some());
+        state.suit_sample_time_ns = sample.sample_time_ns - 500_000_000;
+        assert!(standing.state(&state).is_none(), "nothing is known of that time");
+        // The centre lies a little in front of the pelvis, in the body's own heading.
+        let [x, y] = moment.seen.expected_m;
+        let forward = (turn.inverse() * (Vector3::new(x, y, 0.0) - turn * Vector3::from(t_pose[0]))).xy();
+        assert!(forward.y.abs() < 1e-3 && forward.x.abs() < 0.05, "{forward}");
+        assert!(standing.state(&state).is_none(), "told once");
+        state.suit_sample_time_ns = 78;
+        assert!(standing.state(&state).is_none(), "of that sample nothing is known");
+    }
+}

@@ -1,0 +1,69 @@
+//! `equipoise report`: a session as a page for people.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use equipoise_discrepancy::report::page;
+
+use super::Outcome;
+use crate::replay::input::Input;
+use crate::report::{Facts, Source, document, pdf};
+
+/// Tell a session as a page: identification, exposure, lifts, dose, low back, latency, data quality
+///
+/// One HTML file that needs nothing else: no script, nothing from elsewhere. Of a recording with states these are told as
+/// they were; of samples alone, and of captures, states are computed by a replay, and the page says so. What was withheld
+/// is told as a share of time and a reason, and is drawn nowhere. The same file gives the same page.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  equipoise report shift.mcap                        writes shift.html\n  equipoise report \
+                        shift.mcap --pdf shift.pdf        and prints it, where Chromium is installed\n  equipoise report \
+                        take.mcap --config station.toml   computes the states anew with it\n\nExit \
+                        code 3: part of the recording was damaged or is missing; the page's last section says what."
+)]
+pub(super) struct Arguments {
+    /// Recording or capture
+    file: PathBuf,
+    /// Page to write; beside the recording, with its name, if none is named
+    #[arg(long, value_name = "FILE.html")]
+    out: Option<PathBuf>,
+    /// Print it, too
+    #[arg(long, value_name = "FILE.pdf")]
+    pdf: Option<PathBuf>,
+    /// Configuration to compute the states with, in place of those recorded
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let file = &arguments.file;
+    let out = arguments.out.clone().unwrap_or_else(|| file.with_extension("html"));
+    for result in [Some(&out), arguments.pdf.as_ref()].into_iter().flatten() {
+        if is_same_file(file, result) {
+            bail!("{} is the recording itself; choose another name", result.display());
+        }
+    }
+    let input = Input::open(file)?;
+    let chosen = input.configuration(arguments.config.as_deref())?;
+    let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
+    let facts = Facts::gather(&name, &input, chosen, arguments.config.is_none())?;
+    let html = page(&document(&facts));
+    std::fs::write(&out, &html).with_context(|| format!("cannot write {}", out.display()))?;
+    let source = match facts.source {
+        Source::Recorded => "recorded",
+        Source::Replayed => "computed by a replay",
+    };
+    println!("{}: {} states, {source}", out.display(), facts.cycles);
+    if let Some(path) = &arguments.pdf {
+        pdf::print(&html, path)?;
+        println!("{}: printed", path.display());
+    }
+    for told in &facts.rejected {
+        eprintln!("rejected: {told}");
+    }
+    Ok(if facts.is_whole() { Outcome::Done } else { Outcome::PartRejected })
+}
+
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}

@@ -1,0 +1,404 @@
+//! `[ground]`: what measures the force under the feet. Keys that several devices share stand here; what only one of them
+//! has stands in a section and a file of its own.
+
+pub mod amti;
+pub mod ati_rdt;
+pub mod binary;
+pub mod bota;
+pub mod channels;
+pub mod labamp;
+pub mod lsl;
+mod mistake;
+pub mod moticon;
+pub mod numbers;
+pub mod qtm;
+pub mod second;
+pub mod serial;
+pub mod tec_gihan;
+pub mod text;
+pub mod way;
+
+use std::net::SocketAddr;
+
+use equipoise_adapters::ground::{self, GroundDevice, GroundFrame, GroundSettings, SensorAxes};
+use equipoise_adapters::source::{SourceError, Transport};
+use equipoise_core::cycle::Settings;
+use equipoise_core::message::GroundDevice as DeviceKind;
+use serde::{Deserialize, Serialize};
+
+use super::latencies::{LATENCY_MAX_MS, span_ns};
+use super::method::{Checked, between};
+pub use mistake::Mistake;
+pub(super) use second::Wrong;
+
+/// `[ground]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroundConfig {
+    /// How samples come in.
+    pub source: GroundSourceKind,
+    /// The device, for sources that ask one over the network; the device's usual port on this PC by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub address: Option<SocketAddr>,
+    /// Address to listen on, for sources that send of themselves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub listen: Option<SocketAddr>,
+    /// Take datagrams from other machines; without it only this machine may send to `listen`.
+    #[serde(default)]
+    pub allow_remote: bool,
+    /// ATI: the device's counts per newton (its page `netftapi2.xml`, `cfgcpf`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counts_per_newton: Option<f64>,
+    /// ATI: the device's counts per newton metre (`cfgcpt`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counts_per_newton_metre: Option<f64>,
+    /// What only ATI devices have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ati: Option<ati_rdt::AtiConfig>,
+    /// Whether the device reports the force on itself or on the person.
+    #[serde(default)]
+    pub measures: Measures,
+    /// Constant delay from a force to its coming (the device's filter), ms: taken off every sample time.
+    #[serde(default)]
+    pub latency_ms: f64,
+    /// Which foot stands on this plate, where each has one of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foot: Option<Foot>,
+    /// The plate in the suit's world.
+    #[serde(default)]
+    pub frame: FrameConfig,
+    /// The serial line that the device hangs on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub serial: Option<serial::SerialConfig>,
+    /// What only AMTI plates have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amti: Option<amti::AmtiConfig>,
+    /// What only Bota sensors have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bota: Option<bota::BotaConfig>,
+    /// What only Kistler's LabAmp has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labamp: Option<labamp::LabAmpConfig>,
+    /// What only Tec Gihan plates have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tec_gihan: Option<tec_gihan::TecGihanConfig>,
+    /// What only Moticon's insoles have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moticon: Option<moticon::MoticonConfig>,
+    /// What only Qualisys' track manager has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub qtm: Option<qtm::QtmConfig>,
+    /// What only the lab streaming layer has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lsl: Option<lsl::LslConfig>,
+    /// The form of text lines.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<text::TextConfig>,
+    /// The form of binary frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub binary: Option<binary::BinaryConfig>,
+    /// What the numbers of text lines and binary frames mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub channels: Option<channels::ChannelsConfig>,
+    /// The file that another program writes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<way::FileConfig>,
+    /// A second device, fused with the first to one ground.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<Box<GroundConfig>>,
+}
+
+/// How ground samples come in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GroundSourceKind {
+    /// ATI's raw data transfer over UDP (Net F/T, Axia).
+    AtiRdt,
+    /// AMTI plates with a serial line.
+    AmtiSerial,
+    /// Bota's (and Rokubi's) sensors over a serial line.
+    BotaSerial,
+    /// Kistler's LabAmp over the network.
+    KistlerLabamp,
+    /// Tec Gihan's plates over a serial line.
+    TecGihan,
+    /// Moticon's insoles, as their software sends them over UDP.
+    MoticonUdp,
+    /// Qualisys' track manager, with whatever plate hangs on it.
+    Qtm,
+    /// A stream of the lab streaming layer.
+    Lsl,
+    /// Lines of text, of the form that `[ground.text]` describes.
+    Text,
+    /// Binary frames, of the form that `[ground.binary]` describes.
+    Binary,
+    /// Another process publishes them: `equipoise adapter ground`.
+    External,
+}
+
+/// Whose force is measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measures {
+    /// The force on the sensor.
+    #[default]
+    Action,
+    /// The force on the person.
+    Reaction,
+}
+
+/// A side of the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Foot {
+    /// The left foot.
+    Left,
+    /// The right foot.
+    Right,
+}
+
+/// `[ground.frame]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FrameConfig {
+    /// Whether the sensor's z axis points up or down.
+    pub axes: Axes,
+    /// The sensor's origin in the suit's world, m.
+    pub origin_m: [f64; 3],
+    /// How far the plate is turned to the left, degrees.
+    pub yaw_deg: f64,
+    /// Walking surface above the sensor's origin, m.
+    pub surface_height_m: f64,
+}
+
+/// Which way a sensor's z axis points.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Axes {
+    /// Up.
+    #[default]
+    ZUp,
+    /// Down, as with Kistler and AMTI plates.
+    ZDown,
+}
+
+impl GroundConfig {
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.ground_latency_ns = self.loop_latency_ns();
+    }
+
+    /// `latency_ms` as a span.
+    pub fn latency_ns(&self) -> u64 {
+        span_ns(self.latency_ms)
+    }
+
+    /// Sign, place and constant delay of the device.
+    pub fn settings(&self) -> GroundSettings {
+        GroundSettings {
+            measures: match self.measures {
+                Measures::Action => ground::Measures::Action,
+                Measures::Reaction => ground::Measures::Reaction,
+            },
+            frame: GroundFrame {
+                axes: match self.frame.axes {
+                    Axes::ZUp => SensorAxes::ZUp,
+                    Axes::ZDown => SensorAxes::ZDown,
+                },
+                origin_m: self.frame.origin_m,
+                yaw_rad: self.frame.yaw_deg.to_radians(),
+                surface_height_m: self.frame.surface_height_m,
+            },
+            latency_ns: self.latency_ns(),
+            device: if self.is_insoles() { DeviceKind::Insoles } else { DeviceKind::Plate },
+        }
+    }
+
+    /// Who reads the device's bytes; `None` if that is another process.
+    ///
+    /// # Errors
+    /// A section that the device needs is not there.
+    pub fn device(&self) -> Result<Option<Box<dyn GroundDevice>>, SourceError> {
+        Ok(Some(match self.source {
+            GroundSourceKind::AtiRdt => ati_rdt::device(self),
+            GroundSourceKind::AmtiSerial => amti::device(self)?,
+            GroundSourceKind::BotaSerial => bota::device(self)?,
+            GroundSourceKind::KistlerLabamp => labamp::device(self)?,
+            GroundSourceKind::TecGihan => tec_gihan::device(self)?,
+            GroundSourceKind::MoticonUdp => moticon::device(self)?,
+            GroundSourceKind::Qtm => qtm::device(self)?,
+            GroundSourceKind::Lsl => lsl::device(self)?,
+            GroundSourceKind::Text => text::device(self)?,
+            GroundSourceKind::Binary => binary::device(self)?,
+            GroundSourceKind::External => return Ok(None),
+        }))
+    }
+
+    /// The way to the device; `None` if that is another process' affair.
+    ///
+    /// # Errors
+    /// A section that the way needs is not there.
+    pub fn transport(&self) -> Result<Option<Box<dyn Transport>>, SourceError> {
+        Ok(Some(match self.source {
+            GroundSourceKind::AtiRdt => ati_rdt::transport(self),
+            GroundSourceKind::AmtiSerial => amti::transport(self)?,
+            GroundSourceKind::BotaSerial => bota::transport(self)?,
+            GroundSourceKind::KistlerLabamp => labamp::transport(self)?,
+            GroundSourceKind::TecGihan => tec_gihan::transport(self)?,
+            GroundSourceKind::MoticonUdp => moticon::transport(self)?,
+            GroundSourceKind::Qtm => qtm::transport(self)?,
+            GroundSourceKind::Lsl => lsl::transport(self)?,
+            GroundSourceKind::Text => text::transport(self)?,
+            GroundSourceKind::Binary => binary::transport(self)?,
+            GroundSourceKind::External => return Ok(None),
+        }))
+    }
+
+    /// For how long it gathers what it sends at once; 0 if it sends each sample by itself.
+    pub(super) fn block_ns(&self) -> u64 {
+        match self.source {
+            GroundSourceKind::TecGihan => tec_gihan::block_ns(self),
+            GroundSourceKind::KistlerLabamp => labamp::block_ns(self),
+            _ => 0,
+        }
+    }
+
+    /// The key that decides how long its blocks are, if it sends blocks.
+    pub(super) fn gathers(&self) -> Option<&'static str> {
+        match self.source {
+            GroundSourceKind::TecGihan => Some("ground.tec_gihan.rate_hz"),
+            GroundSourceKind::KistlerLabamp => Some("ground.labamp.rate_hz"),
+            _ => None,
+        }
+    }
+
+    /// Samples a second, where the configuration says it.
+    pub(super) fn told_rate_hz(&self) -> Option<f64> {
+        match self.source {
+            GroundSourceKind::TecGihan => Some(tec_gihan::rate_hz(self)),
+            GroundSourceKind::KistlerLabamp => labamp::samples_hz(self),
+            _ => None,
+        }
+    }
+
+    /// Where the device is, as people write it: an address, a serial port; both where there are two.
+    pub fn place(&self) -> String {
+        match &self.second {
+            Some(second) => format!("{} and {}", self.own_place(), second::of_second(&second.own_place())),
+            None => self.own_place(),
+        }
+    }
+
+    /// The same of this device alone.
+    pub fn own_place(&self) -> String {
+        match (self.source, &self.serial) {
+            (GroundSourceKind::AtiRdt, _) => format!("ground.address = {}", ati_rdt::address(self)),
+            (_, Some(serial)) => format!("ground.serial.port = {}", serial.port.display()),
+            _ if self.file.is_some() => {
+                let path = self.file.as_ref().map(|file| file.path.display().to_string());
+                format!("ground.file.path = {}", path.unwrap_or_default())
+            }
+            _ => match (self.address, self.listen) {
+                (Some(address), _) => format!("ground.address = {address}"),
+                (_, Some(listen)) => format!("ground.listen = {listen}"),
+                _ => "[ground]".to_owned(),
+            },
+        }
+    }
+
+    /// What is wrong with the device alone; [`Self::check_second`] has the rules for both.
+    pub(super) fn check(&self) -> Checked {
+        match self.source {
+            GroundSourceKind::AtiRdt => ati_rdt::check(self)?,
+            GroundSourceKind::KistlerLabamp => labamp::check(self)?,
+            GroundSourceKind::TecGihan => tec_gihan::check(self)?,
+            GroundSourceKind::AmtiSerial => amti::check(self)?,
+            GroundSourceKind::BotaSerial => bota::check(self)?,
+            GroundSourceKind::Qtm => qtm::check(self)?,
+            GroundSourceKind::Lsl => lsl::check(self)?,
+            _ => {}
+        }
+        between("ground.latency_ms", self.latency_ms, 0.0, LATENCY_MAX_MS)?;
+        self.frame.check()
+    }
+}
+
+impl GroundConfig {
+    /// Rules of a device's own description, whose mistakes may stand in an entry of a list.
+    pub(super) fn check_description(&self) -> Result<(), Mistake> {
+        self.check_sections()?;
+        match self.source {
+            GroundSourceKind::Text => text::check(self)?,
+            GroundSourceKind::Binary => binary::check(self)?,
+            GroundSourceKind::MoticonUdp => moticon::check(self)?,
+            _ => {}
+        }
+        match &self.second {
+            Some(second) => second.check_description().map_err(Mistake::of_second),
+            None => Ok(()),
+        }
+    }
+}
+
+impl GroundConfig {
+    /// A section or key of another source would be read by nobody. Where another process reads the device, they may stay:
+    /// the same file serves both with one word changed.
+    fn check_sections(&self) -> Result<(), Mistake> {
+        use GroundSourceKind::{
+            AmtiSerial, AtiRdt, Binary, BotaSerial, External, KistlerLabamp, Lsl, MoticonUdp, Qtm, TecGihan,
+            Text,
+        };
+        if self.source == External {
+            return Ok(());
+        }
+        let over_serial = match self.source {
+            AmtiSerial | BotaSerial | TecGihan => true,
+            Text => self.text.as_ref().is_some_and(|text| text.over == way::Over::Serial),
+            Binary => self.binary.as_ref().is_some_and(|binary| binary.over == way::Over::Serial),
+            _ => false,
+        };
+        let described = matches!(self.source, Text | Binary);
+        let is = |source: GroundSourceKind| self.source == source;
+        let (ati, text, binary) = ("source = \"ati-rdt\"", "source = \"text\"", "source = \"binary\"");
+        let (either, serial) = ("source = \"text\" or \"binary\"", "devices on a serial line");
+        let sections = [
+            ("ground.counts_per_newton", self.counts_per_newton.is_some(), is(AtiRdt), ati),
+            ("ground.counts_per_newton_metre", self.counts_per_newton_metre.is_some(), is(AtiRdt), ati),
+            ("ground.ati", self.ati.is_some(), is(AtiRdt), ati),
+            ("ground.serial", self.serial.is_some(), over_serial, serial),
+            ("ground.amti", self.amti.is_some(), is(AmtiSerial), "source = \"amti-serial\""),
+            ("ground.bota", self.bota.is_some(), is(BotaSerial), "source = \"bota-serial\""),
+            ("ground.labamp", self.labamp.is_some(), is(KistlerLabamp), "source = \"kistler-labamp\""),
+            ("ground.tec_gihan", self.tec_gihan.is_some(), is(TecGihan), "source = \"tec-gihan\""),
+            ("ground.moticon", self.moticon.is_some(), is(MoticonUdp), "source = \"moticon-udp\""),
+            ("ground.qtm", self.qtm.is_some(), is(Qtm), "source = \"qtm\""),
+            ("ground.lsl", self.lsl.is_some(), is(Lsl), "source = \"lsl\""),
+            ("ground.text", self.text.is_some(), is(Text), text),
+            ("ground.binary", self.binary.is_some(), is(Binary), binary),
+            ("ground.channels", self.channels.is_some(), described, either),
+            ("ground.file", self.file.is_some(), described, either),
+        ];
+        match sections.iter().find(|(_, is_there, belongs, _)| *is_there && !belongs) {
+            Some((key, _, _, of)) => Err(Mistake::new(*key, format!("is for {of}; leave it out"))),
+            None => Ok(()),
+        }
+    }
+}
+
+impl FrameConfig {
+    fn check(&self) -> Checked {
+        let numbers = self.origin_m.iter().chain([&self.yaw_deg, &self.surface_height_m]);
+        if numbers.clone().any(|value| !value.is_finite()) {
+            return Err(("ground.frame", "every number must be finite".to_owned()));
+        }
+        if self.origin_m.iter().any(|metres| metres.abs() > 100.0) || self.surface_height_m.abs() > 2.0 {
+            return Err(("ground.frame", "metres are expected; a plate 100 m away is a mistake".to_owned()));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;
+
+#[cfg(test)]
+mod net_tests;

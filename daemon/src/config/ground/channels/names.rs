@@ -1,0 +1,40 @@
+//! Channels by the names that a description gives them.
+
+use crate::config::ground::mistake::{Mistake, nearest};
+
+/// The names of a device's channels, and which of them were asked for.
+#[derive(Debug)]
+pub(in crate::config::ground) struct Names<'a> {
+    names: &'a [String],
+    used: Vec<bool>,
+}
+
+impl<'a> Names<'a> {
+    pub(in crate::config::ground) fn new(names: &'a [String]) -> Names<'a> {
+        Names { names, used: vec![false; names.len()] }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Where a channel stands that must be there; `key` says who asks.
+    pub(super) fn find(&mut self, name: &str, key: &str) -> Result<usize, Mistake> {
+        self.there(name).ok_or_else(|| {
+            let hint = nearest(name, self.names.iter().map(String::as_str));
+            Mistake::new(key, format!("no channel is called `{name}`{hint}"))
+        })
+    }
+
+    /// Where a channel stands, if it is there.
+    pub(super) fn there(&mut self, name: &str) -> Option<usize> {
+        let index = self.names.iter().position(|known| known == name)?;
+        self.used[index] = true;
+        Some(index)
+    }
+
+    /// Names that nobody asked for.
+    pub(in crate::config::ground) fn unused(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().zip(&self.used).filter(|(_, used)| !**used).map(|(name, _)| name.as_str())
+    }
+}

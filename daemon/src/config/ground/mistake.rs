@@ -1,0 +1,59 @@
+//! A mistake in the description of a device: which key, where in the file, and what to do.
+
+use std::ops::Range;
+
+use equipoise_adapters::source::SourceError;
+
+use super::second::of_second;
+
+/// What is wrong with a description.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mistake {
+    /// The key, dotted.
+    pub key: String,
+    /// Which bytes of the file, where that is known better than by the key: an entry of a list.
+    pub span: Option<Range<usize>>,
+    /// What is wrong, and what to do.
+    pub what: String,
+}
+
+impl Mistake {
+    pub(super) fn new(key: impl Into<String>, what: impl Into<String>) -> Mistake {
+        Mistake { key: key.into(), span: None, what: what.into() }
+    }
+
+    /// At an entry of a list.
+    pub(super) fn at<T>(
+        entry: &toml::Spanned<T>,
+        key: impl Into<String>,
+        what: impl Into<String>,
+    ) -> Mistake {
+        Mistake { span: Some(entry.span()), ..Mistake::new(key, what) }
+    }
+
+    /// The same in the section of the second device.
+    pub(super) fn of_second(self) -> Mistake {
+        Mistake { key: of_second(&self.key), what: of_second(&self.what), span: self.span }
+    }
+}
+
+impl From<(&'static str, String)> for Mistake {
+    fn from((key, what): (&'static str, String)) -> Mistake {
+        Mistake::new(key, what)
+    }
+}
+
+/// For a description that was not checked before it was used.
+impl From<Mistake> for SourceError {
+    fn from(mistake: Mistake) -> SourceError {
+        SourceError::Unusable(format!("{}: {}", mistake.key, mistake.what))
+    }
+}
+
+/// The known name that is most like another one, as a hint.
+pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let nearest = known
+        .into_iter()
+        .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)));
+    nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"))
+}

@@ -1,0 +1,119 @@
+//! What the sections of plates behind other programs and amplifiers refuse.
+
+use crate::config::Config;
+
+const LABAMP: &str = include_str!("../../../../examples/sensors/kistler-labamp.toml");
+const TEC_GIHAN: &str = include_str!("../../../../examples/sensors/tec-gihan.toml");
+const QTM: &str = include_str!("../../../../examples/sensors/qualisys.toml");
+const LSL: &str = include_str!("../../../../examples/sensors/lsl.toml");
+
+/// What is said of an example with one thing changed; the place must be a line of it.
+fn refusal(example: &str, from: &str, to: &str) -> String {
+    assert!(example.contains(from), "{from}");
+    let said =
+        Config::parse(&example.replacen(from, to, 1), "c.toml").expect_err("must be refused").to_string();
+    let (place, what) = said.split_once(": ").expect("a place");
+    assert!(place.starts_with("c.toml"), "{said}");
+    what.to_owned()
+}
+
+#[test]
+fn examples_are_read_with_their_defaults_switched_on_and_lead_to_a_device() {
+    for example in [LABAMP, TEC_GIHAN, QTM, LSL] {
+        // "#key = value" is a default that may be switched on.
+        let switched_on: String = example
+            .lines()
+            .map(|line| {
+                line.strip_prefix('#')
+                    .filter(|rest| {
+                        rest.split_once(" = ")
+                            .is_some_and(|(key, _)| key.chars().all(|c| c.is_ascii_lowercase() || c == '_'))
+                    })
+                    .unwrap_or(line)
+                    .to_owned()
+                    + "\n"
+            })
+            .collect();
+        for text in [example.to_owned(), switched_on] {
+            let config = Config::parse(&text, "c.toml").unwrap();
+            assert_eq!(Config::parse(&config.to_toml(), "written").unwrap(), config);
+            assert!(
+                config.ground.device().unwrap().is_some() && config.ground.transport().unwrap().is_some()
+            );
+        }
+    }
+}
+
+#[test]
+fn a_labamp_is_set_up_as_it_can_be() {
+    let said = refusal(LABAMP, "#rate_hz = 62500", "rate_hz = 62501");
+    assert!(said.starts_with("ground.labamp.rate_hz: 62501 is none of 10, 100,"), "{said}");
+    let said = refusal(LABAMP, "#scans_per_frame = 512", "scans_per_frame = 100");
+    assert!(said.starts_with("ground.labamp.scans_per_frame: 100 is not between 512 and"), "{said}");
+    assert!(
+        refusal(LABAMP, "#decimate = 62", "decimate = 2").starts_with("ground.labamp.decimate: 2 is not")
+    );
+    assert!(refusal(LABAMP, "\"z-down\"", "\"z-up\"").starts_with("ground.frame.axes: must be \"z-down\""));
+    assert!(refusal(LABAMP, "a_m = 0.12 ", "a_m = -0.12 ").starts_with("ground.labamp.eight.a_m"));
+    assert!(refusal(LABAMP, "address = ", "#address = ").starts_with("ground.address: must be given"));
+    let direct = "[ground.labamp.direct]\nfz = \"Sensor-1\"\n";
+    let both = format!("{direct}[ground.frame]");
+    assert!(refusal(LABAMP, "[ground.frame]", &both).contains("either [ground.labamp.eight] or"));
+    // Without the eight, some channels are enough, but not half a pair of them.
+    let (before, rest) = LABAMP.split_once("[ground.labamp.eight]").unwrap();
+    let (_, after) = rest.split_once("[ground.frame]").unwrap();
+    let one = format!("{before}{direct}[ground.frame]{after}");
+    assert!(Config::parse(&one, "c").is_ok());
+    assert!(
+        refusal(&one, "fz = ", "fx = \"a\"\nfz = ").starts_with("ground.labamp.direct: fz must be named")
+    );
+}
+
+#[test]
+fn a_controller_of_tec_gihan_has_its_rates_and_axes() {
+    let said = refusal(TEC_GIHAN, "#rate_hz = 2500", "rate_hz = 2000");
+    assert!(said.starts_with("ground.tec_gihan.rate_hz: 2000 is none of 10000, 5000, 2500,"), "{said}");
+    assert!(
+        refusal(TEC_GIHAN, "#plate = 1", "plate = 0").starts_with("ground.tec_gihan.plate: 0 is not between")
+    );
+    assert!(refusal(TEC_GIHAN, "#range = \"3kN\"", "range = \"3 kN\"").contains("3kN"));
+    assert!(
+        refusal(TEC_GIHAN, "\"z-down\"", "\"z-up\"").starts_with("ground.frame.axes: must be \"z-down\"")
+    );
+    let (head, rest) = TEC_GIHAN.split_once("[ground.serial]").unwrap();
+    let (_, rest) = rest.split_once("[ground.tec_gihan]").unwrap();
+    let said = Config::parse(&format!("{head}[ground.tec_gihan]{rest}"), "c").unwrap_err().to_string();
+    assert!(said.contains("ground.serial: must be given"), "{said}");
+}
+
+#[test]
+fn the_axes_of_a_track_managers_plate_are_said_and_fit() {
+    assert!(refusal(QTM, "coordinates = \"plate\"", "").contains("coordinates"));
+    assert!(refusal(QTM, "\"plate\" ", "\"lab\" ").starts_with("ground.frame.axes: must be \"z-up\" where"));
+    assert!(
+        refusal(QTM, "\"z-down\" ", "\"z-up\" ").starts_with("ground.frame.axes: must be \"z-down\" where")
+    );
+    assert!(
+        refusal(QTM, "#plate = 1", "plate = 0").starts_with("ground.qtm.plate: plates are counted from 1")
+    );
+    assert!(
+        refusal(QTM, "#divisor = 1", "divisor = 11")
+            .starts_with("ground.qtm.divisor: 11 is not from 1 to 10")
+    );
+    assert!(refusal(QTM, "address = ", "#address = ").starts_with("ground.address: must be given"));
+}
+
+#[test]
+fn a_stream_is_named_and_its_channels_too() {
+    assert!(
+        refusal(LSL, "name = ", "#name = ").starts_with("ground.lsl: name, type or source_id must be given")
+    );
+    let with_address = LSL.replace("#address = ", "address = ").replace("name = ", "#name = ");
+    assert!(Config::parse(&with_address, "c").is_ok());
+    assert!(refusal(LSL, "AMTI Force Plate", "AMTI's").starts_with("ground.lsl.name: must not be empty"));
+    assert!(refusal(LSL, "fz = \"Fz\"\n", "").starts_with("ground.lsl.channels: fz must be named"));
+    assert!(refusal(LSL, "#force_unit = \"N\"", "force_unit = \"V\"").starts_with("ground.lsl.force_unit"));
+    assert!(
+        refusal(LSL, "#moment_unit = \"Nm\"", "moment_unit = \"N\"").starts_with("ground.lsl.moment_unit")
+    );
+}

@@ -1,0 +1,215 @@
+//! Numbers in descriptions: their names and scales, units of time, where counts wrap.
+
+use core::fmt;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::mistake::Mistake;
+
+/// A number that a device tells: its name alone, or a table with more.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NamedNumber {
+    /// What it is called.
+    pub name: String,
+    /// The channel is `scale × number + offset`.
+    pub scale: f64,
+    /// As above.
+    pub offset: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    name: String,
+    #[serde(default = "one")]
+    scale: f64,
+    #[serde(default)]
+    offset: f64,
+}
+
+pub(super) fn one() -> f64 {
+    1.0
+}
+
+impl<'de> Deserialize<'de> for NamedNumber {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NamedNumber, D::Error> {
+        deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+struct NameOrTable;
+
+impl<'de> Visitor<'de> for NameOrTable {
+    type Value = NamedNumber;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a name, or a table with name, scale and offset")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<NamedNumber, E> {
+        Ok(NamedNumber { name: name.to_owned(), scale: 1.0, offset: 0.0 })
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<NamedNumber, A::Error> {
+        let Table { name, scale, offset } = Table::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(NamedNumber { name, scale, offset })
+    }
+}
+
+/// Unit of a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum TimeUnit {
+    /// Seconds.
+    #[serde(rename = "s")]
+    Second,
+    /// Milliseconds.
+    #[serde(rename = "ms")]
+    Millisecond,
+    /// Microseconds.
+    #[serde(rename = "us")]
+    Microsecond,
+    /// Nanoseconds.
+    #[serde(rename = "ns")]
+    Nanosecond,
+}
+
+impl TimeUnit {
+    /// What one is, ns.
+    pub(super) fn ns(self) -> u64 {
+        match self {
+            TimeUnit::Second => 1_000_000_000,
+            TimeUnit::Millisecond => 1_000_000,
+            TimeUnit::Microsecond => 1000,
+            TimeUnit::Nanosecond => 1,
+        }
+    }
+}
+
+/// Where a count starts again at zero; 0 for one that never does.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct ModulusConfig(pub u64);
+
+impl ModulusConfig {
+    /// Of a count that takes so many bits, at most 64.
+    pub(super) fn of_bits(bits: u32) -> u128 {
+        1 << bits.clamp(1, 64)
+    }
+
+    /// As the adapters take it.
+    pub(super) fn checked(self, key: &str) -> Result<u128, Mistake> {
+        match self.0 {
+            0 => Ok(1 << 64),
+            1..=15 => Err(Mistake::new(
+                key,
+                format!("a count that starts again at {} tells no loss; leave it out", self.0),
+            )),
+            modulus => Ok(u128::from(modulus)),
+        }
+    }
+}
+
+/// Bytes in hexadecimal digits, two for each; spaces may stand between them.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Hex(Vec<u8>);
+
+impl Hex {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl core::ops::Deref for Hex {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl Serialize for Hex {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let digits: Vec<String> = self.0.iter().map(|byte| format!("{byte:02x}")).collect();
+        serializer.serialize_str(&digits.join(" "))
+    }
+}
+
+impl<'de> Deserialize<'de> for Hex {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Hex, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let digits: Vec<u32> = text
+            .chars()
+            .filter(|sign| *sign != ' ')
+            .map(|sign| sign.to_digit(16).unwrap_or(u32::MAX))
+            .collect();
+        if !digits.len().is_multiple_of(2) || digits.contains(&u32::MAX) {
+            return Err(D::Error::custom(format!(
+                "`{text}` is not two hexadecimal digits for each byte, as \"aa 55\" is"
+            )));
+        }
+        Ok(Hex(digits
+            .chunks(2)
+            .map(|pair| pair.iter().fold(0, |byte, digit| byte << 4 | *digit as u8))
+            .collect()))
+    }
+}
+
+/// Bytes of a frame: a number, or where the frame tells it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum LengthConfig<Type> {
+    /// Always so many.
+    Fixed(usize),
+    /// It tells.
+    Told {
+        /// First byte of the number.
+        at: i32,
+        /// What it is.
+        #[serde(rename = "type")]
+        number: Type,
+        /// So many bytes of the frame it leaves out.
+        plus: usize,
+        /// The longest frame, all of it.
+        most: usize,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToldLength<Type> {
+    at: i32,
+    #[serde(rename = "type")]
+    number: Type,
+    #[serde(default)]
+    plus: usize,
+    most: usize,
+}
+
+impl<'de, Type: Deserialize<'de>> Deserialize<'de> for LengthConfig<Type> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<LengthConfig<Type>, D::Error> {
+        deserializer.deserialize_any(NumberOrTable(core::marker::PhantomData))
+    }
+}
+
+struct NumberOrTable<Type>(core::marker::PhantomData<Type>);
+
+impl<'de, Type: Deserialize<'de>> Visitor<'de> for NumberOrTable<Type> {
+    type Value = LengthConfig<Type>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number of bytes, or a table with at, type, plus and most")
+    }
+
+    fn visit_i64<E: Error>(self, bytes: i64) -> Result<LengthConfig<Type>, E> {
+        let bytes = usize::try_from(bytes).map_err(|_| E::custom("a frame has no fewer than 0 bytes"))?;
+        Ok(LengthConfig::Fixed(bytes))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<LengthConfig<Type>, A::Error> {
+        let ToldLength { at, number, plus, most } = ToldLength::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(LengthConfig::Told { at, number, plus, most })
+    }
+}

@@ -1,0 +1,219 @@
+//! `[ground.second]`: what two devices must be to each other to be one ground.
+
+use std::borrow::Cow;
+
+use equipoise_adapters::ground::GroundSettings;
+use equipoise_adapters::ground::fusion::{self, FusionKind, FusionSettings, SURFACES_AGREE_M};
+use equipoise_adapters::source::SourceError;
+
+use super::channels::ChannelsConfig;
+use super::{Foot, FrameConfig, GroundConfig, GroundSourceKind};
+use crate::config::method::Checked;
+
+/// A key and what is wrong with it.
+pub(in crate::config) type Wrong = (Cow<'static, str>, String);
+
+impl GroundConfig {
+    /// How much later than a force the loop has to expect its sample, ns: that of the later device, and with two of them the
+    /// wait of one for the other.
+    pub(super) fn loop_latency_ns(&self) -> u64 {
+        match &self.second {
+            Some(second) => self.lateness_ns().max(second.lateness_ns()) + fusion::WAIT_NS,
+            None => self.lateness_ns(),
+        }
+    }
+
+    /// How old a force of this device alone may be when the next comes: its constant delay, and the time that it gathers
+    /// a block for.
+    fn lateness_ns(&self) -> u64 {
+        self.latency_ns() + self.block_ns()
+    }
+
+    /// How late the later device is, ms.
+    pub fn latest_ms(&self) -> f64 {
+        let second_ns = self.second.as_ref().map_or(0, |second| second.lateness_ns());
+        self.lateness_ns().max(second_ns) as f64 * 1e-6
+    }
+
+    /// What both devices are to each other; `None` where there is one.
+    pub fn fusion(&self) -> Option<FusionSettings> {
+        let second = self.second.as_deref()?;
+        let kind = if second.is_insoles() {
+            FusionKind::PlateAndInsoles
+        } else {
+            let left = self.foot.map(|foot| usize::from(foot == Foot::Right));
+            FusionKind::TwoPlates { left }
+        };
+        Some(FusionSettings::new(kind, [self.lateness_ns(), second.lateness_ns()]))
+    }
+
+    /// As [`GroundConfig::settings`], for the second of two devices.
+    pub fn settings_of_second(&self) -> GroundSettings {
+        let settings = self.settings();
+        GroundSettings { device: fusion::as_second(settings.device), ..settings }
+    }
+
+    /// Whether it goes where the feet go.
+    pub fn is_insoles(&self) -> bool {
+        self.source == GroundSourceKind::MoticonUdp || matches!(self.channels, Some(ChannelsConfig::Soles(_)))
+    }
+
+    /// What is wrong with the second device, and with both together.
+    pub(in crate::config) fn check_second(&self) -> Result<(), Wrong> {
+        let Some(second) = self.second.as_deref() else {
+            return match self.foot {
+                None => Ok(()),
+                Some(_) => Err((
+                    "ground.foot".into(),
+                    "one plate under one foot is not the whole ground: name the other foot's in [ground.second], or \
+                     leave `foot` out"
+                        .to_owned(),
+                )),
+            };
+        };
+        if second.second.is_some() {
+            let what = "two devices are fused, no more; leave it out";
+            return Err(("ground.second.second".into(), what.to_owned()));
+        }
+        second.check().map_err(|(field, what)| (of_second(field).into(), of_second(&what)))?;
+        self.check_pair(second).map_err(|(field, what)| (field.into(), what))
+    }
+
+    fn check_pair(&self, second: &GroundConfig) -> Checked {
+        let external = |ground: &GroundConfig| ground.source == GroundSourceKind::External;
+        if external(self) || external(second) {
+            let field = if external(self) { "ground.source" } else { "ground.second.source" };
+            let what = "with [ground.second] one adapter reads both devices: name each device here, and let `equipoise \
+                        adapter ground` of the same configuration run elsewhere if it shall";
+            return Err((field, what.to_owned()));
+        }
+        if self.is_insoles() {
+            let what = if second.is_insoles() {
+                "insoles twice are no more than once; leave [ground.second] out"
+            } else {
+                "the plate comes first: put it into [ground] and the insoles into [ground.second]"
+            };
+            return Err(("ground.source", what.to_owned()));
+        }
+        if second.is_insoles() {
+            return check_insoles(self, second);
+        }
+        match (self.foot, second.foot) {
+            (None, None) => {}
+            (Some(one), Some(other)) if one != other => {}
+            (Some(_), Some(_)) => {
+                return Err((
+                    "ground.second.foot",
+                    "each foot has one plate: one says left, one right".to_owned(),
+                ));
+            }
+            (Some(_), None) => return Err(("ground.foot", ONE_FOOT.to_owned())),
+            (None, Some(_)) => return Err(("ground.second.foot", ONE_FOOT.to_owned())),
+        }
+        let apart_m = self.settings().frame.surface_z_m() - second.settings().frame.surface_z_m();
+        if apart_m.abs() > SURFACES_AGREE_M {
+            let what = format!(
+                "its surface is {:.0} mm {} than the first plate's; both must be one floor: see origin_m and \
+                 surface_height_m of both",
+                1e3 * apart_m.abs(),
+                if apart_m > 0.0 { "lower" } else { "higher" }
+            );
+            return Err(("ground.second.frame", what));
+        }
+        Ok(())
+    }
+}
+
+const ONE_FOOT: &str = "say `foot` of both plates, or of neither";
+
+/// Insoles go where the feet go.
+fn check_insoles(plate: &GroundConfig, insoles: &GroundConfig) -> Checked {
+    if plate.foot.is_some() {
+        return Err(("ground.foot", "the insoles say what each foot bears; leave it out".to_owned()));
+    }
+    if insoles.foot.is_some() {
+        return Err(("ground.second.foot", "insoles are under both feet; leave it out".to_owned()));
+    }
+    if insoles.frame != FrameConfig::default() {
+        return Err(("ground.second.frame", "insoles go where the feet go; leave it out".to_owned()));
+    }
+    Ok(())
+}
+
+/// A word about `ground.…` as one about `ground.second.…`.
+pub fn of_second(said: &str) -> String {
+    said.replace("ground.", "ground.second.").replace("[ground]", "[ground.second]")
+}
+
+/// A source's error as one of the second device.
+pub fn error_of_second(error: SourceError) -> SourceError {
+    match error {
+        SourceError::Absent { what, remedy, error } => {
+            SourceError::Absent { what, remedy: of_second(&remedy), error }
+        }
+        SourceError::Unready { what, why, remedy } => {
+            SourceError::Unready { what, why, remedy: of_second(&remedy) }
+        }
+        other if other.may_mend() => other,
+        other => SourceError::Unusable(of_second(&other.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::config::Config;
+
+    const PLATE: &str = "source = \"ati-rdt\"\ncounts_per_newton = 1e6\ncounts_per_newton_metre = 1e6\n";
+
+    fn parse(first: &str, second: &str) -> Result<Config, String> {
+        let text = format!(
+            "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\n{first}\n[ground.second]\n{second}\n[subject]\nid = \
+             \"a\"\nheight_m = 1.7\n"
+        );
+        Config::parse(&text, "two.toml").map_err(|error| error.to_string())
+    }
+
+    fn with(keys: &str) -> String {
+        format!("{keys}\n{PLATE}")
+    }
+
+    #[test]
+    fn two_plates_under_a_foot_each_are_taken() {
+        let config =
+            parse(&with("foot = \"right\"\nlatency_ms = 3"), &with("foot = \"left\"\nlatency_ms = 8"))
+                .unwrap();
+        let fusion = config.ground.fusion().unwrap();
+        assert_eq!(fusion.kind, super::FusionKind::TwoPlates { left: Some(1) });
+        assert_eq!(config.settings().ground_latency_ns, 58_000_000);
+        assert_eq!(config.ground.second.as_ref().unwrap().settings_of_second().device as u32, 2);
+    }
+
+    #[test]
+    fn what_makes_no_ground_is_named_with_its_line() {
+        let foot = |foot: &str| with(&format!("foot = \"{foot}\""));
+        let high = format!("{PLATE}[ground.second.frame]\norigin_m = [0.0, 0.0, 0.02]");
+        let deep = format!("{PLATE}[ground.second.second]\n{PLATE}");
+        let wrong = [
+            (
+                with(""),
+                "source = \"ati-rdt\"\ncounts_per_newton_metre = -1".to_owned(),
+                "ground.second.counts_per_newton_metre: ",
+            ),
+            (with(""), with("latency_ms = 5000"), "two.toml, line 11: ground.second.latency_ms: "),
+            (foot("left"), foot("left"), "ground.second.foot: each foot"),
+            (foot("left"), with(""), "two.toml, line 5: ground.foot: say `foot` of both"),
+            (with(""), foot("left"), "ground.second.foot: say"),
+            (with(""), high, "ground.second.frame: its surface is 20 mm higher"),
+            (with(""), deep, "ground.second.second: two devices"),
+            (with(""), "source = \"external\"".to_owned(), "ground.second.source: with [ground.second]"),
+            (with(""), with("contus = 1"), "`contus` is not known"),
+        ];
+        for (first, second, said) in wrong {
+            let error = parse(&first, &second).unwrap_err();
+            assert!(error.contains(said), "{said:?} is not in {error:?}");
+        }
+        let alone = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\nfoot = \"left\"\n\
+                     [subject]\nid = \"a\"\nheight_m = 1.7\n";
+        assert!(Config::parse(alone, "one").unwrap_err().to_string().contains("not the whole ground"));
+    }
+}

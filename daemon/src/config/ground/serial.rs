@@ -1,0 +1,75 @@
+//! `[ground.serial]`: the line that a device hangs on.
+
+use std::path::PathBuf;
+
+use equipoise_adapters::source::{Flow, LineSettings, SerialLine, SourceError, Transport};
+use serde::{Deserialize, Serialize};
+
+use super::GroundConfig;
+use crate::config::method::{Checked, between};
+
+/// `[ground.serial]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SerialConfig {
+    /// The port, for example `/dev/ttyUSB0`, or better a name under `/dev/serial/by-id/`, which stays.
+    pub port: PathBuf,
+    /// Speed, baud; the device's usual one by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
+    /// Whether the wires RTS and CTS say when bytes may be sent; as the device's makers have it by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rts_cts: Option<bool>,
+}
+
+/// What a device uses where nothing is configured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Usual {
+    /// Speed, baud.
+    pub baud: u32,
+    /// Who says when bytes may be sent.
+    pub flow: Flow,
+}
+
+/// The line, as configured.
+///
+/// # Errors
+/// There is no `[ground.serial]`; [`check`] says so before.
+pub fn line(ground: &GroundConfig, usual: Usual) -> Result<Box<dyn Transport>, SourceError> {
+    let missing = || SourceError::Unusable(format!("ground.serial: {MISSING}"));
+    let serial = ground.serial.as_ref().ok_or_else(missing)?;
+    let flow = match serial.rts_cts {
+        Some(true) => Flow::RtsCts,
+        Some(false) => Flow::Free,
+        None => usual.flow,
+    };
+    Ok(Box::new(SerialLine::new(LineSettings {
+        port: serial.port.clone(),
+        baud: baud(ground, usual),
+        flow,
+        key: "ground.serial.port",
+    })))
+}
+
+/// The speed at which the line is opened, baud.
+pub fn baud(ground: &GroundConfig, usual: Usual) -> u32 {
+    ground.serial.as_ref().and_then(|serial| serial.baud).unwrap_or(usual.baud)
+}
+
+const MISSING: &str =
+    "must be given for a device on a serial line: [ground.serial] with port = \"/dev/serial/by-id/…\"";
+
+/// For devices that cannot do without a line.
+pub fn check(ground: &GroundConfig) -> Checked {
+    let Some(serial) = &ground.serial else {
+        return Err(("ground.serial", MISSING.to_owned()));
+    };
+    if !serial.port.is_absolute() {
+        let what = format!("{} is no path from the root, as /dev/ttyUSB0 is", serial.port.display());
+        return Err(("ground.serial.port", what));
+    }
+    match serial.baud {
+        Some(baud) => between("ground.serial.baud", f64::from(baud), 300.0, 12_000_000.0),
+        None => Ok(()),
+    }
+}

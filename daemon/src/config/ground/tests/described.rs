@@ -1,0 +1,308 @@
+//! Descriptions of devices that have files of their own: the same bytes make the same samples, and the same is refused.
+
+use equipoise_adapters::counts::Counts;
+use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, Rate};
+use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
+use equipoise_adapters::ground::device::bota::{Bota, BotaSettings};
+use equipoise_adapters::ground::{GroundBrain, GroundDevice, Want};
+use equipoise_adapters::wire::amti::{CHANNELS, Command, Frame as AmtiFrame, STARTED_ONE};
+use equipoise_adapters::wire::ati_rdt::Record;
+use equipoise_adapters::wire::bota::{Frame as BotaFrame, SPEED};
+use equipoise_core::message::GroundSample;
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+/// Numbers that are the same at every run.
+struct Dice(u64);
+
+impl Dice {
+    /// Below `sides`.
+    fn roll(&mut self, sides: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % sides
+    }
+
+    fn bytes(&mut self, longest: u64) -> Vec<u8> {
+        // Many are what frames begin with.
+        (0..self.roll(longest)).map(|_| if self.roll(4) == 0 { 0xaa } else { self.roll(256) as u8 }).collect()
+    }
+}
+
+/// A described device beside its twin that has a file of its own.
+struct Twins {
+    brains: [GroundBrain; 2],
+    samples: [Vec<GroundSample>; 2],
+}
+
+impl Twins {
+    fn new(example: &str, own: Box<dyn GroundDevice>) -> Twins {
+        let config = Config::parse(example, "c.toml").unwrap().ground;
+        let described = config.device().unwrap().unwrap();
+        let mut brains = [described, own].map(|device| GroundBrain::new(device, config.settings()));
+        brains.iter_mut().for_each(|brain| brain.opened(0));
+        Twins { brains, samples: [Vec::new(), Vec::new()] }
+    }
+
+    fn receive(&mut self, bytes: &[u8], arrival_ns: u64) {
+        for (brain, samples) in self.brains.iter_mut().zip(&mut self.samples) {
+            brain.receive(bytes, arrival_ns, samples);
+        }
+    }
+
+    /// Both made the same of it; how many samples, and what was counted.
+    fn agree(&self) -> (usize, Counts) {
+        let [described, own] = &self.samples;
+        for (described, own) in described.iter().zip(own) {
+            assert_eq!(described, own);
+        }
+        assert_eq!(described.len(), own.len());
+        assert_eq!(self.brains[0].counts(), self.brains[1].counts());
+        (own.len(), *self.brains[0].counts())
+    }
+}
+
+/// A stream of frames with all that a serial line does to them, cut into pieces of any size.
+fn serial_line(dice: &mut Dice, twins: &mut Twins, mut frame: impl FnMut(&mut Dice, u32) -> Vec<u8>) {
+    let mut index = 0;
+    let mut stream = Vec::new();
+    for place in 0..120 {
+        index += 1;
+        let mut bytes = frame(dice, index);
+        // A few whole ones first: what a stream is like must be seen before it can be missed.
+        match if place < 8 { 99 } else { dice.roll(14) } {
+            0 => {
+                let (at, bit) = (dice.roll(bytes.len() as u64) as usize, dice.roll(8));
+                bytes[at] ^= 1 << bit;
+            }
+            1 => bytes.truncate(dice.roll(bytes.len() as u64) as usize),
+            2 => bytes = [dice.bytes(60), bytes].concat(),
+            3 => index += 1 + dice.roll(3) as u32,
+            4 => bytes = bytes.repeat(2),
+            _ => {}
+        }
+        stream.extend(bytes);
+    }
+    let mut now_ns = 10_000 * MS;
+    let mut rest = &stream[..];
+    while !rest.is_empty() {
+        let (piece, left) = rest.split_at((1 + dice.roll(90) as usize).min(rest.len()));
+        now_ns += if dice.roll(200) == 0 { 700 * MS } else { 5 * MS };
+        twins.receive(piece, now_ns);
+        rest = left;
+    }
+}
+
+#[test]
+fn bota_described_is_bota() {
+    let (mut samples, mut lost, mut damaged, mut garbage) = (0, 0, 0, 0);
+    for seed in 0..60 {
+        let own = Box::new(Bota::new(BotaSettings { baud: SPEED, sinc: None }));
+        let (mut twins, mut dice) = (Twins::new(BOTA, own), Dice(seed));
+        let begins_us = if seed % 3 == 0 { u32::MAX - 300_000 } else { 7_000_000 };
+        serial_line(&mut dice, &mut twins, |dice, index| {
+            let force_n = [1.5, -2.5, -(dice.roll(900_000) as f32) / 997.0];
+            let status = if dice.roll(9) == 0 { dice.roll(16) as u16 } else { 0 };
+            let timestamp_us = begins_us.wrapping_add(index * 10_000);
+            BotaFrame { status, force_n, torque_nm: [0.1, -0.2, 0.3], timestamp_us, temperature_c: 30.0 }
+                .to_bytes()
+                .to_vec()
+        });
+        let (count, counts) = twins.agree();
+        samples += count;
+        lost += counts.lost;
+        damaged += counts.refused[ground::GroundRefusal::Checksum.index()];
+        garbage += counts.refused[ground::GroundRefusal::Garbage.index()];
+    }
+    assert!(
+        samples > 4000 && lost > 500 && damaged > 100 && garbage > 50,
+        "{samples} {lost} {damaged} {garbage}"
+    );
+}
+
+#[test]
+fn bota_described_reads_a_sensor_that_restarts_and_the_known_frame() {
+    let vector = "aa00000000c03f000020c000102f44cdcc4cbc96430b3d0000003f15cd5b070000fa410181";
+    let mut twins = Twins::new(BOTA, Box::new(Bota::new(BotaSettings { baud: SPEED, sinc: None })));
+    twins.receive(&bytes_of(vector), 1000 * MS);
+    let frame = |timestamp_us| BotaFrame {
+        status: 0,
+        force_n: [0.0; 3],
+        torque_nm: [0.0; 3],
+        timestamp_us,
+        temperature_c: 0.0,
+    };
+    for (index, time) in [1000, 2000, 3000, 3000, 4000, 8000, 100, 1100].into_iter().enumerate() {
+        twins.receive(&frame(time).to_bytes(), 1010 * MS + 10 * MS * index as u64);
+    }
+    let (samples, _) = twins.agree();
+    assert_eq!(samples, 8);
+    assert!((twins.samples[0][0].force_n[2] + 700.25).abs() < 1e-9);
+    assert_eq!(twins.samples[0].last().unwrap().session, 2);
+}
+
+/// Brings a plate to stream, as its own file needs it; the described one was started by somebody else.
+fn start(plate: &mut GroundBrain) {
+    let mut now_ns = 0;
+    while now_ns < 5000 * MS {
+        now_ns += 20 * MS;
+        let answer = match plate.wants(now_ns) {
+            Want::Send(said) if said == [Command::Rate50 as u8] => said,
+            Want::Send(said) if said == [Command::Start as u8] => vec![STARTED_ONE],
+            _ => continue,
+        };
+        let is_started = answer == [STARTED_ONE];
+        plate.receive(&answer, now_ns, &mut Vec::new());
+        if is_started {
+            return;
+        }
+    }
+    panic!("the plate was not started");
+}
+
+fn amti() -> Twins {
+    let config = Config::parse(AMTI, "c.toml").unwrap().ground;
+    let Some(channels::ChannelsConfig::Matrix(sheet)) = &config.channels else { panic!("no matrix") };
+    let settings = AmtiSettings {
+        rate: Rate::Hz50,
+        matrix: sheet.rows.each_ref().map(|row| row[..].try_into().unwrap()),
+        force_unit_n: sheet.force.newtons(),
+        moment_unit_nm: sheet.moment.newton_metres(),
+        auto_zero: false,
+    };
+    let mut twins = Twins::new(AMTI, Box::new(Amti::new(settings)));
+    start(&mut twins.brains[1]);
+    twins
+}
+
+#[test]
+fn amti_described_is_amti() {
+    let (mut samples, mut lost, mut garbage, mut sessions) = (0, 0, 0, 0);
+    for seed in 0..60 {
+        let (mut twins, mut dice) = (amti(), Dice(seed));
+        serial_line(&mut dice, &mut twins, |dice, _| {
+            let counts: [i16; CHANNELS] = core::array::from_fn(|_| dice.roll(4096) as i16 - 2048);
+            AmtiFrame { counts, trigger: dice.roll(8) == 0 }.to_bytes().to_vec()
+        });
+        let (count, counts) = twins.agree();
+        samples += count;
+        lost += counts.lost;
+        garbage += counts.refused[ground::GroundRefusal::Garbage.index()];
+        sessions += twins.samples[0].last().map_or(0, |sample| sample.session);
+    }
+    assert!(
+        samples > 5000 && lost > 200 && garbage > 200 && sessions > 5,
+        "{samples} {lost} {garbage} {sessions}"
+    );
+}
+
+#[test]
+fn amti_described_reads_the_known_frames() {
+    let mut twins = amti();
+    for (index, vector) in [
+        "00080a1814281e38284832583c68467850885a9864a86eb8",
+        "00f80a1814281e38284832583c68467850885a9864a86eb8",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        twins.receive(&bytes_of(vector), 6000 * MS + 20 * MS * index as u64);
+    }
+    assert_eq!(twins.agree().0, 2);
+    assert_eq!(twins.samples[0][1].device_counter >> 31, 1);
+}
+
+#[test]
+fn rdt_described_is_rdt() {
+    let (mut samples, mut lost, mut refused) = (0, 0, 0);
+    for seed in 0..60 {
+        let own = Box::new(AtiRdt::new(RdtSettings::default()));
+        let (mut twins, mut dice) = (Twins::new(RDT, own), Dice(seed));
+        let (mut sequence, mut measured) = (if seed % 4 == 0 { u32::MAX - 40 } else { 1 }, 5_000_000u32);
+        let mut now_ns = 1000 * MS;
+        for _ in 0..200 {
+            now_ns += if dice.roll(60) == 0 { 900 * MS } else { 10 * MS };
+            // A device that is asked, and asked again after a silence, counts from the start.
+            let wants = twins.brains.each_mut().map(|brain| brain.wants(now_ns));
+            assert_eq!(wants[0], wants[1]);
+            if matches!(wants[0], Want::Send(_)) && dice.roll(2) == 0 {
+                sequence = 1;
+            }
+            let mut datagram = Vec::new();
+            for _ in 0..dice.roll(4) {
+                let skipped = if dice.roll(9) == 0 { dice.roll(5) as u32 } else { 0 };
+                sequence = sequence.wrapping_add(1 + skipped);
+                measured = measured.wrapping_add(7 * (1 + skipped));
+                let force = dice.roll(1_400_000_000) as i32 - 700_000_000;
+                let status = if dice.roll(11) == 0 { 0x8000_0001 } else { 0 };
+                let record = Record {
+                    rdt_sequence: sequence,
+                    ft_sequence: measured,
+                    status,
+                    force_counts: [1_500_000, -2_500_000, force],
+                    torque_counts: [-12_500, 34_000, -1],
+                };
+                datagram.extend(record.to_bytes());
+            }
+            match dice.roll(15) {
+                0 => datagram.truncate(dice.roll(80) as usize),
+                1 => twins.receive(&datagram.clone(), now_ns),
+                2 => datagram = dice.bytes(80),
+                _ => {}
+            }
+            twins.receive(&datagram, now_ns);
+        }
+        let (count, counts) = twins.agree();
+        let farewells = twins.brains.each_mut().map(GroundBrain::farewell);
+        assert!(farewells[0].is_some() && farewells[0] == farewells[1]);
+        samples += count;
+        lost += counts.lost;
+        refused += counts.refused.iter().sum::<u64>();
+    }
+    assert!(samples > 8000 && lost > 1000 && refused > 1000, "{samples} {lost} {refused}");
+}
+
+#[test]
+fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
+    let config = Config::parse(SCANS, "c.toml").unwrap().ground;
+    let mut brain = GroundBrain::new(config.device().unwrap().unwrap(), config.settings());
+    let frame = |index: u16, plate: u8| {
+        let mut inner = vec![0xa5, 0x5a, plate, 1];
+        inner.extend(index.to_le_bytes());
+        inner.extend([0; 4]);
+        for reading in 0..10 {
+            // Somebody steps from the first cell to the last; below zero without load.
+            for counts in [(10 - reading) * 100_000, -1, 0, reading * 100_000] {
+                inner.extend(&i32::to_le_bytes(counts)[..3]);
+            }
+        }
+        let sum =
+            equipoise_adapters::wire::checksum::Checksum::named("CRC-16/CCITT-FALSE").unwrap().of(&inner);
+        inner.extend((sum as u16).to_le_bytes());
+        inner.extend([0; 12]);
+        [&[0x6b, 0xb6, 9, 0, 144, 0][..], &inner].concat()
+    };
+    let mut samples = Vec::new();
+    let mut damaged = frame(3, 1);
+    damaged[40] ^= 8;
+    for (place, datagram) in
+        [frame(0xffff, 1), frame(0, 1), frame(1, 2), damaged, frame(4, 1)].iter().enumerate()
+    {
+        brain.receive(datagram, 1000 * MS + 10 * MS * place as u64, &mut samples);
+    }
+    assert_eq!(samples.len(), 30);
+    let counts = brain.counts();
+    assert_eq!(counts.lost, 30, "the other plate's, the damaged and the missing one");
+    assert_eq!(counts.refused[ground::GroundRefusal::UnknownKind.index()], 1);
+    assert_eq!(counts.refused[ground::GroundRefusal::Checksum.index()], 1);
+    // 0.42 mN a count: 420 N less what the cell reads without load.
+    let zero = -12.1 - 9.7 + 3.3 - 0.4;
+    assert!((samples[0].force_n[2] - (420.0 - 0.00041 + zero)).abs() < 1e-9, "{}", samples[0].force_n[2]);
+    assert!(samples[0].cop_m().unwrap()[0] > 0.2 && samples[9].cop_m().unwrap()[0] < -0.1);
+    assert!(!samples[0].measures(equipoise_core::message::Component::Shear));
+}
+
+fn bytes_of(hex: &str) -> Vec<u8> {
+    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
+}

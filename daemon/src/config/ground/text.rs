@@ -1,0 +1,272 @@
+//! `[ground.text]`: the form of text lines.
+
+use equipoise_adapters::ground::GroundDevice;
+use equipoise_adapters::ground::device::text::{
+    Column, Framing, LINE_BYTES_MAX, Numbered, Text, TextSettings,
+};
+use equipoise_adapters::source::{SourceError, Transport};
+use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::GroundConfig;
+use super::channels::{self, Names};
+use super::mistake::{Mistake, nearest};
+use super::numbers::{ModulusConfig, NamedNumber, TimeUnit};
+use super::way::{self, BeginConfig, Over};
+
+/// `[ground.text]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextConfig {
+    /// What the lines come over.
+    pub over: Over,
+    /// What stands between two fields.
+    pub delimiter: DelimiterConfig,
+    /// What stands before the decimals.
+    #[serde(default)]
+    pub decimal: DecimalConfig,
+    /// A line that begins with this sign is passed over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub comment: Option<char>,
+    /// What every line begins with, before its first field; lines without it are passed over.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub prefix: String,
+    /// How many lines that are not empty stand before the first one with numbers.
+    #[serde(default)]
+    pub header_lines: u32,
+    /// A line longer than this is none.
+    #[serde(default = "line_bytes_default")]
+    pub line_bytes_max: usize,
+    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" for one that nobody reads.
+    pub columns: Vec<Spanned<NamedNumber>>,
+    /// Which column is the device's time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<TimeColumn>,
+    /// Which column counts the lines.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<SequenceColumn>,
+}
+
+/// `time` of `[ground.text]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimeColumn {
+    /// The column.
+    pub column: String,
+    /// Its unit.
+    pub unit: TimeUnit,
+}
+
+/// `sequence` of `[ground.text]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SequenceColumn {
+    /// The column.
+    pub column: String,
+    /// Where it starts again at zero, for example 256; never by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modulus: Option<ModulusConfig>,
+}
+
+/// What stands between two fields.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DelimiterConfig {
+    /// Any run of spaces and tabs.
+    Spaces,
+    /// One tab.
+    Tab,
+    /// One comma.
+    Comma,
+    /// One semicolon.
+    Semicolon,
+}
+
+/// What stands before the decimals.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DecimalConfig {
+    /// A point.
+    #[default]
+    #[serde(rename = ".")]
+    Point,
+    /// A comma.
+    #[serde(rename = ",")]
+    Comma,
+}
+
+fn line_bytes_default() -> usize {
+    4096
+}
+
+const NOT_READ: &str = "-";
+
+fn section(ground: &GroundConfig) -> Result<&TextConfig, Mistake> {
+    ground.text.as_ref().ok_or_else(|| {
+        let what = "must be given: [ground.text] with over, delimiter and columns says what lines look like";
+        Mistake::new("ground.text", what)
+    })
+}
+
+impl TextConfig {
+    fn form(&self) -> Result<LineForm, Mistake> {
+        if (self.delimiter, self.decimal) == (DelimiterConfig::Comma, DecimalConfig::Comma) {
+            let what = "a comma cannot stand between fields and before decimals as well";
+            return Err(Mistake::new("ground.text.decimal", what));
+        }
+        let comment = self.comment.map(u8::try_from).transpose();
+        let Ok(comment) = comment else {
+            return Err(Mistake::new("ground.text.comment", "one sign of ASCII, for example \"#\""));
+        };
+        Ok(LineForm {
+            delimiter: match self.delimiter {
+                DelimiterConfig::Spaces => Delimiter::Spaces,
+                DelimiterConfig::Tab => Delimiter::Tab,
+                DelimiterConfig::Comma => Delimiter::Comma,
+                DelimiterConfig::Semicolon => Delimiter::Semicolon,
+            },
+            decimal: match self.decimal {
+                DecimalConfig::Point => Decimal::Point,
+                DecimalConfig::Comma => Decimal::Comma,
+            },
+            comment,
+            prefix: self.prefix.as_bytes().to_vec(),
+            fields: self.columns.len(),
+        })
+    }
+
+    /// Which column has a name.
+    fn place(&self, name: &str, key: &str) -> Result<usize, Mistake> {
+        self.columns.iter().position(|column| column.get_ref().name == name).ok_or_else(|| {
+            let known = self
+                .columns
+                .iter()
+                .map(|column| column.get_ref().name.as_str())
+                .filter(|name| *name != NOT_READ);
+            Mistake::new(key, format!("no column is called `{name}`{}", nearest(name, known)))
+        })
+    }
+
+    /// Every name once.
+    fn check_names(&self) -> Result<(), Mistake> {
+        let key = "ground.text.columns";
+        if self.columns.is_empty() || self.columns.len() > 1000 {
+            return Err(Mistake::new(key, "1 to 1000 columns: one entry for each field of a line"));
+        }
+        for (index, column) in self.columns.iter().enumerate() {
+            let NamedNumber { name, scale, offset } = column.get_ref();
+            if name.is_empty() {
+                return Err(Mistake::at(
+                    column,
+                    key,
+                    "a column without a name; one that nobody reads is called \"-\"",
+                ));
+            }
+            if !(scale.is_finite() && *scale != 0.0 && offset.is_finite()) {
+                return Err(Mistake::at(
+                    column,
+                    key,
+                    format!("`{name}`: scale and offset are finite numbers, and scale is not zero"),
+                ));
+            }
+            let before = &self.columns[..index];
+            if name != NOT_READ && before.iter().any(|other| other.get_ref().name == *name) {
+                return Err(Mistake::at(column, key, format!("`{name}` is the name of two columns")));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
+    let config = section(ground)?;
+    let form = config.form()?;
+    config.check_names()?;
+    if !(16..=LINE_BYTES_MAX).contains(&config.line_bytes_max) {
+        let what = format!("{} is not from 16 to {LINE_BYTES_MAX}", config.line_bytes_max);
+        return Err(Mistake::new("ground.text.line_bytes_max", what));
+    }
+    let mut time = None;
+    if let Some(told) = &config.time {
+        time = Some((config.place(&told.column, "ground.text.time")?, unit(told.unit)));
+    }
+    let mut sequence = None;
+    if let Some(told) = &config.sequence {
+        let modulus = told.modulus.unwrap_or_default().checked("ground.text.sequence")?;
+        sequence = Some(Numbered { field: config.place(&told.column, "ground.text.sequence")?, modulus });
+    }
+    for field in time.iter().map(|(field, _)| *field).chain(sequence.iter().map(|told| told.field)) {
+        let column = &config.columns[field];
+        let NamedNumber { scale, offset, .. } = column.get_ref();
+        if (*scale, *offset) != (1.0, 0.0) {
+            let what = "a time or a count is taken as it stands: leave its scale and offset out";
+            return Err(Mistake::at(column, "ground.text.columns", what));
+        }
+    }
+    let is_number = |field: &usize| {
+        config.columns[*field].get_ref().name != NOT_READ
+            && Some(*field) != time.map(|(field, _)| field)
+            && Some(*field) != sequence.map(|numbered| numbered.field)
+    };
+    let fields: Vec<usize> = (0..config.columns.len()).filter(is_number).collect();
+    let names: Vec<String> =
+        fields.iter().map(|field| config.columns[*field].get_ref().name.clone()).collect();
+    let mut asked = Names::new(&names);
+    let channels = channels::channels(ground, &mut asked)?;
+    if let Some(unused) = asked.unused().next() {
+        let column = &config.columns[config.place(unused, "ground.text.columns")?];
+        let what =
+            format!("[ground.channels] does not use `{unused}`; a column that nobody reads is called \"-\"");
+        return Err(Mistake::at(column, "ground.text.columns", what));
+    }
+    let column = |field: usize| {
+        let NamedNumber { scale, offset, .. } = config.columns[field].get_ref();
+        Column { field, scale: *scale, offset: *offset }
+    };
+    Ok(TextSettings {
+        form,
+        framing: framing(ground, config.over),
+        header_lines: config.header_lines,
+        longest: config.line_bytes_max,
+        columns: fields.into_iter().map(column).collect(),
+        channels,
+        time,
+        sequence,
+    })
+}
+
+fn unit(unit: TimeUnit) -> Unit {
+    match unit {
+        TimeUnit::Second => Unit::NanosecondInSeconds,
+        TimeUnit::Millisecond => Unit::NanosecondInMilliseconds,
+        TimeUnit::Microsecond => Unit::NanosecondInMicroseconds,
+        TimeUnit::Nanosecond => Unit::One,
+    }
+}
+
+/// Where a stream may be joined in the middle of a line: a device sends on while nobody listens, and a file's end may be
+/// there.
+fn framing(ground: &GroundConfig, over: Over) -> Framing {
+    match over {
+        Over::Udp => Framing::Datagrams,
+        Over::Tcp => Framing::Stream,
+        Over::Serial => Framing::Joined,
+        Over::File => match ground.file.as_ref().map(|file| file.begin) {
+            Some(BeginConfig::Start) => Framing::Stream,
+            _ => Framing::Joined,
+        },
+    }
+}
+
+pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
+    way::check(ground, section(ground)?.over)?;
+    settings(ground).map(drop)
+}
+
+pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, SourceError> {
+    Ok(Box::new(Text::new(settings(ground)?)))
+}
+
+pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
+    way::transport(ground, section(ground)?.over)
+}

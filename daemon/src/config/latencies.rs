@@ -1,0 +1,51 @@
+//! What delays the streams may have, alone and between them.
+
+use super::ground::GroundConfig;
+use super::method::Checked;
+use super::suit::SuitConfig;
+
+/// No stream is dated back by more, ms.
+pub(super) const LATENCY_MAX_MS: f64 = 1000.0;
+/// The loop keeps so many of the plate's last samples for a suit that is late (`core::cycle::alignment`), of which a fifth
+/// is left for what the network adds …
+const GROUND_SAMPLES_KEPT: f64 = 512.0 * 0.8;
+/// … of a plate that does not say how fast it is, this rate is assumed, Hz …
+const USUAL_HZ: f64 = 1000.0;
+/// … and some 60 ms of the suit (at 240 Hz) for a plate that is.
+const GROUND_LATER_MAX_MS: f64 = 50.0;
+
+/// Milliseconds as a span; a value that was checked is neither negative nor too large.
+pub(super) fn span_ns(milliseconds: f64) -> u64 {
+    (milliseconds * 1e6).round() as u64
+}
+
+/// What the alignment of both streams can bridge.
+pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
+    let suit_later_ms = suit.latency_ms - ground.latency_ms;
+    let suit_later_max_ms =
+        (GROUND_SAMPLES_KEPT / ground.told_rate_hz().unwrap_or(USUAL_HZ) * 1e3).min(400.0);
+    if suit_later_ms > suit_later_max_ms {
+        return Err((
+            "suit.latency_ms",
+            format!(
+                "the streams are {suit_later_ms:.0} ms apart; the suit may be {suit_later_max_ms:.0} ms later than this \
+                 ground"
+            ),
+        ));
+    }
+    let ground_later_ms = ground.latest_ms() - suit.latency_ms;
+    if ground_later_ms > GROUND_LATER_MAX_MS {
+        let (key, why) = match ground.gathers() {
+            Some(key) => (key, ", since it gathers its samples into blocks: a higher rate has shorter ones"),
+            None => ("ground.latency_ms", ""),
+        };
+        return Err((
+            key,
+            format!(
+                "the streams are {ground_later_ms:.0} ms apart{why}; the ground may be {GROUND_LATER_MAX_MS:.0} ms later \
+                 than the suit"
+            ),
+        ));
+    }
+    Ok(())
+}

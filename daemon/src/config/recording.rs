@@ -1,0 +1,66 @@
+//! `[recording]`
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::method::{Checked, between};
+
+/// `[recording]`: what `equipoise record --config` keeps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordingConfig {
+    /// Folder of the files; made when it is not there. A relative path counts from the configuration's own folder.
+    pub directory: PathBuf,
+    /// A file that has grown to this is ended and the next one begun, MiB.
+    #[serde(default = "default_file_max_mib")]
+    pub file_max_mib: u64,
+    /// All files of this station together; the oldest are removed, MiB.
+    #[serde(default = "default_total_max_mib")]
+    pub total_max_mib: u64,
+    /// Files whose last message is older are removed, days.
+    #[serde(default = "default_age_max_days")]
+    pub age_max_days: f64,
+    /// So much of the disk stays free: the oldest files are removed, and if that is not enough, recording ends, MiB.
+    #[serde(default = "default_free_min_mib")]
+    pub free_min_mib: u64,
+    /// Pictures a second for Foxglove and Lichtblick, 0 to 100; 0 leaves them out.
+    #[serde(default = "default_pictures_hz")]
+    pub pictures_hz: f64,
+}
+
+fn default_file_max_mib() -> u64 {
+    512
+}
+
+fn default_total_max_mib() -> u64 {
+    20_480
+}
+
+fn default_age_max_days() -> f64 {
+    30.0
+}
+
+fn default_free_min_mib() -> u64 {
+    2_048
+}
+
+/// Smooth enough to follow a person, and a small part of a recording (docs/recordings.md).
+fn default_pictures_hz() -> f64 {
+    20.0
+}
+
+impl RecordingConfig {
+    pub(super) fn check(&self) -> Checked {
+        between("recording.file_max_mib", self.file_max_mib as f64, 1.0, 1e6)?;
+        between("recording.total_max_mib", self.total_max_mib as f64, 1.0, 1e9)?;
+        between("recording.age_max_days", self.age_max_days, 1e-3, 36_500.0)?;
+        between("recording.free_min_mib", self.free_min_mib as f64, 0.0, 1e9)?;
+        between("recording.pictures_hz", self.pictures_hz, 0.0, 100.0)?;
+        if self.total_max_mib < self.file_max_mib {
+            let what = "less than one file may have (recording.file_max_mib): raise it, or lower that";
+            return Err(("recording.total_max_mib", what.to_owned()));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,172 @@
+//! `[suit]`: where the body's samples come from.
+
+use std::net::SocketAddr;
+
+use equipoise_adapters::source::MvnTransport;
+use equipoise_adapters::suit::UpAxis;
+use equipoise_core::cycle::Settings;
+use serde::{Deserialize, Serialize};
+
+use super::latencies::{LATENCY_MAX_MS, span_ns};
+use super::method::{Checked, between};
+
+/// `[suit]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SuitConfig {
+    /// How samples come in.
+    pub source: SuitSourceKind,
+    /// Address to listen on; MVN's default port is 9763.
+    #[serde(default = "mvn_default")]
+    pub listen: SocketAddr,
+    /// Which MVN character is the worker.
+    #[serde(default)]
+    pub avatar: u8,
+    /// Whether its position drifts; `drifts` where not given, `absolute` for motion and forces in one CSV.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<SuitPosition>,
+    /// 1-σ per axis of how far each sensor's axes are off its segment's, degrees.
+    #[serde(default = "misalignment_default")]
+    pub misalignment_deg: f64,
+    /// 1-σ per axis of how each segment's orientation wanders over minutes, degrees.
+    #[serde(default = "wander_default")]
+    pub wander_deg: f64,
+    /// Constant delay from a pose to its datagram (fusion, radio), ms: taken off every sample time.
+    #[serde(default)]
+    pub latency_ms: f64,
+    /// Take datagrams from other machines; without it only this machine may send.
+    #[serde(default)]
+    pub allow_remote: bool,
+    /// Which axis points up in MVN's pose quaternions (type 02).
+    #[serde(default)]
+    pub up: Up,
+    /// Further workers on the same port, each for another station of this computer, whose daemon says
+    /// `suit.source = "external"`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<OtherWorker>,
+}
+
+/// One of `suit.others`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherWorker {
+    /// Which MVN character.
+    pub avatar: u8,
+    /// Whose worker it is.
+    pub station: String,
+}
+
+/// Which axis points up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Up {
+    /// X forward, Y left, Z up: what MVN sends unless told otherwise.
+    #[default]
+    Z,
+    /// X left, Y up, Z forward.
+    Y,
+}
+
+impl Up {
+    /// As the adapter knows it.
+    pub fn axis(self) -> UpAxis {
+        match self {
+            Up::Z => UpAxis::Z,
+            Up::Y => UpAxis::Y,
+        }
+    }
+}
+
+/// What the suit's position in its world is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SuitPosition {
+    /// It wanders by centimetres, as with inertial suits: the standing feet are held to the floor.
+    Drifts,
+    /// It is measured in the plate's world, as with optical markers.
+    Absolute,
+}
+
+/// How suit samples come in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SuitSourceKind {
+    /// MVN's network streamer over UDP.
+    MvnUdp,
+    /// MVN's network streamer over TCP; it connects to us.
+    MvnTcp,
+    /// Another process publishes them: `equipoise adapter suit`.
+    External,
+}
+
+impl SuitSourceKind {
+    /// How MVN's datagrams come; `None` if none come here.
+    pub fn transport(self) -> Option<MvnTransport> {
+        match self {
+            SuitSourceKind::MvnUdp => Some(MvnTransport::Udp),
+            SuitSourceKind::MvnTcp => Some(MvnTransport::Tcp),
+            SuitSourceKind::External => None,
+        }
+    }
+}
+
+fn misalignment_default() -> f64 {
+    0.6
+}
+
+fn wander_default() -> f64 {
+    0.3
+}
+
+impl SuitConfig {
+    pub(super) fn apply(&self, settings: &mut Settings) {
+        settings.suit_misalignment_rad = self.misalignment_deg.to_radians();
+        settings.suit_wander_rad = self.wander_deg.to_radians();
+        settings.suit_latency_ns = self.latency_ns();
+    }
+
+    /// `latency_ms` as a span.
+    pub fn latency_ns(&self) -> u64 {
+        span_ns(self.latency_ms)
+    }
+
+    pub(super) fn check(&self) -> Checked {
+        between("suit.latency_ms", self.latency_ms, 0.0, LATENCY_MAX_MS)?;
+        between("suit.misalignment_deg", self.misalignment_deg, 0.0, 45.0)?;
+        between("suit.wander_deg", self.wander_deg, 0.0, 45.0)
+    }
+
+    /// The other workers of a station's suit.
+    pub(super) fn check_others(&self, station: &str) -> Checked {
+        let wrong = |what: String| Err(("suit.others", what));
+        if !self.others.is_empty() && self.source == SuitSourceKind::External {
+            return wrong(
+                "with source = \"external\" no datagrams come here; give it to the adapter's file".to_owned(),
+            );
+        }
+        let (mut avatars, mut stations) = (vec![self.avatar], vec![station]);
+        for OtherWorker { avatar, station } in &self.others {
+            if !super::name_is_plain(station) {
+                return wrong(format!("station {station:?}: use 1 to 32 letters, digits, '-' or '_'"));
+            }
+            if avatars.contains(avatar) {
+                return wrong(format!(
+                    "avatar {avatar} is named twice; suit.avatar = {} is this station's",
+                    self.avatar
+                ));
+            }
+            if stations.contains(&station.as_str()) {
+                return wrong(format!(
+                    "station {station:?} gets two workers; each needs a station of its own"
+                ));
+            }
+            avatars.push(*avatar);
+            stations.push(station);
+        }
+        Ok(())
+    }
+}
+
+fn mvn_default() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 9763))
+}

@@ -1,0 +1,155 @@
+//! The boxes of MVN's Network Streamer: one per type of datagram.
+
+use equipoise_adapters::suit::survey::{Character, TypeSeen};
+use equipoise_adapters::wire::mvn::DatagramType;
+
+use super::super::Check;
+
+/// The box without which there is nothing.
+pub(super) const POSE: &str = "Position + Orientation (Quaternion)";
+
+/// One box.
+pub(super) struct TickBox {
+    pub(super) kind: DatagramType,
+    /// What its check is called.
+    pub(super) title: &'static str,
+    /// What MVN calls it.
+    pub(super) label: &'static str,
+    use_: Use,
+}
+
+/// What a type is good for here.
+enum Use {
+    /// Nothing works without.
+    Needed,
+    /// Stands in for the pose, less well.
+    StandsIn,
+    /// Makes something better.
+    Better(&'static str),
+    /// Is shown or kept, and changes no result.
+    Shown(&'static str),
+    /// Is not used at all.
+    Unused,
+}
+
+/// All boxes, in the order of the report.
+pub(super) const BOXES: [TickBox; 12] = {
+    use DatagramType as T;
+    use Use::{Better, Needed, Shown, StandsIn, Unused};
+    const fn one(kind: T, title: &'static str, label: &'static str, use_: Use) -> TickBox {
+        TickBox { kind, title, label, use_ }
+    }
+    [
+        one(T::POSE_QUATERNION, "02 pose quaternion", POSE, Needed),
+        one(
+            T::SCALE,
+            "13 scaling",
+            "Avatar Scaling data",
+            Better("the body's bones are known at once, instead of from its first poses"),
+        ),
+        one(
+            T::LINEAR_KINEMATICS,
+            "21 linear kinematics",
+            "Linear Segment Kinematics",
+            Better("the suit's own accelerations, by which quick motion is told better"),
+        ),
+        one(
+            T::ANGULAR_KINEMATICS,
+            "22 angular kinematics",
+            "Angular Segment Kinematics",
+            Shown("the suit's own angular velocities, kept in recordings"),
+        ),
+        one(
+            T::CENTRE_OF_MASS,
+            "24 centre of mass",
+            "Center of Mass",
+            Shown("MVN's own centre of mass, to compare"),
+        ),
+        one(
+            T::JOINT_ANGLES,
+            "20 joint angles",
+            "Joint Angles",
+            Shown("MVN's joint angles, kept in recordings"),
+        ),
+        one(T::META, "12 meta data", "Avatar Meta Data", Shown("the character's name, shown here")),
+        one(T::POSE_EULER, "01 pose Euler", "Position + Orientation (Euler)", StandsIn),
+        one(T::UNITY, "05 Unity 3D", "Unity 3D", StandsIn),
+        one(T::VIRTUAL_MARKERS, "03 virtual markers", "Virtual Optical Marker Set", Unused),
+        one(T::TRACKER_KINEMATICS, "23 motion trackers", "Motion Tracker Kinematics", Unused),
+        one(T::TIME_CODE, "25 time code", "Time Code", Unused),
+    ]
+};
+
+/// What is ticked, what must be, and what need not.
+pub(super) fn judge(character: &Character, seconds: f64) -> Vec<Check> {
+    let mut checks: Vec<Check> =
+        BOXES.iter().filter_map(|one| one.judge(character, character.of(one.kind), seconds)).collect();
+    let known = |kind: &DatagramType| BOXES.iter().any(|one| one.kind == *kind);
+    let unknown: Vec<String> =
+        character.types.keys().filter(|kind| !known(kind)).map(ToString::to_string).collect();
+    if !unknown.is_empty() {
+        let found = format!("{}: not known here, and not used", unknown.join(", "));
+        checks.push(Check { mend: Some("may be unticked".to_owned()), ..Check::ok("other types", found) });
+    }
+    checks
+}
+
+impl TickBox {
+    fn judge(&self, character: &Character, seen: Option<&TypeSeen>, seconds: f64) -> Option<Check> {
+        let TickBox { title, label, .. } = *self;
+        let has_quaternions = character.of(DatagramType::POSE_QUATERNION).is_some();
+        let tick = |why: &str| format!("tick the box \"{label}\"{why}");
+        let with_mend = |check: Check, mend: String| Check { mend: Some(mend), ..check };
+        Some(match (&self.use_, seen) {
+            (Use::Needed, Some(seen)) => {
+                Check::ok(title, format!("{}: needed, and there", self.amount(character, seen)))
+            }
+            (Use::Needed, None) if character.pose().is_none() => {
+                Check::fail(title, "not sent: no pose comes at all", tick(": nothing works without"))
+            }
+            (Use::Needed, None) => {
+                Check::warn(title, "not sent: another type stands in", tick(": it is the most exact"))
+            }
+            (Use::StandsIn, Some(seen)) if has_quaternions => {
+                self.superfluous(seen, "not used beside 02", seconds)
+            }
+            (Use::StandsIn, Some(_))
+                if character.of(DatagramType::POSE_EULER).is_some() && self.kind == DatagramType::UNITY =>
+            {
+                Check::ok(title, "sent; not used beside 01")
+            }
+            (Use::StandsIn, Some(seen)) => {
+                Check::ok(title, format!("{}: stands in for 02", self.amount(character, seen)))
+            }
+            (Use::Better(why) | Use::Shown(why), Some(seen)) => {
+                Check::ok(title, format!("{}: {why}", self.amount(character, seen)))
+            }
+            (Use::Better(why), None) => Check::warn(title, "not sent", tick(&format!(": {why}"))),
+            (Use::Shown(why), None) => {
+                with_mend(Check::ok(title, "not sent"), tick(&format!(" if wanted: {why}")))
+            }
+            (Use::Unused, Some(seen)) => self.superfluous(seen, "not used", seconds),
+            (Use::StandsIn | Use::Unused, None) => return None,
+        })
+    }
+
+    fn superfluous(&self, seen: &TypeSeen, why: &str, seconds: f64) -> Check {
+        let found = format!("sent, {:.0} kB/s; {why}", seen.bytes as f64 / seconds / 1e3);
+        Check {
+            mend: Some(format!("the box \"{}\" may be unticked", self.label)),
+            ..Check::ok(self.title, found)
+        }
+    }
+
+    /// How much of it comes.
+    fn amount(&self, character: &Character, seen: &TypeSeen) -> String {
+        match self.kind {
+            DatagramType::SCALE => {
+                let (segments, points) = character.null_pose();
+                format!("{} and {points} points", if segments { "23 segments" } else { "no segments yet" })
+            }
+            DatagramType::META => character.name().map_or("no name".to_owned(), |name| format!("\"{name}\"")),
+            _ => format!("{:.1} a second", seen.rate_hz()),
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! How the numbers of an identification went, for whoever opens the engineer's page late.
+
+use std::collections::VecDeque;
+
+use equipoise_core::body::Segment;
+use equipoise_core::cycle::Checkpoint;
+use equipoise_core::message::State;
+use equipoise_core::time::seconds;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// Ten minutes of two points a second.
+const POINTS_MAX: usize = 1200;
+
+/// What the filter holds, after one cycle.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Parameters {
+    cycle: u64,
+    /// When it was read, CLOCK_MONOTONIC, s: the clock of the states' `t`.
+    #[serde(rename = "t")]
+    t_s: f64,
+    /// The first raw parameter of Φ that each follows: segment and axis.
+    names: Vec<String>,
+    /// θ, m.
+    theta_m: Vec<f64>,
+    /// Square root of P_jj, m.
+    sigma_m: Vec<f64>,
+}
+
+impl Parameters {
+    /// Reads the filter out of a copy of the loop's memory that came at `t_s`; `None` before a body was seen.
+    pub(super) fn of(checkpoint: &Checkpoint, t_s: f64) -> Option<Parameters> {
+        let worker = &checkpoint.memory()?.identification;
+        let (filter, count) = (&worker.filter, worker.filter.count());
+        let name = |parameter: usize| {
+            let raw = Segment::ALL.iter().flat_map(|segment| (0..3).map(move |axis| (*segment, axis)));
+            raw.into_iter()
+                .find(|(segment, axis)| worker.reduction.raw_row(*segment, *axis).0[parameter] != 0.0)
+                .map_or_else(String::new, |(segment, axis)| {
+                    format!("{} {}", segment.name(), ["x", "y", "z"][axis])
+                })
+        };
+        (count > 0).then(|| Parameters {
+            cycle: checkpoint.cycle,
+            t_s,
+            names: (0..count).map(name).collect(),
+            theta_m: filter.theta_m()[..count].to_vec(),
+            sigma_m: (0..count).map(|index| filter.variance_m2(index).sqrt()).collect(),
+        })
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    t_s: f64,
+    variance_max_m2: f64,
+    cop_sigma_m: f64,
+    nis: f64,
+    poses: u32,
+}
+
+/// The last ten minutes.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    points: VecDeque<Point>,
+    parameters: VecDeque<Parameters>,
+}
+
+impl History {
+    /// One point more.
+    pub(super) fn keep(&mut self, state: &State) {
+        let t_s = seconds(state.time_ns);
+        // Another daemon's clock is the same, unless the computer was started anew with this page still running.
+        if self.points.back().is_some_and(|last| last.t_s >= t_s) {
+            return;
+        }
+        self.points.push_back(Point {
+            t_s,
+            variance_max_m2: state.variance_max_m2,
+            cop_sigma_m: state.predicted_cop_sigma_m,
+            nis: state.nis,
+            poses: state.poses_used,
+        });
+        if self.points.len() > POINTS_MAX {
+            self.points.pop_front();
+        }
+    }
+
+    /// What the filter held once more.
+    pub(super) fn keep_parameters(&mut self, parameters: Parameters) {
+        let last = self.parameters.back();
+        // Other names are another reduction, and a lower cycle another daemon: neither belongs into one picture.
+        if last.is_some_and(|last| last.names != parameters.names || last.cycle > parameters.cycle) {
+            self.parameters.clear();
+        }
+        self.parameters.push_back(parameters);
+        if self.parameters.len() > POINTS_MAX {
+            self.parameters.pop_front();
+        }
+    }
+
+    /// What the filter held last.
+    pub(super) fn newest_parameters(&self) -> Option<&Parameters> {
+        self.parameters.back()
+    }
+
+    /// Columns; a number that the filter has not said yet is null.
+    pub(super) fn to_json(&self) -> Value {
+        let column = |of: fn(&Point) -> f64| -> Vec<Option<f64>> {
+            self.points.iter().map(of).map(|value| Some(value).filter(|value| *value > 0.0)).collect()
+        };
+        json!({
+            "t": column(|point| point.t_s),
+            "variance_max_m2": column(|point| point.variance_max_m2),
+            "predicted_cop_sigma_m": column(|point| point.cop_sigma_m),
+            "nis": column(|point| point.nis),
+            "poses_used": self.points.iter().map(|point| point.poses).collect::<Vec<_>>(),
+            "parameters": self.parameters,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    fn parameters(cycle: u64, name: &str) -> Parameters {
+        Parameters { cycle, t_s: 0.0, names: vec![name.to_owned()], theta_m: vec![0.1], sigma_m: vec![0.01] }
+    }
+
+    #[test]
+    fn ten_minutes_are_kept_and_time_goes_forward() {
+        let mut history = History::default();
+        for half_second in 0..2 * POINTS_MAX as u64 {
+            history.keep(&State { time_ns: 1 + half_second * 500_000_000, ..State::zeroed() });
+        }
+        history.keep(&State { time_ns: 1, ..State::zeroed() });
+        let json = history.to_json();
+        assert_eq!(json["t"].as_array().map(Vec::len), Some(POINTS_MAX));
+        assert_eq!(json["t"][POINTS_MAX - 1].as_f64().map(f64::round), Some(1200.0));
+        assert!(json["nis"][0].is_null(), "what was never said is no zero");
+    }
+
+    #[test]
+    fn one_picture_holds_one_filter() {
+        let mut history = History::default();
+        history.keep_parameters(parameters(5, "Pelvis x"));
+        history.keep_parameters(parameters(9, "Pelvis x"));
+        assert_eq!(history.parameters.len(), 2);
+        history.keep_parameters(parameters(12, "Pelvis y"));
+        assert_eq!(history.parameters.len(), 1);
+        history.keep_parameters(parameters(3, "Pelvis y"));
+        assert_eq!(history.parameters.len(), 1);
+    }
+
+    #[test]
+    fn an_empty_memory_holds_no_parameters() {
+        assert!(Parameters::of(&bytemuck::zeroed_box::<Checkpoint>(), 0.0).is_none());
+    }
+}

@@ -1,0 +1,253 @@
+//! What the engineer's page is told beyond frames: incidents, sensors, latencies, and what the filter holds.
+//!
+//! A thread of its own joins the bus for it, and only while somebody looks: then the frames of the worker's page wait for
+//! nothing, and a station at which nobody looks bears no subscriber more.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use bytemuck::Zeroable;
+use equipoise_adapters::text_file::read_text;
+use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
+use equipoise_core::cycle::Checkpoint;
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::state::Phase;
+use equipoise_core::message::{AdapterHealth, Command, CycleRecord, Incident, Incidents};
+use equipoise_core::time::{NS_PER_S, seconds};
+use equipoise_latency::{PathHistograms, Report};
+use equipoise_view::page::{PageCommand, Station};
+use serde_json::{Value, json};
+
+use super::history::{History, Parameters};
+use super::{Newest, PAGE_ROLE, Place};
+use crate::cli::client;
+use crate::realtime::now_ns;
+use crate::status;
+
+/// The facts are gathered for so long after they were last asked for.
+const WANTED_FOR_NS: u64 = 5 * NS_PER_S;
+/// How often the bus is looked at: a tenth of what its deepest buffer holds at 1 kHz.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// How often a point of the history is kept.
+const POINT_EVERY: Duration = Duration::from_millis(500);
+/// How often the loop is asked for its memory while a worker is learnt: 32 µs of one cycle each time.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
+/// How long the daemon may take to promise one.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// The daemon tells once a second what goes wrong: what is older is not told as if it went on, ns.
+const TOLD_FOR_NS: u64 = 5 * NS_PER_S / 2;
+/// A state older than this is nobody's, ns.
+const FRESH_NS: u64 = NS_PER_S / 4;
+/// The longest report that is shown, bytes.
+const REPORT_BYTES_MAX: u64 = 16 << 20;
+
+/// What was gathered, and the way to the daemon.
+pub(super) struct Desk {
+    station: String,
+    report: Option<PathBuf>,
+    wanted_ns: AtomicU64,
+    gathered: Mutex<Gathered>,
+}
+
+#[derive(Default)]
+struct Gathered {
+    incidents: Option<Incidents>,
+    adapters: [Option<AdapterHealth>; 2],
+    latency: Option<Report>,
+    history: History,
+}
+
+impl Desk {
+    pub(super) fn new(station: &str, report: Option<PathBuf>) -> Desk {
+        Desk { station: station.to_owned(), report, wanted_ns: AtomicU64::new(0), gathered: Mutex::default() }
+    }
+
+    fn gathered(&self) -> MutexGuard<'_, Gathered> {
+        self.gathered.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn is_wanted(&self) -> bool {
+        let wanted_ns = self.wanted_ns.load(Ordering::Relaxed);
+        wanted_ns != 0 && now_ns().saturating_sub(wanted_ns) < WANTED_FOR_NS
+    }
+}
+
+impl Station for Desk {
+    fn facts(&self) -> String {
+        self.wanted_ns.store(now_ns(), Ordering::Relaxed);
+        let facts = status::read(&self.station);
+        let gathered = self.gathered();
+        let told = |name: &str| facts.as_ref().and_then(|facts| facts.incidents.get(name));
+        let is_told = |time_ns: u64| now_ns().saturating_sub(time_ns) < TOLD_FOR_NS;
+        let incidents = gathered.incidents.as_ref().filter(|all| is_told(all.time_ns)).map(|all| {
+            let begun = Incident::ALL.iter().filter(|kind| all.begun[**kind as usize] > 0);
+            begun.map(|kind| incident(all, *kind, told(kind.name()))).collect::<Vec<_>>()
+        });
+        json!({
+            "station": self.station,
+            "daemon": facts.as_ref().filter(|_| incidents.is_some()).map(|facts| json!({
+                "version": facts.version, "process_id": facts.process_id, "subject": facts.subject,
+                "model_suspicion": facts.model_suspicion, "loop_faults": facts.loop_faults,
+            })),
+            "incidents": incidents,
+            "adapters": gathered.adapters.iter().flatten().map(adapter).collect::<Vec<_>>(),
+            "latency": gathered.latency,
+            "parameters": gathered.history.newest_parameters(),
+            "report": self.report.as_ref().is_some_and(|path| path.is_file()),
+        })
+        .to_string()
+    }
+
+    fn history(&self) -> String {
+        self.gathered().history.to_json().to_string()
+    }
+
+    fn report(&self) -> Option<String> {
+        read_text(self.report.as_ref()?, REPORT_BYTES_MAX).ok()
+    }
+
+    fn command(&self, command: &PageCommand) -> Result<String, String> {
+        let (kind, subject) = match command {
+            PageCommand::IdentifyStart => (CommandKind::IdentifyStart, ""),
+            PageCommand::IdentifyStop => (CommandKind::IdentifyStop, ""),
+            PageCommand::IdentifyReset => (CommandKind::IdentifyReset, ""),
+            PageCommand::PoseSkip => (CommandKind::PoseSkip, ""),
+            PageCommand::Tare => (CommandKind::Tare, ""),
+            PageCommand::SubjectLoad(id) => (CommandKind::SubjectLoad, id.as_str()),
+        };
+        client::ask(&self.station, kind, subject).map_err(|error| format!("{error:#}"))
+    }
+}
+
+fn incident(all: &Incidents, kind: Incident, what: Option<&String>) -> Value {
+    let (now_ns, place) = (now_ns(), kind as usize);
+    let since_s = |then_ns: u64| seconds(now_ns.saturating_sub(then_ns));
+    let active = all.active().any(|active| active == kind);
+    json!({
+        "name": kind.name(), "active": active, "begun": all.begun[place], "what": what,
+        "for_s": active.then(|| since_s(all.last_begun_ns[place])),
+        "ended_s_ago": (!active).then(|| since_s(all.last_ended_ns[place])),
+    })
+}
+
+fn adapter(health: &AdapterHealth) -> Value {
+    json!({
+        "stream": if health.stream == 1 { "suit" } else { "ground" },
+        "rate_hz": health.rate_hz, "received": health.received, "published": health.published, "lost": health.lost,
+        "refused": health.refused.iter().sum::<u64>(), "said_s_ago": seconds(now_ns().saturating_sub(health.time_ns)),
+    })
+}
+
+/// Starts the thread that gathers; it ends once nobody holds `newest`.
+pub(super) fn gather(desk: Arc<Desk>, newest: Weak<Newest>) -> std::io::Result<JoinHandle<()>> {
+    std::thread::Builder::new().name("page-station".into()).spawn(move || {
+        let mut eyes: Option<Eyes> = None;
+        let mut kept = Instant::now();
+        while let Some(newest) = newest.upgrade() {
+            let state = newest.lock().ok().and_then(|newest| *newest);
+            let state = state.filter(|state| now_ns().saturating_sub(state.time_ns) < FRESH_NS);
+            drop(newest);
+            if kept.elapsed() >= POINT_EVERY {
+                kept = Instant::now();
+                if let Some(state) = &state {
+                    desk.gathered().history.keep(state);
+                }
+            }
+            let learning = state.is_some_and(|state| state.phase == Phase::Identifying as u32);
+            if !desk.is_wanted() {
+                close(&mut eyes);
+            } else if let Some(open) = &mut eyes {
+                if !matches!(open.look(&desk, learning), Ok(true)) {
+                    close(&mut eyes);
+                }
+            } else {
+                eyes = Eyes::open(&desk.station).ok();
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    })
+}
+
+fn close(eyes: &mut Option<Eyes>) {
+    if let Some(mut eyes) = eyes.take()
+        && eyes.place.is_another_now()
+    {
+        // To leave would take away what the next bus has under the same names.
+        std::mem::forget(eyes);
+    }
+}
+
+/// Everything subscribed; ports die before the node they hang on.
+struct Eyes {
+    incidents: Subscriber<Incidents>,
+    health: Subscriber<AdapterHealth>,
+    cycles: Subscriber<CycleRecord>,
+    checkpoints: Subscriber<Checkpoint>,
+    client: CommandClient,
+    path: Box<PathHistograms>,
+    since_ns: u64,
+    asked: Option<Instant>,
+    place: Place,
+    _bus: Bus,
+}
+
+impl Eyes {
+    fn open(station: &str) -> Result<Eyes, BusError> {
+        let settings = BusSettings::new(station, PAGE_ROLE);
+        let bus = Bus::join(&settings)?;
+        Ok(Eyes {
+            incidents: bus.subscriber(1)?,
+            health: bus.subscriber(8)?,
+            cycles: bus.subscriber(CycleRecord::SERVICE.depth_max)?,
+            checkpoints: bus.subscriber(1)?,
+            client: bus.command_client()?,
+            path: Box::new(PathHistograms::new()),
+            since_ns: now_ns(),
+            asked: None,
+            place: Place::of(&settings.root),
+            _bus: bus,
+        })
+    }
+
+    /// Takes in what there is; `false` once the bus is not the one that was joined.
+    fn look(&mut self, desk: &Desk, learning: bool) -> Result<bool, BusError> {
+        if self.place.is_another() {
+            return Ok(false);
+        }
+        let incidents = self.incidents.latest()?;
+        let mut adapters = Vec::new();
+        while let Some(health) = self.health.receive()? {
+            adapters.push(health);
+        }
+        while let Some(record) = self.cycles.receive()? {
+            // What was published before we looked waited for us, and tells nothing.
+            if record.publish_start_ns >= self.since_ns {
+                self.path.record(&record);
+            }
+        }
+        let parameters = self
+            .checkpoints
+            .receive_with(|checkpoint| Parameters::of(checkpoint, seconds(now_ns())))?
+            .flatten();
+        let mut gathered = desk.gathered();
+        gathered.incidents = incidents.or(gathered.incidents);
+        for health in adapters {
+            gathered.adapters[usize::from(health.stream != 1)] = Some(health);
+        }
+        gathered.latency = Some(Report::of(&self.path));
+        if let Some(parameters) = parameters {
+            gathered.history.keep_parameters(parameters);
+        }
+        drop(gathered);
+        if learning && self.asked.is_none_or(|asked| asked.elapsed() >= CHECKPOINT_EVERY) {
+            self.asked = Some(Instant::now());
+            let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
+            // A daemon that does not answer is told by the frames.
+            let _ = self.client.ask(&command, PATIENCE);
+        }
+        Ok(true)
+    }
+}

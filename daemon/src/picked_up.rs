@@ -1,0 +1,87 @@
+//! How late states come to a consumer of this crate: what it enters, and reports like every other.
+
+use equipoise_core::message::{PickUp, State};
+
+/// What of the state before is needed to see a gap and a new suit sample.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    cycle: u64,
+    suit_sample_time_ns: Option<u64>,
+}
+
+/// The report of one consumer, and what it picked up last.
+#[derive(Debug)]
+pub struct PickedUp {
+    report: Box<PickUp>,
+    last: Option<Last>,
+}
+
+impl PickedUp {
+    /// Nothing is counted yet; `name` is cut to what the message has room for.
+    pub fn new(name: &str, now_ns: u64) -> PickedUp {
+        let mut report: Box<PickUp> = bytemuck::zeroed_box();
+        let bytes = name.len().min(report.consumer.len());
+        report.consumer[..bytes].copy_from_slice(&name.as_bytes()[..bytes]);
+        (report.process_id, report.since_ns) = (std::process::id(), now_ns);
+        PickedUp { report, last: None }
+    }
+
+    /// Enters a state that is in hand at `now_ns`.
+    pub fn enter(&mut self, state: &State, now_ns: u64) {
+        // What was published before we looked waited for us, and tells nothing.
+        if state.published_ns < self.report.since_ns {
+            return;
+        }
+        // An age of zero may stand for a sample after the cycle was due; the next state tells its time.
+        let sample_ns = state.time_ns.checked_sub(state.suit_age_ns).filter(|_| state.suit_age_ns > 0);
+        let now = Last { cycle: state.cycle, suit_sample_time_ns: sample_ns };
+        let last = self.last.replace(now);
+        let missed = last.map_or(0, |last| state.cycle.saturating_sub(last.cycle + 1));
+        let is_new = last.is_some_and(|last| last.suit_sample_time_ns != sample_ns);
+        self.report.enter(now_ns, state, missed, sample_ns.filter(|_| is_new));
+    }
+
+    /// The same when a state is asked for again and again: one that was entered before is not entered twice.
+    pub fn enter_once(&mut self, state: &State, now_ns: u64) {
+        if self.last.is_none_or(|last| last.cycle != state.cycle) {
+            self.enter(state, now_ns);
+        }
+    }
+
+    /// What there is to tell so far.
+    pub fn report(&self) -> &PickUp {
+        &self.report
+    }
+
+    /// The same, dated, for who publishes it.
+    pub fn dated(&mut self, now_ns: u64) -> &PickUp {
+        self.report.time_ns = now_ns;
+        &self.report
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    fn state(cycle: u64) -> State {
+        let time_ns = 1_000_000 * cycle;
+        State { cycle, time_ns, published_ns: time_ns + 100, suit_age_ns: u64::MAX, ..State::zeroed() }
+    }
+
+    #[test]
+    fn a_state_counts_once_and_gaps_are_missed() {
+        let mut picked_up = PickedUp::new("view", 5_000_000);
+        picked_up.enter_once(&state(4), 5_000_001);
+        assert_eq!(picked_up.report().states, 0, "it was there before we were");
+        for cycle in [6, 6, 9, 9, 9] {
+            picked_up.enter_once(&state(cycle), 20_000_000);
+        }
+        let report = picked_up.dated(21_000_000);
+        assert_eq!((report.states, report.states_missed, report.time_ns), (2, 2, 21_000_000));
+        assert_eq!(&report.consumer[..5], b"view\0");
+        assert_eq!(report.max_ns[1], 14_000_000, "from when the cycle was due");
+    }
+}

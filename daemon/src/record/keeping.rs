@@ -1,0 +1,298 @@
+//! Which recordings of a folder are ours, and which of them must go.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use rustix::fs::statvfs;
+
+/// How much may be kept.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// All files together, bytes.
+    pub total_bytes: u64,
+    /// Since a file's last change; `None`: nothing goes by its age.
+    pub age: Option<Duration>,
+    /// What must stay free on the disk, bytes.
+    pub free_bytes: u64,
+}
+
+/// The recordings of one station in one folder. Only files with its own kind of name are ever removed.
+#[derive(Debug, Clone)]
+pub struct Shelf {
+    directory: PathBuf,
+    prefix: String,
+}
+
+/// A file of the shelf.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Kept {
+    path: PathBuf,
+    number: u64,
+    bytes: u64,
+    changed: SystemTime,
+}
+
+/// What a clearing has done.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Cleared {
+    /// Files that were removed, with the reason.
+    pub removed: Vec<(PathBuf, &'static str)>,
+    /// What is free on the disk, or will be once it has given free what was removed, bytes.
+    pub free_bytes: u64,
+}
+
+const ENDING: &str = ".mcap";
+/// Seconds since 1970 with leading zeros, so that names sort by time for a long while.
+const DIGITS: usize = 10;
+
+impl Shelf {
+    /// The recordings of a station; the folder is made if it is not there.
+    ///
+    /// # Errors
+    /// The system's reason why it cannot be made.
+    pub fn open(directory: &Path, station: &str) -> io::Result<Shelf> {
+        fs::create_dir_all(directory)?;
+        Ok(Shelf { directory: directory.to_owned(), prefix: format!("{station}.") })
+    }
+
+    /// A name that nothing has yet: `STATION.SECONDS.mcap`, with the first free second from `unix_s` on.
+    pub fn next(&self, unix_s: u64) -> PathBuf {
+        let path = |second: u64| self.directory.join(format!("{}{second:0DIGITS$}{ENDING}", self.prefix));
+        (unix_s..).map(path).find(|path| path.symlink_metadata().is_err()).unwrap_or_else(|| path(unix_s))
+    }
+
+    /// The number in a name of ours; `None` for everybody else's.
+    fn number(&self, name: &str) -> Option<u64> {
+        let digits = name.strip_prefix(&self.prefix)?.strip_suffix(ENDING)?;
+        let plain = digits.len() >= DIGITS && digits.bytes().all(|byte| byte.is_ascii_digit());
+        plain.then(|| digits.parse().ok()).flatten()
+    }
+
+    /// When the newest of our files was changed last; `None` without any.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn newest(&self) -> io::Result<Option<SystemTime>> {
+        Ok(self.files()?.last().map(|kept| kept.changed))
+    }
+
+    /// Our files, oldest first. A name is from when the file was begun, maybe before the clock was right.
+    fn files(&self) -> io::Result<Vec<Kept>> {
+        let mut files = Vec::new();
+        for entry in fs::read_dir(&self.directory)? {
+            let entry = entry?;
+            let Some(number) = entry.file_name().to_str().and_then(|name| self.number(name)) else {
+                continue;
+            };
+            // Links are not followed: they are not ours.
+            let Ok(facts) = entry.path().symlink_metadata() else { continue };
+            if facts.is_file() {
+                let changed = facts.modified()?;
+                files.push(Kept { path: entry.path(), number, bytes: facts.len(), changed });
+            }
+        }
+        files.sort_by_key(|kept| (kept.changed, kept.number));
+        Ok(files)
+    }
+
+    /// Removes the oldest files until all limits are kept, but none that is being written, by whoever it is.
+    ///
+    /// # Errors
+    /// The folder or the disk cannot be asked. A file that cannot be removed is left.
+    pub fn clear(&self, limits: &Limits, now: SystemTime) -> io::Result<Cleared> {
+        self.clear_on(limits, now, || self.free_bytes())
+    }
+
+    /// The same, with the disk's answer to how much is free.
+    fn clear_on(
+        &self,
+        limits: &Limits,
+        now: SystemTime,
+        free_bytes: impl Fn() -> io::Result<u64>,
+    ) -> io::Result<Cleared> {
+        let files = self.files()?;
+        let mut total: u64 = files.iter().map(|kept| kept.bytes).sum();
+        let mut cleared = Cleared { removed: Vec::new(), free_bytes: free_bytes()? };
+        let is_old = |kept: &Kept| {
+            let age = now.duration_since(kept.changed).ok();
+            age.zip(limits.age).is_some_and(|(age, limit)| age > limit)
+        };
+        for kept in files {
+            let old = is_old(&kept);
+            let reason = if old {
+                "older than recording.age_max_days"
+            } else if total > limits.total_bytes {
+                "more than recording.total_max_mib"
+            } else if cleared.free_bytes < limits.free_bytes {
+                "less free than recording.free_min_mib"
+            } else {
+                continue;
+            };
+            if is_being_written(&kept.path) || fs::remove_file(&kept.path).is_err() {
+                continue;
+            }
+            total -= kept.bytes;
+            cleared.removed.push((kept.path, reason));
+            // Some file systems free later, and none while somebody reads the file: what was removed counts at once, else
+            // everything else would go, too.
+            cleared.free_bytes = cleared.free_bytes.saturating_add(kept.bytes).max(free_bytes()?);
+        }
+        Ok(cleared)
+    }
+
+    /// What is free on the folder's disk for whoever is not root, bytes.
+    fn free_bytes(&self) -> io::Result<u64> {
+        let disk = statvfs(&self.directory)?;
+        Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+}
+
+/// Whether the clock cannot be believed about ages: by it nothing was recorded for longer than `age` when this process
+/// began, `running` ago. A clock that is set right later is believed again.
+pub fn has_jumped(newest: Option<SystemTime>, now: SystemTime, age: Duration, running: Duration) -> bool {
+    let since = newest.and_then(|newest| now.duration_since(newest).ok());
+    since.is_some_and(|since| since > age.saturating_add(running))
+}
+
+/// A recorder holds a lock on its file for as long as it writes. What cannot be opened is left alone too.
+fn is_being_written(path: &Path) -> bool {
+    !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DAY: Duration = Duration::from_secs(86_400);
+    const EVERYTHING: Limits = Limits { total_bytes: u64::MAX, age: None, free_bytes: 0 };
+
+    fn shelf() -> (tempfile::TempDir, Shelf) {
+        let folder = tempfile::tempdir().unwrap();
+        let shelf = Shelf::open(folder.path(), "station-1").unwrap();
+        (folder, shelf)
+    }
+
+    fn put(folder: &Path, name: &str, bytes: usize) -> PathBuf {
+        let path = folder.join(name);
+        fs::write(&path, vec![0; bytes]).unwrap();
+        path
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn the_oldest_go_until_the_rest_is_small_enough() {
+        let (folder, shelf) = shelf();
+        // The clock was wrong when the oldest was begun.
+        for (second, changed_s) in [(30, 2000), (90, 1000), (20, 1500)] {
+            let path = put(folder.path(), &format!("station-1.{second:010}.mcap"), 100);
+            let changed = SystemTime::UNIX_EPOCH + Duration::from_secs(changed_s);
+            File::options().append(true).open(path).unwrap().set_modified(changed).unwrap();
+        }
+        let limits = Limits { total_bytes: 250, ..EVERYTHING };
+        let cleared = shelf.clear(&limits, SystemTime::now()).unwrap();
+        assert_eq!(cleared.removed.len(), 1);
+        assert_eq!(names(folder.path()), ["station-1.0000000020.mcap", "station-1.0000000030.mcap"]);
+        assert!(shelf.clear(&limits, SystemTime::now()).unwrap().removed.is_empty(), "enough is enough");
+    }
+
+    #[test]
+    fn what_is_too_old_goes_whatever_its_size() {
+        let (folder, shelf) = shelf();
+        put(folder.path(), "station-1.0000000010.mcap", 1);
+        let limits = Limits { age: Some(DAY), ..EVERYTHING };
+        assert!(shelf.clear(&limits, SystemTime::now()).unwrap().removed.is_empty());
+        assert_eq!(shelf.clear(&limits, SystemTime::now() + 2 * DAY).unwrap().removed.len(), 1);
+    }
+
+    #[test]
+    fn a_clock_that_jumped_is_not_believed_until_it_is_right_again() {
+        let (folder, shelf) = shelf();
+        assert_eq!(shelf.newest().unwrap(), None);
+        put(folder.path(), "station-1.0000000010.mcap", 1);
+        let newest = shelf.newest().unwrap();
+        let now = newest.unwrap();
+        assert!(!has_jumped(None, now, DAY, Duration::ZERO), "nothing there, nothing to lose");
+        assert!(!has_jumped(newest, now + DAY / 2, DAY, Duration::ZERO));
+        assert!(has_jumped(newest, now + 1000 * DAY, DAY, Duration::ZERO));
+        assert!(!has_jumped(newest, now + 3 * DAY, DAY, 2 * DAY), "it has run for two of the three days");
+        assert!(has_jumped(newest, now + 1002 * DAY, DAY, 2 * DAY), "however long it runs");
+        assert!(!has_jumped(newest, now - DAY, DAY, Duration::ZERO), "behind, nothing is old");
+    }
+
+    #[test]
+    fn a_disk_that_frees_late_loses_no_more_than_it_must() {
+        let (folder, shelf) = shelf();
+        for second in 10..20 {
+            put(folder.path(), &format!("station-1.{second:010}.mcap"), 100);
+        }
+        let limits = Limits { free_bytes: 1150, ..EVERYTHING };
+        let cleared = shelf.clear_on(&limits, SystemTime::now(), || Ok(1000)).unwrap();
+        assert_eq!((cleared.removed.len(), cleared.free_bytes), (2, 1200));
+        assert_eq!(names(folder.path()).len(), 8);
+    }
+
+    #[test]
+    fn what_others_put_there_is_never_removed() {
+        let (folder, shelf) = shelf();
+        let others = [
+            "notes.txt",
+            "station-1.mcap",
+            "station-1.first.mcap",
+            "station-1.0000000010.mcap.part",
+            "station-10.0000000010.mcap",
+            "station-2.0000000010.mcap",
+        ];
+        for name in others {
+            put(folder.path(), name, 100);
+        }
+        fs::create_dir(folder.path().join("station-1.0000000009.mcap")).unwrap();
+        std::os::unix::fs::symlink("notes.txt", folder.path().join("station-1.0000000008.mcap")).unwrap();
+        let before = names(folder.path());
+        let nothing = Limits { total_bytes: 0, age: Some(Duration::ZERO), free_bytes: u64::MAX };
+        let cleared = shelf.clear(&nothing, SystemTime::now() + DAY).unwrap();
+        assert!(cleared.removed.is_empty(), "{cleared:?}");
+        assert_eq!(names(folder.path()), before);
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_stays_until_it_is_done() {
+        let (folder, shelf) = shelf();
+        let path = put(folder.path(), "station-1.0000000010.mcap", 100);
+        let writer = File::options().append(true).open(&path).unwrap();
+        writer.try_lock().unwrap();
+        let nothing = Limits { total_bytes: 0, ..EVERYTHING };
+        assert!(shelf.clear(&nothing, SystemTime::now()).unwrap().removed.is_empty());
+        assert!(path.exists());
+        drop(writer);
+        assert_eq!(shelf.clear(&nothing, SystemTime::now()).unwrap().removed.len(), 1);
+    }
+
+    #[test]
+    fn a_disk_that_is_never_free_enough_takes_all_that_is_ours_and_says_what_is_free() {
+        let (folder, shelf) = shelf();
+        put(folder.path(), "station-1.0000000010.mcap", 100);
+        let limits = Limits { free_bytes: u64::MAX, ..EVERYTHING };
+        let cleared = shelf.clear(&limits, SystemTime::now()).unwrap();
+        assert_eq!(cleared.removed.len(), 1);
+        assert!(cleared.free_bytes < u64::MAX && names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn a_new_name_is_nobodys() {
+        let (_folder, shelf) = shelf();
+        let first = shelf.next(1_700_000_000);
+        assert!(first.ends_with("station-1.1700000000.mcap"));
+        fs::write(&first, "").unwrap();
+        assert!(shelf.next(1_700_000_000).ends_with("station-1.1700000001.mcap"));
+    }
+}

@@ -1,0 +1,82 @@
+//! What the low back bore, and what has added up.
+
+use equipoise_core::message::{State, Validity};
+
+use super::series::Series;
+
+/// Low back, dose and load over time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Back {
+    /// Compression of the L5/S1 disc, N, while it was told.
+    pub compression_n: Series,
+    /// Net moment at L5/S1, N m, while it was told.
+    pub moment_nm: Series,
+    /// Mass in the hands, kg, while it was told.
+    pub lifted_kg: Series,
+    /// Cumulative damage of the low back.
+    pub damage: Series,
+    /// How long the compression was told, s.
+    pub told_s: f64,
+    /// The largest compression with its 1-σ and when it was: N, N, s.
+    pub peak: Option<[f64; 3]>,
+    /// Mean compression while it was told times `told_s`, N s.
+    compression_n_s: f64,
+    /// At the end: damage (1 is failure), probability of a high-risk job.
+    pub dose: Option<[f64; 2]>,
+}
+
+impl Back {
+    /// One state, which stands for `step_s`.
+    pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
+        if let Some(newtons) = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n) {
+            self.compression_n.push(time_s, newtons);
+            self.moment_nm.push(time_s, state.l5s1_moment_nm);
+            self.told_s += step_s;
+            self.compression_n_s += newtons * step_s;
+            if self.peak.is_none_or(|[peak_n, ..]| newtons > peak_n) {
+                self.peak = Some([newtons, state.l5s1_compression_sigma_n, time_s]);
+            }
+        }
+        if let Some(mass_kg) = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg) {
+            self.lifted_kg.push(time_s, mass_kg);
+        }
+        self.damage.push(time_s, state.dose_damage);
+        self.dose = Some([state.dose_damage, state.dose_probability]);
+    }
+
+    /// The dose at the end; `None` where there was nothing to judge by: the load was never told, and nothing had added up
+    /// before.
+    pub fn judged(&self) -> Option<[f64; 2]> {
+        self.dose.filter(|[damage, _]| self.told_s > 0.0 || *damage > 0.0)
+    }
+
+    /// Mean compression while it was told, N.
+    pub fn mean_n(&self) -> Option<f64> {
+        (self.told_s > 0.0).then(|| self.compression_n_s / self.told_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn only_what_was_told_counts() {
+        let mut back = Back::default();
+        back.take(&State { valid: Validity::NOT_IDENTIFIED.0, ..State::zeroed() }, 0.5, 0.5);
+        assert_eq!(back.judged(), None, "no risk is not the same as none known");
+        let carried = State { valid: Validity::NOT_IDENTIFIED.0, dose_damage: 1e-4, ..State::zeroed() };
+        back.take(&carried, 0.6, 0.5);
+        assert_eq!(back.judged(), Some([1e-4, 0.0]), "what the shift brought along");
+        let state = State { l5s1_compression_n: 2000.0, l5s1_compression_sigma_n: 200.0, ..State::zeroed() };
+        back.take(&state, 1.0, 0.5);
+        back.take(&State { l5s1_compression_n: 1000.0, ..state }, 2.0, 0.5);
+        back.take(&State { l5s1_compression_n: 9000.0, valid: Validity::MOVING.0, ..state }, 3.0, 0.5);
+        assert_eq!((back.peak, back.mean_n()), (Some([2000.0, 200.0, 1.0]), Some(1500.0)));
+        assert_eq!(back.compression_n.points().len(), 2);
+        // Without a load the back is still told.
+        back.take(&State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..state }, 4.0, 0.5);
+        assert_eq!(back.told_s, 1.5);
+    }
+}

@@ -1,0 +1,161 @@
+//! How long each joint was at each level, and how close it came to its limit.
+
+use equipoise_core::body::{JOINTS, Joint};
+use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
+use equipoise_view::words;
+
+/// How many levels there are, those that say nothing included.
+pub const LEVELS: usize = 6;
+/// Length of a column of the strips, s.
+pub const COLUMN_S: f64 = 1.0;
+
+/// The closest that a joint came to its limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// When, s since the recording's begin.
+    pub time_s: f64,
+    /// Overload torque's magnitude, N m.
+    pub torque_nm: f64,
+    /// Its 1-σ, N m.
+    pub sigma_nm: f64,
+    /// The torque over the joint's limit.
+    pub share: f64,
+}
+
+/// One joint.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct JointExposure {
+    /// Time at each level while torques were told, by the level's number, s.
+    pub level_s: [f64; LEVELS],
+    /// How long it was the joint closest to its limit, s.
+    pub worst_s: f64,
+    /// The closest it came.
+    pub peak: Option<Peak>,
+    /// Fatigue at the end, 0 to 1.
+    pub fatigue: f64,
+    /// The largest fatigue, 0 to 1.
+    pub fatigue_max: f64,
+}
+
+/// The highest level of every joint in one stretch of time; `None` where no torque was told.
+pub type Column = [Option<Level>; JOINTS];
+
+/// All joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exposure {
+    /// By the joint's index.
+    pub joints: [JointExposure; JOINTS],
+    /// How long torques were told, s.
+    pub told_s: f64,
+    /// Stretches of [`COLUMN_S`] by their number since the recording's begin.
+    pub columns: Vec<(i64, Column)>,
+}
+
+impl Default for Exposure {
+    fn default() -> Exposure {
+        Exposure { joints: [JointExposure::default(); JOINTS], told_s: 0.0, columns: Vec::new() }
+    }
+}
+
+impl Exposure {
+    /// One state, which stands for `step_s`.
+    pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
+        for (joint, fatigue) in self.joints.iter_mut().zip(state.fatigue) {
+            joint.fatigue = fatigue;
+            joint.fatigue_max = joint.fatigue_max.max(fatigue);
+        }
+        let Some(worst) = state.unless(Validity::SPOILS_TORQUES, state.worst_joint) else { return };
+        self.told_s += step_s;
+        let number = (time_s / COLUMN_S).floor() as i64;
+        if self.columns.last().is_none_or(|(last, _)| *last != number) {
+            self.columns.push((number, [None; JOINTS]));
+        }
+        for joint in Joint::ALL {
+            let index = joint.index();
+            let level = Level::from_number(state.joint_level[index]).unwrap_or(Level::None);
+            let exposure = &mut self.joints[index];
+            exposure.level_s[level as usize] += step_s;
+            exposure.see(state, joint, time_s);
+            if worst as usize == index {
+                exposure.worst_s += step_s;
+            }
+            if let Some((_, column)) = self.columns.last_mut() {
+                let shown = &mut column[index];
+                *shown = Some(
+                    shown.map_or(level, |before| if rank(level) > rank(before) { level } else { before }),
+                );
+            }
+        }
+    }
+
+    /// The joint that was closest to its limit for the longest, or came closest at all where none was for long.
+    pub fn worst(&self) -> Option<Joint> {
+        let by = |joint: &Joint| {
+            let exposure = &self.joints[joint.index()];
+            (exposure.worst_s, exposure.peak.map_or(0.0, |peak| peak.share))
+        };
+        Joint::ALL
+            .into_iter()
+            .filter(|joint| self.joints[joint.index()].worst_s > 0.0)
+            .max_by(|a, b| by(a).partial_cmp(&by(b)).unwrap_or(core::cmp::Ordering::Equal))
+    }
+}
+
+impl JointExposure {
+    fn see(&mut self, state: &State, joint: Joint, time_s: f64) {
+        let limit_nm = state.torque_limit_nm[joint.index()];
+        if limit_nm <= 0.0 {
+            return;
+        }
+        let torque_nm = words::torque_nm(state, joint);
+        let share = torque_nm / limit_nm;
+        if self.peak.is_none_or(|peak| share > peak.share) {
+            let sigma_nm = state.torque_sigma_nm[joint.index()];
+            self.peak = Some(Peak { time_s, torque_nm, sigma_nm, share });
+        }
+    }
+
+    /// Time at a level, s.
+    pub fn at(&self, level: Level) -> f64 {
+        self.level_s[level as usize]
+    }
+}
+
+/// What hides what in a column: a level that is known hides one that is not.
+pub fn rank(level: Level) -> u8 {
+    match level {
+        Level::None => 0,
+        Level::Undecided => 1,
+        Level::Green => 2,
+        Level::Orange => 3,
+        Level::Red => 4,
+        Level::AboveMax => 5,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn time_counts_at_its_level_and_withheld_time_at_none() {
+        let mut exposure = Exposure::default();
+        let mut state = State::zeroed();
+        state.joint_level = [Level::Green as u32; JOINTS];
+        (state.torque_nm[3], state.torque_limit_nm[3], state.worst_joint) = ([0.0, 30.0, 40.0], 100.0, 3);
+        exposure.take(&state, 0.1, 0.01);
+        state.joint_level[3] = Level::Red as u32;
+        exposure.take(&state, 0.2, 0.01);
+        state.valid = Validity::MOVING.0;
+        state.torque_nm[3] = [0.0, 300.0, 400.0];
+        exposure.take(&state, 1.3, 0.01);
+        let joint = &exposure.joints[3];
+        assert_eq!((joint.at(Level::Green), joint.at(Level::Red), joint.at(Level::None)), (0.01, 0.01, 0.0));
+        assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.share)), Some((50.0, 0.5)));
+        assert_eq!((exposure.told_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
+        assert_eq!(exposure.columns.len(), 1, "nothing was told in the second after");
+        assert_eq!(exposure.columns[0].1[3], Some(Level::Red));
+    }
+}

@@ -1,0 +1,236 @@
+//! Goes through a recording once and keeps what a report tells.
+
+use std::collections::VecDeque;
+
+use equipoise_adapters::recording::{Entry, Recording, RecordingHeader};
+use equipoise_core::exposure::dose::LIFT_MIN_S;
+use equipoise_core::message::State;
+use equipoise_latency::{PathHistograms, Report as PathReport};
+
+use super::back::Back;
+use super::exposure::Exposure;
+use super::identification::Identification;
+use super::lifts::Lifts;
+use super::quality::Quality;
+use super::records::Records;
+use crate::config::Config;
+use crate::replay::Replay;
+use crate::replay::input::{Chosen, Input};
+
+/// A recorder writes a cycle's record a little after its state, when the state was published: so many states are held back
+/// until the records of their cycles are known.
+const HELD_BACK: usize = 512;
+
+/// Where the states come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// The live loop's, as they were recorded.
+    Recorded,
+    /// They were computed by the same cycle: the recording has samples only, or another configuration was asked for.
+    Replayed,
+}
+
+/// All that a report tells.
+#[derive(Debug)]
+pub struct Facts {
+    /// Name of the file.
+    pub name: String,
+    /// Where the states come from.
+    pub source: Source,
+    /// What the recording says of itself; nothing of a capture of another program.
+    pub header: RecordingHeader,
+    /// The configuration in use.
+    pub config: Config,
+    /// Where it comes from, in words.
+    pub config_origin: String,
+    /// Who was in use, by pseudonym, in order; empty if nobody with a name.
+    pub subjects: Vec<String>,
+    /// When another worker was put in place, s since the recording's begin.
+    pub changes_s: Vec<f64>,
+    /// States.
+    pub cycles: u64,
+    /// Time of the first and the last, s since the recording's begin.
+    pub span_s: Option<[f64; 2]>,
+    /// How the worker was learnt.
+    pub identification: Identification,
+    /// Joints.
+    pub exposure: Exposure,
+    /// Lifts.
+    pub lifts: Lifts,
+    /// Low back, load, dose.
+    pub back: Back,
+    /// Body mass in use at the end, kg; 0 if it is not known.
+    pub mass_kg: f64,
+    /// Percentiles of the path; `None` without cycle records.
+    pub path: Option<PathReport>,
+    /// How good the data were.
+    pub quality: Quality,
+    /// What of the file could not be used, in words.
+    pub rejected: Vec<String>,
+    started_ns: u64,
+    records: Records,
+    last: Option<Last>,
+}
+
+/// What of the last state the next one is held against.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    cycle: u64,
+    time_ns: u64,
+    lifts: u32,
+}
+
+impl Facts {
+    /// Goes through an input with its configuration; `name` is what the file is called. Unless the configuration is the
+    /// one that it was made with (`as_recorded`), recorded states are passed over and computed anew.
+    ///
+    /// # Errors
+    /// There is neither a state nor a sample in it that can be used.
+    pub fn gather(name: &str, input: &Input, chosen: Chosen, as_recorded: bool) -> anyhow::Result<Facts> {
+        let header = match input {
+            Input::Recording(recording) => recording.header().clone(),
+            _ => RecordingHeader::default(),
+        };
+        let mut facts = Facts {
+            name: name.to_owned(),
+            source: Source::Recorded,
+            subjects: subjects(&header, &chosen.config.subject.id),
+            header,
+            config: chosen.config,
+            config_origin: chosen.origin,
+            changes_s: Vec::new(),
+            cycles: 0,
+            span_s: None,
+            identification: Identification::default(),
+            exposure: Exposure::default(),
+            lifts: Lifts::default(),
+            back: Back::default(),
+            mass_kg: 0.0,
+            path: None,
+            quality: Quality::default(),
+            rejected: Vec::new(),
+            started_ns: input.started_ns(),
+            records: Records::default(),
+            last: None,
+        };
+        if let Input::Recording(recording) = input {
+            facts.read(recording, as_recorded);
+        }
+        if facts.cycles == 0 {
+            facts.replay(input, as_recorded)?;
+        }
+        Ok(facts)
+    }
+
+    /// Takes in what is recorded, up to the first damage.
+    fn read(&mut self, recording: &Recording, as_recorded: bool) {
+        let mut path = PathHistograms::new();
+        let mut waiting = VecDeque::new();
+        for timed in recording.entries() {
+            match timed.map(|timed| timed.entry) {
+                Ok(Entry::State(state)) if as_recorded => {
+                    waiting.push_back(state);
+                    if waiting.len() > HELD_BACK
+                        && let Some(state) = waiting.pop_front()
+                    {
+                        self.take(&state);
+                    }
+                }
+                Ok(Entry::Cycle(record)) => {
+                    path.record(&record);
+                    self.records.note(&record);
+                }
+                Ok(Entry::Health(health)) => self.quality.hear(&health),
+                Ok(_) => {}
+                Err(damage) => self.rejected.push(damage.to_string()),
+            }
+        }
+        for state in waiting {
+            self.take(&state);
+        }
+        let report = PathReport::of(&path);
+        self.path = (report.cycles > 0).then_some(report);
+        if recording.truncated() {
+            let told = "the recording was cut short: what came after its last whole chunk is not there";
+            self.rejected.push(told.to_owned());
+        }
+    }
+
+    fn replay(&mut self, input: &Input, as_recorded: bool) -> anyhow::Result<()> {
+        self.source = Source::Replayed;
+        let config = self.config.clone();
+        let replay = Replay { input, config: &config, as_recorded, residual_s: None };
+        let summary = replay.run_with(|state| {
+            self.take(state);
+            Ok(())
+        })?;
+        for told in summary.left_out.rejected {
+            if !self.rejected.contains(&told) {
+                self.rejected.push(told);
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, state: &State) {
+        let step_s = self.period_ns(state) as f64 / 1e9;
+        let time_s = (i128::from(state.time_ns) - i128::from(self.started_ns)) as f64 / 1e9;
+        self.cycles += 1;
+        let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
+        self.span_s = Some([from_s, time_s]);
+        if self.is_another_worker(state) {
+            self.changes_s.push(time_s);
+            self.identification = Identification::default();
+            self.lifts.another_worker(state);
+        }
+        let State { cycle, time_ns, lifts, .. } = *state;
+        self.last = Some(Last { cycle, time_ns, lifts });
+        self.identification.take(state, time_s);
+        self.exposure.take(state, time_s, step_s);
+        self.lifts.take(state, time_s, step_s);
+        self.back.take(state, time_s, step_s);
+        self.quality.take(state, step_s);
+        self.mass_kg = state.mass_kg;
+    }
+
+    /// How long a state stands for: a file that spans a restart of the daemon has the head of the one before.
+    fn period_ns(&self, state: &State) -> u64 {
+        let recorded = || self.records.period_ns(state.time_ns).filter(|_| self.source == Source::Recorded);
+        recorded().unwrap_or(self.config.period_ns())
+    }
+
+    /// Whether the loop was given another worker since the last state: a record says so, or the lifts do, which one worker
+    /// can neither lose nor make so fast.
+    fn is_another_worker(&self, state: &State) -> bool {
+        let Some(last) = self.last else { return false };
+        if self.records.has_load(last.time_ns, state.time_ns) {
+            return true;
+        }
+        // A restart goes on from what was saved, which may be a lift less.
+        let goes_on = state.cycle > last.cycle;
+        let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
+        let more = f64::from(state.lifts.saturating_sub(last.lifts));
+        goes_on && (state.lifts < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
+    }
+
+    /// Whether all of the file was used.
+    pub fn is_whole(&self) -> bool {
+        self.rejected.is_empty()
+    }
+}
+
+/// Who was in use: the profiles say so; the configuration's worker only where the recording began without a profile.
+fn subjects(header: &RecordingHeader, configured: &str) -> Vec<String> {
+    let named = |text: &String| {
+        let profile: toml::Table = text.parse().ok()?;
+        profile.get("subject")?.as_str().map(str::to_owned)
+    };
+    let first = named(&header.subject_toml).or_else(|| Some(configured.to_owned()));
+    let mut all = Vec::new();
+    for id in first.into_iter().chain(header.later_subjects_toml.iter().filter_map(named)) {
+        if !id.is_empty() && !all.contains(&id) {
+            all.push(id);
+        }
+    }
+    all
+}

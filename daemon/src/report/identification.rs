@@ -1,0 +1,124 @@
+//! How the worker was learnt: pose by pose.
+
+use equipoise_core::message::State;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+
+/// What the model was worth with so many poses in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// How many poses were in it.
+    pub poses: u32,
+    /// When the last of them entered, s since the recording's begin.
+    pub time_s: f64,
+    /// The pose that was asked for just before.
+    pub asked: Option<&'static str>,
+    /// Predicted 1-σ of the CoP over the library, m; `None` while the filter has said none.
+    pub cop_sigma_m: Option<f64>,
+    /// Largest variance of a parameter (the paper's P_jj), m².
+    pub variance_max_m2: Option<f64>,
+    /// Normalised innovation squared of this pose, 2 degrees of freedom.
+    pub nis: Option<f64>,
+}
+
+/// All of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Identification {
+    /// The model before the first pose of this recording, then one row a pose.
+    pub poses: Vec<Pose>,
+    /// When the stop rule was first met, s; the recording's begin if it already was.
+    pub converged_s: Option<f64>,
+    /// Whether the model was there when the recording began, or when the worker was put in place.
+    pub known_before: bool,
+    /// How often it was begun anew in the recording.
+    pub begun_anew: u32,
+    /// Samples in motion that entered.
+    pub motion_samples: u32,
+    /// How much the prior was inflated, at last; 1 if not at all.
+    pub prior_inflation: Option<f64>,
+    last: Option<(u32, Option<&'static str>)>,
+}
+
+impl Identification {
+    /// One state.
+    pub fn take(&mut self, state: &State, time_s: f64) {
+        let asked = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
+        match self.last {
+            None => {
+                self.known_before = state.converged != 0;
+                self.note(state, time_s, None);
+            }
+            Some((poses, _)) if state.poses_used < poses => {
+                self.begun_anew += 1;
+                self.known_before = false;
+                self.poses.clear();
+                self.converged_s = None;
+                self.note(state, time_s, None);
+            }
+            Some((poses, asked)) if state.poses_used > poses => self.note(state, time_s, asked),
+            // Until the body is known the filter says nothing; what it says first is the prior.
+            Some(_) => {
+                if let Some(last) = self.poses.last_mut().filter(|pose| pose.cop_sigma_m.is_none()) {
+                    *last = Pose { time_s: last.time_s, asked: last.asked, ..pose_of(state, time_s, None) };
+                }
+            }
+        }
+        if state.converged != 0 {
+            self.converged_s.get_or_insert(time_s);
+        }
+        self.motion_samples = state.motion_samples_used;
+        self.prior_inflation = positive(state.prior_inflation);
+        self.last = Some((state.poses_used, asked));
+    }
+
+    fn note(&mut self, state: &State, time_s: f64, asked: Option<&'static str>) {
+        self.poses.push(pose_of(state, time_s, asked));
+    }
+}
+
+fn pose_of(state: &State, time_s: f64, asked: Option<&'static str>) -> Pose {
+    Pose {
+        poses: state.poses_used,
+        time_s,
+        asked,
+        cop_sigma_m: positive(state.predicted_cop_sigma_m),
+        variance_max_m2: positive(state.variance_max_m2),
+        nis: positive(state.nis).filter(|_| state.poses_used > 0),
+    }
+}
+
+fn positive(value: f64) -> Option<f64> {
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn every_pose_is_a_row_with_the_pose_that_was_asked_for() {
+        let mut found = Identification::default();
+        let state = |poses_used, sigma_m, suggested_pose| State {
+            poses_used,
+            predicted_cop_sigma_m: sigma_m,
+            suggested_pose,
+            ..State::zeroed()
+        };
+        found.take(&state(0, 0.0, u32::MAX), 0.0);
+        found.take(&state(0, 0.02, 1), 1.0);
+        found.take(&state(1, 0.01, 2), 2.0);
+        found.take(&State { converged: 1, ..state(2, 0.004, u32::MAX) }, 3.0);
+        let told: Vec<_> =
+            found.poses.iter().map(|pose| (pose.poses, pose.cop_sigma_m, pose.asked)).collect();
+        let names = [1, 2].map(|index: usize| Some(LIBRARY[index].name));
+        assert_eq!(told, [(0, Some(0.02), None), (1, Some(0.01), names[0]), (2, Some(0.004), names[1])]);
+        assert_eq!((found.converged_s, found.known_before, found.begun_anew), (Some(3.0), false, 0));
+        found.take(&state(0, 0.02, 1), 4.0);
+        assert_eq!((found.poses.len(), found.converged_s, found.begun_anew), (1, None, 1));
+        let mut known = Identification::default();
+        known.take(&State { converged: 1, ..state(9, 0.004, u32::MAX) }, 0.0);
+        assert!(known.known_before);
+        known.take(&state(0, 0.02, 1), 1.0);
+        assert!(!known.known_before && known.converged_s.is_none(), "what was forgotten is known no more");
+    }
+}

@@ -1,0 +1,94 @@
+//! How good the data were: phases, reasons for withholding, gaps, losses, refusals.
+
+use std::collections::BTreeMap;
+
+use equipoise_core::message::state::NotGiven;
+use equipoise_core::message::{AdapterHealth, State, Validity};
+
+/// Phases by their number.
+const PHASES: usize = 4;
+
+/// All of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Quality {
+    /// How long states were told, s.
+    pub seen_s: f64,
+    /// Time in each phase, by its number, s.
+    pub phase_s: [f64; PHASES],
+    /// How long each reason was raised, s, in the order of [`Validity::NAMES`].
+    pub reason_s: Vec<f64>,
+    /// How long nothing at all was withheld, s.
+    pub all_valid_s: f64,
+    /// What the station's sensors do not give, by name.
+    pub not_given: Vec<&'static str>,
+    /// States that are not there between the first and the last.
+    pub states_missing: u64,
+    /// How often another daemon went on.
+    pub restarts: u64,
+    /// Steps of the feet.
+    pub stances: u32,
+    /// What each adapter told last, by stream: 1 suit, 2 ground.
+    pub adapters: BTreeMap<u32, AdapterHealth>,
+    last_cycle: Option<u64>,
+    last_stance: Option<u32>,
+}
+
+impl Quality {
+    /// One state, which stands for `step_s`.
+    pub fn take(&mut self, state: &State, step_s: f64) {
+        self.seen_s += step_s;
+        if let Some(phase_s) = self.phase_s.get_mut(state.phase as usize) {
+            *phase_s += step_s;
+        }
+        self.reason_s.resize(Validity::NAMES.len(), 0.0);
+        for ((reason, _), raised_s) in Validity::NAMES.iter().zip(&mut self.reason_s) {
+            if state.validity().any_of(*reason) {
+                *raised_s += step_s;
+            }
+        }
+        if state.valid == 0 {
+            self.all_valid_s += step_s;
+        }
+        for (what, name) in NotGiven::NAMES {
+            if !state.gives(what) && !self.not_given.contains(&name) {
+                self.not_given.push(name);
+            }
+        }
+        match self.last_cycle.replace(state.cycle) {
+            Some(last) if state.cycle <= last => self.restarts += 1,
+            Some(last) => self.states_missing += state.cycle - last - 1,
+            None => {}
+        }
+        if let Some(last) = self.last_stance.replace(state.stance) {
+            self.stances += state.stance.saturating_sub(last);
+        }
+    }
+
+    /// What an adapter told; the last word counts, for it tells sums.
+    pub fn hear(&mut self, health: &AdapterHealth) {
+        self.adapters.insert(health.stream, *health);
+    }
+
+    /// The reasons that were raised at all, with how long, s.
+    pub fn reasons(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let raised = Validity::NAMES.iter().zip(&self.reason_s).filter(|(_, raised_s)| **raised_s > 0.0);
+        raised.map(|((_, name), raised_s)| (*name, *raised_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn reasons_gaps_and_restarts_are_counted() {
+        let mut quality = Quality::default();
+        for (cycle, valid) in [(1, 0), (2, 3), (5, 1), (1, 0)] {
+            quality.take(&State { cycle, valid, phase: 2, ..State::zeroed() }, 0.5);
+        }
+        assert_eq!(quality.reasons().map(|(_, raised_s)| raised_s).collect::<Vec<_>>(), [1.0, 0.5]);
+        assert_eq!((quality.states_missing, quality.restarts), (2, 1));
+        assert_eq!((quality.all_valid_s, quality.seen_s, quality.phase_s[2]), (1.0, 2.0, 2.0));
+    }
+}

@@ -1,0 +1,61 @@
+//! What cycle records say beside latency: when another worker was put in place, and how long a period was.
+
+use equipoise_core::message::CycleRecord;
+use equipoise_core::message::command::CommandKind;
+
+/// Of all cycles of a recording, by their scheduled time, which is that of their states.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Records {
+    loads_ns: Vec<u64>,
+    /// From when on a period was so long, ns and ns.
+    periods_ns: Vec<[u64; 2]>,
+}
+
+impl Records {
+    /// One record.
+    pub fn note(&mut self, record: &CycleRecord) {
+        let command = CommandKind::from_number(record.command);
+        // Who is forgotten is replaced by an unknown worker.
+        if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectForget)) {
+            self.loads_ns.push(record.due_ns);
+        }
+        let is_new = self.periods_ns.last().is_none_or(|[_, period_ns]| *period_ns != record.period_ns);
+        if record.period_ns > 0 && is_new {
+            self.periods_ns.push([record.due_ns, record.period_ns]);
+        }
+    }
+
+    /// Whether another worker was put in place after one state and until the next, both ns.
+    pub fn has_load(&self, after_ns: u64, until_ns: u64) -> bool {
+        self.loads_ns.iter().any(|load_ns| (after_ns + 1..=until_ns).contains(load_ns))
+    }
+
+    /// Length of a period at a time, ns; `None` without records.
+    pub fn period_ns(&self, time_ns: u64) -> Option<u64> {
+        let last = self.periods_ns.iter().rev().find(|[from_ns, _]| *from_ns <= time_ns);
+        last.or(self.periods_ns.first()).map(|[_, period_ns]| *period_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn loads_and_periods_are_found_by_time() {
+        let mut records = Records::default();
+        assert_eq!(records.period_ns(1), None);
+        for (due_ns, period_ns, command) in [
+            (10, 5, 0),
+            (15, 5, CommandKind::SubjectLoad as u32),
+            (20, 2, CommandKind::Tare as u32),
+            (22, 2, 0),
+        ] {
+            records.note(&CycleRecord { due_ns, period_ns, command, ..CycleRecord::zeroed() });
+        }
+        assert_eq!([9, 15, 19, 20, 99].map(|time_ns| records.period_ns(time_ns)), [5, 5, 5, 2, 2].map(Some));
+        assert!(records.has_load(10, 15) && records.has_load(12, 20), "also where its own state is missing");
+        assert!(!records.has_load(15, 22) && !records.has_load(0, 14));
+    }
+}

@@ -1,0 +1,76 @@
+//! A quantity over time, with as few points as a picture needs: of each stretch the lowest and the highest.
+
+/// Length of a stretch, s.
+const STRETCH_S: f64 = 0.25;
+
+/// Points by time, s and the quantity's own unit.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    stretches: Vec<Stretch>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Stretch {
+    number: i64,
+    lowest: [f64; 2],
+    highest: [f64; 2],
+}
+
+impl Series {
+    /// One more value; none that is not finite.
+    pub fn push(&mut self, time_s: f64, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        let (number, point) = ((time_s / STRETCH_S).floor() as i64, [time_s, value]);
+        match self.stretches.last_mut() {
+            Some(last) if last.number == number => {
+                if value < last.lowest[1] {
+                    last.lowest = point;
+                }
+                if value > last.highest[1] {
+                    last.highest = point;
+                }
+            }
+            _ => self.stretches.push(Stretch { number, lowest: point, highest: point }),
+        }
+    }
+
+    /// What is left of it, by time.
+    pub fn points(&self) -> Vec<[f64; 2]> {
+        let mut points = Vec::with_capacity(2 * self.stretches.len());
+        for stretch in &self.stretches {
+            let (low, high) = (stretch.lowest, stretch.highest);
+            points.extend(if low[0] <= high[0] { [low, high] } else { [high, low] });
+            points.dedup();
+        }
+        points
+    }
+
+    /// The highest value and when it was, s.
+    pub fn highest(&self) -> Option<[f64; 2]> {
+        self.stretches.iter().map(|stretch| stretch.highest).max_by(|a, b| a[1].total_cmp(&b[1]))
+    }
+
+    /// Whether there was nothing.
+    pub fn is_empty(&self) -> bool {
+        self.stretches.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extremes_stay_and_what_was_not_there_leaves_a_hole() {
+        let mut series = Series::default();
+        for (time_s, value) in [(0.0, 1.0), (0.1, 9.0), (0.2, -3.0), (0.24, 2.0), (7.0, 4.0), (7.1, f64::NAN)]
+        {
+            series.push(time_s, value);
+        }
+        assert_eq!(series.points(), [[0.1, 9.0], [0.2, -3.0], [7.0, 4.0]]);
+        assert_eq!(series.highest(), Some([0.1, 9.0]));
+        assert!(Series::default().is_empty() && Series::default().highest().is_none());
+    }
+}

@@ -1,0 +1,71 @@
+//! What the suit says of its wearer's build: when it is told, live and from a capture alike.
+
+use equipoise_adapters::clock::now_monotonic_ns;
+use equipoise_bus::{Bus, BusError, Publisher};
+use equipoise_core::message::SuitBody;
+
+use super::{AdapterError, SUIT_ROLE, only_publisher};
+
+/// How often it is told again, ns.
+const INTERVAL_NS: u64 = 1_000_000_000;
+
+/// Publishes it: at once when it changes, and once a second, so that whoever comes later has it.
+pub(super) struct Build {
+    publisher: Publisher<SuitBody>,
+    cadence: BuildCadence,
+}
+
+impl Build {
+    pub(super) fn new(bus: &Bus) -> Result<Build, AdapterError> {
+        Ok(Build { publisher: only_publisher(bus, SUIT_ROLE)?, cadence: BuildCadence::default() })
+    }
+
+    pub(super) fn tell_if_due(&mut self, body: Option<SuitBody>) -> Result<(), BusError> {
+        match self.cadence.due(body, now_monotonic_ns()) {
+            Some(body) => self.publisher.send(&body).map(drop),
+            None => Ok(()),
+        }
+    }
+}
+
+/// When a build is told.
+#[derive(Debug, Default)]
+pub(crate) struct BuildCadence {
+    told: Option<SuitBody>,
+}
+
+impl BuildCadence {
+    /// The build to publish at `now_ns`, stamped; `None` while nothing is new and a second has not passed.
+    pub(crate) fn due(&mut self, body: Option<SuitBody>, now_ns: u64) -> Option<SuitBody> {
+        let body = SuitBody { published_ns: now_ns, ..body? };
+        let said_before = self.told.as_ref().is_some_and(|told| {
+            told.is_same_build(&body) && now_ns.saturating_sub(told.published_ns) < INTERVAL_NS
+        });
+        if said_before {
+            return None;
+        }
+        self.told = Some(body);
+        self.told
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn a_build_is_told_at_once_when_it_changes_and_once_a_second() {
+        let mut cadence = BuildCadence::default();
+        let told = |cadence: &mut BuildCadence, session: u32, now_ns: u64| {
+            let body = SuitBody { session, ..SuitBody::zeroed() };
+            cadence.due(Some(body), now_ns).map(|body| (body.session, body.published_ns))
+        };
+        assert_eq!(cadence.due(None, 1), None);
+        assert_eq!(told(&mut cadence, 0, 5), Some((0, 5)));
+        assert_eq!(told(&mut cadence, 0, 6), None);
+        assert_eq!(told(&mut cadence, 1, 7), Some((1, 7)));
+        assert_eq!(told(&mut cadence, 1, 7 + INTERVAL_NS - 1), None);
+        assert_eq!(told(&mut cadence, 1, 7 + INTERVAL_NS), Some((1, 7 + INTERVAL_NS)));
+    }
+}

@@ -1,0 +1,49 @@
+//! Damaged and arbitrary configurations keep the law that `fuzz/` looks at for longer.
+
+#[path = "laws/config.rs"]
+mod config;
+
+/// A row of numbers that look like chance and are the same every time.
+struct Chance(u64);
+
+impl Chance {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % bound
+    }
+}
+
+#[test]
+fn damaged_configurations_are_taken_whole_or_refused_in_words() {
+    let mut chance = Chance(7);
+    let parts = [
+        "=",
+        "[ground]\n",
+        "-1",
+        "1e400",
+        "nan",
+        "\"",
+        "\n",
+        "#",
+        "0x",
+        "[[",
+        "true",
+        "source = \"text\"\n",
+        "é",
+    ];
+    for seed in config::seeds() {
+        config::check(&seed);
+        for _ in 0..400 {
+            let mut text = seed.clone();
+            for _ in 0..=chance.below(3) {
+                let at = chance.below(text.len());
+                match chance.below(3) {
+                    0 => text[at] = chance.below(128) as u8,
+                    1 => drop(text.splice(at..at, parts[chance.below(parts.len())].bytes())),
+                    _ => drop(text.drain(at..(at + chance.below(20)).min(text.len()))),
+                }
+            }
+            config::check(&text);
+        }
+    }
+}

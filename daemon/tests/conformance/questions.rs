@@ -1,0 +1,195 @@
+//! The questions, each asked in its turn of one running device.
+
+use std::sync::Arc;
+
+use equipoise_simulator::faults::Faults;
+
+use crate::cases::Case;
+use crate::person::Person;
+use crate::rig::Rig;
+
+/// What is asked, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Question {
+    Rate,
+    Truth,
+    Loss,
+    Garbage,
+    Reasons,
+    Reconnect,
+    Monotone,
+    Speed,
+}
+
+impl Question {
+    pub(crate) const ALL: [Question; 8] = [
+        Question::Rate,
+        Question::Truth,
+        Question::Loss,
+        Question::Garbage,
+        Question::Reasons,
+        Question::Reconnect,
+        Question::Monotone,
+        Question::Speed,
+    ];
+
+    /// The head of its column.
+    pub(crate) fn title(self) -> &'static str {
+        match self {
+            Question::Rate => "sample rate",
+            Question::Truth => "units and frame",
+            Question::Loss => "loss counted",
+            Question::Garbage => "over garbage",
+            Question::Reasons => "bad input counted as",
+            Question::Reconnect => "reconnects",
+            Question::Monotone => "stamps rise",
+            Question::Speed => "wrong speed named",
+        }
+    }
+}
+
+/// What a cell says, or what is wrong.
+pub(crate) type Answer = Result<String, String>;
+
+/// Samples after which everything that was under way has come.
+const SETTLED: usize = 30;
+
+/// Asks all; an error is one of the rig itself.
+pub(crate) fn ask(case: &Case, person: &Arc<Person>) -> Result<Vec<(Question, Answer)>, String> {
+    let mut rig = Rig::start(case, person)?;
+    let mut answers = Vec::new();
+    for question in Question::ALL {
+        if case.why_not(question).is_some() {
+            continue;
+        }
+        answers.push((
+            question,
+            match question {
+                Question::Rate => rate(case, &mut rig),
+                Question::Truth => truth(case, &mut rig),
+                Question::Loss => loss(case, &mut rig),
+                Question::Garbage => garbage(case, &mut rig),
+                Question::Reasons => reasons(case, &mut rig),
+                Question::Reconnect => reconnect(case, &mut rig),
+                Question::Monotone => monotone(&rig),
+                Question::Speed => speed(case, person),
+            },
+        ));
+        // Where nothing comes at all, waiting for more is in vain.
+        if rig.samples.is_empty() {
+            break;
+        }
+    }
+    Ok(answers)
+}
+
+fn yes_unless(wrong: Option<String>) -> Answer {
+    wrong.map_or_else(|| Ok("yes".into()), Err)
+}
+
+/// By the samples' own times: as many a second as the device measures.
+fn rate(case: &Case, rig: &mut Rig<'_>) -> Answer {
+    rig.more("the first samples", SETTLED)?;
+    let first = rig.samples.len();
+    rig.more("samples of a second and a half", (case.rate_hz * 1.5) as usize)?;
+    let timed: Vec<u64> = rig.samples[first..]
+        .iter()
+        .filter(|sample| sample.is_timed())
+        .map(crate::host::Sample::time_ns)
+        .collect();
+    let [begin, .., end] = timed[..] else { return Err("no sample has a time".into()) };
+    let hz = (timed.len() - 1) as f64 / ((end - begin) as f64 * 1e-9);
+    let off = (hz / case.rate_hz - 1.0).abs();
+    if off > 0.03 {
+        Err(format!("{hz} Hz instead of {}", case.rate_hz))
+    } else {
+        Ok(format!("{} Hz", case.rate_hz))
+    }
+}
+
+/// Every sample so far says what the person does: force, centre of pressure, turn.
+fn truth(case: &Case, rig: &mut Rig<'_>) -> Answer {
+    let first = rig.samples.len();
+    rig.more("samples to compare", (case.rate_hz * 0.5) as usize)?;
+    yes_unless(rig.wrong_since(first.saturating_sub((case.rate_hz * 0.5) as usize)))
+}
+
+/// As many as the way lost, no more and no fewer.
+fn loss(case: &Case, rig: &mut Rig<'_>) -> Answer {
+    let (before, suffered_before) = rig.lost();
+    rig.set_faults(Faults { loss: case.loss, ..Faults::default() });
+    rig.while_measured("samples of which some are lost", (case.rate_hz * 1.5) as u64)?;
+    rig.until("a lost sample", |rig| rig.device.suffered().lost > suffered_before.lost)?;
+    rig.set_faults(Faults::default());
+    // So many that those behind the last lost one have come.
+    rig.while_measured("samples behind the lost ones", (case.rate_hz * 0.25) as u64)?;
+    rig.more("samples behind the lost ones", SETTLED)?;
+    let (after, suffered) = rig.lost();
+    let (told, is) = (after - before, suffered.lost - suffered_before.lost);
+    if told == is { Ok("yes".into()) } else { Err(format!("{told} are told, {is} were lost")) }
+}
+
+/// What comes after garbage is as good as before.
+fn garbage(case: &Case, rig: &mut Rig<'_>) -> Answer {
+    let before = rig.device.suffered().garbage;
+    rig.set_faults(case.garbage);
+    rig.until("garbage", |rig| rig.device.suffered().garbage > before)?;
+    rig.while_measured("samples with garbage between them", (case.rate_hz * 1.5) as u64)?;
+    rig.set_faults(Faults::default());
+    // What was cut goes on into the next.
+    rig.while_measured("the end of the garbage", (case.rate_hz * 0.1) as u64 + 3)?;
+    rig.more("samples after garbage", SETTLED)?;
+    let first = rig.samples.len();
+    rig.more("samples long after garbage", SETTLED)?;
+    yes_unless(rig.wrong_since(first))
+}
+
+/// Each reason that the case expects was counted.
+fn reasons(case: &Case, rig: &mut Rig<'_>) -> Answer {
+    let refused = rig.host.refused();
+    // Of some noise it is luck as what it is refused.
+    let counted =
+        |reasons: &&str| reasons.split(" or ").any(|reason| refused.iter().any(|(name, _)| *name == reason));
+    match case.reasons.iter().find(|reason| !counted(reason)) {
+        Some(missing) => Err(format!("nothing was refused as {missing}, but {refused:?}")),
+        None => Ok(case.reasons.join(", ")),
+    }
+}
+
+/// Pulled out and plugged in, it goes on, and says the truth.
+fn reconnect(case: &Case, rig: &mut Rig<'_>) -> Answer {
+    rig.device.plug(false);
+    rig.while_measured("its absence", (case.rate_hz * 0.7) as u64)?;
+    rig.device.plug(true);
+    rig.more("samples of a device that came back", SETTLED)?;
+    let first = rig.samples.len();
+    rig.more_timed("samples of a device that is back", SETTLED)?;
+    yes_unless(rig.wrong_since(first))
+}
+
+/// No sample of a session is older than the one before it.
+fn monotone(rig: &Rig<'_>) -> Answer {
+    let timed: Vec<_> = rig.samples.iter().filter(|sample| sample.is_timed()).collect();
+    let falls = timed
+        .windows(2)
+        .enumerate()
+        .find(|(_, pair)| pair[1].session() == pair[0].session() && pair[1].time_ns() < pair[0].time_ns());
+    yes_unless(falls.map(|(at, pair)| {
+        format!("sample {at} of {}: {} ns back", timed.len(), pair[0].time_ns() - pair[1].time_ns())
+    }))
+}
+
+/// A host at another speed hears noise, and says that the speed may be wrong, which it is, and what is usual.
+fn speed(case: &Case, person: &Arc<Person>) -> Answer {
+    let baud = case.wrong_baud?;
+    let keys = format!("[ground.serial]\nbaud = {baud}\n");
+    let mut rig = Rig::start_with(case, person, |section| {
+        // In place of the device's own.
+        let kept = section.lines().filter(|line| !line.starts_with("baud ="));
+        kept.map(|line| format!("{line}\n")).collect::<String>().replace("[ground.serial]\n", &keys)
+    })?;
+    rig.until("a word about the speed", |rig| {
+        rig.host.trouble().is_some_and(|trouble| trouble.contains("baud"))
+    })?;
+    if rig.samples.is_empty() { Ok("yes".into()) } else { Err("noise became samples".into()) }
+}

@@ -1,0 +1,98 @@
+//! `equipoise simulate --ground` of the real program: what it prints is a configuration, and what it sends fits it.
+
+use std::io::{BufRead, BufReader};
+use std::net::UdpSocket;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use equipoise_simulator::GRAVITY_M_PER_S2;
+
+use crate::host::{Host, Sample};
+
+/// Nothing is waited for longer.
+const PATIENCE: Duration = Duration::from_secs(15);
+const MASS_KG: f64 = 72.0;
+
+/// Ends the program that it holds, and no other.
+struct Program(Child);
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn free() -> String {
+    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
+}
+
+/// Starts the program; the section that it prints.
+fn started(arguments: &[&str]) -> (Program, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
+    command
+        .args(["simulate", "--suit", &free(), "--mass-kg", "72", "--for", "60", "--ground"])
+        .args(arguments);
+    let mut child =
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::inherit()).spawn().unwrap();
+    let said = BufReader::new(child.stdout.take().unwrap());
+    let program = Program(child);
+    let lines = said.lines().map(Result::unwrap).skip(1).take_while(|line| line != "Ctrl-C ends");
+    let section = lines.map(|line| line + "\n").collect();
+    (program, section)
+}
+
+/// The mean weight of the first samples by what was printed.
+fn weight_n(arguments: &[&str]) -> Result<f64, String> {
+    let (_program, section) = started(arguments);
+    let mut host = Host::open(section.trim_start())?;
+    let (mut newtons, begun) = (Vec::new(), Instant::now());
+    while newtons.len() < 200 {
+        newtons.extend(host.receive()?.into_iter().filter_map(|sample| match sample {
+            Sample::Ground(sample) => Some(sample.force_n[2]),
+            Sample::Suit(_) => None,
+        }));
+        if begun.elapsed() > PATIENCE {
+            return Err(format!("{} samples, {:?}\n{section}", newtons.len(), host.trouble()));
+        }
+    }
+    Ok(newtons.iter().sum::<f64>() / newtons.len() as f64)
+}
+
+#[test]
+fn every_device_can_be_simulated_from_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = |end: &str| folder.path().join(end).display().to_string();
+    let any = || "127.0.0.1:0".to_owned();
+    let asked: Vec<Vec<String>> = [
+        vec!["ati-rdt".into(), any()],
+        vec!["ati-rdt".into(), any(), "--two".into()],
+        vec!["amti-serial".into(), name("amti")],
+        vec!["bota-serial".into(), name("bota")],
+        vec!["kistler-labamp".into(), any()],
+        vec!["tec-gihan".into(), name("tec-gihan")],
+        vec!["moticon-udp".into(), free()],
+        vec!["qtm".into(), any()],
+        vec!["lsl".into(), any()],
+        vec!["text".into(), format!("udp:{}", free())],
+        vec!["binary".into(), name("binary")],
+    ]
+    .into();
+    let asking: Vec<_> = asked
+        .into_iter()
+        .map(|mut words: Vec<String>| {
+            words.insert(1, "--ground-address".into());
+            std::thread::spawn(move || {
+                let weight_n = weight_n(&words.iter().map(String::as_str).collect::<Vec<_>>());
+                (words.join(" "), weight_n)
+            })
+        })
+        .collect();
+    for asked in asking {
+        let (words, weight_n) = asked.join().unwrap();
+        let weight_n = weight_n.unwrap_or_else(|error| panic!("{words}: {error}"));
+        // A person who takes poses moves; on the whole the ground bears the weight.
+        let share = weight_n / (MASS_KG * GRAVITY_M_PER_S2);
+        assert!((0.9..1.1).contains(&share), "{words}: {weight_n} N");
+    }
+}

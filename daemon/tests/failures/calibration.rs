@@ -1,0 +1,253 @@
+//! Weighing, registering, stamping and taring, with the real commands on a running station.
+
+use std::path::Path;
+use std::time::Instant;
+
+use equipoise_simulator::plate::Plate;
+use equipoise_simulator::settings::{SecondPlateSettings, SimulationSettings};
+use equipoise_simulator::simulation::{OnPlates, Simulation, SimulationHandle};
+use equipoise_simulator::walk::Place;
+use serde_json::Value;
+
+use crate::eyes::Eyes;
+use crate::process::{PATIENCE, Process, wait_for};
+use crate::station::{Station, free_udp_port};
+
+/// Where the plate really stands.
+const PLATE: Plate = Plate {
+    origin_m: [0.06, -0.04, -0.05],
+    yaw_rad: 0.4363,
+    surface_height_m: 0.05,
+    counts_per_unit: [1e6; 2],
+};
+/// The same in words.
+const FRAME: &str = "origin_m = [0.06, -0.04, -0.05]\nyaw_deg = 25.0\nsurface_height_m = 0.05\n";
+
+fn configuration(station: &Station, frame: &str) -> String {
+    station.configuration().replace("[subject]\n", &format!("[ground.frame]\n{frame}[subject]\n"))
+}
+
+fn person(settings: SimulationSettings) -> SimulationHandle {
+    Simulation::start(settings).expect("a simulated person")
+}
+
+/// Does what a command asks for, line by line, until it has ended; its exit code, and what it printed as JSON.
+#[track_caller]
+fn obey(mut process: Process, mut act: impl FnMut(&str)) -> (Option<i32>, Value, String) {
+    let (begun, mut done) = (Instant::now(), 0);
+    while process.is_running() {
+        assert!(begun.elapsed() < 3 * PATIENCE, "it does not end: {}", process.stderr());
+        let said = process.stderr();
+        // Whole lines only.
+        let whole = said.rfind('\n').map_or(0, |end| end + 1);
+        for line in said[done.min(whole)..whole].lines() {
+            act(line);
+        }
+        done = whole;
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let told = process.stdout();
+    (process.wait().code(), serde_json::from_str(&told).unwrap_or(Value::Null), process.stderr())
+}
+
+fn number(told: &Value, pointer: &str) -> f64 {
+    told.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no {pointer} in {told}"))
+}
+
+#[test]
+fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance() {
+    let station = Station::new();
+    let mut settings = station.sensors();
+    settings.plate.plate = PLATE;
+    let person = person(settings);
+    person.put_on_plates(OnPlates::Nothing);
+    let _daemon = station.daemon(&configuration(&station, FRAME));
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+
+    // In the plate's own frame.
+    let in_world = |[x, y]: [f64; 2]| {
+        let (sine, cosine) = PLATE.yaw_rad.sin_cos();
+        [PLATE.origin_m[0] + cosine * x - sine * y, PLATE.origin_m[1] + sine * x + cosine * y]
+    };
+    let mut arguments = vec!["verify", "--mass", "20", "--for", "1", "--json"];
+    let places = ["0.2,0.15", "0.2,-0.15", "-0.2,0.1"];
+    places.iter().for_each(|place| arguments.extend(["--at", place]));
+    let (code, told, said) = obey(station.spawn(&arguments), |line| {
+        if let Some((_, rest)) = line.split_once("put the 20 kg at ") {
+            let place = rest.split_once(" m").expect("a place").0;
+            let (x, y) = place.split_once(", ").expect("two numbers");
+            let at_m = in_world([x, y].map(|metres| metres.parse().expect("a number")));
+            person.put_on_plates(OnPlates::Mass { mass_kg: 20.1, at_m });
+        } else if line.contains("lift it off") {
+            person.put_on_plates(OnPlates::Nothing);
+        }
+    });
+    assert_eq!(code, Some(0), "{said}");
+    // Half a percent more than it should be; gravity is the simulator's own.
+    let gravity_percent = 100.0 * (9.81 / equipoise_core::overload::GRAVITY_M_PER_S2 - 1.0);
+    assert!((number(&told, "/worst_percent") - 0.5 - gravity_percent).abs() < 0.05, "{told}");
+    assert_eq!((told["within"].as_bool(), told["places"].as_array().map(Vec::len)), (Some(true), Some(3)));
+    for place in told["places"].as_array().expect("places") {
+        assert!(number(place, "/mass_sigma_kg") < 0.05 && number(place, "/cop_sigma_m/0") < 0.002, "{place}");
+    }
+    for scale in ["scale_x", "scale_y", "turned_rad"] {
+        assert!(number(&told, &format!("/geometry/{scale}/value")).abs() < 0.02, "{told}");
+    }
+    assert!(number(&told, "/geometry/origin_x_m/value").abs() < 0.003, "{told}");
+
+    // A kilogram more than is said; in words.
+    person.put_on_plates(OnPlates::Nothing);
+    let process = station.spawn(&["verify", "--mass", "20", "--for", "1"]);
+    let (code, _, said) = obey(process, |line| {
+        if line.contains("put the 20 kg") {
+            person.put_on_plates(OnPlates::Mass { mass_kg: 21.0, at_m: [0.0; 2] });
+        }
+    });
+    assert_eq!(code, Some(1), "{said}");
+    let percent = said
+        .split_once("the plate is off by +")
+        .and_then(|(_, rest)| rest.split_once(" %"))
+        .expect("a figure");
+    let percent: f64 = percent.0.parse().expect("a number");
+    assert!(
+        (percent - 5.0 - 1.05 * gravity_percent).abs() < 0.2 && said.contains("counts or units"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_rod_tells_how_high_the_surface_is() {
+    let station = Station::new();
+    let mut settings = station.sensors();
+    settings.plate.plate = PLATE;
+    let person = person(settings);
+    person.put_on_plates(OnPlates::Nothing);
+    // Its surface was configured without the mat that lies on it.
+    let low = FRAME.replace("surface_height_m = 0.05", "surface_height_m = 0.038");
+    let _daemon = station.daemon(&configuration(&station, &low));
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    let (code, told, said) = obey(station.spawn(&["verify", "--rod", "--for", "4", "--json"]), |line| {
+        if line.contains("press the rod") {
+            person.put_on_plates(OnPlates::Rod { press_n: 300.0, lean_n: 60.0, at_m: [0.1, 0.05] });
+        }
+    });
+    assert_eq!(code, Some(0), "{said}");
+    let off_m = number(&told, "/higher_m") - 0.012;
+    assert!(off_m.abs() < 4.0 * number(&told, "/tip_sigma_m/2") && off_m.abs() < 0.003, "{told}");
+}
+
+#[test]
+fn a_plate_in_a_wrong_place_is_found_and_put_right() {
+    let station = Station::new();
+    let mut settings = station.sensors();
+    settings.plate.plate = PLATE;
+    let person = person(settings);
+    let wrong = configuration(&station, "origin_m = [0.0, 0.0, -0.05] # by eye\nsurface_height_m = 0.05\n");
+    let path = station.write("wrong.toml", &wrong).display().to_string();
+    let mut daemon = station.daemon_of("wrong.toml", &[]);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", |eyes| eyes.both_fresh() && eyes.state.static_pose == 1);
+    for (index, [x, y]) in
+        [[0.095, 0.095], [0.095, -0.095], [-0.095, -0.095], [-0.095, 0.095]].iter().enumerate()
+    {
+        person.go(5.0 + 6.5 * index as f64, Place { middle_m: [*x, *y].into(), heading_rad: 0.0 });
+    }
+    let process = station.spawn(&["register", "--places", "5", "--json", "--write", &path]);
+    let (code, told, said) = obey(process, |_| {});
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(said.matches("got it").count(), 5, "{said}");
+    println!("{told:#}");
+    let frame = &told["frames"]["ground.frame"];
+    let (yaw_deg, sigma_deg) = (number(frame, "/yaw_deg"), number(frame, "/yaw_sigma_deg"));
+    assert!(sigma_deg < 6.0 && (yaw_deg - 25.0).abs() < 3.0 * sigma_deg, "{yaw_deg} ± {sigma_deg}");
+    for axis in 0..2 {
+        let (at_m, sigma_m) =
+            (number(frame, &format!("/origin_m/{axis}")), number(frame, &format!("/origin_sigma_m/{axis}")));
+        // The suit has wandered since it was put on, and the loop's world with it: that is no error of the plate's.
+        let wandered_m = 0.06;
+        assert!((at_m - PLATE.origin_m[axis]).abs() < 3.0 * sigma_m + wandered_m, "{at_m} ± {sigma_m}");
+    }
+
+    // What was written is what the daemon takes, with every comment.
+    let written = std::fs::read_to_string(Path::new(&path)).expect("the configuration");
+    assert!(written.contains("# by eye") && written.contains("yaw_deg = "), "{written}");
+    assert_eq!(daemon.stop(rustix::process::Signal::TERM), Some(0));
+    let _daemon = station.daemon_of("wrong.toml", &[]);
+    eyes.until("both sensors again", |eyes| eyes.both_fresh() && eyes.state.suit_sample_time_ns > 0);
+    let state = eyes.until("a still person", |eyes| eyes.state.static_pose == 1);
+    let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
+    // From the feet, for the suit wanders.
+    let feet = [17, 21].map(|foot| [0, 1].map(|axis| state.segment_origin_m[foot][axis]));
+    let middle = [0, 1].map(|axis| 0.5 * (feet[0][axis] + feet[1][axis]));
+    let true_feet = equipoise_simulator::truth::ankles_m(&truth.body.origin_m);
+    let true_middle = (true_feet[0] + true_feet[1]) * 0.5;
+    for axis in 0..2 {
+        let (told_m, true_m) =
+            (state.cop_measured_m[axis] - middle[axis], truth.cop_m[axis] - true_middle[axis]);
+        assert!((told_m - true_m).abs() < 0.05, "{axis}: {told_m} {true_m}");
+    }
+}
+
+#[test]
+fn stomps_tell_how_much_later_the_suit_is() {
+    let station = Station::new();
+    let mut settings = station.sensors();
+    settings.suit.latency_s = 0.045;
+    let person = person(settings);
+    let path = station.write("late.toml", &station.configuration()).display().to_string();
+    let _daemon = station.daemon_of("late.toml", &[]);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    station.run(&["stomp", "--for", "2"]).failed_with(1, &["the plate felt no stomp"]);
+    person.stomp(5);
+    let process = station.spawn(&["stomp", "--stomps", "3", "--json", "--write", &path]);
+    let (code, told, said) = obey(process, |_| {});
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("stomp 3 of 3"), "{said}");
+    let (later_ms, sigma_ms) = (number(&told, "/suit_later_ms"), number(&told, "/sigma_ms"));
+    println!("45 ms later: found {later_ms:.1} ± {sigma_ms:.1} ms");
+    assert!(sigma_ms < 12.0 && (later_ms - 45.0).abs() < 3.0 * sigma_ms, "{told}");
+    let written: toml::Table =
+        std::fs::read_to_string(&path).expect("the configuration").parse().expect("TOML");
+    assert_eq!(written["suit"]["latency_ms"].as_float(), Some(later_ms.round()));
+}
+
+#[test]
+fn two_plates_are_tared_together_and_not_while_somebody_stands_there() {
+    let station = Station::new();
+    let second = free_udp_port();
+    let mut settings = station.sensors();
+    let plate = Plate { origin_m: [0.0, -0.2, 0.0], ..Plate::default() };
+    settings.second_plate =
+        Some(SecondPlateSettings { address: second, rate_hz: 200.0, plate, press_m: [[0.0; 2]; 2] });
+    let person = person(settings);
+    let both = format!(
+        "foot = \"left\"\n[ground.second]\nsource = \"ati-rdt\"\naddress = \"{second}\"\ncounts_per_newton = \
+         1e6\ncounts_per_newton_metre = 1e6\nfoot = \"right\"\n[ground.second.frame]\norigin_m = [0.0, -0.2, 0.0]\n[subject]\n"
+    );
+    let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &both));
+    let mut eyes = Eyes::open(&station);
+    eyes.until("the person", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
+    station.run(&["tare"]).failed_with(1, &["N stand on the plate; step off"]);
+    let standing_n = eyes.look().ground_force_n[2];
+    assert!(standing_n > 600.0, "{standing_n}");
+
+    // A box of 3 kg stays on the first plate.
+    person.put_on_plates(OnPlates::Mass { mass_kg: 3.0, at_m: [0.05, 0.2] });
+    let is = |newtons: f64| {
+        move |eyes: &Eyes| eyes.both_fresh() && (eyes.state.ground_force_n[2] - newtons).abs() < 2.5
+    };
+    eyes.until("the box alone", is(3.0 * 9.81));
+    // Who has only just stepped off is still in what would be taken for zero.
+    let tared = wait_for("a plate that is empty for a while", || {
+        let tared = station.run(&["tare"]);
+        let waits = tared.stderr.contains("a moment ago; ask again");
+        (!waits).then_some(tared)
+    });
+    assert!(tared.done().contains("zero from now on"));
+    eyes.until("zero", is(0.0));
+    person.put_on_plates(OnPlates::Nothing);
+    eyes.until("less than zero", is(-3.0 * 9.81));
+}

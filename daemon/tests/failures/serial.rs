@@ -1,0 +1,130 @@
+//! A sensor on a serial line that is not there, comes, is pulled out, is taken by somebody else, or has another speed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+use equipoise_core::message::{Incident, Validity};
+use equipoise_simulator::devices::Device as _;
+use equipoise_simulator::devices::bota::Bota;
+use equipoise_simulator::devices::felt::{Ground, Mounting, OnFeet};
+use equipoise_simulator::devices::line::Line;
+use equipoise_simulator::devices::running::{Pace, Running};
+use equipoise_simulator::devices::serial::SerialPort;
+use equipoise_simulator::motion::{Habits, Worker};
+use equipoise_simulator::person::Person;
+use nalgebra::Vector2;
+
+use crate::eyes::Eyes;
+use crate::process::wait_for;
+use crate::station::Station;
+use crate::streams;
+
+/// The speed of the simulated sensor, baud.
+const SPEED: u32 = 460_800;
+
+/// A station whose ground is a sensor on a line.
+fn configuration(station: &Station, port: &Path, baud: u32) -> String {
+    let udp = format!(
+        "source = \"ati-rdt\"\naddress = \"{}\"\ncounts_per_newton = 1000000\ncounts_per_newton_metre = 1000000\n",
+        station.plate
+    );
+    let line = format!("source = \"bota-serial\"\n[ground.serial]\nport = {port:?}\nbaud = {baud}\n");
+    let text = station.configuration();
+    assert!(text.contains(&udp), "{text}");
+    text.replace(&udp, &line)
+}
+
+/// Plugs a sensor in under this name, with somebody standing on it.
+fn plugged(port: &Path) -> Running {
+    let worker = Worker::with_habits(Person::new(7, 1.77, 72.0), 7, Habits::ORDINARY);
+    let standing = OnFeet::of(&worker, 1.0, [Vector2::new(0.05, 0.0); 2]);
+    let line = Line::new(Box::new(SerialPort::new(port, SPEED).expect("a pseudo terminal")), 1);
+    let device = Bota::new(line, Mounting::default());
+    assert!(device.config().contains("bota-serial"));
+    let pace = Pace { start_ns: equipoise_simulator::clock::monotonic_ns(), ..Pace::default() };
+    let ground = Ground::One(Mounting::default());
+    Running::start(Box::new(device), ground, Arc::new(move |_| standing), pace).expect("a thread")
+}
+
+fn port(station: &Station) -> PathBuf {
+    station.file("plate")
+}
+
+#[test]
+fn a_daemon_runs_without_its_sensor_says_so_and_takes_it_whenever_it_is_plugged_in() {
+    let station = Station::new();
+    let port = port(&station);
+    let _suit = streams::suit(station.suit);
+    let daemon = station.daemon(&configuration(&station, &port, SPEED));
+    let mut eyes = Eyes::open(&station);
+    eyes.until("cycles", |eyes| eyes.state.cycle > 10);
+    eyes.until("word of the missing port", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
+    let said = format!("the serial port {} is not there", port.display());
+    assert!(daemon.stderr().contains(&said), "{}", daemon.stderr());
+    let status = station.run(&["status"]).done().to_owned();
+    assert!(status.contains(&said) && status.contains("plug it in, or set ground.serial.port"), "{status}");
+
+    let sensor = plugged(&port);
+    for _ in 0..2 {
+        eyes.until("both sensors", |eyes| eyes.both_fresh() && !eyes.goes_on(Incident::GroundAdapterDown));
+        eyes.until("a centre of pressure", |eyes| !eyes.has(Validity::SPOILS_COP_MEASURED));
+        sensor.plug(false);
+        eyes.until("its absence", |eyes| {
+            eyes.has(Validity::GROUND_STALE) && eyes.goes_on(Incident::GroundAdapterDown)
+        });
+        sensor.plug(true);
+    }
+    eyes.until("both sensors", Eyes::both_fresh);
+    assert!(eyes.begun(Incident::GroundAdapterDown) >= 3, "{}", daemon.stderr());
+    assert!(daemon.stderr().contains("it was unplugged"), "{}", daemon.stderr());
+}
+
+#[test]
+fn a_wrong_speed_is_named_everywhere_and_is_no_reason_to_stop() {
+    let station = Station::new();
+    let port = port(&station);
+    let _sensor = plugged(&port);
+    let mut daemon = station.daemon(&configuration(&station, &port, 115_200));
+    let mut eyes = Eyes::open(&station);
+    eyes.until("word of the speed", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
+    let said =
+        "none of the last 740 make a frame of a Bota sensor: is the line's speed right? It is 115200 baud";
+    wait_for("word of the speed", || daemon.stderr().contains(said).then_some(()));
+    let status = station.run(&["status"]).done().to_owned();
+    assert!(status.contains("usually has 460800 ([ground.serial] baud)"), "{status}");
+    assert!(daemon.is_running() && eyes.has(Validity::GROUND_STALE));
+}
+
+#[test]
+fn a_port_that_another_program_has_is_named_with_that_program_and_taken_when_it_is_free() {
+    let station = Station::new();
+    let port = port(&station);
+    let _sensor = plugged(&port);
+    // Without a child of its own: the program that has the port is the one that we started.
+    let other = Command::new("flock").arg("--no-fork").arg(&port).args(["sleep", "60"]).spawn();
+    let other = Other(other.expect("flock of util-linux"));
+    let real = std::fs::canonicalize(&port).expect("a terminal");
+    wait_for("the other program to have it", || {
+        let links = std::fs::read_dir(format!("/proc/{}/fd", other.0.id())).ok()?;
+        links.flatten().any(|link| std::fs::read_link(link.path()).is_ok_and(|to| to == real)).then_some(())
+    });
+    let daemon = station.daemon(&configuration(&station, &port, SPEED));
+    let mut eyes = Eyes::open(&station);
+    eyes.until("word of the other program", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
+    let said = format!("cannot be used: process {}", other.0.id());
+    assert!(daemon.stderr().contains(&said), "{}", daemon.stderr());
+    drop(other);
+    eyes.until("the port", |eyes| !eyes.goes_on(Incident::GroundAdapterDown));
+    eyes.until("samples", |eyes| !eyes.has(Validity::GROUND_STALE));
+}
+
+/// Another program, ended with the test.
+struct Other(std::process::Child);
+
+impl Drop for Other {
+    fn drop(&mut self) {
+        let ended = self.0.kill().and_then(|()| self.0.wait());
+        assert!(ended.is_ok() || std::thread::panicking(), "{ended:?}");
+    }
+}

@@ -1,0 +1,234 @@
+//! Each foot on a plate of its own: two devices, one ground.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use equipoise_adapters::ground::GroundRefusal;
+use equipoise_core::body::Joint;
+use equipoise_core::message::{Incident, Validity};
+use equipoise_simulator::devices::felt::{Ground, Mounting};
+use equipoise_simulator::devices::line::Line;
+use equipoise_simulator::devices::moticon::Moticon;
+use equipoise_simulator::devices::running::{Pace, Running};
+use equipoise_simulator::devices::udp::UdpPort;
+use equipoise_simulator::settings::SecondPlateSettings;
+use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use equipoise_simulator::wires::moticon::ALL;
+use nalgebra::Vector3;
+
+use crate::eyes::Eyes;
+use crate::station::{NAME, Station, free_udp_port};
+
+/// Where both plates stand: origin (m), turn (degrees), height of the surface above the origin (m).
+const PLACES: [([f64; 3], f64, f64); 2] =
+    [([0.05, 0.21, -0.045], 12.0, 0.045), ([-0.02, -0.2, -0.03], -90.0, 0.03)];
+/// Poses that a worker is learnt from here: legs depend on the ground, not on them.
+const POSES: u32 = 3;
+
+/// A station whose person has each foot on a plate of its own, and its configuration.
+struct TwoPlates {
+    station: Station,
+    second: SocketAddr,
+}
+
+impl TwoPlates {
+    fn new() -> TwoPlates {
+        TwoPlates { station: Station::new(), second: free_udp_port() }
+    }
+
+    fn person(&self) -> SimulationHandle {
+        let mut settings = self.station.sensors();
+        let plate = |which: usize| {
+            let (origin_m, yaw_deg, surface_height_m) = PLACES[which];
+            let counts_per_unit = [1e6; 2];
+            let yaw_rad = f64::to_radians(yaw_deg);
+            equipoise_simulator::plate::Plate { origin_m, yaw_rad, surface_height_m, counts_per_unit }
+        };
+        settings.plate.plate = plate(0);
+        let (address, press_m) = (self.second, [[0.0; 2]; 2]);
+        settings.second_plate =
+            Some(SecondPlateSettings { address, rate_hz: 190.0, plate: plate(1), press_m });
+        Simulation::start(settings).expect("a simulated person")
+    }
+
+    fn configuration(&self) -> String {
+        let frame = |which: usize| {
+            let (origin_m, yaw_deg, surface_height_m) = PLACES[which];
+            format!(
+                "origin_m = {origin_m:?}\nyaw_deg = {yaw_deg:?}\nsurface_height_m = {surface_height_m:?}\n"
+            )
+        };
+        let second = format!(
+            "foot = \"left\"\n[ground.frame]\n{}[ground.second]\nsource = \"ati-rdt\"\naddress = \"{}\"\ncounts_per_newton = \
+             1e6\ncounts_per_newton_metre = 1e6\nfoot = \"right\"\n[ground.second.frame]\n{}[subject]\n",
+            frame(0),
+            self.second,
+            frame(1)
+        );
+        self.station.configuration().replace("[subject]\n", &second)
+    }
+}
+
+/// Root mean square error of the legs' torques while a box is lifted, N m, and of how many samples.
+fn legs_error_nm(station: &Station, eyes: &mut Eyes, person: &SimulationHandle) -> (f64, f64) {
+    eyes.until_poses(person, POSES);
+    station.run(&["identify", "stop"]).done();
+    eyes.until("the monitoring", |eyes| eyes.state.phase_name() == "monitoring");
+    person.lift_and_show(8.0);
+    let legs: Vec<Joint> = Joint::ALL
+        .into_iter()
+        .filter(|joint| ["Hip", "Knee", "Ankle"].iter().any(|name| joint.name().ends_with(name)))
+        .collect();
+    let (begun, mut before_ns) = (Instant::now(), 0);
+    let (mut square_nm2, mut samples) = (0.0, 0.0);
+    while begun.elapsed() < Duration::from_secs(14) {
+        let state = *eyes.look();
+        if state.suit_sample_time_ns != before_ns && !state.validity().any_of(Validity::SPOILS_TORQUES) {
+            let time_s = (state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9;
+            let truth = person.truth_at(time_s);
+            for joint in legs.iter().map(|joint| joint.index()) {
+                let off =
+                    Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_under_feet_nm[joint];
+                square_nm2 += off.norm_squared() / legs.len() as f64;
+            }
+            samples += 1.0;
+        }
+        before_ns = state.suit_sample_time_ns;
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    (f64::sqrt(square_nm2 / f64::max(samples, 1.0)), samples)
+}
+
+#[test]
+fn two_plates_tell_each_foot_and_the_legs_better_than_one() {
+    let one = std::thread::spawn(|| {
+        let station = Station::new();
+        let person = station.person();
+        let _daemon = station.daemon(&station.configuration());
+        let mut eyes = Eyes::open(&station);
+        let error = legs_error_nm(&station, &mut eyes, &person);
+        let status = station.status().expect("the daemon answers");
+        assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
+        assert_eq!(status["state"]["sharing_source"], "geometry", "{status}");
+        error
+    });
+    let two = TwoPlates::new();
+    let person = two.person();
+    let _daemon = two.station.daemon(&two.configuration());
+    let mut eyes = Eyes::open(&two.station);
+    let (two_nm, two_samples) = legs_error_nm(&two.station, &mut eyes, &person);
+    let status = two.station.status().expect("the daemon answers");
+    assert_eq!(status["ground"]["devices"], serde_json::json!(["plate", "second_plate"]), "{status}");
+    assert_eq!(status["ground"]["per_foot"], true, "{status}");
+    assert_eq!(status["state"]["sharing_source"], "measured", "{status}");
+    // Both feet together bear the person, at the centre of pressure that the person has.
+    let truth = person.truth_at((eyes.state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
+    assert!(
+        (eyes.state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
+        "{:?}",
+        eyes.state.ground_force_n
+    );
+    let plain = two.station.run(&["status"]);
+    assert!(
+        plain.done().contains("feet    on plate and second plate, each measured by itself"),
+        "{}",
+        plain.stdout
+    );
+
+    let (one_nm, one_samples) = one.join().expect("the station with one plate");
+    println!(
+        "legs while lifting: one plate {one_nm:.2} N m ({one_samples}), two {two_nm:.2} N m ({two_samples})"
+    );
+    assert!(one_samples > 100.0 && two_samples > 100.0, "{one_samples} {two_samples}");
+    assert!(two_nm < 0.7 * one_nm, "{one_nm} → {two_nm} N m");
+}
+
+#[test]
+fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
+    let station = Station::new();
+    let person = station.person();
+    let listen = free_udp_port();
+    let port = UdpPort::to(listen).expect("the insoles' end");
+    let insoles = Moticon::new(Line::new(Box::new(port), 1), &ALL, 100.0, [0.28, 0.095]);
+    let pace = Pace { start_ns: person.start_ns(), ..Pace::default() };
+    let ground = Ground::One(Mounting::default());
+    let insoles = Running::start(Box::new(insoles), ground, person.load(), pace).expect("insoles");
+    let second = format!(
+        "[ground.second]\nsource = \"moticon-udp\"\nlisten = \"{listen}\"\n[ground.second.moticon]\nlength_m = 0.28\nwidth_m = \
+         0.095\ny_to = \"lateral\"\n[subject]\n"
+    );
+    let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &second));
+    let mut eyes = Eyes::open(&station);
+    // Shares are told of a load, by whom the daemon knows a little.
+    eyes.until_poses(&person, 1);
+    station.run(&["identify", "stop"]).done();
+    person.lift(8.0);
+    eyes.until("shares that are measured", |eyes| eyes.both_fresh() && eyes.state.sharing_source == 1);
+    let state =
+        eyes.until("a still person", |eyes| eyes.state.sharing_source == 1 && eyes.state.static_pose == 1);
+    let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
+    assert!(
+        (state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
+        "the plate's: {:?}",
+        state.ground_force_n
+    );
+    let ([left, _], [_, [true_left, _]]) = (state.zeta, truth.foot_share);
+    assert!((left - true_left).abs() < 0.03, "{left} {true_left}");
+    let status = station.status().expect("the daemon answers");
+    let told = serde_json::json!({
+        "devices": ["plate", "insoles"], "per_foot": true, "foot_frame": "sole", "not_measured": []
+    });
+    assert_eq!(status["ground"], told, "{status}");
+
+    insoles.silence(true);
+    eyes.until("geometry", |eyes| {
+        eyes.both_fresh() && eyes.state.sharing_source == 0 && eyes.state.zeta[0] > 0.0
+    });
+    eyes.until("the reason", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
+    eyes.during(Duration::from_millis(500), |eyes| {
+        assert!(
+            !eyes.has(Validity::SPOILS_COP_MEASURED),
+            "the plate is whole without them: {:?}",
+            eyes.reasons()
+        );
+    });
+    let status = station.status().expect("the daemon answers");
+    assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
+    insoles.silence(false);
+    eyes.until("shares again", |eyes| eyes.both_fresh() && eyes.state.sharing_source == 1);
+    eyes.until("the end of the incident", |eyes| !eyes.goes_on(Incident::GroundAdapterDown));
+}
+
+#[test]
+fn one_plate_of_two_that_is_unplugged_takes_the_ground_away_with_a_reason_until_it_is_back() {
+    let two = TwoPlates::new();
+    let person = two.person();
+    let mut daemon = two.station.daemon(&two.configuration());
+    let mut eyes = Eyes::open(&two.station);
+    eyes.until("the whole person", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
+    for silence in [SimulationHandle::silence_second_plate, SimulationHandle::silence_plate] {
+        silence(&person, true);
+        eyes.until("the ground's silence", |eyes| {
+            // Half a person is not told meanwhile.
+            let vertical_n = eyes.state.ground_force_n[2];
+            assert!(vertical_n == 0.0 || vertical_n > 600.0, "{vertical_n} N");
+            eyes.has(Validity::GROUND_STALE)
+        });
+        eyes.until("the reason", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
+        eyes.during(Duration::from_millis(300), |eyes| assert_eq!(eyes.state.ground_force_n, [0.0; 3]));
+        silence(&person, false);
+        eyes.until("the ground again", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
+        eyes.until("the end of the incident", |eyes| !eyes.goes_on(Incident::GroundAdapterDown));
+    }
+    let said = daemon.stderr();
+    for place in
+        [format!("ground.second.address = {}", two.second), format!("ground.address = {}", two.station.plate)]
+    {
+        assert!(said.contains(&format!("{place} sends nothing")), "{place} is not in {said}");
+    }
+    eyes.until("the counts", |eyes| eyes.ground_refused(GroundRefusal::NoPartner) > 50);
+    assert!(daemon.is_running());
+
+    // Somebody stands there.
+    two.station.run(&["tare", "--station", NAME]).failed_with(1, &["stand on the plate; step off"]);
+}

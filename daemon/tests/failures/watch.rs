@@ -1,0 +1,172 @@
+//! The screen of `watch` on a real terminal: what it shows, and what it leaves behind.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::num::NonZero;
+use std::os::fd::OwnedFd;
+use std::process::{Child, Command};
+use std::sync::{Arc, Mutex};
+
+use rustix::fs::{Mode, OFlags, open};
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
+
+use crate::process::wait_for;
+use crate::station::{NAME, Station};
+
+/// A terminal with `watch` in it, as a person would sit before it. `vt100` plays the glass.
+struct Seat {
+    keys: File,
+    /// The program's own end, held so that what it set can be asked.
+    near: OwnedFd,
+    screen: Arc<Mutex<vt100::Parser>>,
+    watch: Child,
+}
+
+impl Seat {
+    fn before(station: &Station, (columns, rows): (u16, u16)) -> Seat {
+        let far = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
+        grantpt(&far).and_then(|()| unlockpt(&far)).expect("its near end");
+        let name = ptsname(&far, Vec::new()).expect("its name");
+        let near = open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).expect("near");
+        tcsetwinsize(&near, size(columns, rows)).expect("a size");
+        let copy = || near.try_clone().expect("a descriptor");
+        // Makes it the controlling terminal of a session of its own, as a login does; the process stays the same.
+        let watch = Command::new("setsid")
+            .args(["--ctty", env!("CARGO_BIN_EXE_equipoise"), "watch", "--station", NAME])
+            .env("EQUIPOISE_BUS_ROOT", station.root())
+            .env("TERM", "xterm-256color")
+            .stdin(copy())
+            .stdout(copy())
+            .stderr(copy())
+            .spawn()
+            .expect("setsid of util-linux starts");
+        let screen = Arc::new(Mutex::new(vt100::Parser::new(cells(rows), cells(columns), 0)));
+        let keys = File::from(far);
+        let (mut glass, shown) = (keys.try_clone().expect("a descriptor"), Arc::clone(&screen));
+        std::thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while let Ok(count @ 1..) = glass.read(&mut bytes) {
+                shown.lock().expect("the glass").process(&bytes[..count]);
+            }
+        });
+        Seat { keys, near, screen, watch }
+    }
+
+    fn text(&self) -> String {
+        self.screen.lock().expect("the glass").screen().contents()
+    }
+
+    #[track_caller]
+    fn shows(&self, text: &str) {
+        wait_for(text, || self.text().contains(text).then_some(()));
+    }
+
+    fn press(&mut self, key: &str) {
+        self.keys.write_all(key.as_bytes()).expect("a key");
+    }
+
+    fn resize(&mut self, columns: u16, rows: u16) {
+        self.screen.lock().expect("the glass").screen_mut().set_size(cells(rows), cells(columns));
+        tcsetwinsize(&self.near, size(columns, rows)).expect("a size");
+    }
+
+    fn send(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.watch), signal).expect("a process to signal");
+    }
+
+    fn is_raw(&self) -> bool {
+        !tcgetattr(&self.near)
+            .expect("its settings")
+            .local_modes
+            .contains(LocalModes::ICANON | LocalModes::ECHO)
+    }
+
+    /// It ends in order, and everything is as it was: settings, the other screen, the cursor.
+    #[track_caller]
+    fn leaves_the_terminal_clean(mut self) {
+        let status = wait_for("its end", || self.watch.try_wait().expect("a child"));
+        assert_eq!(status.code(), Some(0), "{}", self.text());
+        assert!(!self.is_raw(), "the terminal still takes keys one by one");
+        wait_for("the screen from before", || {
+            let glass = self.screen.lock().expect("the glass");
+            (!glass.screen().alternate_screen() && !glass.screen().hide_cursor()).then_some(())
+        });
+        assert_eq!(self.text().trim(), "", "something was left on the screen");
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        // Ended already, as it should be, or the test has failed.
+        let _ = self.watch.kill();
+        let _ = self.watch.wait();
+    }
+}
+
+fn cells(count: u16) -> NonZero<u16> {
+    NonZero::new(count).expect("a terminal has cells")
+}
+
+fn size(columns: u16, rows: u16) -> Winsize {
+    Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 }
+}
+
+#[test]
+fn the_screen_outlives_the_daemon_and_leaves_a_clean_terminal() {
+    let station = Station::new();
+    let mut seat = Seat::before(&station, (100, 30));
+    seat.shows("Nothing has come from station bench yet.");
+    assert!(seat.is_raw() && seat.screen.lock().expect("the glass").screen().alternate_screen());
+
+    let person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    seat.shows("Learning your body");
+    seat.shows("ms old");
+    seat.shows("late awake");
+    seat.press("?");
+    seat.shows("quit");
+    seat.shows("Bars: overload torque over the joint's limit");
+    seat.press("?");
+    wait_for("the help to go", || (!seat.text().contains("Bars: overload")).then_some(()));
+    seat.resize(40, 12);
+    wait_for("a smaller screen", || (!seat.text().contains("late awake")).then_some(()));
+    seat.shows("Learning your body");
+    seat.resize(100, 30);
+    seat.shows("late awake");
+
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+    seat.shows("The daemon is silent");
+    seat.shows("what came before is old and not shown");
+    let _next = station.daemon(&station.configuration());
+    seat.shows("Learning your body");
+    drop(person);
+    seat.shows("The suit is silent");
+    seat.press("q");
+    seat.leaves_the_terminal_clean();
+}
+
+#[test]
+fn a_signal_leaves_a_clean_terminal_too() {
+    let station = Station::new();
+    for signal in [Signal::TERM, Signal::INT, Signal::HUP, Signal::QUIT] {
+        let seat = Seat::before(&station, (80, 24));
+        seat.shows("Nothing has come");
+        seat.send(signal);
+        seat.leaves_the_terminal_clean();
+    }
+    let mut seat = Seat::before(&station, (80, 24));
+    seat.shows("Nothing has come");
+    seat.press("\x03");
+    seat.leaves_the_terminal_clean();
+}
+
+#[test]
+fn in_a_pipe_there_is_a_line_however_short_the_time() {
+    let station = Station::new();
+    let _person = station.person();
+    let _daemon = station.daemon(&station.configuration());
+    let watched = station.run(&["watch", "--station", NAME, "--for", "0.000001"]);
+    assert_eq!(watched.done().lines().count(), 1, "{}", watched.stdout);
+}

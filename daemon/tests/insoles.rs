@@ -1,0 +1,90 @@
+//! Insoles in place of a plate, over the wire: placed by the suit's feet, and nothing told that they cannot feel.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::{Station, free_address, said};
+use equipoise_simulator::devices::felt::{Ground, Mounting};
+use equipoise_simulator::devices::line::Line;
+use equipoise_simulator::devices::moticon::Moticon;
+use equipoise_simulator::devices::running::{Pace, Running};
+use equipoise_simulator::devices::udp::UdpPort;
+use equipoise_simulator::noise::SuitNoise;
+use equipoise_simulator::person::Person;
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::Simulation;
+use equipoise_simulator::wires::moticon::ALL;
+use serde_json::Value;
+
+/// The measured CoP is off by no more, m: what a person sways between two looks.
+const PLACED_M: f64 = 0.015;
+
+/// The state, once it is as `wanted`.
+fn until(station: &Station, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+    let started = Instant::now();
+    loop {
+        let output = station.command("status").arg("--json").output().unwrap();
+        if let Ok(told) = serde_json::from_slice::<Value>(&output.stdout)
+            && wanted(&told["state"])
+        {
+            return told["state"].clone();
+        }
+        assert!(started.elapsed() < Duration::from_secs(90), "{what}: {}", said(&output));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+fn names(state: &Value, key: &str) -> Vec<String> {
+    serde_json::from_value(state[key].clone()).unwrap_or_default()
+}
+
+#[test]
+fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
+    let (suit, insoles) = (free_address(), free_address());
+    let mut settings = SimulationSettings::default();
+    settings.suit.target = suit;
+    // The worker is where the suit says: what is left is the person's sway between two looks.
+    settings.suit.noise = SuitNoise::NONE;
+    settings.plate.address = "127.0.0.1:0".parse().unwrap();
+    let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
+    let simulation = Simulation::start(settings).unwrap();
+    let size_m = [person.sole_m.back + person.sole_m.forward, 2.0 * person.sole_m.half_width];
+    let line = Line::new(Box::new(UdpPort::to(insoles).unwrap()), 1);
+    let device = Moticon::new(line, &ALL, 100.0, size_m);
+    let pace = Pace { start_ns: simulation.start_ns(), ..Pace::default() };
+    let running =
+        Running::start(Box::new(device), Ground::One(Mounting::default()), simulation.load(), pace).unwrap();
+    let config = format!(
+        "station = \"test\"\n[loop]\nlock_memory = false\n[suit]\nsource = \"mvn-udp\"\nlisten = \"{suit}\"\n{}\n\
+         [subject]\nid = \"anon-1\"\nheight_m = 1.77\n",
+        running.config()
+    );
+    let station = Station::start(&config);
+
+    let state = until(&station, "the suit's soles", |state| {
+        state["sole_source"] == "suit" && state.get("cop_measured").is_some()
+    });
+    assert_eq!(names(&state, "ground_devices"), ["insoles"], "{state}");
+    assert_eq!(names(&state, "not_given"), ["shear"], "{state}");
+    assert!(state.get("ground_force_n").is_none(), "the horizontal force is nobody's: {state}");
+    let weight_n = 9.81 * 72.0;
+    assert!((state["vertical_force_n"].as_f64().unwrap() - weight_n).abs() < 0.05 * weight_n, "{state}");
+    let truth = simulation.truth();
+    for axis in 0..2 {
+        let told_m = state["cop_measured"][axis].as_f64().unwrap();
+        assert!((told_m - truth.cop_m[axis]).abs() < PLACED_M, "{told_m} {}", truth.cop_m[axis]);
+    }
+    // Held poses teach as on a plate.
+    let learnt = until(&station, "a pose", |state| state["poses_used"].as_u64() >= Some(1));
+    assert_eq!(learnt["phase"], "identifying", "{learnt}");
+
+    simulation.silence_suit(true);
+    let silent =
+        until(&station, "the silence", |state| names(state, "valid").contains(&"suit_stale".to_owned()));
+    assert!(names(&silent, "valid").contains(&"cop_not_measured".to_owned()), "{silent}");
+    assert!(silent.get("cop_measured").is_none() && silent.get("vertical_force_n").is_some(), "{silent}");
+    simulation.silence_suit(false);
+    until(&station, "the suit again", |state| state.get("cop_measured").is_some());
+}

@@ -1,0 +1,116 @@
+//! The suit's null pose over the wire: the worker's bones and soles, in status, recording and replay.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::{Station, equipoise, free_address, said};
+use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_core::body::Side;
+use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::message::suit_body::FootPoint;
+use equipoise_daemon::replay::Replay;
+use equipoise_daemon::replay::input::Input;
+use equipoise_simulator::person::Person;
+use equipoise_simulator::settings::SimulationSettings;
+use equipoise_simulator::simulation::Simulation;
+
+const CONFIG: &str = r#"
+station = "test"
+[loop]
+lock_memory = false
+[suit]
+source = "mvn-udp"
+listen = "SUIT"
+[ground]
+source = "ati-rdt"
+address = "PLATE"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.77
+"#;
+
+/// What `status --json` says, once the bones are the null pose's, which is told once a second.
+fn state_of(station: &Station) -> serde_json::Value {
+    let started = Instant::now();
+    loop {
+        let output = station.command("status").arg("--json").output().unwrap();
+        if let Ok(told) = serde_json::from_slice::<serde_json::Value>(&output.stdout)
+            && told["state"]["body_source"] == "null_pose"
+        {
+            return told["state"].clone();
+        }
+        assert!(started.elapsed() < Duration::from_secs(60), "{}", said(&output));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+#[test]
+fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
+    let suit = free_address();
+    let mut settings = SimulationSettings::default();
+    settings.suit.target = suit;
+    settings.plate.address = "127.0.0.1:0".parse().unwrap();
+    let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
+    let simulation = Simulation::start(settings).unwrap();
+    let config =
+        CONFIG.replace("SUIT", &suit.to_string()).replace("PLATE", &simulation.plate_address().to_string());
+    let station = Station::start(&config);
+    let state = state_of(&station);
+    assert_eq!(state["sole_source"], "suit", "{state}");
+    assert!(state.get("body_refused").is_none() && state.get("com_suit").is_some(), "{state}");
+    let words = station.command("status").output().unwrap();
+    assert!(
+        said(&words).contains("body    from the suit's null pose; soles from the suit's"),
+        "{}",
+        said(&words)
+    );
+
+    // A recorder that comes late still gets the body, and the replay takes it in at the cycle that did.
+    let out = station.file("live.mcap");
+    let recorded = station.command("record").arg(&out).args(["--for", "4"]).output().unwrap();
+    assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));
+    let recording = Recording::open(&out).unwrap();
+    let (mut bodies, mut taken) = (Vec::new(), 0);
+    for timed in recording.entries().map_while(Result::ok) {
+        match timed.entry {
+            Entry::Body(body) => bodies.push(*body),
+            Entry::Cycle(record) => taken += u32::from(record.body_published_ns > 0),
+            _ => {}
+        }
+    }
+    assert!(bodies.len() >= 2 && taken >= 2, "{} bodies, taken in by {taken} cycles", bodies.len());
+    for side in Side::BOTH {
+        let heel = bodies[0].foot_point_m(side, FootPoint::Heel).unwrap();
+        let tip = bodies[0].foot_point_m(side, FootPoint::ToeTip).unwrap();
+        assert!((heel.x + person.sole_m.back).abs() < 1e-6 && (tip.x - person.sole_m.forward).abs() < 1e-6);
+    }
+    let input = Input::open(&out).unwrap();
+    let chosen = input.configuration(None).unwrap();
+    for as_recorded in [true, false] {
+        let replay = Replay { input: &input, config: &chosen.config, as_recorded, residual_s: None };
+        let mut last = None;
+        let summary = replay
+            .run_with(|state| {
+                last = Some(*state);
+                Ok(())
+            })
+            .unwrap();
+        let last = last.unwrap();
+        let told = (BodySource::from_number(last.body_source), BodyRefusal::from_number(last.body_refused));
+        assert_eq!(told, (Some(BodySource::NullPose), Some(BodyRefusal::None)), "{summary}");
+        if as_recorded {
+            let fidelity = summary.fidelity.clone().unwrap();
+            assert_eq!((fidelity.states_differing, fidelity.memories_differing), (0, 0), "{summary}");
+            assert!(fidelity.states_compared > 1000, "{summary}");
+        }
+    }
+    let lines = station.file("live.jsonl");
+    let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", said(&output));
+    let lines = std::fs::read_to_string(lines).unwrap();
+    assert!(lines.lines().last().unwrap().contains(r#""com_suit":["#), "the suit's own centre is told");
+}

@@ -1,0 +1,139 @@
+//! A recorder that runs as a service: what it does when its file is deleted, its daemon is another, or its bus is.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{Station, person, said};
+use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_simulator::simulation::SimulationHandle;
+use rustix::process::{Pid, Signal, kill_process};
+
+fn until(what: &str, mut happened: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !happened() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A station with a recorder as a service. Dropped, the recorder is ended.
+struct Recorded {
+    _simulation: SimulationHandle,
+    station: Station,
+    config: String,
+    service: Child,
+    kept: PathBuf,
+}
+
+impl Recorded {
+    fn start() -> Recorded {
+        let (simulation, config) = person();
+        let config = config.replace("[loop]", "[loop]\nrate_hz = 200")
+            + "remember = false\n[recording]\ndirectory = \"kept\"\nfree_min_mib = 1\n";
+        let station = Station::start(&config);
+        std::fs::write(station.file("record.toml"), &config).unwrap();
+        let mut command = station.command("record");
+        let service = command.arg("--config").arg(station.file("record.toml")).stderr(Stdio::piped());
+        let service = service.spawn().unwrap();
+        let kept = station.file("kept");
+        let recorded = Recorded { _simulation: simulation, station, config, service, kept };
+        until("the first file", || recorded.files().iter().any(|path| states(path) > 0));
+        recorded
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> =
+            std::fs::read_dir(&self.kept).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        files
+    }
+
+    /// The file after this one, once there are states in it.
+    fn next_after(&self, path: &Path) -> PathBuf {
+        let next = || self.files().into_iter().find(|found| found.as_path() > path && states(found) > 0);
+        until("the next file", || next().is_some());
+        next().unwrap()
+    }
+
+    fn end(mut self) {
+        kill_process(Pid::from_child(&self.service), Signal::TERM).unwrap();
+        assert_eq!(self.service.wait().unwrap().code(), Some(0));
+    }
+}
+
+impl Drop for Recorded {
+    fn drop(&mut self) {
+        let _ = self.service.kill();
+        let _ = self.service.wait();
+    }
+}
+
+/// States in as much of a file as can be read; 0 of one that is not there.
+fn states(path: &Path) -> usize {
+    let Ok(recording) = Recording::open(path) else { return 0 };
+    let states = recording.entries().map_while(Result::ok);
+    states.filter(|timed| matches!(timed.entry, Entry::State(_))).count()
+}
+
+#[test]
+fn a_file_that_is_deleted_while_it_is_written_is_let_go_of_and_the_next_one_begins() {
+    let recorded = Recorded::start();
+    let [first] = &recorded.files()[..] else { panic!("{:?}", recorded.files()) };
+    let alone = recorded.kept.join("alone.mcap");
+    let mut recorder = recorded.station.command("record");
+    let recorder = recorder.arg(&alone).stderr(Stdio::piped()).spawn().unwrap();
+    until("a recording by itself", || states(&alone) > 0);
+
+    let mut delete = recorded.station.command("subject");
+    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&recorded.kept);
+    let told = delete.output().unwrap();
+    assert_eq!(told.status.code(), Some(0), "{}", said(&told));
+    assert!(!said(&told).contains("NOT looked into"), "nobody holds what was deleted: {}", said(&told));
+    assert!(!first.exists() && !alone.exists(), "{}", said(&told));
+
+    let ended = recorder.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{}", said(&ended));
+    assert!(said(&ended).contains("removed or replaced while it was written"), "{}", said(&ended));
+
+    let next = recorded.next_after(first);
+    assert_eq!(Recording::open(&next).unwrap().header().subject_toml, "", "nobody is in use");
+    // Another file under the name is no better.
+    std::fs::rename(&next, recorded.station.file("elsewhere.mcap")).unwrap();
+    std::fs::write(&next, "somebody's").unwrap();
+    recorded.next_after(&next);
+    assert_eq!(std::fs::read(&next).unwrap(), b"somebody's");
+    recorded.end();
+}
+
+/// Rates of the cycles in a file, by their number.
+fn cycles_at(path: &Path, rate_hz: u64) -> usize {
+    let recording = Recording::open(path).unwrap();
+    let entries = recording.entries().map_while(Result::ok);
+    let is =
+        |entry: Entry| matches!(entry, Entry::Cycle(record) if record.period_ns == 1_000_000_000 / rate_hz);
+    entries.filter(|timed| is(timed.entry.clone())).count()
+}
+
+#[test]
+fn another_daemon_has_a_file_of_its_own_and_one_on_another_bus_is_found() {
+    let mut recorded = Recorded::start();
+    let first = recorded.files().pop().unwrap();
+    let config = recorded.config.replace("rate_hz = 200", "rate_hz = 500");
+    recorded.station.restart(&config, |_| {});
+    let second = recorded.next_after(&first);
+    assert!(Recording::open(&second).unwrap().header().config_toml.contains("rate_hz = 500"));
+    until("cycles of the new daemon", || cycles_at(&second, 500) > 500);
+    assert_eq!(cycles_at(&second, 200), 0);
+    // A few hundredths of a second may pass until it is seen.
+    assert!(cycles_at(&first, 200) > 100 && cycles_at(&first, 500) < 500, "{}", cycles_at(&first, 500));
+
+    // The service manager makes the bus's directory anew.
+    recorded.station.restart(&config, |bus| std::fs::remove_dir_all(bus).unwrap());
+    let third = recorded.next_after(&second);
+    until("cycles on the new bus", || cycles_at(&third, 500) > 500);
+    recorded.end();
+}

@@ -1,0 +1,270 @@
+//! `equipoise report` by its program: numbers, form, and what it does with less than a whole recording.
+
+use bytemuck::Zeroable;
+use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::body::Joint;
+use equipoise_core::message::{AdapterHealth, CycleRecord, State, Validity};
+use equipoise_view::words;
+use serde_json::Value;
+
+use crate::page::Page;
+use crate::session::{LIFTS, RATE_HZ, Session, equipoise, session, text};
+
+/// The page of a recording of the session.
+fn report(name: &str, recording: &std::path::Path) -> Page {
+    let out = session().file(name);
+    let ended = equipoise(&["report", text(recording), "--out", text(&out)]);
+    assert_eq!(ended.status.code(), Some(0), "{ended:?}");
+    Page::read(&out)
+}
+
+fn number(text: &str) -> f64 {
+    let end = text.find(|c: char| !(c.is_ascii_digit() || ".-+e".contains(c))).unwrap_or(text.len());
+    text[..end].parse().unwrap_or_else(|_| panic!("{text:?}"))
+}
+
+#[track_caller]
+fn near(told: &str, expected: f64, within: f64) {
+    assert!((number(told) - expected).abs() <= within, "told {told}, expected {expected}");
+}
+
+fn magnitude(torque: &Value) -> f64 {
+    torque.as_array().unwrap().iter().map(|axis| axis.as_f64().unwrap().powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
+    let (session, page) = (session(), report("joints.html", &session().states));
+    let told: Vec<&Value> = session.told("joints").map(|(_, joints)| joints).collect();
+    assert!(told.len() > 500, "torques must be told for the test to mean something: {}", told.len());
+    for joint in Joint::ALL {
+        let states = || told.iter().map(|joints| &joints[joint.name()]);
+        let cell = |column: &str| page.cell("Minutes at each level", words::joint(joint), column);
+        for (column, level) in [
+            ("low", "green"),
+            ("medium", "orange"),
+            ("high", "red"),
+            ("too high", "above_max"),
+            ("not sure", "undecided"),
+        ] {
+            let cycles = states().filter(|state| state["level"] == level).count();
+            near(cell(column), cycles as f64 / RATE_HZ / 60.0, 0.00051);
+        }
+        let share = |state: &Value| magnitude(&state["torque_nm"]) / state["limit_nm"].as_f64().unwrap();
+        let peak = states().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap();
+        near(cell("peak, N m"), magnitude(&peak["torque_nm"]), 0.051);
+        near(cell("of the limit"), 100.0 * share(peak), 0.51);
+    }
+    let worst = |name: &str| session.told("worst_joint").filter(|(_, worst)| *worst == name).count();
+    let most = Joint::ALL.into_iter().max_by_key(|joint| worst(joint.name())).unwrap();
+    assert!(
+        page.words.contains(&format!("The {} was the joint closest", words::joint(most))),
+        "{}",
+        page.words
+    );
+}
+
+#[test]
+fn lifts_are_those_that_were_made() {
+    let (session, page) = (session(), report("lifts.html", &session().states));
+    let rows = page.rows("Lifts");
+    let counted = session.lines.last().unwrap()["lifts"].as_u64().unwrap();
+    assert_eq!((rows.len(), counted), (2, 2), "{rows:?}");
+    for (row, (mass_kg, [from_s, to_s])) in rows.iter().zip(LIFTS) {
+        let [told_from_s, told_to_s] = [&row[1], &row[2]].map(|cell| number(cell));
+        assert!(
+            told_from_s > from_s - 0.6 && told_to_s < to_s + 0.6 && told_to_s - told_from_s > 2.0,
+            "{row:?}"
+        );
+        near(&row[3], mass_kg, 0.8);
+        let between = |key| {
+            let within = |time_s: f64| (told_from_s - 0.06..told_to_s + 0.06).contains(&time_s);
+            let values = session.told(key).filter(move |(time_s, _)| within(*time_s));
+            values.map(|(_, value)| value.as_f64().unwrap()).collect::<Vec<_>>()
+        };
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        near(&row[3], mean(&between("lifted_mass_kg")), 0.02);
+        near(&row[4], mean(&between("reach_m")), 0.003);
+    }
+}
+
+#[test]
+fn identification_dose_and_quality_are_those_of_the_states() {
+    let (session, page) = (session(), report("other.html", &session().states));
+    let last = session.lines.last().unwrap();
+    let poses = page.rows("Identification");
+    assert_eq!(number(&poses.last().unwrap()[0]), last["poses_used"].as_f64().unwrap());
+    assert_eq!(poses.len() as u64, last["poses_used"].as_u64().unwrap() + 1, "the prior, and one row a pose");
+    let sigma = |row: &Vec<String>| number(&row[3]);
+    // The first pose is held at once here, before a CoP was predicted from the prior alone.
+    assert_eq!(poses[0][3], "-");
+    assert!(sigma(poses.last().unwrap()) < 0.5 * sigma(&poses[1]), "{poses:?}");
+    for row in &poses[1..] {
+        let mut entered =
+            session.lines.iter().filter(|line| line["poses_used"].as_u64() == row[0].parse().ok());
+        let first = |key: &str| entered.find_map(|line| line[key].as_f64()).unwrap();
+        // What the filter says of a pose it may say some cycles later.
+        let [t_s, sigma_m, nis] = ["t", "predicted_cop_sigma_m", "nis"].map(first);
+        near(&row[1], t_s, 0.051);
+        near(&row[3], 1e3 * sigma_m, 0.0051);
+        near(&row[5], nis, 0.0051);
+    }
+    let seen = session.lines.len() as f64;
+    for row in page.rows("Why values were withheld") {
+        let raised = session
+            .lines
+            .iter()
+            .filter(|line| line["valid"].as_array().unwrap().contains(&row[0].as_str().into()));
+        near(&row[2], 100.0 * raised.count() as f64 / seen, 0.051);
+    }
+    let damage = format!("{:.3e}", last["dose_damage"].as_f64().unwrap());
+    assert!(page.words.contains(&damage), "{damage} is not in {}", page.words);
+    let peak_n = session.told("l5s1_compression_n").map(|(_, n)| n.as_f64().unwrap()).fold(0.0, f64::max);
+    assert!(peak_n > 500.0 && page.words.contains(&format!("at most {peak_n:.0} ±")), "{peak_n}");
+    for told in ["2026-09-21T14:13:20Z", "bench-1", "anon-7", "The stop rule was met at t ="] {
+        assert!(page.words.contains(told), "{told} is not in {}", page.words);
+    }
+    assert!(
+        page.words.contains("no cycle records") && page.words.contains("losses and refusals are not known")
+    );
+}
+
+#[test]
+fn samples_alone_are_replayed_to_the_same_numbers_and_it_is_said() {
+    let session = session();
+    let (recorded, replayed) =
+        (report("recorded.html", &session.states), report("replayed.html", &session.samples));
+    assert!(replayed.words.contains("computed from its samples by a replay"));
+    assert!(!recorded.words.contains("by a replay"));
+    assert!(replayed.words.contains("Equipoise 0.0.9"), "the release that recorded");
+    for heading in
+        ["Identification", "Minutes at each level", "Lifts", "Why values were withheld", "Dose and fatigue"]
+    {
+        assert_eq!(recorded.rows(heading), replayed.rows(heading), "{heading}");
+    }
+}
+
+#[test]
+fn the_same_recording_gives_the_same_bytes_which_need_nothing_from_elsewhere() {
+    let session = session();
+    let pages = ["once.html", "again.html"].map(|name| {
+        report(name, &session.states);
+        std::fs::read_to_string(session.file(name)).unwrap()
+    });
+    assert_eq!(pages[0], pages[1]);
+    let page = Page::read(&session.file("once.html"));
+    for (name, attributes) in &page.elements {
+        assert!(!["script", "link", "img", "iframe", "object", "a"].contains(&name.as_str()), "<{name}>");
+        for (key, value) in attributes {
+            assert!(!["src", "href", "xlink:href"].contains(&key.as_str()), "{key} = {value}");
+        }
+    }
+    for outside in ["http:", "https:", "url(", "@import", "file:"] {
+        assert!(!pages[0].contains(outside), "{outside}");
+    }
+    assert!(page.elements.iter().filter(|(name, _)| name == "svg").count() >= 6, "drawings");
+}
+
+/// A recording of states that is written here.
+fn states(name: &str, states: &[State], more: impl FnOnce(&mut Recorder)) -> std::path::PathBuf {
+    let session: &Session = session();
+    let path = session.file(name);
+    let subject = equipoise_studies::subject::Subject::of_the_paper(5);
+    let header = RecordingHeader {
+        config_toml: crate::session::config(&subject),
+        software_version: "<b>0</b>".to_owned(),
+        ..RecordingHeader::default()
+    };
+    let mut recorder = Recorder::create(&path, &header).unwrap();
+    for state in states {
+        recorder.write(state.time_ns, state).unwrap();
+    }
+    more(&mut recorder);
+    recorder.finish().unwrap();
+    path
+}
+
+#[test]
+fn what_was_withheld_is_drawn_nowhere() {
+    let state = |cycle: u64| {
+        let mut state = State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() };
+        // A spoilt value is zero, as the loop leaves it.
+        if (300..600).contains(&cycle) {
+            state.valid = Validity::MOVING.0;
+        } else {
+            state.l5s1_compression_n = 2000.0 + (cycle % 7) as f64;
+            state.torque_limit_nm = [100.0; _];
+        }
+        state
+    };
+    let all: Vec<State> = (1..900).map(state).collect();
+    let page = report("hole.html", &states("hole.mcap", &all, |_| {}));
+    assert_eq!(page.line("compression").matches('M').count(), 2, "two runs, and a hole between them");
+    assert!(page.words.contains("2003 N on average, at most 2006 ±"), "{}", page.words);
+    near(page.cell("Why values were withheld", "moving", "share"), 100.0 * 300.0 / 899.0, 0.051);
+    assert!(page.words.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
+}
+
+#[test]
+fn latency_and_adapters_are_told_where_they_were_recorded() {
+    let all: Vec<State> =
+        (1..200).map(|cycle| State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() }).collect();
+    let recording = states("path.mcap", &all, |recorder| {
+        for cycle in 1..200 {
+            let due_ns = cycle * 10_000_000;
+            let record = CycleRecord {
+                cycle,
+                due_ns,
+                woken_ns: due_ns + 40_000,
+                compute_start_ns: due_ns + 50_000,
+                compute_end_ns: due_ns + 60_000,
+                publish_start_ns: due_ns + 70_000,
+                published_ns: due_ns + 80_000,
+                deadline_missed: u32::from(cycle == 100),
+                period_ns: 10_000_000,
+                ..CycleRecord::zeroed()
+            };
+            recorder.write(due_ns, &record).unwrap();
+        }
+        let mut health =
+            AdapterHealth { stream: 1, received: 700, published: 690, lost: 3, ..AdapterHealth::zeroed() };
+        health.refused[0] = 7;
+        recorder.write(1_000_000_000, &health).unwrap();
+    });
+    let page = report("path.html", &recording);
+    near(page.cell("Latency", "loop.wake", "p50"), 40.0, 0.2);
+    near(page.cell("Latency", "loop.to_state", "max"), 80.0, 0.2);
+    assert!(page.words.contains("1 deadlines missed"), "{}", page.words);
+    assert_eq!(page.cell("Sensors", "suit", "lost"), "3");
+    assert!(page.cell("Sensors", "suit", "refused").starts_with("7 "));
+}
+
+#[test]
+fn a_recording_that_was_cut_short_is_told_as_far_as_it_goes() {
+    let session = session();
+    let bytes = std::fs::read(&session.states).unwrap();
+    let (cut, out) = (session.file("cut.mcap"), session.file("cut.html"));
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let ended = equipoise(&["report", text(&cut), "--out", text(&out)]);
+    assert_eq!(ended.status.code(), Some(3), "{ended:?}");
+    assert!(Page::read(&out).words.contains("the recording was cut short"));
+    let itself = equipoise(&["report", text(&session.states), "--out", text(&session.states)]);
+    assert_eq!(itself.status.code(), Some(1), "{itself:?}");
+    assert_eq!(std::fs::read(&session.states).unwrap(), bytes);
+}
+
+#[test]
+fn without_chromium_it_says_what_to_install_and_the_page_is_there_all_the_same() {
+    let session = session();
+    let (out, pdf) = (session.file("no-pdf.html"), session.file("no.pdf"));
+    let ended = std::process::Command::new(env!("CARGO_BIN_EXE_equipoise"))
+        .args(["report", text(&session.states), "--out", text(&out), "--pdf", text(&pdf)])
+        .env("PATH", session.file("nothing-here"))
+        .env_remove("EQUIPOISE_CHROMIUM")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(1), "{said}");
+    assert!(said.contains("apt install chromium"), "{said}");
+    assert!(out.exists() && !pdf.exists());
+}

@@ -1,0 +1,124 @@
+//! What a report says of several workers, of one who was never judged, and of a daemon that was started anew.
+
+use std::path::PathBuf;
+
+use bytemuck::Zeroable;
+use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_core::message::{CommandKind, CycleRecord, State, Validity};
+use equipoise_studies::subject::Subject;
+
+use crate::page::Page;
+use crate::session::{config, equipoise, session, text};
+
+/// As the recorder writes: the record of a cycle some states after its state.
+const RECORDS_BEHIND: usize = 20;
+
+/// A recording of these states, with a record for each.
+fn recording(name: &str, states: &[State], record: impl Fn(&State) -> CycleRecord) -> PathBuf {
+    let path = session().file(name);
+    let header = RecordingHeader {
+        config_toml: config(&Subject::of_the_paper(5)),
+        subject_toml: "subject = \"anon-1\"\n".to_owned(),
+        ..RecordingHeader::default()
+    };
+    let mut recorder = Recorder::create(&path, &header).unwrap();
+    for batch in states.chunks(RECORDS_BEHIND) {
+        for state in batch {
+            recorder.write(state.time_ns, state).unwrap();
+        }
+        for state in batch {
+            let due = CycleRecord { cycle: state.cycle, due_ns: state.time_ns, ..record(state) };
+            recorder.write(due.due_ns, &due).unwrap();
+        }
+    }
+    recorder.add_subject(states[states.len() - 1].time_ns, "subject = \"anon-77\"\n").unwrap();
+    recorder.finish().unwrap();
+    path
+}
+
+fn report(name: &str, recording: &std::path::Path) -> Page {
+    let out = session().file(name);
+    let ended = equipoise(&["report", text(recording), "--out", text(&out)]);
+    assert_eq!(ended.status.code(), Some(0), "{ended:?}");
+    Page::read(&out)
+}
+
+#[test]
+fn a_change_of_worker_is_told_and_makes_no_lifts() {
+    let states: Vec<State> = (1..900)
+        .map(|cycle| {
+            let state = State { cycle, time_ns: cycle * 10_000_000, lifted_mass_kg: 7.0, ..State::zeroed() };
+            match cycle {
+                // One lift more is what a lift looks like: only the record tells.
+                ..300 => State { lifts: 3, poses_used: 12, ..state },
+                300..600 => State { lifts: 4, poses_used: 40, converged: 1, ..state },
+                // Without a record seven lifts in a hundredth of a second tell.
+                _ => State { lifts: 11, poses_used: 30, converged: 1, ..state },
+            }
+        })
+        .collect();
+    let recording = recording("workers.mcap", &states, |state| CycleRecord {
+        command: if state.cycle == 300 { CommandKind::SubjectLoad as u32 } else { 0 },
+        period_ns: 10_000_000,
+        ..CycleRecord::zeroed()
+    });
+    let page = report("workers.html", &recording);
+    assert!(page.words.contains("No lift ended in this recording."), "{}", page.words);
+    assert!(page.words.contains("3 more had been counted before it began."), "{}", page.words);
+    assert!(page.words.contains("The worker changed at t = 3.0 s, 6.0 s"), "{}", page.words);
+    assert!(page.words.contains("known when put in place"), "{}", page.words);
+    let poses = page.rows("Identification");
+    assert_eq!(
+        (poses.len(), poses[0][0].as_str()),
+        (1, "30"),
+        "what was loaded was not learnt here: {poses:?}"
+    );
+    assert_eq!(
+        page.cell("Session", "subject", "value"),
+        "anon-1 and anon-77",
+        "the profiles', not the configuration's"
+    );
+}
+
+#[test]
+fn who_was_never_judged_has_no_risk_told() {
+    let state = |cycle| State {
+        cycle,
+        time_ns: cycle * 10_000_000,
+        valid: Validity::NOT_IDENTIFIED.0,
+        ..State::zeroed()
+    };
+    let states: Vec<State> = (1..300).map(state).collect();
+    let page = report("unjudged.html", &recording("unjudged.mcap", &states, |_| CycleRecord::zeroed()));
+    for told in ["the low back's load was never told: see data quality", "nothing is known of how tired"] {
+        assert!(page.words.contains(told), "{told} is not in {}", page.words);
+    }
+    for untold in ["grew tired.", "high-risk job with a probability", "Damage of the low back"] {
+        assert!(
+            !page.words.replace("how tired joints grew.", "").contains(untold),
+            "{untold} is in {}",
+            page.words
+        );
+    }
+}
+
+#[test]
+fn times_are_of_the_daemon_that_ran_and_not_of_the_head() {
+    // The head says 100 Hz; the daemon after it ran at 200.
+    let states: Vec<State> = (1..1001)
+        .map(|number| State {
+            cycle: if number <= 200 { number } else { number - 200 },
+            time_ns: if number <= 200 { number * 10_000_000 } else { 3_000_000_000 + number * 5_000_000 },
+            valid: if number <= 200 { 0 } else { Validity::MOVING.0 },
+            ..State::zeroed()
+        })
+        .collect();
+    let recording = recording("rates.mcap", &states, |state| CycleRecord {
+        period_ns: if state.time_ns <= 2_000_000_000 { 10_000_000 } else { 5_000_000 },
+        ..CycleRecord::zeroed()
+    });
+    let page = report("rates.html", &recording);
+    assert_eq!(page.cell("Why values were withheld", "moving", "time"), "4.0 s");
+    assert!(page.words.contains("Another daemon went on 1 times."), "{}", page.words);
+    assert!(!page.words.contains("The worker changed"), "{}", page.words);
+}

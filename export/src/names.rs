@@ -1,0 +1,91 @@
+//! Names and units of columns, and what numbers stand for.
+
+use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment};
+use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::message::layout::Field;
+use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::message::{GroundDevice, Validity};
+use equipoise_core::overload::Level;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use serde_json::{Map, Value, json};
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+const QUATERNION: [&str; 4] = ["w", "x", "y", "z"];
+const SIDES: [&str; 2] = ["left", "right"];
+/// Joint angles as MVN has them.
+const ANGLES: [&str; 3] = ["abduction", "axial_rotation", "flexion"];
+
+/// What names end in, the longer ones first, and the unit that says.
+const UNITS: [(&str, &str); 17] = [
+    ("_nm_per_cm", "N m/cm"),
+    ("_m_per_s2", "m/s^2"),
+    ("_m_per_s", "m/s"),
+    ("_rad_per_s", "rad/s"),
+    ("_m2", "m^2"),
+    ("_ns", "ns"),
+    ("_ms", "ms"),
+    ("_kg", "kg"),
+    ("_nm", "N m"),
+    ("_rad", "rad"),
+    ("_deg", "deg"),
+    ("_hz", "Hz"),
+    ("_m", "m"),
+    ("_n", "N"),
+    ("_s", "s"),
+    ("_wxyz", "1"),
+    ("_direction", "1"),
+];
+
+/// The unit of a field, by its name.
+pub(super) fn unit(field: &str) -> Option<&'static str> {
+    UNITS.iter().find(|(end, _)| field.ends_with(end)).map(|(_, unit)| *unit)
+}
+
+/// The name of one number of a field: joints, segments, sides and axes by name.
+pub(super) fn column(field: &Field, index: usize) -> String {
+    let name = field.name;
+    let joint = |index: usize| Joint::ALL[index].name();
+    let segment = |index: usize| Segment::ALL[index].name();
+    match (name, field.count) {
+        (_, 1) => name.to_owned(),
+        ("zeta" | "eta" | "foot_vertical_n", 2) => format!("{name}_{}", SIDES[index]),
+        ("foot_cop_m", 4) => format!("{name}_{}_{}", SIDES[index / 2], AXES[index % 2]),
+        ("joint_angle_deg", _) => format!("{name}_{}_{}", joint(index / 3), ANGLES[index % 3]),
+        ("orientation_wxyz", _) => format!("{name}_{}_{}", segment(index / 4), QUATERNION[index % 4]),
+        (_, 2 | 3) => format!("{name}_{}", AXES[index]),
+        (_, JOINTS) => format!("{name}_{}", joint(index)),
+        (_, count) if count == 3 * JOINTS => format!("{name}_{}_{}", joint(index / 3), AXES[index % 3]),
+        (_, count) if count == 3 * SEGMENTS => format!("{name}_{}_{}", segment(index / 3), AXES[index % 3]),
+        _ => format!("{name}_{index}"),
+    }
+}
+
+/// What the numbers of states stand for, by column: values, or bits where they are sums of them.
+pub(super) fn numbers() -> Value {
+    let list = |names: &mut dyn Iterator<Item = &'static str>| -> Value {
+        names
+            .enumerate()
+            .map(|(number, name)| (number.to_string(), name.into()))
+            .collect::<Map<_, _>>()
+            .into()
+    };
+    let bits = |bits: &mut dyn Iterator<Item = (u64, &'static str)>| -> Value {
+        bits.map(|(bit, name)| (bit.to_string(), name.into())).collect::<Map<_, _>>().into()
+    };
+    let known = 0..16_u32;
+    json!({
+        "valid": bits(&mut Validity::NAMES.iter().map(|(reason, name)| (reason.0, *name))),
+        "not_given": bits(&mut NotGiven::NAMES.iter().map(|(bit, name)| (*bit as u64, *name))),
+        "ground_devices": bits(&mut GroundDevice::NAMES.iter().map(|(bit, name)| (*bit as u64, *name))),
+        "phase": list(&mut known.clone().map_while(Phase::from_number).map(Phase::name)),
+        "joint_level": list(&mut known.clone().map_while(Level::from_number).map(Level::name)),
+        "sharing_source": list(&mut known.clone().map_while(SharingSource::from_number).map(SharingSource::name)),
+        "sole_source": list(&mut known.clone().map_while(SoleSource::from_number).map(SoleSource::name)),
+        "acceleration_source":
+            list(&mut known.clone().map_while(AccelerationSource::from_number).map(AccelerationSource::name)),
+        "body_source": list(&mut known.clone().map_while(BodySource::from_number).map(BodySource::name)),
+        "body_refused": list(&mut known.map_while(BodyRefusal::from_number).map(BodyRefusal::name)),
+        "worst_joint": list(&mut Joint::ALL.iter().map(|joint| joint.name())),
+        "suggested_pose": list(&mut LIBRARY.iter().map(|posture| posture.name)),
+    })
+}

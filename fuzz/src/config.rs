@@ -1,0 +1,8 @@
+//! The law of configurations, which is the daemon's.
+
+#[path = "../../daemon/tests/laws/config.rs"]
+mod law;
+
+use crate::laws::Law;
+
+pub(crate) const LAWS: [Law; 1] = [Law { name: "config", check: law::check, seeds: law::seeds }];

@@ -1,0 +1,151 @@
+//! The outlet: every beat a message into the mailbox; a thread keeps the connection and takes them out.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use equipoise_outlets::config::MqttConfig;
+use equipoise_outlets::{Outlet, Seen, Tally};
+use tracing::{info, warn};
+
+use crate::document::{self, Summary};
+use crate::mailbox::{Mailbox, Taken};
+use crate::session::{PATIENCE, Session, Target, Trouble};
+
+const BACKOFF_MIN: Duration = Duration::from_millis(500);
+const BACKOFF_MAX: Duration = Duration::from_secs(30);
+/// How often the thread looks up although there is nothing to send.
+const LOOK_UP: Duration = Duration::from_secs(60);
+
+/// One beat's payloads.
+struct Message {
+    summary: Vec<u8>,
+    state: Option<Vec<u8>>,
+}
+
+#[derive(Default)]
+struct Shared {
+    mailbox: Mailbox<Message>,
+    sent: AtomicU64,
+    failed: AtomicU64,
+    connected: AtomicBool,
+}
+
+/// Publishes what a station knows.
+pub struct Mqtt {
+    station: String,
+    motion: bool,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Mqtt {
+    /// Reads certificates and passwords, and begins to connect. The broker need not be there.
+    ///
+    /// # Errors
+    /// A file cannot be used, or no thread is to be had.
+    pub fn new(station: &str, config: &MqttConfig) -> anyhow::Result<Mqtt> {
+        let target = Target::new(station, config)?;
+        let shared = Arc::new(Shared::default());
+        let keeper = Keeper { shared: Arc::clone(&shared), target, station: station.to_owned() };
+        let thread = std::thread::Builder::new().name("mqtt".to_owned()).spawn(move || keeper.keep())?;
+        Ok(Mqtt { station: station.to_owned(), motion: config.motion, shared, thread: Some(thread) })
+    }
+}
+
+impl Outlet for Mqtt {
+    fn tell(&mut self, seen: &Seen) {
+        let utc_s = document::now_utc_s();
+        let summary = Summary::new(&self.station, seen, utc_s).to_bytes();
+        let state = self.motion.then(|| document::state(seen, utc_s)).flatten();
+        self.shared.mailbox.put(Message { summary, state });
+    }
+
+    /// Beats that the broker has acknowledged; lost are those that a newer one replaced, or whose connection broke.
+    fn tally(&self) -> Tally {
+        Tally {
+            sent: self.shared.sent.load(Ordering::Relaxed),
+            lost: self.shared.mailbox.replaced() + self.shared.failed.load(Ordering::Relaxed),
+            peers: u64::from(self.shared.connected.load(Ordering::Relaxed)),
+        }
+    }
+}
+
+impl Drop for Mqtt {
+    /// Waits until the broker has heard that the station goes offline, but not for long: else its last will says so.
+    fn drop(&mut self) {
+        self.shared.mailbox.close();
+        let end = Instant::now() + PATIENCE;
+        while self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < end {
+            std::thread::sleep(PATIENCE / 500);
+        }
+    }
+}
+
+/// Keeps the connection.
+struct Keeper {
+    shared: Arc<Shared>,
+    target: Target,
+    station: String,
+}
+
+impl Keeper {
+    fn keep(&self) {
+        let mut backoff = BACKOFF_MIN;
+        let mut said = None;
+        loop {
+            let mut taken = 0;
+            let outcome = Session::open(&self.target).and_then(|session| {
+                info!("connected to the broker");
+                self.serve(session, &mut taken)
+            });
+            self.shared.connected.store(false, Ordering::Relaxed);
+            let Err(trouble) = outcome else { return };
+            if taken > 0 {
+                (backoff, said) = (BACKOFF_MIN, None);
+            }
+            let words = trouble.to_string();
+            if said.as_ref() != Some(&words) {
+                warn!("{words}; it is tried again, every {} s at last", BACKOFF_MAX.as_secs());
+                said = Some(words);
+            }
+            if !self.shared.mailbox.pause(with_jitter(backoff)) {
+                return;
+            }
+            backoff = (2 * backoff).min(BACKOFF_MAX);
+        }
+    }
+
+    /// Until the outlet ends; `taken` counts what the broker took.
+    fn serve(&self, mut session: Session, taken: &mut u64) -> Result<(), Trouble> {
+        self.shared.connected.store(true, Ordering::Relaxed);
+        loop {
+            let message = match self.shared.mailbox.take(LOOK_UP) {
+                Taken::Nothing => continue,
+                Taken::Closed => return session.close(),
+                Taken::Message(message) => message,
+            };
+            if let Err(trouble) = self.publish(&mut session, message) {
+                self.shared.failed.fetch_add(1, Ordering::Relaxed);
+                return Err(trouble);
+            }
+            *taken += 1;
+            self.shared.sent.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn publish(&self, session: &mut Session, message: Message) -> Result<(), Trouble> {
+        session.publish(&format!("equipoise/{}/summary", self.station), message.summary)?;
+        match message.state {
+            Some(state) => session.publish(&format!("equipoise/{}/state", self.station), state),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Up to a half longer: the stations of a plant do not all come back to its broker in one instant.
+fn with_jitter(wait: Duration) -> Duration {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    wait + wait.mul_f64(f64::from(now.subsec_micros() % 1000) / 2000.0)
+}

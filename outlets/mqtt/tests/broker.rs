@@ -1,0 +1,184 @@
+//! What is published, taken by a broker that does the least a broker can do. Mosquitto takes it in `.ci/mqtt`.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::time::{Duration, Instant};
+
+use bytemuck::Zeroable;
+use bytes::BytesMut;
+use equipoise_client::{NoReading, Reading};
+use equipoise_core::message::{State, Validity};
+use equipoise_outlet_mqtt::Mqtt;
+use equipoise_outlets::config::MqttConfig;
+use equipoise_outlets::{Outlet, Seen, StationFile};
+use rumqttc::{ConnAck, Connect, ConnectReturnCode, Packet, PubAck, Publish};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn config(port: u16, keys: &str) -> MqttConfig {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let section = format!("[outlets.mqtt]\nbroker = \"127.0.0.1\"\nport = {port}\n{keys}");
+    std::fs::write(file.path(), format!("station = \"cell-7\"\n{section}\n")).unwrap();
+    StationFile::read(file.path()).unwrap().outlets.mqtt.unwrap()
+}
+
+/// MVN's RightElbow.
+const ELBOW: usize = 8;
+
+fn reading(valid: Validity) -> Seen {
+    let mut state =
+        State { cycle: 9, valid: valid.0, phase: 2, lifts: 3, worst_joint: ELBOW as u32, ..State::zeroed() };
+    state.joint_level.fill(1);
+    state.joint_level[ELBOW] = 3;
+    Ok(Reading {
+        state,
+        picked_up_ns: 1,
+        age_ns: 1,
+        moment_age_ns: None,
+        missed: 0,
+        restarted: false,
+        daemon_life: 1,
+        is_new: true,
+    })
+}
+
+fn silence() -> Seen {
+    Err(NoReading::Silent { silent: Duration::from_secs(1) })
+}
+
+/// One connection as its broker sees it.
+struct Guest {
+    socket: TcpStream,
+    unread: BytesMut,
+}
+
+impl Guest {
+    fn accept(listener: &TcpListener) -> Guest {
+        let (socket, _) = listener.accept().unwrap();
+        socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        Guest { socket, unread: BytesMut::new() }
+    }
+
+    fn packet(&mut self) -> Packet {
+        loop {
+            if let Ok(packet) = Packet::read(&mut self.unread, 1 << 20) {
+                return packet;
+            }
+            let mut read = [0; 4096];
+            let count = self.socket.read(&mut read).unwrap();
+            assert!(count > 0, "the outlet went without a word");
+            self.unread.extend_from_slice(&read[..count]);
+        }
+    }
+
+    fn send(&mut self, packet: &Packet) {
+        let mut bytes = BytesMut::new();
+        packet.write(&mut bytes, 1 << 20).unwrap();
+        self.socket.write_all(&bytes).unwrap();
+    }
+
+    fn welcome(&mut self) -> Connect {
+        let Packet::Connect(connect) = self.packet() else { panic!("no CONNECT") };
+        self.send(&Packet::ConnAck(ConnAck::new(ConnectReturnCode::Success, false)));
+        connect
+    }
+
+    fn publish(&mut self) -> Publish {
+        let Packet::Publish(publish) = self.packet() else { panic!("no PUBLISH") };
+        self.send(&Packet::PubAck(PubAck::new(publish.pkid)));
+        publish
+    }
+
+    fn json(&mut self, topic: &str) -> serde_json::Value {
+        let publish = self.publish();
+        assert_eq!((publish.topic.as_str(), publish.retain), (topic, false));
+        serde_json::from_slice(&publish.payload).unwrap()
+    }
+}
+
+#[test]
+fn a_station_is_online_tells_levels_and_goes_offline() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut outlet = Mqtt::new("cell-7", &config(listener.local_addr().unwrap().port(), "")).unwrap();
+    let mut guest = Guest::accept(&listener);
+    let will = guest.welcome().last_will.unwrap();
+    assert_eq!(
+        (will.topic.as_str(), &will.message[..], will.retain),
+        ("equipoise/cell-7/online", &b"offline"[..], true)
+    );
+    let online = guest.publish();
+    assert_eq!(
+        (online.topic.as_str(), &online.payload[..], online.retain),
+        ("equipoise/cell-7/online", &b"online"[..], true)
+    );
+
+    outlet.tell(&reading(Validity(0)));
+    let told = guest.json("equipoise/cell-7/summary");
+    assert_eq!((&told["worst_joint"], &told["levels"]["RightElbow"]), (&"RightElbow".into(), &"red".into()));
+    assert_eq!(
+        (&told["counts"]["green"], &told["counts"]["red"], &told["lifts"]),
+        (&21.into(), &1.into(), &3.into())
+    );
+    let keys: Vec<_> = told.as_object().unwrap().keys().map(String::as_str).collect();
+    let allowed =
+        ["counts", "levels", "lifts", "phase", "sequence", "station", "t", "v", "withheld", "worst_joint"];
+    assert_eq!(keys, allowed, "levels and counts only");
+
+    outlet.tell(&reading(Validity::MOVING));
+    let told = guest.json("equipoise/cell-7/summary");
+    assert_eq!(told["withheld"], serde_json::json!(["moving"]));
+    assert!(told["levels"].is_null() && told["counts"].is_null() && told["worst_joint"].is_null(), "{told}");
+
+    outlet.tell(&silence());
+    let told = guest.json("equipoise/cell-7/summary");
+    assert_eq!(told["withheld"], serde_json::json!(["daemon_silent"]));
+    assert!(told["levels"].is_null() && told["lifts"].is_null() && told["phase"].is_null(), "{told}");
+
+    let leaving = std::thread::spawn(move || drop(outlet));
+    let farewell = guest.publish();
+    assert_eq!((&farewell.payload[..], farewell.retain), (&b"offline"[..], true));
+    assert_eq!(guest.packet(), Packet::Disconnect);
+    leaving.join().unwrap();
+}
+
+#[test]
+fn how_a_person_moves_is_told_only_if_it_is_asked_for() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let config = config(listener.local_addr().unwrap().port(), "motion = true");
+    let mut outlet = Mqtt::new("cell-7", &config).unwrap();
+    let mut guest = Guest::accept(&listener);
+    guest.welcome();
+    guest.publish();
+    outlet.tell(&reading(Validity(0)));
+    guest.json("equipoise/cell-7/summary");
+    assert!(guest.json("equipoise/cell-7/state")["joints"]["RightElbow"]["torque_nm"].is_array());
+    drop(guest);
+}
+
+#[test]
+fn a_broker_that_does_not_answer_holds_up_nobody_and_the_newest_is_told_when_it_does() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut outlet = Mqtt::new("cell-7", &config(listener.local_addr().unwrap().port(), "")).unwrap();
+    let mut stuck = Guest::accept(&listener);
+    let begun = Instant::now();
+    for _ in 0..10_000 {
+        outlet.tell(&silence());
+    }
+    assert!(begun.elapsed() < PATIENCE);
+    assert_eq!((outlet.tally().sent, outlet.tally().lost), (0, 9_999));
+    outlet.tell(&reading(Validity(0)));
+    stuck.welcome();
+    stuck.publish();
+    assert_eq!(stuck.json("equipoise/cell-7/summary")["sequence"], 9);
+
+    // It breaks off, and is there again.
+    drop(stuck);
+    outlet.tell(&silence());
+    let mut next = Guest::accept(&listener);
+    next.welcome();
+    assert_eq!(&next.publish().payload[..], b"online");
+    outlet.tell(&reading(Validity(0)));
+    while next.json("equipoise/cell-7/summary")["sequence"] != 9 {}
+    drop(next);
+}

@@ -1,0 +1,179 @@
+//! Who keeps the nodes for the library: in memory, read only, and every new value is handed to whoever subscribed.
+//!
+//! Of two values that both have a SourceTimestamp the library holds the later one back if its sampling interval says so, or
+//! if the later one's time is the earlier; it then tells it with a time of its own making, even after a bad status that
+//! came meanwhile. One without a SourceTimestamp it passes on at once. So subscribers hear of a SourceTimestamp only where
+//! nothing can be held back: from items that were created with an interval (it is revised to none) and never modified, and
+//! as long as the time does not run backwards.
+
+use std::collections::HashSet;
+use std::sync::{Mutex, PoisonError};
+
+use opcua::server::address_space::AddressSpace;
+use opcua::server::address_space::NodeType;
+use opcua::server::diagnostics::NamespaceMetadata;
+use opcua::server::node_manager::memory::{
+    InMemoryNodeManager, InMemoryNodeManagerBuilder, InMemoryNodeManagerImpl,
+};
+use opcua::server::node_manager::{MonitoredItemRef, MonitoredItemUpdateRef};
+use opcua::server::node_manager::{NodeManagerBuilder, RequestContext, ServerContext};
+use opcua::server::{CreateMonitoredItem, MonitoredItemHandle, SubscriptionCache};
+use opcua::sync::RwLock;
+use opcua::types::{AttributeId, DataValue, DateTime, NodeId, StatusCode, TimestampsToReturn};
+
+use crate::space::NAMESPACE;
+
+/// The library's keeper of our nodes.
+pub type Keeper = InMemoryNodeManager<Nodes>;
+
+/// Shorter than any beat, and not zero, which the library would take for "not said".
+const EVERY_BEAT_MS: f64 = 1e-4;
+
+/// What we do otherwise than the library.
+pub struct Nodes {
+    namespace: NamespaceMetadata,
+    /// Items whose values are never held back, so that they may have a SourceTimestamp.
+    timed: Mutex<HashSet<MonitoredItemHandle>>,
+}
+
+/// The newest SourceTimestamp that subscribers of a node were told.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Newest(Option<DateTime>);
+
+impl Newest {
+    /// What may be told with its SourceTimestamp, for it does not run backwards: a wall clock that was set back does.
+    pub fn may_have_time(&mut self, value: &DataValue) -> bool {
+        let is_later = value.source_timestamp >= self.0;
+        if is_later {
+            self.0 = value.source_timestamp;
+        }
+        is_later
+    }
+}
+
+/// The same without a SourceTimestamp.
+fn without_time(mut value: DataValue) -> DataValue {
+    (value.source_timestamp, value.source_picoseconds) = (None, None);
+    value
+}
+
+/// Renews nodes and tells those who subscribed.
+///
+/// # Errors
+/// There is no such node.
+pub fn renew(
+    keeper: &Keeper,
+    subscriptions: &SubscriptionCache,
+    nodes: &[NodeId],
+    newest: &mut [Newest],
+    values: Vec<DataValue>,
+) -> Result<(), StatusCode> {
+    {
+        let mut space = keeper.address_space().write();
+        for (node, value) in nodes.iter().zip(&values) {
+            match space.find_mut(node) {
+                Some(NodeType::Variable(variable)) => variable.set_data_value(value.clone()),
+                _ => return Err(StatusCode::BadNodeIdUnknown),
+            }
+        }
+    }
+    let timed = keeper.inner().timed();
+    let mut notifier = subscriptions.data_notifier();
+    for ((node, newest), value) in nodes.iter().zip(newest).zip(values) {
+        let may_have_time = newest.may_have_time(&value);
+        let Some(mut batch) = notifier.notify_for(node, AttributeId::Value) else { continue };
+        for (item, _) in batch.entries() {
+            let value = value.clone();
+            let is_whole = may_have_time && timed.contains(item);
+            batch.data_value_to_item(if is_whole { value } else { without_time(value) }, item);
+        }
+    }
+    Ok(())
+}
+
+impl Nodes {
+    fn timed(&self) -> std::sync::MutexGuard<'_, HashSet<MonitoredItemHandle>> {
+        self.timed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Makes the keeper, which has no nodes yet.
+pub fn keeper() -> impl NodeManagerBuilder {
+    InMemoryNodeManagerBuilder::new(|context: ServerContext, space: &mut AddressSpace| {
+        let index = context.type_tree.write().namespaces_mut().add_namespace(NAMESPACE);
+        space.add_namespace(NAMESPACE, index);
+        let namespace = NamespaceMetadata {
+            namespace_uri: NAMESPACE.to_owned(),
+            namespace_index: index,
+            ..NamespaceMetadata::default()
+        };
+        Nodes { namespace, timed: Mutex::default() }
+    })
+}
+
+#[async_trait::async_trait]
+impl InMemoryNodeManagerImpl for Nodes {
+    async fn init(&self, _: &mut AddressSpace, _: ServerContext) {}
+
+    fn name(&self) -> &str {
+        "station"
+    }
+
+    fn namespaces(&self) -> Vec<NamespaceMetadata> {
+        vec![self.namespace.clone()]
+    }
+
+    /// The interval is revised to none: every beat is a sample. One that is asked for as the subscription's own cannot be.
+    async fn create_value_monitored_items(
+        &self,
+        context: &RequestContext,
+        space: &RwLock<AddressSpace>,
+        items: &mut [&mut &mut CreateMonitoredItem],
+    ) {
+        let space = space.read();
+        for item in items {
+            item.revise_sampling_interval(EVERY_BEAT_MS);
+            let is_timed = (0.0..=EVERY_BEAT_MS).contains(&item.sampling_interval());
+            let value = space.read(context, item.item_to_monitor(), 0.0, TimestampsToReturn::Both);
+            if value.status() != StatusCode::BadAttributeIdInvalid {
+                item.set_initial_value(if is_timed { value } else { without_time(value) });
+            }
+            if is_timed {
+                self.timed().insert(item.handle());
+            }
+            item.set_status(StatusCode::Good);
+        }
+    }
+
+    /// The library has taken the interval that was asked for, whatever it is.
+    async fn modify_monitored_items(&self, _: &RequestContext, items: &[&MonitoredItemUpdateRef]) {
+        let mut timed = self.timed();
+        for item in items {
+            timed.remove(&item.handle());
+        }
+    }
+
+    async fn delete_monitored_items(&self, _: &RequestContext, items: &[&MonitoredItemRef]) {
+        let mut timed = self.timed();
+        for item in items {
+            timed.remove(&item.handle());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_that_runs_backwards_is_not_told() {
+        let mut newest = Newest::default();
+        let at =
+            |ticks: i64| DataValue { source_timestamp: Some(DateTime::from(ticks)), ..DataValue::default() };
+        let told = [(10, true), (20, true), (20, true), (5, false), (19, false), (21, true)];
+        for (ticks, may) in told {
+            assert_eq!(newest.may_have_time(&at(ticks)), may, "{ticks}");
+            newest.may_have_time(&DataValue::default());
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! The variables of a station, each declared once: address space, values and the table of docs/consumers/opcua.md follow.
+
+use equipoise_client::Reading;
+use equipoise_core::body::Joint;
+use equipoise_core::message::state::Phase;
+use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
+use opcua::types::{DataTypeId, Variant};
+
+/// Which time a value belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum About {
+    /// The cycle of the state (`State::time_ns`).
+    Cycle,
+    /// The moment that was worked through (`State::suit_sample_time_ns`), tens of milliseconds before.
+    Moment,
+}
+
+/// Type of a variable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Type {
+    /// True or false.
+    Boolean,
+    /// A count or a set of bits.
+    UInt64,
+    /// Text.
+    Text,
+    /// Any number of texts.
+    Texts,
+    /// One number.
+    Double,
+    /// So many numbers.
+    Doubles(u32),
+    /// A number with a name: UInt32, as MultiStateDiscreteType with EnumStrings.
+    State(&'static [&'static str]),
+}
+
+impl Type {
+    /// The data type of the standard.
+    pub fn data_type(self) -> DataTypeId {
+        match self {
+            Type::Boolean => DataTypeId::Boolean,
+            Type::UInt64 => DataTypeId::UInt64,
+            Type::Text | Type::Texts => DataTypeId::String,
+            Type::Double | Type::Doubles(_) => DataTypeId::Double,
+            Type::State(_) => DataTypeId::UInt32,
+        }
+    }
+}
+
+/// A unit of UNECE Recommendation 20, as OPC UA Part 8 refers to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unit {
+    /// Common code of the recommendation.
+    pub code: &'static str,
+    /// Symbol.
+    pub symbol: &'static str,
+    /// Name.
+    pub name: &'static str,
+}
+
+const NEWTON_METRE: Unit = Unit { code: "NU", symbol: "N·m", name: "newton metre" };
+const NEWTON: Unit = Unit { code: "NEW", symbol: "N", name: "newton" };
+const KILOGRAM: Unit = Unit { code: "KGM", symbol: "kg", name: "kilogram" };
+const NANOSECOND: Unit = Unit { code: "C47", symbol: "ns", name: "nanosecond" };
+
+impl Unit {
+    /// `unitId` of EUInformation: the letters of the common code as one number.
+    pub fn id(&self) -> i32 {
+        self.code.bytes().fold(0, |id, letter| (id << 8) | i32::from(letter))
+    }
+}
+
+/// One variable, of the station or of each joint.
+pub struct Row {
+    /// Browse name, and end of the node's id.
+    pub name: &'static str,
+    /// Type.
+    pub of: Type,
+    /// Unit; `None` for what has none.
+    pub unit: Option<Unit>,
+    /// The time it belongs to.
+    pub about: About,
+    /// What spoils it.
+    pub spoilers: Validity,
+    /// What it says.
+    pub meaning: &'static str,
+    /// Its value, if nothing spoils it; the joint is of no account in rows of the station.
+    pub value: fn(&Reading, Joint) -> Option<Variant>,
+}
+
+const NEVER: Validity = Validity(0);
+const TORQUES: Validity = Validity::SPOILS_TORQUES;
+const LIFTED: Validity = Validity::SPOILS_LIFTED_MASS;
+const BACK: Validity = Validity::SPOILS_BACK;
+
+/// Names of a phase's number, in order.
+pub const PHASES: [&str; 4] = ["waiting", "identifying", "monitoring", "degraded"];
+/// Names of a level's number, in order.
+pub const LEVELS: [&str; 6] = ["none", "green", "orange", "red", "above_max", "undecided"];
+
+/// The station's own variables.
+pub const STATION: [Row; 18] = [
+    cycle("Phase", Type::State(&PHASES), None, "What the station does", |reading, _| {
+        Phase::from_number(reading.state.phase).map(|phase| Variant::from(phase as u32))
+    }),
+    cycle(
+        "Valid",
+        Type::UInt64,
+        None,
+        "Reasons why values are withheld, as bits; 0: all may be used",
+        |reading, _| Some(Variant::from(reading.state.valid)),
+    ),
+    cycle("Reasons", Type::Texts, None, "The same as names", |reading, _| {
+        Some(Variant::from(reading.validity().names().map(str::to_owned).collect::<Vec<String>>()))
+    }),
+    cycle("TorquesUsable", Type::Boolean, None, "Whether nothing spoils torques and levels", |reading, _| {
+        Some(Variant::from(!reading.validity().any_of(TORQUES)))
+    }),
+    cycle("LiftedMassUsable", Type::Boolean, None, "Whether nothing spoils the lifted mass", |reading, _| {
+        Some(Variant::from(!reading.validity().any_of(LIFTED)))
+    }),
+    cycle(
+        "LowBackUsable",
+        Type::Boolean,
+        None,
+        "Whether nothing spoils the low back's values",
+        |reading, _| Some(Variant::from(!reading.validity().any_of(BACK))),
+    ),
+    cycle(
+        "SequenceNumber",
+        Type::UInt64,
+        None,
+        "The cycle's number in the daemon's life, from 1",
+        |reading, _| Some(Variant::from(reading.state.cycle)),
+    ),
+    cycle(
+        "AgeNs",
+        Type::UInt64,
+        Some(NANOSECOND),
+        "How long before ServerTimestamp the state's cycle was due",
+        |reading, _| Some(Variant::from(reading.age_ns)),
+    ),
+    cycle(
+        "MomentAgeNs",
+        Type::UInt64,
+        Some(NANOSECOND),
+        "How long before ServerTimestamp the moment was that torques and masses are about",
+        |reading, _| reading.moment_age_ns.map(Variant::from),
+    ),
+    moment("WorstJoint", Type::Text, None, TORQUES, "The joint closest to its limit", |reading, _| {
+        Joint::ALL.get(reading.state.worst_joint as usize).map(|joint| Variant::from(joint.name()))
+    }),
+    moment("LiftedMass", Type::Double, Some(KILOGRAM), LIFTED, "Mass in the hands", |reading, _| {
+        number(reading.state.lifted_mass_kg)
+    }),
+    moment("LiftedMassSigma", Type::Double, Some(KILOGRAM), LIFTED, "1-σ of LiftedMass", |reading, _| {
+        number(reading.state.lifted_mass_sigma_kg)
+    }),
+    moment("LowBackMoment", Type::Double, Some(NEWTON_METRE), BACK, "Net moment at L5/S1", |reading, _| {
+        number(reading.state.l5s1_moment_nm)
+    }),
+    moment(
+        "LowBackMomentSigma",
+        Type::Double,
+        Some(NEWTON_METRE),
+        BACK,
+        "1-σ of LowBackMoment",
+        |reading, _| number(reading.state.l5s1_moment_sigma_nm),
+    ),
+    moment(
+        "LowBackCompression",
+        Type::Double,
+        Some(NEWTON),
+        BACK,
+        "Compression of the L5/S1 disc",
+        |reading, _| number(reading.state.l5s1_compression_n),
+    ),
+    cycle("Lifts", Type::UInt64, None, "Lifts that entered the dose", |reading, _| {
+        Some(Variant::from(u64::from(reading.state.lifts)))
+    }),
+    cycle(
+        "DoseDamage",
+        Type::Double,
+        None,
+        "Cumulative damage of the low back, 1 being failure",
+        |reading, _| number(reading.state.dose_damage),
+    ),
+    cycle(
+        "DoseProbability",
+        Type::Double,
+        None,
+        "Probability of a high-risk job by that dose, 0 to 1",
+        |reading, _| number(reading.state.dose_probability),
+    ),
+];
+
+/// The variables of each joint.
+pub const JOINT: [Row; 6] = [
+    moment("Level", Type::State(&LEVELS), None, TORQUES, "Overload level of the joint", |reading, joint| {
+        let level = Level::from_number(per_joint(reading, joint, |state| &state.joint_level))?;
+        (level != Level::None).then(|| Variant::from(level as u32))
+    }),
+    moment(
+        "Torque",
+        Type::Doubles(3),
+        Some(NEWTON_METRE),
+        TORQUES,
+        "Overload torque, axes of the station: X forward, Y left, Z up",
+        |reading, joint| {
+            let torque_nm = per_joint(reading, joint, |state| &state.torque_nm);
+            torque_nm.iter().all(|nm| nm.is_finite()).then(|| Variant::from(torque_nm.to_vec()))
+        },
+    ),
+    moment(
+        "TorqueMagnitude",
+        Type::Double,
+        Some(NEWTON_METRE),
+        TORQUES,
+        "Length of Torque",
+        |reading, joint| {
+            let torque_nm = per_joint(reading, joint, |state| &state.torque_nm);
+            number(torque_nm.iter().map(|nm| nm * nm).sum::<f64>().sqrt())
+        },
+    ),
+    moment(
+        "Sigma",
+        Type::Double,
+        Some(NEWTON_METRE),
+        TORQUES,
+        "1-σ of TorqueMagnitude",
+        |reading, joint| number(per_joint(reading, joint, |state| &state.torque_sigma_nm)),
+    ),
+    moment("Limit", Type::Double, Some(NEWTON_METRE), TORQUES, "τ_max of this worker", |reading, joint| {
+        number(per_joint(reading, joint, |state| &state.torque_limit_nm))
+            .filter(|_| per_joint(reading, joint, |state| &state.torque_limit_nm) > 0.0)
+    }),
+    cycle("Fatigue", Type::Double, None, "Overloading fatigue, 0 to 1", |reading, joint| {
+        number(per_joint(reading, joint, |state| &state.fatigue))
+    }),
+];
+
+type Value = fn(&Reading, Joint) -> Option<Variant>;
+
+/// What the state always tells.
+const fn cycle(name: &'static str, of: Type, unit: Option<Unit>, meaning: &'static str, value: Value) -> Row {
+    Row { name, of, unit, about: About::Cycle, spoilers: NEVER, meaning, value }
+}
+
+/// What is about the moment that was worked through, and may be spoilt.
+const fn moment(
+    name: &'static str,
+    of: Type,
+    unit: Option<Unit>,
+    spoilers: Validity,
+    meaning: &'static str,
+    value: Value,
+) -> Row {
+    Row { name, of, unit, about: About::Moment, spoilers, meaning, value }
+}
+
+fn per_joint<T: Copy, const N: usize>(
+    reading: &Reading,
+    joint: Joint,
+    values: impl Fn(&State) -> &[T; N],
+) -> T {
+    values(&reading.state)[joint.index()]
+}
+
+fn number(value: f64) -> Option<Variant> {
+    value.is_finite().then(|| Variant::from(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_have_the_numbers_of_the_standard() {
+        // Part 8 gives the rule, and its table of units these.
+        assert_eq!(NEWTON_METRE.id(), 20053);
+        assert_eq!(NEWTON.id(), 5_129_559);
+        assert_eq!(KILOGRAM.id(), 4_933_453);
+        assert_eq!(NANOSECOND.id(), 4_404_279);
+    }
+
+    #[test]
+    fn names_of_states_are_those_of_the_core() {
+        for (number, name) in PHASES.iter().enumerate() {
+            assert_eq!(Phase::from_number(number as u32).map(Phase::name), Some(*name));
+        }
+        for (number, name) in LEVELS.iter().enumerate() {
+            assert_eq!(Level::from_number(number as u32).map(Level::name), Some(*name));
+        }
+        assert_eq!(Phase::from_number(PHASES.len() as u32), None);
+        assert_eq!(Level::from_number(LEVELS.len() as u32), None);
+    }
+}

@@ -1,0 +1,153 @@
+//! `[outlets]`: one section for each outlet; without a section it does not run.
+
+mod foxglove;
+mod mqtt;
+mod opcua;
+mod rtde;
+mod rtde_values;
+mod udp;
+mod zenoh;
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+pub use foxglove::FoxgloveConfig;
+pub use mqtt::MqttConfig;
+pub use opcua::OpcUaConfig;
+pub use rtde::RtdeConfig;
+pub use rtde_values::{Register, Value, rtde_values};
+pub use udp::UdpConfig;
+pub use zenoh::ZenohConfig;
+
+/// Whether values may be used; if not, which key, and what to do.
+pub type Checked = Result<(), (&'static str, String)>;
+
+/// `[outlets]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutletsConfig {
+    /// Datagrams of fixed layout to controllers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub udp: Option<UdpConfig>,
+    /// Input registers of a Universal Robots controller.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rtde: Option<RtdeConfig>,
+    /// A server for PLCs and MES.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opcua: Option<OpcUaConfig>,
+    /// Levels and counts to a broker.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mqtt: Option<MqttConfig>,
+    /// Other machines, and ROS 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub zenoh: Option<ZenohConfig>,
+    /// Live pictures for Foxglove and Lichtblick.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub foxglove: Option<FoxgloveConfig>,
+}
+
+impl OutletsConfig {
+    /// Rules that types cannot express.
+    ///
+    /// # Errors
+    /// The first key whose value cannot be used.
+    pub fn check(&self) -> Checked {
+        self.udp.as_ref().map_or(Ok(()), UdpConfig::check)?;
+        self.rtde.as_ref().map_or(Ok(()), RtdeConfig::check)?;
+        self.opcua.as_ref().map_or(Ok(()), OpcUaConfig::check)?;
+        self.mqtt.as_ref().map_or(Ok(()), MqttConfig::check)?;
+        self.zenoh.as_ref().map_or(Ok(()), ZenohConfig::check)?;
+        self.foxglove.as_ref().map_or(Ok(()), FoxgloveConfig::check)
+    }
+
+    /// Names of the outlets that have a section.
+    pub fn kinds(&self) -> Vec<&'static str> {
+        let all = [
+            ("udp", self.udp.is_some()),
+            ("rtde", self.rtde.is_some()),
+            ("opcua", self.opcua.is_some()),
+            ("mqtt", self.mqtt.is_some()),
+            ("zenoh", self.zenoh.is_some()),
+            ("foxglove", self.foxglove.is_some()),
+        ];
+        all.into_iter().filter(|(_, is_there)| *is_there).map(|(kind, _)| kind).collect()
+    }
+
+    /// Whether there is no outlet.
+    pub fn is_empty(&self) -> bool {
+        *self == OutletsConfig::default()
+    }
+
+    /// The same with every file by its name alone: what a recording may keep.
+    #[must_use]
+    pub fn without_paths(mut self) -> OutletsConfig {
+        self.each_path(|path| *path = path.file_name().map_or_else(PathBuf::new, PathBuf::from));
+        self
+    }
+
+    fn each_path(&mut self, mut change: impl FnMut(&mut PathBuf)) {
+        let opcua = self.opcua.iter_mut().flat_map(OpcUaConfig::paths);
+        let mqtt = self.mqtt.iter_mut().flat_map(MqttConfig::paths);
+        let zenoh = self.zenoh.iter_mut().flat_map(ZenohConfig::paths);
+        opcua.chain(mqtt).chain(zenoh).flatten().for_each(&mut change);
+    }
+}
+
+/// What an outlet reads of the station's configuration file. The rest of the file is the daemon's affair: `equipoise
+/// check` reads it whole.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct StationFile {
+    /// Name of the station.
+    pub station: String,
+    /// The outlets.
+    #[serde(default)]
+    pub outlets: OutletsConfig,
+}
+
+/// Why a configuration cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StationFileError {
+    /// The file cannot be read.
+    #[error("cannot read the configuration {path}: {source}; name an existing file with --config")]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// It is not what it should be.
+    #[error("{path}: {what}; `equipoise check {path}` tells more")]
+    Wrong {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+impl StationFile {
+    /// Reads a file and checks its `[outlets]`. A relative path in it counts from the file's own folder.
+    ///
+    /// # Errors
+    /// [`StationFileError`], in words for the person who wrote the file.
+    pub fn read(path: &Path) -> Result<StationFile, StationFileError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| StationFileError::Read { path: path.to_owned(), source })?;
+        let wrong = |what: String| StationFileError::Wrong { path: path.to_owned(), what };
+        let mut file: StationFile =
+            toml::from_str(&text).map_err(|error| wrong(error.message().to_owned()))?;
+        file.outlets.check().map_err(|(key, what)| wrong(format!("{key}: {what}")))?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        file.outlets.each_path(|path| *path = folder.join(&*path));
+        Ok(file)
+    }
+}
+
+/// A number within bounds.
+fn between(key: &'static str, value: f64, least: f64, most: f64) -> Checked {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err((key, format!("{value} is not between {least} and {most}")))
+}

@@ -1,0 +1,88 @@
+//! `[outlets.rtde]`: writes into input registers of a Universal Robots controller; docs/consumers/rtde.md.
+//!
+//! A register holds its last value for ever, so the reason why there is no state is written as well, with a sequence that
+//! stands still when nobody writes any more. The beat never waits for the robot: a thread connects, and what the network
+//! does not take is dropped and counted.
+
+mod link;
+mod registers;
+mod wire;
+
+use anyhow::anyhow;
+
+use crate::config::{Register, RtdeConfig, StationFile};
+use crate::outlet::{Outlet, Seen, Tally};
+use crate::process::{Made, no_section};
+use link::{Dialling, Sent, Started};
+use registers::{Counts, word};
+
+/// Writes registers of one controller.
+#[derive(Debug)]
+pub struct Rtde {
+    recipe: Vec<Register>,
+    dialling: Dialling,
+    started: Option<Started>,
+    counts: Counts,
+    sent: u64,
+    lost: u64,
+}
+
+impl Rtde {
+    /// Begins to dial the robot of a configuration.
+    ///
+    /// # Errors
+    /// Registers that cannot be, in words.
+    pub fn new(config: &RtdeConfig) -> anyhow::Result<Rtde> {
+        let recipe = config.recipe().map_err(|what| anyhow!("outlets.rtde.registers: {what}"))?;
+        let dialling = Dialling::new(config.robot, recipe.clone());
+        Ok(Rtde { recipe, dialling, started: None, counts: Counts::default(), sent: 0, lost: 0 })
+    }
+
+    fn write(&mut self, seen: &Seen) -> bool {
+        if self.started.is_none() {
+            self.started = self.dialling.poll();
+        }
+        let Some(started) = &mut self.started else { return false };
+        let (counts, recipe) = (self.counts, &self.recipe);
+        match started.send(recipe.iter().map(|register| word(register.value, counts, seen))) {
+            Ok(Sent::Whole) => {
+                self.dialling.went_well();
+                true
+            }
+            Ok(Sent::Dropped) => false,
+            Err(error) => {
+                self.started = None;
+                self.dialling.lost(&error.to_string());
+                false
+            }
+        }
+    }
+}
+
+impl Outlet for Rtde {
+    fn tell(&mut self, seen: &Seen) {
+        // 0 is what a register holds that nobody has written.
+        self.counts.sequence = self.counts.sequence.checked_add(1).unwrap_or(1);
+        if let Ok(reading) = seen {
+            self.counts.daemon_life = reading.daemon_life;
+        }
+        if self.write(seen) {
+            self.sent += 1;
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    fn tally(&self) -> Tally {
+        Tally { sent: self.sent, lost: self.lost, peers: u64::from(self.started.is_some()) }
+    }
+}
+
+/// The outlet that a configuration asks for.
+///
+/// # Errors
+/// There is no `[outlets.rtde]`, or its registers cannot be.
+pub fn make(file: &StationFile) -> anyhow::Result<Made> {
+    let config = file.outlets.rtde.as_ref().ok_or_else(|| no_section("rtde"))?;
+    Ok(Made { outlet: Box::new(Rtde::new(config)?), rate_hz: config.rate_hz })
+}

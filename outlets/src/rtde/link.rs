@@ -1,0 +1,279 @@
+//! The connection to a controller: made in a thread of its own, used without waiting.
+
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::{Duration, Instant};
+
+use socket2::SockRef;
+use tracing::{info, warn};
+
+use super::wire::{self, Kind, PROTOCOL, Word};
+use crate::config::Register;
+
+/// How long the controller may take for each answer.
+const ANSWER_WITHIN: Duration = Duration::from_secs(2);
+/// After a refusal or a lost connection it is tried again after this, and after twice as long each time.
+const TRY_AGAIN_AFTER: Duration = Duration::from_secs(1);
+const TRY_AGAIN_AFTER_MAX: Duration = Duration::from_secs(30);
+/// What the controller is asked to send: it starts no exchange without an output, and its packages are its sign of life.
+const OUTPUT: &str = "timestamp";
+/// How often; it takes the next lower rate that divides its own.
+const OUTPUT_HZ: f64 = 50.0;
+/// A controller that is quiet for so long is told nothing more: what the network keeps for it would come late.
+const HOLD_AFTER: Duration = Duration::from_millis(100);
+/// A controller that is quiet, takes or acknowledges nothing for so long is left: TCP itself would wait for minutes, and
+/// then deliver as new what is minutes old.
+const LEAVE_AFTER: Duration = Duration::from_millis(300);
+
+/// Why a controller cannot be written to.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum LinkError {
+    /// The network.
+    #[error("{0}; is the robot switched on, and RTDE not blocked in its security settings?")]
+    Io(#[from] io::Error),
+    /// It answered something else.
+    #[error("it answered a package of type {0:#04x}; is this the RTDE port, 30004?")]
+    Answer(u8),
+    /// Too old.
+    #[error("it does not speak version {PROTOCOL} of the protocol: RTDE needs a newer controller")]
+    Protocol,
+    /// Registers that cannot be had.
+    #[error("{0}")]
+    Registers(String),
+    /// It sends no sign of life.
+    #[error("it does not send its {OUTPUT}, and starts no exchange without an output")]
+    Output,
+    /// It did not start.
+    #[error("it did not start the exchange")]
+    Start,
+}
+
+/// A stream on which data packages of one recipe may be sent.
+#[derive(Debug)]
+pub(super) struct Started {
+    stream: TcpStream,
+    recipe: u8,
+    /// Bytes of a package that the network did not take yet: the next one may not begin before.
+    rest: Vec<u8>,
+    heard: Vec<u8>,
+    took_at: Instant,
+    /// When its last data package was found.
+    heard_at: Instant,
+}
+
+/// What became of a package.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sent {
+    Whole,
+    /// An earlier one is still on its way, or the controller is quiet.
+    Dropped,
+}
+
+impl Started {
+    /// Hands a package to the network if it takes one now; never waits.
+    pub(super) fn send(&mut self, words: impl IntoIterator<Item = Word>) -> io::Result<Sent> {
+        self.listen()?;
+        self.flush()?;
+        let quiet = self.heard_at.elapsed();
+        if quiet > LEAVE_AFTER {
+            return Err(io::Error::new(ErrorKind::TimedOut, "it sends no more packages"));
+        }
+        if quiet > HOLD_AFTER {
+            return Ok(Sent::Dropped);
+        }
+        if !self.rest.is_empty() {
+            if self.took_at.elapsed() > LEAVE_AFTER {
+                return Err(io::Error::new(ErrorKind::TimedOut, "it takes no more packages"));
+            }
+            return Ok(Sent::Dropped);
+        }
+        self.rest = wire::data(self.recipe, words);
+        self.flush()?;
+        Ok(Sent::Whole)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        while !self.rest.is_empty() {
+            match self.stream.write(&self.rest) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(count) => {
+                    self.rest.drain(..count);
+                    self.took_at = Instant::now();
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    /// What the controller says meanwhile: signs of life, texts for the log. Also how its end is noticed.
+    fn listen(&mut self) -> io::Result<()> {
+        let mut bytes = [0; 4096];
+        loop {
+            match self.stream.read(&mut bytes) {
+                Ok(0) => return Err(io::Error::new(ErrorKind::ConnectionReset, "it closed the connection")),
+                Ok(count) => self.heard.extend(&bytes[..count]),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                Err(error) => return Err(error),
+            }
+            while let Some((kind, payload)) = wire::take(&mut self.heard) {
+                if kind == Kind::Data as u8 {
+                    self.heard_at = Instant::now();
+                } else if kind == Kind::Text as u8 {
+                    warn!("the controller says: {}", wire::text(&payload));
+                }
+            }
+        }
+    }
+}
+
+/// Asks for an answer of the same kind; texts in between go to the log, and data may come before the answer to a start.
+fn ask(stream: &mut TcpStream, kind: Kind, payload: &[u8]) -> Result<Vec<u8>, LinkError> {
+    stream.write_all(&wire::package(kind, payload))?;
+    loop {
+        match wire::read(stream)? {
+            (answer, payload) if answer == kind as u8 => return Ok(payload),
+            (answer, payload) if answer == Kind::Text as u8 => {
+                warn!("the controller says: {}", wire::text(&payload));
+            }
+            (answer, _) if answer == Kind::Data as u8 => {}
+            (answer, _) => return Err(LinkError::Answer(answer)),
+        }
+    }
+}
+
+/// Connects, negotiates and starts.
+fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
+    let mut stream = TcpStream::connect_timeout(&robot, ANSWER_WITHIN)?;
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(ANSWER_WITHIN))?;
+    stream.set_write_timeout(Some(ANSWER_WITHIN))?;
+    // What the network has not delivered when the controller is left must never be.
+    SockRef::from(&stream).set_linger(Some(Duration::ZERO))?;
+    if ask(&mut stream, Kind::Protocol, &PROTOCOL.to_be_bytes())?.first() != Some(&1) {
+        return Err(LinkError::Protocol);
+    }
+    let version = ask(&mut stream, Kind::Version, &[])?;
+    let numbers: Vec<_> = version
+        .chunks_exact(4)
+        .map(|four| four.iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte)))
+        .collect();
+    let output = [&OUTPUT_HZ.to_be_bytes()[..], OUTPUT.as_bytes()].concat();
+    if !matches!(ask(&mut stream, Kind::Outputs, &output)?.split_first(), Some((1.., b"DOUBLE"))) {
+        return Err(LinkError::Output);
+    }
+    let names: Vec<_> = recipe.iter().map(|register| register.name()).collect();
+    let answer = ask(&mut stream, Kind::Inputs, names.join(",").as_bytes())?;
+    let number = recipe_number(&answer, recipe, &names)?;
+    if ask(&mut stream, Kind::Start, &[])?.first() != Some(&1) {
+        return Err(LinkError::Start);
+    }
+    SockRef::from(&stream).set_tcp_user_timeout(Some(LEAVE_AFTER))?;
+    stream.set_nonblocking(true)?;
+    let version: Vec<_> = numbers.iter().map(u32::to_string).collect();
+    info!("{robot}: controller {}, {} registers are written", version.join("."), names.len());
+    let now = Instant::now();
+    Ok(Started { stream, recipe: number, rest: Vec::new(), heard: Vec::new(), took_at: now, heard_at: now })
+}
+
+/// The recipe's number, if every register can be had and is of the kind that is written.
+fn recipe_number(answer: &[u8], recipe: &[Register], names: &[String]) -> Result<u8, LinkError> {
+    let (number, types) = answer.split_first().map_or((0, &[][..]), |(number, types)| (*number, types));
+    let types = String::from_utf8_lossy(types).into_owned();
+    let mut troubles = Vec::new();
+    for (at, name) in names.iter().enumerate() {
+        let expected = if recipe[at].value.is_whole() { "INT32" } else { "DOUBLE" };
+        match types.split(',').map(str::trim).nth(at) {
+            Some(kind) if kind == expected => {}
+            Some("IN_USE") => {
+                troubles.push(format!("{name} is written by another client: choose another number"));
+            }
+            Some("NOT_FOUND") => troubles.push(format!("{name} does not exist on this controller")),
+            other => {
+                troubles.push(format!("{name} is {}, not {expected}", other.unwrap_or("not answered for")));
+            }
+        }
+    }
+    if !troubles.is_empty() {
+        return Err(LinkError::Registers(format!("{}; see [outlets.rtde.registers]", troubles.join("; "))));
+    }
+    if number == 0 {
+        return Err(LinkError::Registers("it refuses the registers together".to_owned()));
+    }
+    Ok(number)
+}
+
+/// Whoever asks for a connection, and how often in vain.
+#[derive(Debug)]
+pub(super) struct Dialling {
+    robot: SocketAddr,
+    recipe: Vec<Register>,
+    coming: Option<Receiver<Result<Started, LinkError>>>,
+    due: Instant,
+    pause: Duration,
+    said: String,
+}
+
+impl Dialling {
+    pub(super) fn new(robot: SocketAddr, recipe: Vec<Register>) -> Dialling {
+        let due = Instant::now();
+        Dialling { robot, recipe, coming: None, due, pause: TRY_AGAIN_AFTER, said: String::new() }
+    }
+
+    /// A connection, if one is ready now.
+    pub(super) fn poll(&mut self) -> Option<Started> {
+        let Some(coming) = &self.coming else {
+            if Instant::now() >= self.due {
+                self.dial();
+            }
+            return None;
+        };
+        let outcome = match coming.try_recv() {
+            Ok(outcome) => outcome,
+            Err(TryRecvError::Empty) => return None,
+            Err(TryRecvError::Disconnected) => Err(LinkError::Start),
+        };
+        self.coming = None;
+        match outcome {
+            Ok(started) => {
+                self.said.clear();
+                Some(started)
+            }
+            Err(error) => {
+                self.lost(&error.to_string());
+                None
+            }
+        }
+    }
+
+    /// The controller is left, and dialled again after a pause. The same trouble is said once.
+    pub(super) fn lost(&mut self, why: &str) {
+        if self.said != why {
+            warn!("{}: {why}; tried again from {} s on", self.robot, self.pause.as_secs());
+            why.clone_into(&mut self.said);
+        }
+        self.due = Instant::now() + self.pause;
+        self.pause = (2 * self.pause).min(TRY_AGAIN_AFTER_MAX);
+    }
+
+    /// Packages go out: the next trouble begins with the short pause.
+    pub(super) fn went_well(&mut self) {
+        self.pause = TRY_AGAIN_AFTER;
+    }
+
+    fn dial(&mut self) {
+        let (tell, coming) = channel();
+        let (robot, recipe) = (self.robot, self.recipe.clone());
+        let thread = std::thread::Builder::new().name("rtde dialling".to_owned());
+        let begun = thread.spawn(move || {
+            // Nobody waits for it any more when the program ends.
+            let _ = tell.send(start(robot, &recipe));
+        });
+        match begun {
+            Ok(_) => self.coming = Some(coming),
+            Err(error) => self.lost(&error.to_string()),
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! `[outlets.udp]`: datagrams of fixed layout ([`layout`]) to configured addresses; docs/consumers/udp.md is the table.
+//!
+//! A datagram goes out at every beat, with a state or with the reason why there is none: who receives nothing knows that
+//! the network is at fault, or this program. Nothing a receiver does can hold it up: sockets do not block, and what
+//! cannot be sent is counted.
+
+pub mod encode;
+pub mod layout;
+mod peer;
+
+use std::net::SocketAddr;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::config::StationFile;
+use crate::outlet::{Outlet, Seen, Tally};
+use crate::process::{Made, no_section};
+use encode::{Told, encode};
+use peer::Peer;
+
+/// Sends datagrams to every address.
+#[derive(Debug)]
+pub struct Udp {
+    station: String,
+    session_ns: u64,
+    sequence: u64,
+    /// Of the last state; while there is none it is still told.
+    daemon_life: u16,
+    peers: Vec<Peer>,
+}
+
+impl Udp {
+    /// An outlet of `station` for these addresses. The session is the wall clock's time now, so that a receiver can tell
+    /// a later start from an earlier one.
+    pub fn new(station: &str, to: &[SocketAddr]) -> Udp {
+        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let session_ns = since_epoch.as_nanos() as u64;
+        let peers = to.iter().copied().map(Peer::new).collect();
+        Udp { station: station.to_owned(), session_ns, sequence: 0, daemon_life: 0, peers }
+    }
+}
+
+impl Outlet for Udp {
+    fn tell(&mut self, seen: &Seen) {
+        self.sequence += 1;
+        if let Ok(reading) = seen {
+            // Who starts so often sees the numbers come round; the next is another one all the same.
+            self.daemon_life = reading.daemon_life as u16;
+        }
+        let Udp { station, session_ns, sequence, daemon_life, .. } = self;
+        let told = Told::new(station, *session_ns, *sequence, *daemon_life, seen);
+        let bytes = encode(&told);
+        for peer in &mut self.peers {
+            peer.send(&bytes);
+        }
+    }
+
+    fn tally(&self) -> Tally {
+        Tally {
+            sent: self.peers.iter().map(|peer| peer.sent).sum(),
+            lost: self.peers.iter().map(|peer| peer.lost).sum(),
+            peers: self.peers.iter().filter(|peer| peer.takes()).count() as u64,
+        }
+    }
+}
+
+/// The outlet that a configuration asks for.
+///
+/// # Errors
+/// There is no `[outlets.udp]`.
+pub fn make(file: &StationFile) -> anyhow::Result<Made> {
+    let config = file.outlets.udp.as_ref().ok_or_else(|| no_section("udp"))?;
+    Ok(Made { outlet: Box::new(Udp::new(&file.station, &config.to)), rate_hz: config.rate_hz })
+}

@@ -1,0 +1,262 @@
+//! The bytes of a datagram, declared once: the encoder, the table of docs/consumers/udp.md, the C header and the Python
+//! module are all made from [`FIELDS`].
+//!
+//! Little-endian, each number at a multiple of its size, nothing between them. A change of layout or of meaning is a new
+//! [`VERSION`].
+
+use equipoise_core::body::JOINTS;
+use equipoise_core::message::Validity;
+use equipoise_core::message::state::NotGiven;
+
+use super::encode::Told;
+use Kind::{Char, F32, U8, U16, U32, U64};
+use Number::{Real, Whole};
+
+/// The first four bytes.
+pub const MAGIC: [u8; 4] = *b"EQPU";
+/// Number of this layout.
+pub const VERSION: u16 = 2;
+/// Bytes of a datagram.
+pub const LENGTH: usize = {
+    let (mut at, mut bytes) = (0, 0);
+    while at < FIELDS.len() {
+        bytes += FIELDS[at].bytes();
+        at += 1;
+    }
+    bytes
+};
+/// Bytes of a station's name.
+const STATION_BYTES: usize = 32;
+
+const _: () = assert!(LENGTH <= 1400, "a datagram must fit into one packet of every network");
+
+/// What a field's numbers are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A byte of text; texts are filled up with zeros.
+    Char,
+    /// Unsigned, 1 byte.
+    U8,
+    /// Unsigned, 2 bytes.
+    U16,
+    /// Unsigned, 4 bytes.
+    U32,
+    /// Unsigned, 8 bytes.
+    U64,
+    /// IEEE-754 binary32.
+    F32,
+}
+
+impl Kind {
+    /// Bytes of one number.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Char | U8 => 1,
+            U16 => 2,
+            U32 | F32 => 4,
+            U64 => 8,
+        }
+    }
+
+    /// The name in the table of the documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Char => "char",
+            U8 => "u8",
+            U16 => "u16",
+            U32 => "u32",
+            U64 => "u64",
+            F32 => "f32",
+        }
+    }
+}
+
+/// One number, before it is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Number {
+    /// A whole number, or a byte of text.
+    Whole(u64),
+    /// Everything else.
+    Real(f64),
+}
+
+/// One field of the datagram.
+#[derive(Debug)]
+pub struct Field {
+    /// Its name, units last.
+    pub name: &'static str,
+    /// What its numbers are.
+    pub kind: Kind,
+    /// How many: `[]` one, `[n]` a row, `[n, m]` a table, row by row.
+    pub shape: &'static [usize],
+    /// Unit, for people.
+    pub unit: &'static str,
+    /// The field is zero while one of these reasons is raised: one of [`Validity::SPOILERS`]. `None`: never.
+    pub needs: Option<Validity>,
+    /// What it says.
+    pub meaning: &'static str,
+    pub(super) value: fn(&Told<'_>, usize) -> Number,
+}
+
+impl Field {
+    /// How many numbers.
+    pub const fn count(&self) -> usize {
+        let (mut at, mut count) = (0, 1);
+        while at < self.shape.len() {
+            count *= self.shape[at];
+            at += 1;
+        }
+        count
+    }
+
+    /// How many bytes.
+    pub const fn bytes(&self) -> usize {
+        self.count() * self.kind.bytes()
+    }
+}
+
+type Value = fn(&Told<'_>, usize) -> Number;
+
+/// A number that says how things are, whatever `valid` says.
+const fn always(
+    name: &'static str,
+    kind: Kind,
+    shape: &'static [usize],
+    unit: &'static str,
+    meaning: &'static str,
+    value: Value,
+) -> Field {
+    Field { name, kind, shape, unit, needs: None, meaning, value }
+}
+
+/// Real numbers that are zero while a reason of `needs` is raised.
+const fn unless(
+    needs: Validity,
+    name: &'static str,
+    shape: &'static [usize],
+    unit: &'static str,
+    meaning: &'static str,
+    value: Value,
+) -> Field {
+    Field { name, kind: F32, shape, unit, needs: Some(needs), meaning, value }
+}
+
+const TORQUES: Validity = Validity::SPOILS_TORQUES;
+const BACK: Validity = Validity::SPOILS_BACK;
+const PER_JOINT: &[usize] = &[JOINTS];
+
+/// The whole datagram, in order.
+#[rustfmt::skip]
+pub const FIELDS: &[Field] = &[
+    always("magic", Char, &[4], "", "`EQPU`", |_, at| Whole(u64::from(MAGIC[at]))),
+    always("version", U16, &[], "", "number of this table: 2", |_, _| Whole(u64::from(VERSION))),
+    always("length", U16, &[], "bytes", "of the whole datagram", |_, _| Whole(LENGTH as u64)),
+    always("station", Char, &[STATION_BYTES], "", "name of the station, filled up with zeros", |told, at| {
+        Whole(u64::from(told.station.as_bytes().get(at).copied().unwrap_or(0)))
+    }),
+    always("session_ns", U64, &[], "ns", "when the sender started, since 1970 (UTC): a later one counts from 1 again",
+        |told, _| Whole(told.session_ns)),
+    always("sequence", U64, &[], "", "number of the datagram in the session, from 1; the same for all receivers",
+        |told, _| Whole(told.sequence)),
+    always("status", U32, &[], "", "0: a state follows. Else there is none, and why: 1 silent, 2 stale, 3 other_clock, \
+        4 bus", |told, _| Whole(u64::from(told.status))),
+    always("phase", U32, &[], "", "0 waiting, 1 identifying, 2 monitoring, 3 degraded",
+        |told, _| Whole(u64::from(told.state().phase))),
+    always("status_ns", U64, &[], "ns", "silent: for how long; stale: age of the newest state; other_clock: how far it \
+        is ahead; else 0", |told, _| Whole(told.status_ns)),
+    always("cycle", U64, &[], "", "number of the cycle in the daemon's life, from 1",
+        |told, _| Whole(told.state().cycle)),
+    always("state_time_ns", U64, &[], "ns", "when the cycle was due, the station's CLOCK_MONOTONIC",
+        |told, _| Whole(told.state().time_ns)),
+    always("moment_time_ns", U64, &[], "ns", "the moment that torques, forces and centres are about, same clock; 0 \
+        before the first", |told, _| Whole(told.state().suit_sample_time_ns)),
+    always("age_ns", U64, &[], "ns", "age of the state when it was sent; all ones without one",
+        |told, _| Whole(told.reading.age_ns)),
+    always("moment_age_ns", U64, &[], "ns", "age of the moment when it was sent; all ones before the first",
+        |told, _| Whole(told.reading.moment_age_ns.unwrap_or(u64::MAX))),
+    always("suit_age_ns", U64, &[], "ns", "age of the newest suit sample at `state_time_ns`; all ones: none came",
+        |told, _| Whole(told.state().suit_age_ns)),
+    always("ground_age_ns", U64, &[], "ns", "age of the newest ground sample at `state_time_ns`; all ones: none came",
+        |told, _| Whole(told.state().ground_age_ns)),
+    always("valid", U64, &[], "bits", "reasons why values are withheld (below); all ones without a state",
+        |told, _| Whole(told.state().valid)),
+    always("usable", U32, &[], "bits", "groups of values that may be used (below); 0 without a state",
+        |told, _| Whole(u64::from(told.usable()))),
+    always("not_given", U32, &[], "bits", "what the station's sensors never give: 1 suit_com, 2 shear",
+        |told, _| Whole(u64::from(told.state().not_given))),
+    always("flags", U32, &[], "bits", "values, added up: 1 not sent before; 4 the worker holds still; 8 identified", |told, _| Whole(flags(told))),
+    Field { name: "worst_joint", kind: U32, shape: &[], unit: "joint", needs: None,
+        meaning: "the joint closest to its limit; all ones while torques are withheld", value: |told, _| {
+            let known = told.reading.state.unless(TORQUES, told.state().worst_joint);
+            Whole(u64::from(known.unwrap_or(u32::MAX)))
+        } },
+    always("lifts", U32, &[], "", "lifts that entered the dose", |told, _| Whole(u64::from(told.state().lifts))),
+    Field { name: "joint_level", kind: U8, shape: PER_JOINT, unit: "", needs: Some(TORQUES),
+        meaning: "0 none, 1 green, 2 orange, 3 red, 4 above_max, 5 undecided: treat it as the worst",
+        value: |told, at| Whole(u64::from(told.state().joint_level[at])) },
+    always("daemon_life", U16, &[], "", "how many daemons the sender heard in this session, of which this one is the last; \
+        0: none yet. Another number, or another session, is another daemon's life", |told, _| Whole(told.daemon_life.into())),
+    unless(TORQUES, "torque_magnitude_nm", PER_JOINT, "N m", "overload torque of each joint: length of `torque_nm`",
+        |told, at| Real(length(told.state().torque_nm[at]))),
+    unless(TORQUES, "torque_nm", &[JOINTS, 3], "N m", "overload torque of each joint, world axes",
+        |told, at| Real(told.state().torque_nm[at / 3][at % 3])),
+    unless(TORQUES, "torque_sigma_nm", PER_JOINT, "N m", "1-σ of `torque_magnitude_nm`",
+        |told, at| Real(told.state().torque_sigma_nm[at])),
+    unless(TORQUES, "torque_limit_nm", PER_JOINT, "N m", "τ_max of each joint for this worker",
+        |told, at| Real(told.state().torque_limit_nm[at])),
+    always("fatigue", F32, PER_JOINT, "0 to 1", "overloading fatigue of each joint",
+        |told, at| Real(told.state().fatigue[at])),
+    unless(Validity::SPOILS_LIFTED_MASS, "lifted_mass_kg", &[], "kg", "mass in the hands",
+        |told, _| Real(told.state().lifted_mass_kg)),
+    unless(Validity::SPOILS_LIFTED_MASS, "lifted_mass_sigma_kg", &[], "kg", "1-σ of it",
+        |told, _| Real(told.state().lifted_mass_sigma_kg)),
+    unless(TORQUES, "load_distance_m", &[], "m", "horizontal, from the load to the line between the hands",
+        |told, _| Real(told.state().load_distance_m)),
+    unless(TORQUES, "reach_m", &[], "m", "horizontal, from the middle of the ankles to the load",
+        |told, _| Real(told.state().reach_m)),
+    unless(TORQUES, "eta", &[2], "share", "of the load in the left and the right hand",
+        |told, at| Real(told.state().eta[at])),
+    unless(TORQUES, "advice_direction", &[3], "1", "where the load should move to relieve the worst joint, world axes; \
+        zero if nowhere", |told, at| Real(told.state().advice_direction[at])),
+    unless(TORQUES, "advice_gain_nm_per_cm", &[], "N m/cm", "by how much that relieves it",
+        |told, _| Real(told.state().advice_gain_nm_per_cm)),
+    unless(Validity::SPOILS_DELTA_F, "delta_f_n", &[3], "N", "external force carried, world axes",
+        |told, at| Real(told.state().delta_f_n[at])),
+    unless(Validity::SPOILS_DELTA_F, "delta_f_sigma_n", &[], "N", "1-σ of its vertical part",
+        |told, _| Real(told.state().delta_f_sigma_n)),
+    unless(Validity::SPOILS_GROUND_FORCE, "ground_force_n", &[3], "N", "ground reaction on the person, world axes; x and \
+        y are 0 where `not_given` has shear", |told, at| Real(ground_force_n(told, at))),
+    unless(Validity::SPOILS_COP_MEASURED, "cop_measured_m", &[2], "m", "measured centre of pressure, world x and y",
+        |told, at| Real(told.state().cop_measured_m[at])),
+    unless(Validity::SPOILS_COP_ESTIMATED, "cop_estimated_m", &[2], "m", "the one that the unloaded body would have",
+        |told, at| Real(told.state().cop_estimated_m[at])),
+    unless(Validity::SPOILS_COM, "com_m", &[3], "m", "estimated centre of mass of the unloaded body",
+        |told, at| Real(told.state().com_m[at])),
+    unless(BACK, "l5s1_moment_nm", &[], "N m", "net moment at L5/S1", |told, _| Real(told.state().l5s1_moment_nm)),
+    unless(BACK, "l5s1_moment_sigma_nm", &[], "N m", "1-σ of it", |told, _| Real(told.state().l5s1_moment_sigma_nm)),
+    unless(BACK, "l5s1_compression_n", &[], "N", "estimated compression of the L5/S1 disc",
+        |told, _| Real(told.state().l5s1_compression_n)),
+    unless(BACK, "l5s1_compression_sigma_n", &[], "N", "1-σ of it",
+        |told, _| Real(told.state().l5s1_compression_sigma_n)),
+    always("dose_damage", F32, &[], "1", "cumulative damage of the low back, 1 being failure",
+        |told, _| Real(told.state().dose_damage)),
+    always("dose_probability", F32, &[], "0 to 1", "probability of a high-risk job by that dose",
+        |told, _| Real(told.state().dose_probability)),
+    always("crc32", U32, &[], "", "CRC-32 (ISO-HDLC: Ethernet's, zlib's) of all bytes before it", |_, _| Whole(0)),
+];
+
+fn flags(told: &Told<'_>) -> u64 {
+    let (reading, state) = (&told.reading, told.state());
+    // The second told once of a daemon started anew, and so was lost with its datagram: `daemon_life` says it in each.
+    let bits = [reading.is_new, false, state.static_pose != 0, state.converged != 0];
+    bits.into_iter().enumerate().map(|(bit, is)| u64::from(is) << bit).sum()
+}
+
+fn length(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+fn ground_force_n(told: &Told<'_>, axis: usize) -> f64 {
+    let given = axis == 2 || told.state().gives(NotGiven::Shear);
+    if given { told.state().ground_force_n[axis] } else { 0.0 }
+}

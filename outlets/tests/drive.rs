@@ -1,0 +1,172 @@
+//! The drive in a process of its own, on a station that publishes, dies, and comes back on another bus.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "../../clients/rust/tests/common/mod.rs"]
+mod common;
+
+use std::io::{BufRead as _, BufReader};
+use std::os::unix::net::UnixDatagram;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, channel};
+
+use common::{PATIENCE, PERIOD, Root, Station, root};
+use equipoise_bus::root::ROOT_VARIABLE;
+use equipoise_outlets::{Outlet, Seen, Tally, drive};
+
+const RATE: &str = "EQUIPOISE_DRIVE_TEST_RATE_HZ";
+
+/// Not a test: the life of a station's process.
+#[test]
+fn child_publishes() {
+    common::publish_until_killed();
+}
+
+/// Not a test: the life of an outlet's process, until it is killed or forgotten.
+#[test]
+fn child_drives() {
+    let Some(rate_hz) = std::env::var_os(RATE) else { return };
+    let rate_hz = rate_hz.to_str().unwrap().parse().unwrap();
+    let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
+    std::thread::spawn(|| {
+        std::thread::sleep(3 * PATIENCE);
+        stop.store(true, std::sync::atomic::Ordering::Relaxed);
+    });
+    drive("test", "outlet", rate_hz, &mut Printer, stop).unwrap();
+}
+
+/// Says each beat in a line.
+struct Printer;
+
+impl Outlet for Printer {
+    fn tell(&mut self, seen: &Seen) {
+        match seen {
+            Ok(reading) => println!(
+                "beat {} {} {} {}",
+                reading.state.cycle,
+                reading.age_ns,
+                u8::from(reading.is_new),
+                reading.daemon_life
+            ),
+            Err(reason) => println!("beat {reason}"),
+        }
+    }
+
+    fn tally(&self) -> Tally {
+        Tally::default()
+    }
+}
+
+/// What was told at a beat.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Told {
+    cycle: u64,
+    age_ns: u64,
+    is_new: bool,
+    daemon_life: u64,
+}
+
+/// An outlet's process: SIGKILLed at the latest when the test ends.
+struct Outside {
+    child: Child,
+    beats: Receiver<Option<Told>>,
+}
+
+impl Outside {
+    fn start(root: &Root, rate_hz: f64, environment: &[(&str, &str)]) -> Outside {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", "child_drives", "--nocapture"]).env(RATE, rate_hz.to_string());
+        command.env(ROOT_VARIABLE, root.path()).envs(environment.iter().copied()).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let (to, beats) = channel();
+        std::thread::spawn(move || {
+            for line in lines.map_while(Result::ok) {
+                // The first one stands behind what the test harness says.
+                let Some((_, told)) = line.split_once("beat ") else { continue };
+                if to.send(read(told)).is_err() {
+                    return;
+                }
+            }
+        });
+        Outside { child, beats }
+    }
+
+    fn beat(&self) -> Option<Told> {
+        self.beats.recv_timeout(PATIENCE).unwrap()
+    }
+
+    fn until<T>(&self, what: &str, ready: impl Fn(Option<Told>) -> Option<T>) -> T {
+        let begun = std::time::Instant::now();
+        loop {
+            if let Some(value) = ready(self.beat()) {
+                return value;
+            }
+            assert!(begun.elapsed() < PATIENCE, "waited in vain until {what}");
+        }
+    }
+}
+
+impl Drop for Outside {
+    fn drop(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+fn read(told: &str) -> Option<Told> {
+    let numbers: Vec<u64> = told.split(' ').map_while(|word| word.parse().ok()).collect();
+    let &[cycle, age_ns, is_new, daemon_life] = &numbers[..] else { return None };
+    Some(Told { cycle, age_ns, is_new: is_new == 1, daemon_life })
+}
+
+#[test]
+fn a_bus_that_was_removed_and_made_again_is_found_by_the_outlet() {
+    let root = root();
+    let outlet = Outside::start(&root, 100.0, &[]);
+    let first = Station::start(&root, "child_publishes");
+    assert_eq!(outlet.until("a state is told", |beat| beat).daemon_life, 1);
+    drop(first);
+    outlet.until("silence is told", |beat| beat.is_none().then_some(()));
+    root.remove_the_bus();
+    let _second = Station::start(&root, "child_publishes");
+    assert_eq!(outlet.until("the new bus is found", |beat| beat).daemon_life, 2);
+}
+
+#[test]
+fn who_beats_faster_than_the_loop_tells_a_state_again_and_older() {
+    let root = root();
+    let _station = Station::start(&root, "child_publishes");
+    let outlet = Outside::start(&root, 2.5 / PERIOD.as_secs_f64(), &[]);
+    let mut last = outlet.until("a state is told", |beat| beat);
+    let (mut new, mut again) = (0, 0);
+    while new + again < 1000 {
+        // A machine that is busy elsewhere is told as such.
+        let Some(told) = outlet.beat() else { continue };
+        assert_eq!(told.is_new, told.cycle > last.cycle, "{told:?} after {last:?}");
+        if told.is_new {
+            new += 1;
+        } else {
+            again += 1;
+            assert!(told.cycle == last.cycle && told.age_ns > last.age_ns, "{told:?} after {last:?}");
+        }
+        last = told;
+    }
+    assert!(new > 0 && again > 0, "{new} new, {again} told again");
+}
+
+#[test]
+fn a_slow_outlet_feeds_the_watchdog_between_its_beats() {
+    let root = root();
+    let manager = root.path().with_file_name("manager");
+    let told = UnixDatagram::bind(&manager).unwrap();
+    told.set_read_timeout(Some(PATIENCE)).unwrap();
+    let outlet = Outside::start(&root, 0.05, &[("NOTIFY_SOCKET", manager.to_str().unwrap())]);
+    let mut watchdog = 0;
+    while watchdog < 3 {
+        let mut bytes = [0; 200];
+        let count = told.recv(&mut bytes).unwrap();
+        watchdog += usize::from(bytes[..count].starts_with(b"WATCHDOG=1"));
+    }
+    assert_eq!(outlet.beats.try_iter().count(), 1, "the next beat is 20 s away");
+}

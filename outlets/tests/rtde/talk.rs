@@ -1,0 +1,280 @@
+//! What arrives in the registers, and what becomes of the outlet when the controller does not want it.
+
+use std::collections::BTreeMap;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::SeqCst;
+use std::time::{Duration, Instant};
+
+use equipoise_client::NoReading;
+use equipoise_core::body::Joint;
+use equipoise_core::message::Validity;
+use equipoise_outlets::Outlet;
+use equipoise_outlets::config::RtdeConfig;
+use equipoise_outlets::outlet::Seen;
+use equipoise_outlets::rtde::Rtde;
+
+use crate::controller::{Controller, start};
+use crate::states::{reading, reasons, state};
+
+/// Nothing here should ever take this long; not a measurement.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn config(robot: SocketAddr, registers: &str) -> RtdeConfig {
+    toml::from_str(&format!("robot = \"{robot}\"\n{registers}")).unwrap()
+}
+
+/// Tells until the controller has taken a package of it.
+fn tell_until_taken(outlet: &mut Rtde, controller: &Controller, seen: &Seen) -> BTreeMap<String, f64> {
+    let (begun, before) = (Instant::now(), controller.packages.load(SeqCst));
+    while controller.packages.load(SeqCst) < before + 1 {
+        outlet.tell(seen);
+        assert!(begun.elapsed() < PATIENCE, "no package arrives: {}", outlet.tally());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    // What is told from here on is the last package that arrives.
+    let sequence = "input_int_register_24";
+    outlet.tell(seen);
+    let told = outlet.tally().sent + outlet.tally().lost;
+    while controller.inputs.lock().unwrap()[sequence] < told as f64 {
+        assert!(begun.elapsed() < PATIENCE, "package {told} does not arrive: {}", outlet.tally());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    controller.inputs.lock().unwrap().clone()
+}
+
+fn length(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+#[test]
+fn the_registers_hold_the_state() {
+    let (controller, robot) = start();
+    let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+    let state = state();
+    let inputs = tell_until_taken(&mut outlet, &controller, &Ok(reading(state)));
+    let worst_nm = length(state.torque_nm[21]);
+    for (name, value) in [
+        ("int_register_25", 1.0),
+        ("int_register_26", 0.0),
+        ("int_register_27", f64::from((1 << Validity::SPOILERS.len()) - 1)),
+        ("int_register_28", 5.0),
+        ("int_register_29", 21.0),
+        ("double_register_24", 0.001_234_567),
+        ("double_register_25", 0.071_234_567),
+        ("double_register_26", worst_nm),
+        ("double_register_27", worst_nm / state.torque_limit_nm[21]),
+        ("double_register_28", state.lifted_mass_kg),
+        ("double_register_29", state.reach_m),
+    ] {
+        let told = inputs[&format!("input_{name}")];
+        assert!((told - value).abs() < 1e-12 * value.abs().max(1.0), "{name}: {told}, not {value}");
+    }
+    assert_eq!(inputs.len(), 12);
+    assert_eq!(outlet.tally().peers, 1);
+}
+
+#[test]
+fn the_sequence_grows_with_every_package() {
+    let (controller, robot) = start();
+    let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+    let mut before = 0.0;
+    for _ in 0..20 {
+        let inputs = tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+        assert!(inputs["input_int_register_24"] > before);
+        before = inputs["input_int_register_24"];
+    }
+}
+
+#[test]
+fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
+    let (controller, robot) = start();
+    let registers = "registers = { sequence = 24, state = 25, valid = 26, usable = 27, worst_level = 28, worst_joint = \
+                     29, level_jL5S1 = 30, worst_torque_nm = 24, lifted_mass_kg = 25, torque_jL5S1_nm = 26, delta_fz_n \
+                     = 27, fatigue_jL5S1 = 47 }"
+        .replace("jL5S1", Joint::ALL[0].name());
+    let mut outlet = Rtde::new(&config(robot, &registers)).unwrap();
+    for valid in reasons() {
+        let mut state = state();
+        (state.valid, state.joint_level[0]) = (valid.0, 2);
+        let inputs = tell_until_taken(&mut outlet, &controller, &Ok(reading(state)));
+        let told = |kind: &str, number: u8| inputs[&format!("input_{kind}_register_{number}")];
+        assert_eq!(told("int", 26), valid.0 as f64);
+        for (bit, (spoilers, name)) in Validity::SPOILERS.iter().enumerate() {
+            let may = told("int", 27) as u32 >> bit & 1 == 1;
+            assert_eq!(may, !valid.any_of(*spoilers), "{name}");
+        }
+        for (number, kind, spoilers) in [
+            (28, "int", Validity::SPOILS_TORQUES),
+            (30, "int", Validity::SPOILS_TORQUES),
+            (24, "double", Validity::SPOILS_TORQUES),
+            (26, "double", Validity::SPOILS_TORQUES),
+            (25, "double", Validity::SPOILS_LIFTED_MASS),
+            (27, "double", Validity::SPOILS_DELTA_F),
+        ] {
+            assert_eq!(
+                told(kind, number) != 0.0,
+                !valid.any_of(spoilers),
+                "{kind} {number} with {}",
+                valid.0
+            );
+        }
+        assert_eq!(told("int", 29) < 0.0, valid != Validity::default());
+        assert_eq!(told("double", 47), state.fatigue[0], "fatigue is never withheld");
+    }
+}
+
+#[test]
+fn without_a_state_the_reason_is_written_and_the_values_go() {
+    let (controller, robot) = start();
+    let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+    tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+    let ms = Duration::from_millis;
+    for (why, number) in [
+        (NoReading::Silent { silent: ms(700) }, 2.0),
+        (NoReading::Stale { age: ms(40), stale_after: ms(25) }, 3.0),
+        (NoReading::OtherClock { ahead: ms(9000) }, 4.0),
+    ] {
+        let inputs = tell_until_taken(&mut outlet, &controller, &Err(why));
+        assert_eq!(inputs["input_int_register_25"], number);
+        for (name, value) in [
+            ("int_register_26", -1.0),
+            ("int_register_27", 0.0),
+            ("int_register_28", 0.0),
+            ("int_register_29", -1.0),
+            ("double_register_24", -1.0),
+            ("double_register_25", -1.0),
+            ("double_register_26", 0.0),
+            ("double_register_28", 0.0),
+        ] {
+            assert_eq!(inputs[&format!("input_{name}")], value, "{name}");
+        }
+    }
+}
+
+#[test]
+fn another_life_of_the_daemon_is_told_and_outlasts_its_silence() {
+    let (controller, robot) = start();
+    let registers = "registers = { sequence = 24, state = 25, daemon_life = 26 }";
+    let mut outlet = Rtde::new(&config(robot, registers)).unwrap();
+    let silent = || Err(NoReading::Silent { silent: Duration::from_secs(1) });
+    let life = |daemon_life| Ok(equipoise_client::Reading { daemon_life, ..reading(state()) });
+    for (seen, told) in [(silent(), 0.0), (life(1), 1.0), (silent(), 1.0), (life(2), 2.0), (life(2), 2.0)] {
+        let inputs = tell_until_taken(&mut outlet, &controller, &seen);
+        assert_eq!(inputs["input_int_register_26"], told);
+    }
+}
+
+/// Tells until something is so.
+fn tell_until(outlet: &mut Rtde, what: &str, mut is_so: impl FnMut(&Rtde) -> bool) {
+    let begun = Instant::now();
+    while !is_so(outlet) {
+        outlet.tell(&Ok(reading(state())));
+        assert!(begun.elapsed() < PATIENCE, "in vain until {what}: {}", outlet.tally());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_register_of_another_client_is_not_taken_and_tried_again() {
+    let (controller, robot) = start();
+    let mut first = Rtde::new(&config(robot, "")).unwrap();
+    tell_until_taken(&mut first, &controller, &Ok(reading(state())));
+    let mut second = Rtde::new(&config(robot, "")).unwrap();
+    tell_until(&mut second, "it was refused", |_| controller.clients.load(SeqCst) >= 3);
+    assert_eq!((second.tally().sent, second.tally().peers), (0, 0));
+    assert!(second.tally().lost > 0);
+    // Other registers are free.
+    let others = "registers = { sequence = 40, state = 41 }";
+    let mut third = Rtde::new(&config(robot, others)).unwrap();
+    tell_until(&mut third, "it writes others", |third| third.tally().peers == 1);
+    drop(first);
+    tell_until(&mut second, "the registers are free", |second| second.tally().peers == 1);
+}
+
+#[test]
+fn refusals_do_no_harm_and_end() {
+    type Refusal = fn(&Controller) -> &std::sync::atomic::AtomicBool;
+    let refusals: [Refusal; 2] = [|controller| &controller.is_old, |controller| &controller.refuses_start];
+    for refusal in refusals {
+        let (controller, robot) = start();
+        refusal(&controller).store(true, SeqCst);
+        let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+        tell_until(&mut outlet, "it was refused twice", |_| controller.clients.load(SeqCst) >= 2);
+        assert_eq!((outlet.tally().sent, controller.packages.load(SeqCst)), (0, 0));
+        refusal(&controller).store(false, SeqCst);
+        tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+    }
+}
+
+#[test]
+fn a_controller_that_comes_late_or_leaves_is_found_again() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let robot = listener.local_addr().unwrap();
+    drop(listener);
+    let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+    for _ in 0..50 {
+        outlet.tell(&Ok(reading(state())));
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(outlet.tally().lost, 50);
+    let controller = Arc::new(Controller::default());
+    crate::controller::serve(Arc::clone(&controller), TcpListener::bind(robot).unwrap());
+    tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+    controller.leaves.store(true, SeqCst);
+    tell_until(&mut outlet, "its leaving is noticed", |outlet| outlet.tally().peers == 0);
+    controller.leaves.store(false, SeqCst);
+    tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+}
+
+/// Tells at the rate of a station until the controller is left; how many packages went out meanwhile, and how many not.
+fn tell_until_left(outlet: &mut Rtde) -> (u64, u64) {
+    let (begun, before) = (Instant::now(), outlet.tally());
+    while outlet.tally().peers == 1 {
+        outlet.tell(&Ok(reading(state())));
+        assert!(begun.elapsed() < PATIENCE, "it is never left: {}", outlet.tally());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    (outlet.tally().sent - before.sent, outlet.tally().lost - before.lost)
+}
+
+#[test]
+fn a_controller_that_hangs_is_left_before_its_buffers_are_full_of_what_is_old() {
+    let (controller, robot) = start();
+    controller.hangs.store(true, SeqCst);
+    let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+    tell_until(&mut outlet, "it started", |outlet| outlet.tally().peers == 1);
+    let (sent, lost) = tell_until_left(&mut outlet);
+    assert!(lost > 1 && sent < 500, "{sent} packages wait for it, {lost} were dropped");
+    assert_eq!(controller.packages.load(SeqCst), 0);
+    controller.hangs.store(false, SeqCst);
+    tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+}
+
+#[test]
+fn a_controller_without_a_sign_of_life_is_left() {
+    let (controller, robot) = start();
+    let mut outlet = Rtde::new(&config(robot, "")).unwrap();
+    tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+    tell_until(&mut outlet, "it was heard", |_| controller.told.load(SeqCst) > 10);
+    controller.is_mute.store(true, SeqCst);
+    assert!(tell_until_left(&mut outlet).1 > 1);
+    controller.is_mute.store(false, SeqCst);
+    tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+}
+
+#[test]
+fn registers_that_cannot_be_are_refused_by_name() {
+    for (registers, why) in [
+        ("{ sequence = 24, state = 23 }", "24 to 47"),
+        ("{ sequence = 24, state = 48 }", "24 to 47"),
+        ("{ sequence = 24, state = 24 }", "both in input_int_register_24"),
+        ("{ sequence = 24, age_s = 24 }", "state is missing"),
+        ("{ state = 24 }", "sequence is missing"),
+        ("{ sequence = 24, state = 25, weight = 26 }", "no value \"weight\""),
+    ] {
+        let config = config("127.0.0.1:1".parse().unwrap(), &format!("registers = {registers}"));
+        let error = Rtde::new(&config).unwrap_err().to_string();
+        assert!(error.contains(why), "{registers}: {error}");
+    }
+}

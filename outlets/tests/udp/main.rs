@@ -1,0 +1,10 @@
+//! The UDP outlet: its table in the documents and in both readers, its bytes, and its sockets.
+//!
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-outlets --test udp` writes what is made from the table.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+mod bytes;
+mod generated;
+mod readers;
+mod sockets;
+mod states;

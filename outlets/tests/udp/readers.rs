@@ -1,0 +1,259 @@
+//! The reference readers take what the outlet sends, and refuse everything else by its reason.
+
+use std::collections::HashMap;
+use std::io::{BufRead as _, BufReader};
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use equipoise_client::{NoReading, Reading};
+use equipoise_core::message::Validity;
+use equipoise_outlets::outlet::Seen;
+use equipoise_outlets::udp::encode::{CRC, Told, encode};
+
+use crate::states::{reading, state};
+
+const CLIENTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../clients");
+
+/// A program that listens and prints a line for each datagram; ended with the test.
+struct Reader {
+    child: Child,
+    lines: BufReader<ChildStdout>,
+    port: u16,
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        let _already_gone = self.child.kill();
+        let _already_gone = self.child.wait();
+    }
+}
+
+impl Reader {
+    /// With "each" it prints a line for each datagram, else a line a second.
+    fn start(program: &mut Command, each: &[&str]) -> Reader {
+        let port = UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap().port();
+        program.args([&port.to_string(), "cell-7", "60"]).args(each).stdout(Stdio::piped());
+        let mut child = program.spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap());
+        let mut reader = Reader { child, lines, port };
+        assert_eq!(reader.line(), "listening");
+        reader
+    }
+
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.lines.read_line(&mut line).unwrap();
+        line.trim_end().to_owned()
+    }
+
+    /// Stops it, as work of its own would, or lets it go on.
+    fn signal(&self, signal: &str) {
+        let sent = Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+    }
+
+    /// The first line that knows the cycle, or a later one.
+    fn line_from(&mut self, cycle: u64) -> HashMap<String, i64> {
+        loop {
+            let line = self.line();
+            assert!(line.starts_with("state="), "{line}");
+            let pairs = line.split(' ').filter_map(|pair| pair.split_once('='));
+            let told: HashMap<_, _> =
+                pairs.filter_map(|(name, value)| Some((name.to_owned(), value.parse().ok()?))).collect();
+            if told["cycle"] >= cycle as i64 {
+                return told;
+            }
+        }
+    }
+
+    /// What it says of a datagram.
+    fn said(&mut self, bytes: &[u8]) -> String {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.send_to(bytes, ("127.0.0.1", self.port)).unwrap();
+        self.line()
+    }
+}
+
+fn datagram(session_ns: u64, sequence: u64, seen: &Seen) -> Vec<u8> {
+    encode(&Told::new("cell-7", session_ns, sequence, 1, seen)).to_vec()
+}
+
+/// Changed, with a sum that fits.
+fn changed(bytes: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut bytes = bytes[..bytes.len() - 4].to_vec();
+    change(&mut bytes);
+    let crc = CRC.checksum(&bytes);
+    bytes.extend(crc.to_le_bytes());
+    bytes
+}
+
+/// What a reader must say of a datagram with all its values.
+fn taken(sequence: u64) -> String {
+    let state = state();
+    format!(
+        "taken station=cell-7 sequence={sequence} status=0 cycle={} age_ns=1234567 valid=0 usable={} worst_joint=21 \
+         level_21={} torque_21_z={:.3} reach={:.3} dose={:.3}",
+        state.cycle,
+        (1 << Validity::SPOILERS.len()) - 1,
+        state.joint_level[21],
+        state.torque_nm[21][2],
+        state.reach_m,
+        state.dose_probability
+    )
+}
+
+fn ask(reader: &mut Reader) {
+    let current = Ok(reading(state()));
+    let later = 1_700_000_001_000_000_000;
+    let good = |sequence| datagram(later, sequence, &current);
+    assert_eq!(reader.said(&good(5)), taken(5));
+    for (what, bytes, why) in [
+        ("the same again", good(5), "old"),
+        ("an earlier one", good(4), "old"),
+        ("one of an earlier session", datagram(later - 1, 99, &current), "old"),
+        ("nothing", Vec::new(), "length"),
+        ("a few bytes", b"EQPU\x02\0".to_vec(), "length"),
+        ("one cut short", good(6)[..900].to_vec(), "length"),
+        ("one with more behind it", [good(6), vec![0]].concat(), "length"),
+        ("one that says another length", changed(&good(6), |bytes| bytes[6] ^= 1), "length"),
+        ("somebody else's", changed(&good(6), |bytes| bytes[0] = b'X'), "magic"),
+        ("another version's", changed(&good(6), |bytes| bytes[4] += 1), "version"),
+        ("another station's", changed(&good(6), |bytes| bytes[8] = b'b'), "station"),
+    ] {
+        assert_eq!(reader.said(&bytes), format!("refused={why}"), "{what}");
+    }
+    for bit in (8..good(6).len() * 8).step_by(1117) {
+        let mut bytes = good(6);
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let said = reader.said(&bytes);
+        assert!(
+            ["magic", "version", "length", "crc"].map(|why| format!("refused={why}")).contains(&said),
+            "{said}"
+        );
+    }
+    assert_eq!(reader.said(&good(6)), taken(6), "what was refused has changed nothing");
+    let silent = Err(NoReading::Silent { silent: Duration::from_millis(40) });
+    let all = u64::MAX;
+    assert_eq!(
+        reader.said(&datagram(later, 7, &silent)),
+        format!(
+            "taken station=cell-7 sequence=7 status=1 cycle=0 age_ns={all} valid={all} usable=0 worst_joint={} \
+             level_21=0 torque_21_z=0.000 reach=0.000 dose=0.000",
+            u32::MAX
+        )
+    );
+    assert_eq!(reader.said(&datagram(later + 1, 1, &current)), taken(1), "a later session counts anew");
+}
+
+fn compiled(scratch: &Path) -> PathBuf {
+    let program = scratch.join("udp_controller");
+    let mut compiler = Command::new(std::env::var_os("CC").unwrap_or("cc".into()));
+    compiler.args(["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1", "-I"]);
+    compiler.args([&format!("{CLIENTS}/c"), &format!("{CLIENTS}/c/udp_controller.c")]);
+    compiler.arg(format!("{CLIENTS}/c/udp_reader.c")).arg("-o").arg(&program);
+    let ended = compiler.output().expect("a C compiler: a permitted requirement of this workspace");
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    program
+}
+
+/// A station that tells, at one clock.
+struct Sender {
+    socket: UdpSocket,
+    begun: Instant,
+    sequence: u64,
+}
+
+impl Sender {
+    fn new() -> Sender {
+        Sender { socket: UdpSocket::bind("127.0.0.1:0").unwrap(), begun: Instant::now(), sequence: 0 }
+    }
+
+    /// A state of this moment, 2 ms after the one before. Its cycle is the datagram's number.
+    fn send(&mut self, to: &Reader, datagrams: u64) {
+        for _ in 0..datagrams {
+            sleep(Duration::from_millis(2));
+            self.sequence += 1;
+            let mut state = state();
+            state.cycle = self.sequence;
+            state.time_ns = 3_600_000_000_000 + self.begun.elapsed().as_nanos() as u64;
+            let told = Ok(Reading { age_ns: 0, ..reading(state) });
+            let bytes = datagram(1_700_000_001_000_000_000, self.sequence, &told);
+            self.socket.send_to(&bytes, ("127.0.0.1", to.port)).unwrap();
+        }
+    }
+}
+
+/// 50 datagrams wait for a second in the socket of a reader that is busy: it says the newest, and how old that is.
+fn busy(mut start: impl FnMut() -> Reader) {
+    for before in [0, 20] {
+        let (mut reader, mut sender) = (start(), Sender::new());
+        sender.send(&reader, before);
+        if before > 0 {
+            let told = reader.line_from(before);
+            assert!(told["age_ms"] >= 0 && told["missed"] == 0, "{told:?}");
+        }
+        reader.signal("-STOP");
+        sender.send(&reader, 50);
+        sleep(Duration::from_secs(1));
+        reader.signal("-CONT");
+        let told = reader.line_from(before + 1);
+        let all = before as i64 + 50;
+        assert_eq!((told["cycle"], told["taken"], told["missed"]), (all, all, 0), "{told:?}");
+        assert!(told["age_ms"] >= 1000 && told["speed_percent"] == 0, "{told:?}");
+        // What comes without delay then is not held to be late.
+        sender.send(&reader, 3);
+        sleep(Duration::from_millis(50));
+        let until = Instant::now();
+        sender.send(&reader, 1);
+        let told = reader.line_from(before + 54);
+        let since_ms = until.elapsed().as_millis() as i64;
+        assert!(told["age_ms"] <= since_ms + 500, "{told:?}, sent {since_ms} ms ago at most");
+    }
+}
+
+#[test]
+fn the_c_reader_says_how_long_a_datagram_has_waited() {
+    let scratch = tempfile::tempdir().unwrap();
+    let program = compiled(scratch.path());
+    busy(|| Reader::start(&mut Command::new(&program), &[]));
+}
+
+#[test]
+fn the_python_reader_says_how_long_a_datagram_has_waited() {
+    if has_python() {
+        busy(|| Reader::start(&mut python(), &[]));
+    }
+}
+
+#[test]
+fn the_c_reader_takes_and_refuses() {
+    let scratch = tempfile::tempdir().unwrap();
+    ask(&mut Reader::start(&mut Command::new(compiled(scratch.path())), &["each"]));
+}
+
+#[test]
+fn the_python_reader_takes_and_refuses() {
+    if has_python() {
+        ask(&mut Reader::start(&mut python(), &["each"]));
+    }
+}
+
+/// Who has no Python may build all the same; where all must hold (`CI` is set), it must be there.
+fn has_python() -> bool {
+    let is_there = Command::new("python3").arg("--version").output().is_ok();
+    assert!(is_there || std::env::var_os("CI").is_none(), "no python3, and CI is set: install it");
+    if !is_there {
+        println!("skipped: no python3 here; .ci/run clients installs one");
+    }
+    is_there
+}
+
+fn python() -> Command {
+    let mut program = Command::new("python3");
+    program.arg(format!("{CLIENTS}/python/udp_controller.py")).env("PYTHONPATH", format!("{CLIENTS}/python"));
+    program.env("PYTHONDONTWRITEBYTECODE", "1");
+    program
+}

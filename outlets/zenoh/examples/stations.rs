@@ -1,0 +1,68 @@
+//! Many stations' outlets in one process, without daemons, to see what a router and a dashboard bear:
+//! `stations ENDPOINT COUNT RATE_HZ SECONDS`.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use bytemuck::Zeroable;
+use equipoise_client::Reading;
+use equipoise_core::body::JOINTS;
+use equipoise_core::message::State;
+use equipoise_outlet_zenoh::ZenohOutlet;
+use equipoise_outlets::config::ZenohConfig;
+use equipoise_outlets::drive::Beats;
+use equipoise_outlets::{Outlet, Seen};
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [endpoint, count, rate_hz, seconds] = arguments.as_slice() else {
+        anyhow::bail!("usage: stations ENDPOINT COUNT RATE_HZ SECONDS");
+    };
+    let (count, rate_hz): (u32, f64) = (count.parse().context("COUNT")?, rate_hz.parse().context("RATE_HZ")?);
+    let config = ZenohConfig {
+        connect: vec![endpoint.clone()],
+        listen: Vec::new(),
+        rate_hz,
+        json_rate_hz: rate_hz,
+        ros_domain_id: 0,
+        body: false,
+        file: None,
+    };
+    // As on as many machines: each with a session and a link of its own.
+    let mut outlets = std::thread::scope(|scope| {
+        let open = |number| ZenohOutlet::open(&format!("simulated-{number}"), &config);
+        let opening: Vec<_> = (1..=count).map(|number| scope.spawn(move || open(number))).collect();
+        let joined =
+            opening.into_iter().map(|thread| thread.join().map_err(|_| anyhow!("a thread has failed"))?);
+        joined.collect::<anyhow::Result<Vec<_>>>()
+    })?;
+    let end = Instant::now() + Duration::from_secs_f64(seconds.parse().context("SECONDS")?);
+    // Nor do they all speak in one moment: each beat is one station's.
+    let mut beats = Beats::new(rate_hz * f64::from(count), Instant::now());
+    for beat in 0.. {
+        std::thread::sleep(beats.wait(Instant::now()));
+        if Instant::now() >= end {
+            break;
+        }
+        outlets[beat % count as usize].tell(&full(beat as u64));
+        beats.done(Instant::now());
+    }
+    println!("{}", outlets.iter().map(|outlet| outlet.tally().sent).sum::<u64>());
+    Ok(())
+}
+
+/// Every value is told, as at a station that is identified and loaded: the longest message.
+fn full(cycle: u64) -> Seen {
+    let state = State { cycle, phase: 2, torque_limit_nm: [100.0; JOINTS], ..State::zeroed() };
+    let moment_age_ns = Some(0);
+    Ok(Reading {
+        state,
+        picked_up_ns: 0,
+        age_ns: 0,
+        moment_age_ns,
+        missed: 0,
+        restarted: false,
+        daemon_life: 1,
+        is_new: true,
+    })
+}

@@ -1,0 +1,12 @@
+//! A station's states on other machines, by Zenoh: JSON for dashboards, and CDR for ROS 2 nodes on `rmw_zenoh`.
+//!
+//! Floors, ground first: [`cdr`] → [`ros`] → [`json`] → [`session`] → [`outlet`]
+#![forbid(unsafe_code)]
+
+pub mod cdr;
+pub mod json;
+pub mod outlet;
+pub mod ros;
+pub mod session;
+
+pub use outlet::ZenohOutlet;

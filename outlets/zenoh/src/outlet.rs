@@ -1,0 +1,171 @@
+//! What is published at a beat, under which keys, and how.
+
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::anyhow;
+use equipoise_outlets::config::ZenohConfig;
+use equipoise_outlets::{Outlet, Seen, Tally};
+use tracing::warn;
+use zenoh::bytes::Encoding;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::{Session, Wait};
+
+use crate::json::Told;
+use crate::ros::{RosNames, attachment, state_message};
+use crate::session;
+
+/// How often peers are counted.
+const COUNT_EVERY: Duration = Duration::from_secs(1);
+
+/// A station's publisher.
+pub struct ZenohOutlet {
+    station: String,
+    /// The session's name, which others see in liveliness tokens.
+    session_id: String,
+    json: Stream,
+    ros: Stream,
+    gid: [u8; 16],
+    /// The worker's mass and centre of mass too.
+    with_body: bool,
+    json_period: Duration,
+    json_due: Instant,
+    counted: Instant,
+    tally: Tally,
+    /// They are taken back when they are dropped; the session outlives them.
+    _tokens: Vec<LivelinessToken>,
+    session: Session,
+}
+
+/// One key and how many messages were put there.
+struct Stream {
+    publisher: Publisher<'static>,
+    sequence: u64,
+}
+
+impl Stream {
+    /// Whoever is slow loses messages: nothing here waits. What is urgent is sent at once, a packet each; the rest waits
+    /// up to a millisecond for others that go the same way, which spares a router and a dashboard of many stations.
+    fn declare(session: &Session, key: &str, encoding: Encoding, urgent: bool) -> anyhow::Result<Stream> {
+        let publisher = session
+            .declare_publisher(key.to_owned())
+            .encoding(encoding)
+            .congestion_control(CongestionControl::Drop)
+            .priority(if urgent { Priority::RealTime } else { Priority::Data })
+            .express(urgent)
+            .wait()
+            .map_err(|error| anyhow!("cannot publish at {key}: {error}"))?;
+        Ok(Stream { publisher, sequence: 0 })
+    }
+}
+
+/// The key of a station's JSON; dashboards subscribe to `equipoise/*/state`.
+pub fn json_key(station: &str) -> String {
+    format!("equipoise/{station}/state")
+}
+
+/// The liveliness token that stands while a station's outlet runs and can be reached.
+pub fn alive_key(station: &str) -> String {
+    format!("equipoise/{station}/alive")
+}
+
+impl ZenohOutlet {
+    /// Opens a session by the configuration and declares what will be published.
+    ///
+    /// # Errors
+    /// As [`session::open`].
+    pub fn open(station: &str, config: &ZenohConfig) -> anyhow::Result<ZenohOutlet> {
+        ZenohOutlet::on(session::open(config)?, station, config)
+    }
+
+    fn on(session: Session, station: &str, config: &ZenohConfig) -> anyhow::Result<ZenohOutlet> {
+        let session_id = session.zid().to_string();
+        let names = RosNames::new(station, config.ros_domain_id, &session_id);
+        let json = Stream::declare(&session, &json_key(station), Encoding::APPLICATION_JSON, false)?;
+        let ros = Stream::declare(&session, &names.topic_key, Encoding::default(), true)?;
+        let tokens = [alive_key(station), names.node_token.clone(), names.publisher_token.clone()]
+            .into_iter()
+            .map(|key| {
+                let token = session.liveliness().declare_token(key.clone()).wait();
+                token.map_err(|error| anyhow!("cannot declare {key}: {error}"))
+            })
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let now = Instant::now();
+        Ok(ZenohOutlet {
+            station: station.to_owned(),
+            session_id,
+            json,
+            ros,
+            gid: names.gid(),
+            with_body: config.body,
+            json_period: Duration::from_secs_f64(1.0 / config.json_rate_hz),
+            json_due: now,
+            counted: now,
+            tally: Tally::default(),
+            _tokens: tokens,
+            session,
+        })
+    }
+
+    fn tell_ros(&mut self, seen: &Seen, now_unix_ns: u64) {
+        self.ros.sequence += 1;
+        let payload = state_message(&self.station, self.ros.sequence, now_unix_ns, seen, self.with_body);
+        let attachment = attachment(self.ros.sequence, now_unix_ns, self.gid);
+        let put = self.ros.publisher.put(payload).attachment(attachment).wait();
+        count(&mut self.tally, put);
+    }
+
+    fn tell_json(&mut self, seen: &Seen, now_unix_ns: u64) {
+        self.json.sequence += 1;
+        let told = Told {
+            station: &self.station,
+            session: &self.session_id,
+            sequence: self.json.sequence,
+            sent_unix_ns: now_unix_ns,
+            seen,
+            with_body: self.with_body,
+        };
+        match told.to_text() {
+            Ok(text) => count(&mut self.tally, self.json.publisher.put(text).wait()),
+            Err(error) => {
+                self.tally.lost += 1;
+                warn!("cannot write a state as JSON: {error}");
+            }
+        }
+    }
+}
+
+impl Outlet for ZenohOutlet {
+    fn tell(&mut self, seen: &Seen) {
+        let now_unix_ns = unix_ns();
+        self.tell_ros(seen, now_unix_ns);
+        let now = Instant::now();
+        if now >= self.json_due {
+            self.tell_json(seen, now_unix_ns);
+            self.json_due = (self.json_due + self.json_period).max(now);
+        }
+        if now.duration_since(self.counted) >= COUNT_EVERY {
+            self.counted = now;
+            let info = self.session.info();
+            self.tally.peers = (info.peers_zid().wait().count() + info.routers_zid().wait().count()) as u64;
+        }
+    }
+
+    /// What a peer's full queue drops is not counted here, for Zenoh does not tell: the peer sees it by the sequence.
+    fn tally(&self) -> Tally {
+        self.tally
+    }
+}
+
+fn count<E>(tally: &mut Tally, put: Result<(), E>) {
+    match put {
+        Ok(()) => tally.sent += 1,
+        Err(_) => tally.lost += 1,
+    }
+}
+
+/// The wall clock, ns since 1970; 0 before that.
+fn unix_ns() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
+}

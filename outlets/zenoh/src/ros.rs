@@ -1,0 +1,25 @@
+//! How ROS 2 nodes on `rmw_zenoh` find and read a station, by ros2/rmw_zenoh: docs/design.md, and of rmw_zenoh_cpp/src/detail
+//! `liveliness_utils.cpp` (keys, tokens, GID) and `attachment_helpers.cpp`.
+
+mod message;
+mod names;
+
+pub use message::state_message;
+pub use names::RosNames;
+
+/// The message's type as DDS writes it.
+pub const TYPE_NAME: &str = "equipoise_msgs::msg::dds_::State_";
+/// SHA-256 of the type's description (REP 2016): another definition of any message in it is another number.
+/// `tests/type_hash.rs` works it out of `clients/ros2/equipoise_msgs/msg`.
+pub const TYPE_HASH: &str = "RIHS01_79eedb78768fc291d31ff82aa164bf0d7ca3a3a33714b4488a51a88094a8ec7d";
+
+/// What `rmw_zenoh` wants beside every message: sequence and source time as little-endian 64-bit integers, and the
+/// publisher's GID after its length.
+pub fn attachment(sequence: u64, now_unix_ns: u64, gid: [u8; 16]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(33);
+    bytes.extend_from_slice(&sequence.to_le_bytes());
+    bytes.extend_from_slice(&now_unix_ns.to_le_bytes());
+    bytes.push(gid.len() as u8);
+    bytes.extend_from_slice(&gid);
+    bytes
+}

@@ -1,0 +1,147 @@
+//! An ATI sensor under a plate: RDT over UDP, its page over HTTP.
+
+use std::io;
+use std::net::SocketAddr;
+
+use super::felt::{Felt, Mounting};
+use super::http::HttpPort;
+use super::{Asked, Device, Suffered};
+use crate::faults::Faults;
+use crate::plate_server::{PlateServer, Wish};
+use crate::wires::ati_rdt::{Family, Page};
+
+/// Of a pound-force.
+const NEWTONS: f64 = 4.448_221_615_260_5;
+/// Of an inch.
+const METRES: f64 = 0.0254;
+
+/// The device.
+pub struct AtiRdt {
+    mounting: Mounting,
+    family: Family,
+    rate_hz: f64,
+    address: SocketAddr,
+    seed: u64,
+    server: Option<PlateServer>,
+    page: HttpPort,
+    pounds: bool,
+    faults: Faults,
+    before: Suffered,
+}
+
+impl AtiRdt {
+    /// A device at an address (port 0: any free one), its page at another.
+    ///
+    /// # Errors
+    /// Those of the sockets.
+    pub fn bind(
+        address: SocketAddr,
+        page: SocketAddr,
+        mounting: Mounting,
+        family: Family,
+        rate_hz: f64,
+        seed: u64,
+    ) -> io::Result<AtiRdt> {
+        let server = PlateServer::bind(address, Faults::default(), seed)?.of_family(family);
+        Ok(AtiRdt {
+            mounting,
+            family,
+            rate_hz,
+            address: server.address()?,
+            seed,
+            server: Some(server),
+            page: HttpPort::bind(page)?,
+            pounds: false,
+            faults: Faults::default(),
+            before: Suffered::default(),
+        })
+    }
+
+    /// Its owner has set pounds and inches: the page says what a count is in those.
+    #[must_use]
+    pub fn in_pounds(self) -> AtiRdt {
+        AtiRdt { pounds: true, ..self }
+    }
+
+    /// Where its page is.
+    pub fn page_address(&self) -> SocketAddr {
+        self.page.address()
+    }
+
+    fn page_text(&self) -> String {
+        let [newton, newton_metre] = self.mounting.plate.counts_per_unit;
+        let (counts_per_unit, units) = match self.pounds {
+            false => ([newton, newton_metre], ["N", "N-m"]),
+            true => ([newton * NEWTONS, newton_metre * NEWTONS * METRES], ["lbf", "lbf-in"]),
+        };
+        Page {
+            counts_per_unit,
+            units: units.map(str::to_owned),
+            rdt_enabled: true,
+            rate_hz: self.rate_hz as u32,
+            block: 10,
+        }
+        .to_xml()
+    }
+}
+
+impl Device for AtiRdt {
+    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
+        if let Some(request) = self.page.request()? {
+            let text = self.page_text();
+            match request.path.as_str() {
+                "/netftapi2.xml" => self.page.answer("200 OK", "text/xml", &text)?,
+                _ => self.page.answer("404 Not Found", "text/plain", "")?,
+            }
+        }
+        let wish = self.server.as_mut().and_then(PlateServer::poll);
+        Ok(Asked { zero: wish == Some(Wish::SetBias) })
+    }
+
+    fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+        let (Some(server), Some(wrench)) = (&mut self.server, felt.plates.first()) else { return Ok(()) };
+        server.send(self.mounting.plate.record(wrench, felt.number, 0))
+    }
+
+    fn suffered(&self) -> Suffered {
+        self.server.as_ref().map_or(self.before, |server| self.before + server.suffered())
+    }
+
+    fn set_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+        if let Some(server) = &mut self.server {
+            server.set_faults(faults);
+        }
+    }
+
+    fn unplug(&mut self) {
+        self.before = self.suffered();
+        self.server = None;
+        self.page.unplug();
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        if self.server.is_none() {
+            self.server =
+                Some(PlateServer::bind(self.address, self.faults, self.seed)?.of_family(self.family));
+        }
+        self.page.plug()
+    }
+
+    fn config(&self) -> String {
+        let model = match self.family {
+            Family::NetFt => "net-ft",
+            Family::Axia => "axia",
+        };
+        format!(
+            "[ground]\nsource = \"ati-rdt\"\naddress = \"{}\"\n{}\n[ground.ati]\nmodel = \"{model}\"\npage_port = {}\n",
+            self.address,
+            self.mounting.config("ground"),
+            self.page.address().port(),
+        )
+    }
+}

@@ -1,0 +1,196 @@
+//! What presses on a device: the same person, felt by plates of any axes and sign, or by soles.
+
+use equipoise_core::body::Side;
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+use crate::dynamics::Wrench;
+use crate::motion::{BodyState, Worker};
+use crate::person::Person;
+use crate::plate::Plate;
+use crate::two_plates::ground_reaction_per_foot;
+
+/// What a device measures at one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Felt {
+    /// Simulated time, s.
+    pub time_s: f64,
+    /// The device's number of the sample.
+    pub number: u32,
+    /// The device's own time of it, s.
+    pub device_s: f64,
+    /// What each plate's sensor feels, in its axes, about its origin.
+    pub plates: Vec<Wrench>,
+    /// What presses on the left and the right sole.
+    pub soles: [Sole; 2],
+}
+
+/// What presses on one sole.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sole {
+    /// Force along the sole's normal, N.
+    pub normal_n: f64,
+    /// Where it acts from the sole's middle: X to the tip, Y to the left, m.
+    pub cop_m: Vector2<f64>,
+    /// Length and width of the sole, m.
+    pub size_m: [f64; 2],
+}
+
+/// How a plate is built in.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mounting {
+    /// Where it stands.
+    pub plate: Plate,
+    /// Its z points down and its y to the other side, as those of Kistler and AMTI.
+    pub z_down: bool,
+    /// It tells the force on the person instead of that on itself.
+    pub reaction: bool,
+}
+
+impl Mounting {
+    /// What the sensor tells when the ground does `on_person` to the person, about the origin on the floor.
+    pub fn tells(&self, on_person: &Wrench) -> Wrench {
+        let felt = self.plate.felt(&self.plate.in_the_station(on_person));
+        let sign = if self.reaction { -1.0 } else { 1.0 };
+        let half_a_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::PI);
+        let turn = if self.z_down { half_a_turn } else { UnitQuaternion::identity() };
+        Wrench { force_n: turn * felt.force_n * sign, moment_nm: turn * felt.moment_nm * sign }
+    }
+
+    /// The keys of a configuration that say so, for the section `table`.
+    pub fn config(&self, table: &str) -> String {
+        let Plate { origin_m, yaw_rad, surface_height_m, .. } = self.plate;
+        format!(
+            "measures = \"{}\"\n\n[{table}.frame]\naxes = \"{}\"\norigin_m = {origin_m:?}\nyaw_deg = {:?}\n\
+             surface_height_m = {surface_height_m:?}\n",
+            if self.reaction { "reaction" } else { "action" },
+            if self.z_down { "z-down" } else { "z-up" },
+            yaw_rad.to_degrees(),
+        )
+    }
+}
+
+/// What is under a person.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ground {
+    /// One plate under both feet.
+    One(Mounting),
+    /// A plate under each foot: left, right.
+    Two([Mounting; 2]),
+}
+
+/// Each foot's part of the ground's action, and what the soles feel of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OnFeet {
+    /// On the person, about the origin of the floor: left, right.
+    pub wrench: [Wrench; 2],
+    /// On the soles: left, right.
+    pub soles: [Sole; 2],
+}
+
+impl OnFeet {
+    /// What a worker's feet bear at a time, each pressing where it likes: `press_m` from the ankles.
+    pub fn of(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> OnFeet {
+        let wrench = ground_reaction_per_foot(worker, time_s, press_m);
+        let body = worker.sample(time_s);
+        let soles = core::array::from_fn(|k| sole(worker.person(), &body, Side::BOTH[k], &wrench[k]));
+        OnFeet { wrench, soles }
+    }
+
+    /// The whole, on the person, about the origin of the floor.
+    pub fn whole(&self) -> Wrench {
+        let [left, right] = self.wrench;
+        Wrench { force_n: left.force_n + right.force_n, moment_nm: left.moment_nm + right.moment_nm }
+    }
+
+    /// What plates under these feet feel.
+    pub fn on(&self, ground: &Ground) -> Vec<Wrench> {
+        match ground {
+            Ground::One(plate) => vec![plate.tells(&self.whole())],
+            Ground::Two(plates) => {
+                plates.iter().zip(&self.wrench).map(|(plate, foot)| plate.tells(foot)).collect()
+            }
+        }
+    }
+}
+
+/// A wrench on a foot as its sole feels it: what presses along the sole's normal, and where.
+fn sole(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> Sole {
+    let (index, extent) = (side.foot().index(), person.sole_m);
+    let world_from_foot = body.world_from_segment[index];
+    let middle = Vector3::new(0.5 * (extent.forward - extent.back), 0.0, -person.ankle_height_m);
+    let middle = body.origin_m[index] + world_from_foot * middle;
+    let force_n = world_from_foot.inverse() * on_foot.force_n;
+    let moment_nm = world_from_foot.inverse() * (on_foot.moment_nm - middle.cross(&on_foot.force_n));
+    let size_m = [extent.back + extent.forward, 2.0 * extent.half_width];
+    if force_n.z < 1.0 {
+        return Sole { size_m, ..Sole::default() };
+    }
+    let cop_m = Vector2::new(-moment_nm.y, moment_nm.x) / force_n.z;
+    Sole { normal_n: force_n.z, cop_m, size_m }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Habits;
+
+    fn standing() -> (Worker, OnFeet) {
+        let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::ORDINARY);
+        let press_m = [Vector2::new(0.05, 0.01), Vector2::new(0.03, -0.005)];
+        let feet = OnFeet::of(&worker, 3.0, press_m);
+        (worker, feet)
+    }
+
+    #[test]
+    fn two_plates_feel_together_what_one_would() {
+        let (worker, feet) = standing();
+        assert!((feet.whole().force_n - worker.ground_reaction(3.0).force_n).norm() < 1e-9);
+        let at = |y: f64| Mounting {
+            plate: Plate {
+                origin_m: [0.1, y, -0.05],
+                surface_height_m: 0.05,
+                yaw_rad: 0.2,
+                ..Plate::default()
+            },
+            z_down: true,
+            reaction: false,
+        };
+        let told = feet.on(&Ground::Two([at(0.2), at(-0.2)]));
+        // Load reads positive on a sensor whose z points down.
+        assert!(told.iter().all(|plate| plate.force_n.z > 100.0));
+        let sum: f64 = told.iter().map(|plate| plate.force_n.z).sum();
+        assert!((sum - feet.whole().force_n.z).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_plate_of_any_axes_and_sign_has_the_pressure_where_it_is() {
+        let (_, feet) = standing();
+        let plate =
+            Plate { origin_m: [0.1, 0.2, -0.05], yaw_rad: 0.4, surface_height_m: 0.05, ..Plate::default() };
+        for (z_down, reaction) in [(false, false), (false, true), (true, false), (true, true)] {
+            let told = Mounting { plate, z_down, reaction }.tells(&feet.whole());
+            let ([x, y], h) = ([told.force_n.x, told.force_n.y], plate.surface_height_m);
+            // The surface lies h against a z that points down, and along one that points up.
+            let h = if z_down { -h } else { h };
+            let in_plate = Vector2::new(h * x - told.moment_nm.y, h * y + told.moment_nm.x) / told.force_n.z;
+            let upright = Vector3::new(in_plate.x, if z_down { -in_plate.y } else { in_plate.y }, 0.0);
+            let in_world = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.4) * upright;
+            let cop = in_world.xy() + Vector2::new(0.1, 0.2);
+            assert!((cop - feet.whole().cop_m()).norm() < 1e-9, "{z_down} {reaction} {cop:?}");
+        }
+    }
+
+    #[test]
+    fn soles_feel_where_each_foot_presses() {
+        let (worker, feet) = standing();
+        for (k, sole) in feet.soles.iter().enumerate() {
+            let stance = worker.stance();
+            let extent = worker.person().sole_m;
+            let middle = stance.ankle_m[k]
+                + stance.world_from_foot[k] * Vector3::new(0.5 * (extent.forward - extent.back), 0.0, 0.0);
+            let in_world = middle + stance.world_from_foot[k] * sole.cop_m.push(0.0);
+            assert!((in_world.xy() - feet.wrench[k].cop_m()).norm() < 1e-3, "{in_world:?}");
+            assert!((sole.normal_n - feet.wrench[k].force_n.z).abs() < 0.01);
+        }
+    }
+}

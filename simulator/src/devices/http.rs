@@ -1,0 +1,121 @@
+//! As much HTTP as a small device has: one request, one answer, closed.
+
+use std::io;
+use std::net::SocketAddr;
+
+use super::port::Port;
+use super::tcp::TcpPort;
+
+/// Nobody sends a device more than this, bytes.
+const REQUEST_MAX: usize = 1 << 16;
+
+/// A request.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Request {
+    /// `GET`, `POST`.
+    pub method: String,
+    /// The path, without what is behind a question mark.
+    pub path: String,
+    /// The body.
+    pub body: String,
+}
+
+/// The server.
+#[derive(Debug)]
+pub struct HttpPort {
+    port: TcpPort,
+    session: u64,
+    heard: Vec<u8>,
+}
+
+impl HttpPort {
+    /// Listens on an address (port 0: any free one).
+    ///
+    /// # Errors
+    /// Those of the socket.
+    pub fn bind(address: SocketAddr) -> io::Result<HttpPort> {
+        Ok(HttpPort { port: TcpPort::bind(address)?, session: 0, heard: Vec::new() })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.port.address()
+    }
+
+    /// The next request, once it is whole; [`Self::answer`] answers it.
+    ///
+    /// # Errors
+    /// Those of this machine.
+    pub fn request(&mut self) -> io::Result<Option<Request>> {
+        let bytes = self.port.hear()?;
+        if self.port.session() != self.session {
+            self.session = self.port.session();
+            self.heard.clear();
+        }
+        self.heard.extend(bytes);
+        let request = parsed(&self.heard);
+        if request.is_some() {
+            self.heard.clear();
+        } else if self.heard.len() > REQUEST_MAX {
+            self.port.hang_up();
+        }
+        Ok(request)
+    }
+
+    /// Answers and closes.
+    ///
+    /// # Errors
+    /// Those of this machine.
+    pub fn answer(&mut self, status: &str, kind: &str, body: &str) -> io::Result<()> {
+        let head = format!(
+            "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+            body.len()
+        );
+        self.port.write((head + body).as_bytes())?;
+        self.port.hang_up();
+        Ok(())
+    }
+
+    /// As [`Port::unplug`].
+    pub fn unplug(&mut self) {
+        self.port.unplug();
+    }
+
+    /// As [`Port::plug`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn plug(&mut self) -> io::Result<()> {
+        self.port.plug()
+    }
+}
+
+/// A request that is whole.
+fn parsed(heard: &[u8]) -> Option<Request> {
+    let end = heard.windows(4).position(|four| four == b"\r\n\r\n")?;
+    let head = String::from_utf8_lossy(&heard[..end]).into_owned();
+    let length: usize = head
+        .lines()
+        .filter_map(|line| line.split_once(':'))
+        .find(|(key, _)| key.eq_ignore_ascii_case("content-length"))
+        .map_or(Some(0), |(_, value)| value.trim().parse().ok())?;
+    let body = heard.get(end + 4..end + 4 + length)?;
+    let mut words = head.split_whitespace();
+    let (method, target) = (words.next()?.to_owned(), words.next()?);
+    let path = target.split('?').next().unwrap_or(target).to_owned();
+    Some(Request { method, path, body: String::from_utf8_lossy(body).into_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_is_taken_once_its_body_is_there() {
+        let whole = b"POST /api/x?y=1 HTTP/1.1\r\nHost: a\r\ncontent-length: 4\r\n\r\n{ } ";
+        assert_eq!(parsed(&whole[..whole.len() - 1]), None);
+        let expected = Request { method: "POST".into(), path: "/api/x".into(), body: "{ } ".into() };
+        assert_eq!(parsed(whole), Some(expected));
+        assert_eq!(parsed(b"GET / HTTP/1.0\r\n\r\n").unwrap().body, "");
+    }
+}

@@ -1,0 +1,184 @@
+//! A Kistler LabAmp with a plate of eight channels: set up over HTTP, streaming over a TCP port that it opens for it.
+
+use std::io;
+use std::net::SocketAddr;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use super::felt::{Felt, Mounting};
+use super::http::HttpPort;
+use super::line::Line;
+use super::tcp::TcpPort;
+use super::{Asked, Device, Suffered};
+use crate::faults::Faults;
+use crate::wires::labamp::{self, Asked as Rest, EightChannels, Signal};
+
+/// What its eight channels are called, in force.
+const UNIT: &str = "N";
+
+/// The amplifier.
+pub struct LabAmp {
+    http: HttpPort,
+    stream: Line,
+    stream_port: u16,
+    mounting: Mounting,
+    channels: EightChannels,
+    rate_hz: f64,
+    scans_of_a_frame: usize,
+    measuring: bool,
+    opened: u32,
+    sequence: u32,
+    scans: Vec<Vec<f32>>,
+    /// Device time of the first scan that waits, s.
+    first_s: f64,
+    /// The clock's time of day when the device's time was zero, s.
+    unix_s: f64,
+}
+
+impl LabAmp {
+    /// An amplifier at an address; its stream's port is any free one.
+    ///
+    /// # Errors
+    /// Those of the sockets.
+    pub fn bind(address: SocketAddr, mounting: Mounting, rate_hz: f64, seed: u64) -> io::Result<LabAmp> {
+        let stream = TcpPort::bind(SocketAddr::new(address.ip(), 0))?;
+        let stream_port = stream.address().port();
+        let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
+        Ok(LabAmp {
+            http: HttpPort::bind(address)?,
+            stream: Line::new(Box::new(stream), seed),
+            stream_port,
+            mounting,
+            channels: EightChannels { half_m: [0.12, 0.2] },
+            rate_hz,
+            scans_of_a_frame: labamp::fewest_scans(rate_hz) as usize,
+            measuring: false,
+            opened: 0,
+            sequence: 0,
+            scans: Vec::new(),
+            first_s: 0.0,
+            unix_s: since_1970.as_secs_f64(),
+        })
+    }
+
+    fn signals() -> Vec<Signal> {
+        EightChannels::NAMES.map(|name| Signal { name: name.into(), unit: UNIT.into() }).into()
+    }
+
+    fn obey(&mut self, asked: Rest) -> io::Result<Option<String>> {
+        match asked {
+            Rest::Open(scans) => {
+                self.scans_of_a_frame = scans.unwrap_or(labamp::fewest_scans(self.rate_hz)) as usize;
+                self.opened += 1;
+                self.sequence = 0;
+                self.scans.clear();
+                return Ok(Some(labamp::opened(self.stream_port, self.opened)));
+            }
+            Rest::Rate(rate_hz) => {
+                self.rate_hz = f64::from(rate_hz.max(1));
+                self.scans_of_a_frame = labamp::fewest_scans(self.rate_hz) as usize;
+            }
+            Rest::Start => self.measuring = true,
+            Rest::Stop => self.end(labamp::Event::Stopped)?,
+            Rest::Close => self.end(labamp::Event::Closed)?,
+            Rest::Nothing => {}
+        }
+        Ok(None)
+    }
+
+    /// Scans that say the same: no body changes within a millisecond, and nobody has the time to compute 200 000 a second.
+    fn repeated(&self) -> f64 {
+        (self.rate_hz / 2500.0).ceil()
+    }
+
+    fn end(&mut self, event: labamp::Event) -> io::Result<()> {
+        self.measuring = false;
+        let bytes = labamp::event(self.sequence, 2, event);
+        self.sequence += 1;
+        self.stream.answer(&bytes)
+    }
+}
+
+impl LabAmp {
+    fn send_frame(&mut self) -> io::Result<()> {
+        let unix_s = self.unix_s + self.first_s;
+        let unix = (unix_s as u64, (unix_s.fract() * 1e9) as u32);
+        let bytes = labamp::data(self.sequence, unix, &self.scans);
+        self.sequence += 1;
+        let samples = self.scans.len() as u32;
+        self.first_s += f64::from(samples) / self.rate_hz;
+        self.scans.clear();
+        self.stream.send(&bytes, samples)
+    }
+}
+
+impl Device for LabAmp {
+    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
+        if let Some(request) = self.http.request()? {
+            match labamp::answer(&request.path, &request.body, &LabAmp::signals(), self.rate_hz) {
+                Some((answer, asked)) => {
+                    let answer = self.obey(asked)?.unwrap_or(answer);
+                    self.http.answer("200 OK", "application/json", &answer)?;
+                }
+                None => self.http.answer("404 Not Found", "text/plain", "Error occured")?,
+            }
+        }
+        let _nothing_is_said_there = self.stream.port().hear()?;
+        Ok(Asked::default())
+    }
+
+    fn rate_hz(&self) -> f64 {
+        self.rate_hz / self.repeated()
+    }
+
+    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+        let Some(wrench) = felt.plates.first().filter(|_| self.measuring && self.stream.is_open()) else {
+            self.scans.clear();
+            return Ok(());
+        };
+        if self.scans.is_empty() {
+            self.first_s = felt.device_s;
+        }
+        let forces = self.channels.forces_n(wrench.force_n.into(), wrench.moment_nm.into());
+        let scan: Vec<f32> = forces.iter().map(|newtons| *newtons as f32).collect();
+        for _ in 0..self.repeated() as u32 {
+            self.scans.push(scan.clone());
+            if self.scans.len() >= self.scans_of_a_frame {
+                self.send_frame()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn suffered(&self) -> Suffered {
+        self.stream.suffered()
+    }
+
+    fn set_faults(&mut self, faults: Faults) {
+        self.stream.set_faults(faults);
+    }
+
+    fn unplug(&mut self) {
+        self.http.unplug();
+        self.stream.port().unplug();
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        self.measuring = false;
+        self.scans.clear();
+        self.stream.port().plug()?;
+        self.http.plug()
+    }
+
+    fn config(&self) -> String {
+        let [a, b] = self.channels.half_m;
+        let names: String =
+            EightChannels::NAMES.iter().map(|name| format!("{name} = \"{name}\"\n")).collect();
+        format!(
+            "[ground]\nsource = \"kistler-labamp\"\naddress = \"{}\"\n{}\n[ground.labamp]\nrate_hz = {}\n\n\
+             [ground.labamp.eight]\n{names}a_m = {a:?}\nb_m = {b:?}\n",
+            self.http.address(),
+            self.mounting.config("ground"),
+            self.rate_hz,
+        )
+    }
+}

@@ -1,0 +1,195 @@
+//! An outlet of the Lab Streaming Layer with a plate's six channels.
+
+use std::io::{self, ErrorKind};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+
+use super::felt::{Felt, Mounting};
+use super::line::Line;
+use super::tcp::TcpPort;
+use super::{Asked, Device, Suffered};
+use crate::faults::Faults;
+use crate::wires::lsl::{
+    self, DISCOVERY_PORT, Info, Question, Request, SERVICE_PORTS, feed_header, question, short_info,
+    take_request, time_data,
+};
+
+/// Which channel is what.
+const CHANNELS: &str = "fx = \"Fx\"\nfy = \"Fy\"\nfz = \"Fz\"\nmx = \"Mx\"\nmy = \"My\"\nmz = \"Mz\"\n";
+/// The outlet's clock when the device's time was zero, s: it runs since the computer was started.
+const CLOCK_S: f64 = 5000.0;
+/// Groups in which streams are looked for on one machine and in one network.
+const GROUPS: [Ipv4Addr; 2] = [Ipv4Addr::new(224, 0, 0, 183), Ipv4Addr::new(239, 255, 172, 215)];
+
+/// The outlet.
+pub struct Lsl {
+    info: Info,
+    mounting: Mounting,
+    service_address: SocketAddr,
+    discoverable: bool,
+    feed: Line,
+    service: Option<UdpSocket>,
+    discovery: Option<UdpSocket>,
+    session: u64,
+    heard: Vec<u8>,
+    feeding: bool,
+}
+
+impl Lsl {
+    /// An outlet of a name whose samples come from an address (port 0: any free one). A discoverable one is found by its name;
+    /// the port of its other services is then one where those are looked for, if there is a free one.
+    ///
+    /// # Errors
+    /// Those of the sockets.
+    pub fn bind(
+        name: &str,
+        address: SocketAddr,
+        mounting: Mounting,
+        rate_hz: f64,
+        discoverable: bool,
+        seed: u64,
+    ) -> io::Result<Lsl> {
+        let ports = if discoverable { SERVICE_PORTS } else { 0..1 };
+        let service = ports
+            .map(|port| UdpSocket::bind(SocketAddr::new(address.ip(), port)))
+            .find(Result::is_ok)
+            .unwrap_or_else(|| UdpSocket::bind(SocketAddr::new(address.ip(), 0)))?;
+        service.set_nonblocking(true)?;
+        let service_address = service.local_addr()?;
+        let feed = TcpPort::bind(address)?;
+        let names = [("Fx", "N"), ("Fy", "N"), ("Fz", "N"), ("Mx", "Nm"), ("My", "Nm"), ("Mz", "Nm")];
+        let info = Info {
+            name: name.into(),
+            kind: "Force".into(),
+            channels: names.map(|(label, unit)| (label.into(), unit.into())).into(),
+            rate_hz,
+            uid: format!("b0f2c9a4-0000-4000-8000-{seed:012x}"),
+            ports: [feed.address().port(), service_address.port()],
+        };
+        Ok(Lsl {
+            info,
+            mounting,
+            service_address,
+            discoverable,
+            feed: Line::new(Box::new(feed), seed),
+            service: Some(service),
+            // Another outlet of this computer may have the port to itself.
+            discovery: if discoverable { discovery().ok() } else { None },
+            session: 0,
+            heard: Vec::new(),
+            feeding: false,
+        })
+    }
+
+    fn answer_questions(&mut self, now_s: f64) -> io::Result<()> {
+        for socket in [&self.service, &self.discovery].into_iter().flatten() {
+            let mut bytes = [0; 2048];
+            loop {
+                let (length, from) = match socket.recv_from(&mut bytes) {
+                    Ok(received) => received,
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                    // An answer that nobody wanted any more.
+                    Err(_) => break,
+                };
+                let (answer, to) = match question(&bytes[..length]) {
+                    Some(Question::ShortInfo { query, port, id }) if self.info.matches(&query) => {
+                        (short_info(&id, &self.info), SocketAddr::new(from.ip(), port))
+                    }
+                    Some(Question::Time { wave, sent_s }) => {
+                        (time_data(wave, sent_s, CLOCK_S + now_s, CLOCK_S + now_s), from)
+                    }
+                    _ => continue,
+                };
+                let _ = socket.send_to(&answer, to);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where streams are looked for: shared with every other outlet of this computer.
+fn discovery() -> io::Result<UdpSocket> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, DISCOVERY_PORT))?;
+    socket.set_nonblocking(true)?;
+    for group in GROUPS {
+        // A machine without a network has no group to join; what is asked of it directly is answered still.
+        let _ = socket.join_multicast_v4(&group, &Ipv4Addr::LOCALHOST);
+        let _ = socket.join_multicast_v4(&group, &Ipv4Addr::UNSPECIFIED);
+    }
+    Ok(socket)
+}
+
+impl Device for Lsl {
+    fn poll(&mut self, device_now_s: f64) -> io::Result<Asked> {
+        self.answer_questions(device_now_s)?;
+        let heard = self.feed.port().hear()?;
+        if self.session != self.feed.port().session() {
+            self.session = self.feed.port().session();
+            self.heard.clear();
+            self.feeding = false;
+        }
+        self.heard.extend(heard);
+        while let Some(request) = take_request(&mut self.heard) {
+            match request {
+                Request::FullInfo => self.feed.answer(self.info.to_xml(true).as_bytes())?,
+                Request::ShortInfo(query) if self.info.matches(&query) => {
+                    self.feed.answer(self.info.to_xml(false).as_bytes())?;
+                }
+                Request::Feed { uid, .. } if uid.is_empty() || uid == self.info.uid => {
+                    self.feed.answer(&feed_header(&self.info))?;
+                    self.feeding = true;
+                    continue;
+                }
+                Request::Feed { .. } => self.feed.answer(b"LSL/110 404 Not found")?,
+                Request::ShortInfo(_) | Request::Unknown => {}
+            }
+            // All but the feed is said once, and the connection ends.
+            self.feed.port().hang_up();
+        }
+        Ok(Asked::default())
+    }
+
+    fn rate_hz(&self) -> f64 {
+        self.info.rate_hz
+    }
+
+    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+        let Some(wrench) = felt.plates.first().filter(|_| self.feeding) else { return Ok(()) };
+        let [f, m] = [wrench.force_n, wrench.moment_nm];
+        let values = [f.x, f.y, f.z, m.x, m.y, m.z].map(|number| number as f32);
+        self.feed.send(&lsl::sample(CLOCK_S + felt.device_s, &values), 1)
+    }
+
+    fn suffered(&self) -> Suffered {
+        self.feed.suffered()
+    }
+
+    fn set_faults(&mut self, faults: Faults) {
+        self.feed.set_faults(faults);
+    }
+
+    fn unplug(&mut self) {
+        self.service = None;
+        self.feeding = false;
+        self.feed.port().unplug();
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        if self.service.is_none() {
+            let service = UdpSocket::bind(self.service_address)?;
+            service.set_nonblocking(true)?;
+            self.service = Some(service);
+        }
+        self.feed.port().plug()
+    }
+
+    fn config(&self) -> String {
+        // One that is found needs no address.
+        let [address, _] =
+            if self.discoverable { [String::new(), String::new()] } else { self.feed.config("ground") };
+        format!(
+            "[ground]\nsource = \"lsl\"\n{address}{}\n[ground.lsl]\nname = {:?}\n\n[ground.lsl.channels]\n{CHANNELS}",
+            self.mounting.config("ground"),
+            self.info.name,
+        )
+    }
+}

@@ -1,0 +1,82 @@
+//! Moticon's insoles, as their software sends them on.
+
+use core::fmt::Write;
+use std::io;
+
+use super::felt::{Felt, Sole};
+use super::line::Line;
+use super::{Asked, Device, Suffered};
+use crate::faults::Faults;
+use crate::wires::moticon::{Channel, Insole, datagram};
+
+/// The insoles, the phone and the software in one.
+pub struct Moticon {
+    line: Line,
+    channels: Vec<Channel>,
+    rate_hz: f64,
+    /// Length and width of the soles, m.
+    size_m: [f64; 2],
+}
+
+impl Moticon {
+    /// Insoles of that size (length, width, m) whose user ticked these channels.
+    pub fn new(line: Line, channels: &[Channel], rate_hz: f64, size_m: [f64; 2]) -> Moticon {
+        Moticon { line, channels: channels.to_vec(), rate_hz, size_m }
+    }
+}
+
+/// What one sole says: its load and where, spread over sixteen cells alike, and at rest. Both insoles count y towards the
+/// outer edge; no source says which way Moticon's do.
+fn insole(sole: &Sole, outward: f64) -> Insole {
+    let [length, width] = sole.size_m;
+    let area_cm2 = length * width * 1e4;
+    Insole {
+        acceleration_g: [0.0, 0.0, 1.0],
+        turning_deg_per_s: [0.0; 3],
+        cop: [sole.cop_m.x / length, outward * sole.cop_m.y / width],
+        pressure: [sole.normal_n / area_cm2; 16],
+        force_n: sole.normal_n,
+    }
+}
+
+impl Device for Moticon {
+    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
+        Ok(Asked::default())
+    }
+
+    fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+        // The insole fits the foot: its own size is that of the sole.
+        let [left, right] = felt.soles.map(|sole| Sole { size_m: self.size_m, ..sole });
+        let feet = [insole(&left, 1.0), insole(&right, -1.0)];
+        self.line.send(datagram(felt.device_s, &feet, &self.channels).as_bytes(), 1)
+    }
+
+    fn suffered(&self) -> Suffered {
+        self.line.suffered()
+    }
+
+    fn set_faults(&mut self, faults: Faults) {
+        self.line.set_faults(faults);
+    }
+
+    fn unplug(&mut self) {
+        self.line.port().unplug();
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        self.line.port().plug()
+    }
+
+    fn config(&self) -> String {
+        let [keys, _] = self.line.config("ground");
+        let [length, width] = self.size_m;
+        let mut text = format!("[ground]\nsource = \"moticon-udp\"\n{keys}\n[ground.moticon]\n");
+        // Writing into a string cannot fail.
+        let _ = write!(text, "length_m = {length:?}\nwidth_m = {width:?}\ny_to = \"lateral\"\n");
+        text
+    }
+}

@@ -1,0 +1,216 @@
+//! A device in a thread of its own, with the clock and the jitter that it has.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use super::felt::{Felt, Ground, OnFeet};
+use super::line::Suffered;
+use super::{Asked, Device};
+use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
+use crate::device::DeviceClock;
+use crate::dynamics::Wrench;
+use crate::faults::Faults;
+use crate::noise::PlateNoise;
+use crate::random::Random;
+
+/// How often a device listens while no sample is due, s.
+const LISTEN_S: f64 = 0.004;
+
+/// What presses on the feet at a simulated time, s.
+pub type Load = Arc<dyn Fn(f64) -> OnFeet + Send + Sync>;
+
+/// How a device keeps time.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pace {
+    /// CLOCK_MONOTONIC at simulated time 0, ns.
+    pub start_ns: u64,
+    /// How much faster than true time the device's clock runs, millionths.
+    pub drift_ppm: f64,
+    /// A sample is sent up to so much after it was measured, s.
+    pub jitter_s: f64,
+    /// White noise of every plate.
+    pub noise: Option<PlateNoise>,
+    /// Luck.
+    pub seed: u64,
+}
+
+/// Orders to the thread, and what it tells.
+#[derive(Debug, Default)]
+struct Orders {
+    faults: Option<Faults>,
+    plugged: bool,
+    silent: bool,
+    suffered: Suffered,
+    measured: u64,
+}
+
+/// A device that runs. Dropped, it stops.
+pub struct Running {
+    config: String,
+    orders: Arc<Mutex<Orders>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Running {
+    /// Starts a device under a load.
+    ///
+    /// # Errors
+    /// There is no room for another thread.
+    pub fn start(mut device: Box<dyn Device>, ground: Ground, load: Load, pace: Pace) -> io::Result<Running> {
+        let config = device.config();
+        let orders = Arc::new(Mutex::new(Orders { plugged: true, ..Orders::default() }));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (their_orders, their_stop) = (Arc::clone(&orders), Arc::clone(&stop));
+        let thread = std::thread::Builder::new().name("sim-device".into()).spawn(move || {
+            let random = Random::new(pace.seed, "jitter");
+            let mut runner = Runner { ground, load, pace, random, zero: Vec::new(), plugged: true };
+            runner.run(&mut *device, &their_orders, &their_stop)
+        })?;
+        Ok(Running { config, orders, stop, thread: Some(thread) })
+    }
+
+    fn order<T>(&self, change: impl FnOnce(&mut Orders) -> T) -> T {
+        change(&mut self.orders.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// As [`Device::config`].
+    pub fn config(&self) -> &str {
+        &self.config
+    }
+
+    /// The way to the host is another from the next sample on.
+    pub fn set_faults(&self, faults: Faults) {
+        self.order(|orders| orders.faults = Some(faults));
+    }
+
+    /// Pulls the device out, or plugs it in again.
+    pub fn plug(&self, plugged: bool) {
+        self.order(|orders| orders.plugged = plugged);
+    }
+
+    /// It says nothing (or speaks again), though it is there.
+    pub fn silence(&self, silent: bool) {
+        self.order(|orders| orders.silent = silent);
+    }
+
+    /// What became of what it sent, up to its last sample.
+    pub fn suffered(&self) -> Suffered {
+        self.order(|orders| orders.suffered)
+    }
+
+    /// Samples that it measured, sent or not.
+    pub fn measured(&self) -> u64 {
+        self.order(|orders| orders.measured)
+    }
+
+    /// Stops it.
+    ///
+    /// # Errors
+    /// What ended it before its time.
+    pub fn stop(mut self) -> io::Result<()> {
+        self.join()
+    }
+
+    fn join(&mut self) -> io::Result<()> {
+        self.stop.store(true, Ordering::Relaxed);
+        let Some(thread) = self.thread.take() else { return Ok(()) };
+        thread.join().unwrap_or_else(|_| Err(io::Error::other("a simulated device panicked")))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Who drops without asking does not want to know.
+        let _ = self.join();
+    }
+}
+
+struct Runner {
+    ground: Ground,
+    load: Load,
+    pace: Pace,
+    random: Random,
+    /// What each plate felt when it was last told that this is nothing.
+    zero: Vec<Wrench>,
+    plugged: bool,
+}
+
+impl Runner {
+    fn run(&mut self, device: &mut dyn Device, orders: &Mutex<Orders>, stop: &AtomicBool) -> io::Result<()> {
+        let faster = 1.0 + self.pace.drift_ppm * 1e-6;
+        let mut clock = DeviceClock::new(device.rate_hz() * faster);
+        // The first sample is one of now, whenever simulated time began.
+        let mut number = 0_u32;
+        let begun_s = self.now_s();
+        while !stop.load(Ordering::Relaxed) {
+            let time_s = begun_s + clock.time_s();
+            let due_s = time_s + self.pace.jitter_s * self.random.unit();
+            while self.now_s() < due_s && !stop.load(Ordering::Relaxed) {
+                self.listen(device, orders)?;
+                let nap_s = (self.now_s() + LISTEN_S).min(due_s);
+                sleep_until_ns(self.pace.start_ns + span_ns(nap_s));
+            }
+            self.listen(device, orders)?;
+            let on_feet = (self.load)(time_s);
+            let plates = self.noisy(self.tared(on_feet.on(&self.ground)), number);
+            let silent = orders.lock().unwrap_or_else(PoisonError::into_inner).silent;
+            if self.plugged && !silent {
+                let felt = Felt { time_s, number, device_s: time_s * faster, plates, soles: on_feet.soles };
+                device.measure(&felt)?;
+            }
+            let mut told = orders.lock().unwrap_or_else(PoisonError::into_inner);
+            told.suffered = device.suffered();
+            told.measured += 1;
+            drop(told);
+            number = number.wrapping_add(1);
+            clock.advance(device.rate_hz() * faster);
+        }
+        Ok(())
+    }
+
+    fn now_s(&self) -> f64 {
+        monotonic_ns().saturating_sub(self.pace.start_ns) as f64 * 1e-9
+    }
+
+    fn listen(&mut self, device: &mut dyn Device, orders: &Mutex<Orders>) -> io::Result<()> {
+        let (faults, plugged) = {
+            let mut orders = orders.lock().unwrap_or_else(PoisonError::into_inner);
+            (orders.faults.take(), orders.plugged)
+        };
+        if let Some(faults) = faults {
+            device.set_faults(faults);
+        }
+        if plugged != self.plugged {
+            self.plugged = plugged;
+            if plugged {
+                self.zero.clear();
+                device.plug()?;
+            } else {
+                device.unplug();
+            }
+        }
+        let now_s = self.now_s();
+        let Asked { zero } = device.poll(now_s * (1.0 + self.pace.drift_ppm * 1e-6))?;
+        if zero {
+            self.zero = (self.load)(now_s).on(&self.ground);
+        }
+        Ok(())
+    }
+
+    fn noisy(&self, plates: Vec<Wrench>, number: u32) -> Vec<Wrench> {
+        let Some(noise) = self.pace.noise else { return plates };
+        let mut random = Random::numbered(self.pace.seed, "plate noise", number);
+        plates.into_iter().map(|felt| noise.on(felt, &mut random)).collect()
+    }
+
+    fn tared(&self, mut plates: Vec<Wrench>) -> Vec<Wrench> {
+        for (felt, zero) in plates.iter_mut().zip(&self.zero) {
+            felt.force_n -= zero.force_n;
+            felt.moment_nm -= zero.moment_nm;
+        }
+        plates
+    }
+}

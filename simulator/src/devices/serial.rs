@@ -1,0 +1,256 @@
+//! A serial line: a pair of pseudo-terminals. The host opens a name that stays the same however often the device is
+//! pulled out; the device has the other end.
+//!
+//! Pseudo-terminals have no speed, so the device looks at the one that the host has set: if it is not its own, both hear
+//! only noise, as on a real line.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
+
+use super::port::Port;
+use crate::random::Random;
+
+/// What a converter keeps for a host that is late, bytes.
+const WAITING_MAX: usize = 1 << 16;
+
+/// A host's end counts as open once this is so: a line that still echoes is being opened.
+const NOT_YET: LocalModes = LocalModes::ECHO.union(LocalModes::ICANON);
+
+/// The device's end.
+#[derive(Debug)]
+pub struct SerialPort {
+    name: PathBuf,
+    master: Option<File>,
+    baud: u32,
+    session: u64,
+    host: Host,
+    /// Sent, and not yet taken by the system.
+    waiting: Vec<u8>,
+    noise: Random,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Host {
+    /// Nobody has opened the line.
+    Away,
+    /// Somebody has, at another speed than ours.
+    Deaf,
+    /// Somebody has, and we understand each other.
+    There,
+}
+
+impl SerialPort {
+    /// A line under a name (a symbolic link, made here and removed with the port), at the device's speed.
+    ///
+    /// # Errors
+    /// The name is taken, or there are no pseudo-terminals.
+    pub fn new(name: &Path, baud: u32) -> io::Result<SerialPort> {
+        let noise = Random::new(u64::from(baud), "serial noise");
+        let mut port = SerialPort {
+            name: name.to_owned(),
+            master: None,
+            baud,
+            session: 0,
+            host: Host::Away,
+            waiting: Vec::new(),
+            noise,
+        };
+        port.plug()?;
+        Ok(port)
+    }
+
+    /// The name that hosts open.
+    pub fn name(&self) -> &Path {
+        &self.name
+    }
+
+    fn look(&mut self) -> io::Result<()> {
+        let Some(master) = &self.master else { return Ok(()) };
+        let settings = tcgetattr(master)?;
+        let mut ends = [PollFd::new(master, PollFlags::IN)];
+        poll(&mut ends, Some(&Timespec::default()))?;
+        let hung_up = ends[0].revents().contains(PollFlags::HUP);
+        let now = if hung_up || settings.local_modes.intersects(NOT_YET) {
+            Host::Away
+        } else if settings.output_speed() == self.baud {
+            Host::There
+        } else {
+            Host::Deaf
+        };
+        if self.host == Host::Away && now != Host::Away {
+            self.session += 1;
+            self.waiting.clear();
+        }
+        self.host = now;
+        Ok(())
+    }
+}
+
+impl Port for SerialPort {
+    fn hear(&mut self) -> io::Result<Vec<u8>> {
+        let Some(master) = &mut self.master else { return Ok(Vec::new()) };
+        let mut bytes = [0; 4096];
+        let heard = match master.read(&mut bytes) {
+            Ok(length) => bytes[..length].to_vec(),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Vec::new(),
+            // What the system says when no host has the line open.
+            Err(error) if error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error()) => {
+                self.host = Host::Away;
+                return Ok(Vec::new());
+            }
+            Err(error) => return Err(error),
+        };
+        self.look()?;
+        // At another speed the bits are others.
+        Ok(if self.host == Host::There { heard } else { Vec::new() })
+    }
+
+    fn is_open(&self) -> bool {
+        self.host != Host::Away
+    }
+
+    fn session(&self) -> u64 {
+        self.session
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.look()?;
+        let Some(master) = &mut self.master else { return Ok(()) };
+        match self.host {
+            Host::Away => return Ok(()),
+            Host::There => self.waiting.extend_from_slice(bytes),
+            Host::Deaf => {
+                let noise = bytes.iter().map(|_| self.noise.between(0.0, 256.0) as u8);
+                self.waiting.extend(noise);
+            }
+        }
+        // A host that does not read for so long misses all of it, as a converter's memory overflows.
+        if self.waiting.len() > WAITING_MAX {
+            self.waiting.clear();
+        }
+        match master.write(&self.waiting) {
+            Ok(count) => drop(self.waiting.drain(..count)),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+            Err(error) if error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error()) => {}
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    fn set_baud(&mut self, baud: u32) {
+        self.baud = baud;
+    }
+
+    fn unplug(&mut self) {
+        // As with a converter that is pulled out: the name goes, and whoever has it open is told.
+        if self.master.take().is_some() {
+            let _ = std::fs::remove_file(&self.name);
+        }
+        self.host = Host::Away;
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        if self.master.is_some() {
+            return Ok(());
+        }
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        let slave = ptsname(&master, Vec::new())?;
+        let slave = slave.into_string().map_err(io::Error::other)?;
+        // Opened and closed once: only then does the system tell when nobody has it open.
+        let opened = File::options().read(true).write(true).open(&slave)?;
+        let mut settings = tcgetattr(&opened)?;
+        settings.make_raw();
+        tcsetattr(&opened, OptionalActions::Now, &settings)?;
+        drop(opened);
+        fcntl_setfl(&master, fcntl_getfl(&master)? | OFlags::NONBLOCK)?;
+        std::os::unix::fs::symlink(slave, &self.name)?;
+        self.master = Some(File::from(master));
+        Ok(())
+    }
+
+    fn kind(&self) -> &'static str {
+        "serial"
+    }
+
+    fn config(&self, table: &str) -> [String; 2] {
+        let port = format!("[{table}.serial]\nport = {:?}\n", self.name.display().to_string());
+        [String::new(), port]
+    }
+}
+
+impl Drop for SerialPort {
+    fn drop(&mut self) {
+        self.unplug();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn opened(port: &SerialPort, baud: u32) -> File {
+        let host = File::options().read(true).write(true).open(port.name()).unwrap();
+        let mut settings = tcgetattr(&host).unwrap();
+        settings.make_raw();
+        settings.set_speed(baud).unwrap();
+        tcsetattr(&host, OptionalActions::Now, &settings).unwrap();
+        fcntl_setfl(&host, fcntl_getfl(&host).unwrap() | OFlags::NONBLOCK).unwrap();
+        host
+    }
+
+    fn read(host: &mut File) -> Vec<u8> {
+        let mut bytes = [0; 64];
+        host.read(&mut bytes).map_or_else(|_| Vec::new(), |length| bytes[..length].to_vec())
+    }
+
+    #[test]
+    fn host_and_device_hear_each_other_at_one_speed_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut port = SerialPort::new(&folder.path().join("plate"), 460_800).unwrap();
+        port.hear().unwrap();
+        assert!(!port.is_open());
+        port.write(b"into the void").unwrap();
+        let mut host = opened(&port, 460_800);
+        host.write_all(b"hello").unwrap();
+        assert_eq!((port.hear().unwrap(), port.is_open(), port.session()), (b"hello".to_vec(), true, 1));
+        port.write(b"here").unwrap();
+        assert_eq!(read(&mut host), b"here");
+        port.set_baud(115_200);
+        host.write_all(b"hello").unwrap();
+        assert_eq!(port.hear().unwrap(), b"");
+        port.write(b"here").unwrap();
+        let noise = read(&mut host);
+        assert!(noise.len() == 4 && noise != b"here");
+        drop(host);
+        port.hear().unwrap();
+        assert!(!port.is_open());
+    }
+
+    #[test]
+    fn a_line_that_was_pulled_out_is_gone_and_comes_back_under_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut port = SerialPort::new(&folder.path().join("plate"), 1_000_000).unwrap();
+        let mut host = opened(&port, 1_000_000);
+        port.hear().unwrap();
+        port.unplug();
+        assert!(!port.name().exists());
+        let ended = host.read(&mut [0; 8]);
+        assert!(ended.is_err() || ended.unwrap() == 0, "the host is told");
+        port.plug().unwrap();
+        let mut host = opened(&port, 1_000_000);
+        port.hear().unwrap();
+        port.write(b"again").unwrap();
+        assert_eq!((read(&mut host), port.session()), (b"again".to_vec(), 2));
+        let name = port.name().to_owned();
+        drop(port);
+        assert!(!name.exists());
+    }
+}

@@ -1,0 +1,165 @@
+//! AMTI plates with a serial line (AccuSway, AccuGait): single bytes to agree, then frames of twelve tagged words.
+//!
+//! After the public receiver `App-AMTIForcePlate` of the Lab Streaming Layer project. What no source tells, and is assumed
+//! here: a stop brings the device back to its first speed, and so does switching it off and on.
+
+/// The speed at which a device that was just switched on listens, baud.
+pub const FIRST_BAUD: u32 = 57_600;
+/// The speed at 100 and 200 Hz.
+pub const FAST_BAUD: u32 = 115_200;
+/// Length of a plate's frame.
+pub const FRAME_LEN: usize = 24;
+
+const STOP: u8 = 0x52;
+const AUTO_ZERO: u8 = 0x53;
+const START: u8 = 0x51;
+/// Rates: the byte that asks for it (and is echoed), samples a second, speed of the line from then on.
+const RATES: [(u8, f64, u32); 3] =
+    [(0x72, 50.0, FIRST_BAUD), (0x66, 100.0, FAST_BAUD), (0x76, 200.0, FAST_BAUD)];
+
+/// What the host has brought the device to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dialogue {
+    /// One or two plates at the box.
+    pub plates: u8,
+    /// Whether frames are sent.
+    pub streaming: bool,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Speed of the line, baud.
+    pub baud: u32,
+    /// How often the load was taken as zero.
+    pub zeroed: u32,
+}
+
+impl Dialogue {
+    /// A box that was just switched on.
+    pub fn new(plates: u8) -> Dialogue {
+        Dialogue { plates, streaming: false, rate_hz: 50.0, baud: FIRST_BAUD, zeroed: 0 }
+    }
+
+    /// Hears one byte of the host; what is answered, and at which speed: an echo goes out at the old one.
+    pub fn hear(&mut self, byte: u8) -> Option<u8> {
+        let second = u8::from(self.plates == 2);
+        match byte {
+            STOP => {
+                self.streaming = false;
+                self.baud = FIRST_BAUD;
+                None
+            }
+            // Beginning and zeroing are not for a device that is sending.
+            _ if self.streaming => None,
+            AUTO_ZERO => {
+                self.zeroed += 1;
+                Some(if second == 1 { 0x64 } else { 0x54 })
+            }
+            START => {
+                self.streaming = true;
+                Some(0x55 + second)
+            }
+            _ => {
+                let (_, rate_hz, baud) = *RATES.iter().find(|(asked, ..)| *asked == byte)?;
+                (self.rate_hz, self.baud) = (rate_hz, baud);
+                Some(byte)
+            }
+        }
+    }
+}
+
+/// One plate's frame: twelve little-endian words of 12 bits (2048 is zero) under a tag that counts 0 to 11; the first
+/// tag is 15 while the trigger input is active. Beyond the range a converter saturates.
+pub fn frame(counts: [i16; 12], trigger: bool) -> [u8; FRAME_LEN] {
+    let mut bytes = [0; FRAME_LEN];
+    for ((place, count), number) in bytes.chunks_exact_mut(2).zip(counts).zip(0_u16..) {
+        let tag = if number == 0 && trigger { 15 } else { number };
+        let value = (count.clamp(-2048, 2047) + 2048) as u16;
+        place.copy_from_slice(&(tag << 12 | value).to_le_bytes());
+    }
+    bytes
+}
+
+/// Four corners, each with three gauges: how much a count is worth, and where the corners are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gauges {
+    /// Newtons of a count across and along the vertical.
+    pub newtons_per_count: [f64; 2],
+    /// Half the distance of the corners along X and Y, m.
+    pub half_m: [f64; 2],
+}
+
+/// Signs of the corners' places.
+const CORNERS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]];
+
+impl Gauges {
+    /// An ordinary plate: as sensitive as the one whose matrix is public.
+    pub const ORDINARY: Gauges = Gauges { newtons_per_count: [0.039, 0.39], half_m: [0.18, 0.18] };
+
+    /// The calibration matrix, rows Fx Fy Fz Mx My Mz in N and N m, columns the twelve channels.
+    pub fn matrix(&self) -> [[f64; 12]; 6] {
+        let ([across, along], [half_x, half_y]) = (self.newtons_per_count, self.half_m);
+        let mut matrix = [[0.0; 12]; 6];
+        for (corner, [sx, sy]) in CORNERS.into_iter().enumerate() {
+            let (x, y, z) = (3 * corner, 3 * corner + 1, 3 * corner + 2);
+            matrix[0][x] = across;
+            matrix[1][y] = across;
+            matrix[2][z] = along;
+            matrix[3][z] = along * sy * half_y;
+            matrix[4][z] = -along * sx * half_x;
+            matrix[5][x] = -across * sy * half_y;
+            matrix[5][y] = across * sx * half_x;
+        }
+        matrix
+    }
+
+    /// The counts that make this wrench (N, N m) by the matrix, as near as whole counts come.
+    pub fn counts(&self, force_n: [f64; 3], moment_nm: [f64; 3]) -> [i16; 12] {
+        let ([across, along], [half_x, half_y]) = (self.newtons_per_count, self.half_m);
+        let turning = moment_nm[2] / (4.0 * (half_x * half_x + half_y * half_y));
+        let mut counts = [0; 12];
+        for (corner, [sx, sy]) in CORNERS.into_iter().enumerate() {
+            let x_n = force_n[0] / 4.0 - turning * sy * half_y;
+            let y_n = force_n[1] / 4.0 + turning * sx * half_x;
+            let z_n = (force_n[2] + sy * moment_nm[0] / half_y - sx * moment_nm[1] / half_x) / 4.0;
+            let gauge = [x_n / across, y_n / across, z_n / along].map(|count| count.round() as i16);
+            counts[3 * corner..3 * corner + 3].copy_from_slice(&gauge);
+        }
+        counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_dialogue_goes_as_the_public_receiver_has_it() {
+        let mut plate = Dialogue::new(1);
+        assert_eq!(plate.hear(0x52), None);
+        assert_eq!(plate.hear(0x66), Some(0x66));
+        assert_eq!((plate.baud, plate.rate_hz), (115_200, 100.0));
+        assert_eq!(plate.hear(0x53), Some(0x54));
+        assert_eq!(plate.hear(0x51), Some(0x55));
+        assert!(plate.streaming && plate.hear(0x76).is_none());
+        plate.hear(0x52);
+        assert!(!plate.streaming && plate.baud == FIRST_BAUD);
+        let mut two = Dialogue::new(2);
+        assert_eq!([0x53, 0x51].map(|byte| two.hear(byte)), [Some(0x64), Some(0x56)]);
+    }
+
+    #[test]
+    fn counts_and_matrix_undo_each_other() {
+        let gauges = Gauges::ORDINARY;
+        let (force, moment) = ([-31.0, 12.0, 702.0], [41.0, -28.0, 6.0]);
+        let counts = gauges.counts(force, moment);
+        let told: Vec<f64> = gauges
+            .matrix()
+            .iter()
+            .map(|row| row.iter().zip(counts).map(|(part, count)| part * f64::from(count)).sum())
+            .collect();
+        for (told, meant) in told.iter().zip([force, moment].concat()) {
+            // Half a count at each of four gauges.
+            assert!((told - meant).abs() <= 4.0 * 0.5 * 0.39, "{told} {meant}");
+        }
+        assert!(counts.iter().all(|count| count.abs() < 2048));
+    }
+}

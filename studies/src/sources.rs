@@ -1,0 +1,241 @@
+//! What other sensors make of it: a suit that sends its own accelerations, insoles in place of a plate.
+
+use equipoise_core::cycle::{Accelerations, Settings};
+use equipoise_core::message::Validity;
+
+use crate::lifting::see_lifted;
+use crate::sensors::{AccelerationNoise, Ground, Rig};
+use crate::session::{Moment, Session};
+use crate::subject::{Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::{ByGroup, GROUPS, Sums, percent};
+use crate::tasks::{CopErrors, tells_cop};
+
+/// The box that is lifted, kg.
+const BOX_KG: f64 = 8.0;
+/// Poses that are learnt before.
+const POSES_MAX: u32 = 30;
+/// Steps of marching on the spot.
+const STEPS: u32 = 8;
+/// Joints of the tables: those that do not rest on how the feet share.
+const SHOWN: [&str; 3] = ["shoulder", "elbow", "back"];
+
+/// Suits by what they send, in the tables' words.
+const SUITS: [(&str, Option<AccelerationNoise>); 4] = [
+    ("none", None),
+    ("exact", Some(AccelerationNoise::NONE)),
+    ("white noise", Some(AccelerationNoise { bias_m_per_s2: 0.0, ..AccelerationNoise::ORDINARY })),
+    ("noise and tilt", Some(AccelerationNoise::ORDINARY)),
+];
+const HOW: [(&str, Accelerations); 3] =
+    [("positions", Accelerations::Positions), ("suit", Accelerations::Suit), ("blend", Accelerations::Blend)];
+const GROUNDS: [(&str, Ground); 3] =
+    [("plate", Ground::Plate), ("two plates", Ground::TwoPlates), ("insoles", Ground::Insoles)];
+
+/// What one subject gives with one set of sensors.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shift {
+    poses: Sums,
+    /// Standing still, natural motion, and marching, all without a load.
+    still: CopErrors,
+    work: CopErrors,
+    march: CopErrors,
+    /// Vertical external force while nothing is carried, N.
+    force_n: [Sums; 2],
+    told_unloaded: [u64; 2],
+    torques: ByGroup,
+    told: [u64; 2],
+}
+
+impl Shift {
+    fn merge(&mut self, other: &Shift) {
+        self.poses.merge(&other.poses);
+        for (sum, other) in
+            [(&mut self.still, &other.still), (&mut self.work, &other.work), (&mut self.march, &other.march)]
+        {
+            sum.merge(other);
+        }
+        for (sum, other) in self.force_n.iter_mut().zip(&other.force_n) {
+            sum.merge(other);
+        }
+        for (sum, other) in [(&mut self.told_unloaded, other.told_unloaded), (&mut self.told, other.told)] {
+            *sum = [sum[0] + other[0], sum[1] + other[1]];
+        }
+        self.torques.merge(&other.torques);
+    }
+}
+
+/// Identifies, stands, works and marches without a load, and lifts a box.
+pub fn shift(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Shift {
+    let settings = Settings { accelerations, ..subject.settings() };
+    let mut session = Session::with(subject, settings, rig, subject.habits());
+    let mut shift = Shift::default();
+    shift.poses.add(f64::from(session.identify(POSES_MAX).poses));
+    session.stand(2.0);
+    session.run(2.0, |moment| shift.still.add(moment));
+    let unloaded = |moment: &Moment, cop: &mut CopErrors, force_n: &mut Sums, told: &mut [u64; 2]| {
+        cop.add(moment);
+        if tells_cop(moment.state) && !moment.state.validity().any_of(Validity::SPOILS_DELTA_F) {
+            force_n.add(moment.state.delta_f_n[2]);
+        }
+        told[0] += u64::from(!moment.state.validity().any_of(Validity::SPOILS_TORQUES));
+        told[1] += 1;
+    };
+    session.work_unloaded(|moment| {
+        unloaded(moment, &mut shift.work, &mut shift.force_n[0], &mut shift.told_unloaded);
+    });
+    session.stand(2.0);
+    session.march(STEPS, |moment| {
+        unloaded(moment, &mut shift.march, &mut shift.force_n[1], &mut shift.told_unloaded);
+    });
+    session.stand(2.0);
+    let mut telling = crate::lifting::Telling::default();
+    session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut shift.torques, &mut telling));
+    shift.told = [telling.told, telling.samples];
+    shift
+}
+
+fn table(title: String, first: &'static str, second: &'static str) -> Table {
+    Table::new(
+        title,
+        &[
+            first,
+            second,
+            "poses",
+            "still CoP mm",
+            "work CoP mm",
+            "work force N",
+            "march CoP mm",
+            "march force N",
+            "told without load %",
+            "shoulder N m",
+            "elbow N m",
+            "back N m",
+            "told with load %",
+        ],
+    )
+}
+
+fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Shift + Sync) -> Vec<Cell> {
+    let mut sum = Shift::default();
+    for shift in ask_all(crowd, ask) {
+        sum.merge(&shift);
+    }
+    let mut row: Vec<Cell> = names.map(Cell::from).to_vec();
+    row.push(sum.poses.mean().into());
+    row.push(Some(1e3 * sum.still.distance_rms_m()).into());
+    for (cop, force_n) in [(&sum.work, &sum.force_n[0]), (&sum.march, &sum.force_n[1])] {
+        row.push(Some(1e3 * cop.distance_rms_m()).into());
+        row.push(force_n.rms().into());
+    }
+    row.push(percent(sum.told_unloaded[0], sum.told_unloaded[1]).into());
+    for (group, (name, _)) in GROUPS.iter().enumerate() {
+        if SHOWN.contains(name) {
+            row.push(sum.torques.0[group].error_nm.rms().into());
+        }
+    }
+    row.push(percent(sum.told[0], sum.told[1]).into());
+    row
+}
+
+/// The tables.
+pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
+    let crowd = Subject::crowd(first_seed, count);
+    let mut tables = Vec::new();
+    for (ground_name, ground, suit_hz) in [
+        ("a plate", Ground::Plate, 60),
+        ("a plate, suit at 240 Hz", Ground::Plate, 240),
+        ("insoles", Ground::Insoles, 60),
+    ] {
+        let title = format!("Accelerations by {ground_name} ({count} subjects)");
+        let mut by_suit = table(title, "suit sends", "taken from");
+        for (sends, accelerations) in SUITS {
+            for (name, how) in HOW {
+                if accelerations.is_some() || how == Accelerations::Positions {
+                    let rig = Rig { ground, accelerations, suit_hz, ..Rig::ORDINARY };
+                    by_suit.push(row([sends, name], &crowd, |subject| shift(subject, how, rig)));
+                }
+            }
+        }
+        tables.push(by_suit);
+    }
+    let mut by_ground = table(format!("What measures the ground ({count} subjects)"), "ground", "taken from");
+    for (name, ground) in GROUNDS {
+        let rig = Rig { ground, ..Rig::ORDINARY };
+        by_ground
+            .push(row([name, "positions"], &crowd, |subject| shift(subject, Accelerations::Positions, rig)));
+    }
+    by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the told external force; both without a load");
+    by_ground.note("torques: RMS length of told less true while 8 kg are lifted at natural speed");
+    tables.push(by_ground);
+    tables
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(ground: Ground) -> Shift {
+        let subject = Subject::somebody(5);
+        shift(&subject, Accelerations::Positions, Rig { ground, ..Rig::ORDINARY })
+    }
+
+    /// Measured centres of pressure of natural motion by time, a suit without error, m.
+    fn centres_m(ground: Ground) -> Vec<(f64, [f64; 2])> {
+        let subject = Subject::somebody(5);
+        let rig = Rig { ground, ..Rig::PERFECT };
+        let mut session = Session::with(&subject, subject.settings(), rig, subject.habits());
+        session.run(1.0, |_| {});
+        session.order(|worker, at_s| worker.intend(&equipoise_simulator::repertoire::LIFTING[3], at_s, 0.8));
+        let mut told = Vec::new();
+        session.run(1.5, |moment| {
+            if tells_cop(moment.state) {
+                told.push((moment.time_s, moment.state.cop_measured_m));
+            }
+        });
+        told
+    }
+
+    #[test]
+    fn where_insoles_put_the_centre_is_where_plates_measure_it_but_for_where_the_sole_s_middle_is() {
+        let (plates, insoles) = (centres_m(Ground::TwoPlates), centres_m(Ground::Insoles));
+        let both = plates.iter().filter_map(|(time_s, plates_m)| {
+            let (_, insoles_m) = insoles.iter().find(|(other_s, _)| other_s == time_s)?;
+            Some([0, 1].map(|axis| insoles_m[axis] - plates_m[axis]))
+        });
+        let apart_m: Vec<[f64; 2]> = both.collect();
+        assert!(apart_m.len() > 60, "{}", apart_m.len());
+        let moved_m =
+            plates.iter().map(|(_, [x, _])| *x).fold(0.0_f64, |a, x| a.max((x - plates[0].1[0]).abs()));
+        assert!(moved_m > 0.02, "nothing moved: {moved_m} m");
+        for axis in 0..2 {
+            let of_axis = || apart_m.iter().map(|apart| apart[axis]);
+            let (low, high) = (of_axis().fold(f64::MAX, f64::min), of_axis().fold(f64::MIN, f64::max));
+            // The simulated sole is not the average one: its middle is off for good, and nothing else is.
+            assert!(high - low < 0.002, "axis {axis}: from {low} to {high} m");
+            assert!(low.abs() < 0.03, "axis {axis}: {low} m");
+        }
+    }
+
+    #[test]
+    fn insoles_tell_what_two_plates_tell_but_for_the_shear() {
+        let (plates, insoles) = (of(Ground::TwoPlates), of(Ground::Insoles));
+        let mm = |cop: &CopErrors| 1e3 * cop.distance_rms_m();
+        assert!(mm(&insoles.still) < 6.0, "{} mm standing", mm(&insoles.still));
+        // In motion the suit alone says how the body accelerates; with plates shear does.
+        let (moving, sheared) = (mm(&insoles.work), mm(&plates.work));
+        assert!(moving > sheared && moving < sheared + 8.0, "{moving} mm by insoles, {sheared} mm by plates");
+        for (group, known) in GROUPS.iter().enumerate() {
+            let [by_insoles, by_plates] =
+                [&insoles, &plates].map(|shift| shift.torques.0[group].error_nm.rms().unwrap_or(f64::MAX));
+            let name = known.0;
+            assert!(
+                by_insoles < 1.4 * by_plates + 3.0,
+                "{name}: {by_insoles} N m, by plates {by_plates} N m"
+            );
+        }
+        let share = |[told, of]: [u64; 2]| told as f64 / of as f64;
+        assert!(share(insoles.told) > 0.6, "{}", share(insoles.told));
+        assert!(share(insoles.told_unloaded) < 0.1, "{}", share(insoles.told_unloaded));
+    }
+}

@@ -1,0 +1,166 @@
+//! The engineer's routes: facts, history, report, and the only way in, commands.
+//!
+//! A command is a `POST` without a body that brings the command token in a header of its own. No form and no other site's
+//! script can send that header (a browser asks first, and is told no), and the cookie that opens the page does not count:
+//! whoever looks may not command. An `Origin` that is not this page's is refused even with the token.
+
+use std::convert::Infallible;
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::{Path, State};
+use axum::http::StatusCode;
+use axum::http::header::{self, HeaderMap};
+use axum::response::sse::{Event, Sse};
+use axum::response::{Html, IntoResponse, Response};
+use axum::routing::{get, post};
+use tokio::sync::{Semaphore, watch};
+use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio_stream::wrappers::WatchStream;
+use tokio_stream::{Stream, StreamExt};
+
+use super::station::{Engineer, PageCommand, Station};
+
+/// Where the command token is looked for.
+pub const COMMAND_HEADER: &str = "x-equipoise-command";
+/// How often facts are told to those who look.
+const FACTS_EVERY: Duration = Duration::from_secs(1);
+/// How soon somebody who has just come is noticed.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// One at a time: whoever sends a second before the first is answered has pressed twice.
+const COMMANDS_AT_ONCE: usize = 1;
+
+type Facts = Option<Arc<str>>;
+
+#[derive(Clone)]
+struct Desk {
+    engineer: Engineer,
+    /// Gone once the page is stopped.
+    told: Weak<watch::Sender<Facts>>,
+    places: Arc<Semaphore>,
+}
+
+/// The routes, and the task that asks for facts while somebody looks; it ends when it is aborted.
+pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + Send + 'static) {
+    let told = Arc::new(watch::Sender::new(None));
+    let desk = Desk {
+        engineer: engineer.clone(),
+        told: Arc::downgrade(&told),
+        places: Arc::new(Semaphore::new(COMMANDS_AT_ONCE)),
+    };
+    let routes = Router::new()
+        .route("/events/station", get(events))
+        .route("/api/history", get(history))
+        .route("/report", get(report))
+        .route("/api/command/{name}", post(command))
+        .route("/api/command/{name}/{subject}", post(command_on))
+        .with_state(desk);
+    (routes, tell(engineer.station, told))
+}
+
+async fn tell(station: Arc<dyn Station>, told: Arc<watch::Sender<Facts>>) {
+    let mut ticks = interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let (mut watchers, mut last) = (0, None::<Instant>);
+    loop {
+        ticks.tick().await;
+        let now = told.receiver_count();
+        let came = now > watchers;
+        watchers = now;
+        if watchers == 0 {
+            // Whoever comes next is told nothing old.
+            told.send_if_modified(|facts| facts.take().is_some());
+        } else if came || last.is_none_or(|last| last.elapsed() >= FACTS_EVERY) {
+            last = Some(Instant::now());
+            told.send_replace(Some(station.facts().into()));
+        }
+    }
+}
+
+async fn events(State(desk): State<Desk>) -> Response {
+    match desk.told.upgrade() {
+        Some(told) => Sse::new(stream(told.subscribe())).into_response(),
+        None => (StatusCode::SERVICE_UNAVAILABLE, "The page is ending.\n").into_response(),
+    }
+}
+
+fn stream(facts: watch::Receiver<Facts>) -> impl Stream<Item = Result<Event, Infallible>> {
+    WatchStream::new(facts).map(|facts| {
+        Ok(match facts {
+            Some(facts) => Event::default().event("station").data(facts),
+            None => Event::default().event("silent").data("{}"),
+        })
+    })
+}
+
+async fn history(State(desk): State<Desk>) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], desk.engineer.station.history()).into_response()
+}
+
+async fn report(State(desk): State<Desk>) -> Response {
+    let station = desk.engineer.station;
+    match tokio::task::spawn_blocking(move || station.report()).await {
+        Ok(Some(html)) => Html(html).into_response(),
+        _ => (StatusCode::NOT_FOUND, "No report was written, or [page] report does not name it.\n")
+            .into_response(),
+    }
+}
+
+async fn command(State(desk): State<Desk>, headers: HeaderMap, Path(name): Path<String>) -> Response {
+    act(desk, &headers, PageCommand::named(&name, None)).await
+}
+
+async fn command_on(
+    State(desk): State<Desk>,
+    headers: HeaderMap,
+    Path((name, subject)): Path<(String, String)>,
+) -> Response {
+    act(desk, &headers, PageCommand::named(&name, Some(&subject))).await
+}
+
+async fn act(desk: Desk, headers: &HeaderMap, command: Option<PageCommand>) -> Response {
+    let refused = |status: StatusCode, sentence: &'static str| (status, sentence).into_response();
+    let Some(token) = &desk.engineer.command_token else {
+        return refused(
+            StatusCode::FORBIDDEN,
+            "This page takes no commands: [page] command_token_file is not set.\n",
+        );
+    };
+    if !is_from_here(headers) {
+        return refused(StatusCode::FORBIDDEN, "Commands are taken from this page itself only.\n");
+    }
+    let given = headers.get(COMMAND_HEADER).and_then(|value| value.to_str().ok());
+    if !given.is_some_and(|given| token.is_secret(given)) {
+        return refused(StatusCode::UNAUTHORIZED, "This needs the command token.\n");
+    }
+    let Some(command) = command else {
+        return refused(StatusCode::NOT_FOUND, "There is no such command, or its subject is no id.\n");
+    };
+    let Ok(place) = desk.places.try_acquire_owned() else {
+        return refused(StatusCode::TOO_MANY_REQUESTS, "Another command is on its way.\n");
+    };
+    let station = desk.engineer.station;
+    let outcome = tokio::task::spawn_blocking(move || {
+        let outcome = station.command(&command);
+        drop(place);
+        outcome
+    });
+    match outcome.await {
+        Ok(Ok(sentence)) => sentence.into_response(),
+        Ok(Err(sentence)) => (StatusCode::CONFLICT, sentence).into_response(),
+        Err(_) => refused(StatusCode::INTERNAL_SERVER_ERROR, "The page failed while it asked the daemon.\n"),
+    }
+}
+
+/// Whether the request comes from a page of this very address, as far as a browser says; scripts say nothing of it.
+fn is_from_here(headers: &HeaderMap) -> bool {
+    let text = |name: header::HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
+    let ours = match (text(header::ORIGIN), text(header::HOST)) {
+        (None, _) => true,
+        (Some(origin), Some(host)) => origin.split_once("://").is_some_and(|(_, from)| from == host),
+        (Some(_), None) => false,
+    };
+    let site = headers.get("sec-fetch-site").map(|value| value.to_str().unwrap_or("?"));
+    ours && site.is_none_or(|site| matches!(site, "same-origin" | "none"))
+}

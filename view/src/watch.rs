@@ -1,0 +1,264 @@
+//! The screen of `equipoise watch`: what a terminal shows of a station, drawn by `ratatui` at any size from 40 × 12 on.
+//!
+//! [`Watch`] is all that is known at one moment, [`draw`] arranges it. Values come from [`crate::words`] and
+//! `State::unless`: one that is spoilt is not on the screen, and neither is any while the daemon is silent.
+
+mod health;
+mod joints;
+mod load;
+mod plate;
+
+use equipoise_core::message::{Incidents, State};
+use equipoise_latency::Report;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
+
+use crate::words::{self, Tone};
+
+/// From this width on plate and sensors stand beside the joints, columns.
+const BESIDE_FROM: u16 = 80;
+/// From this height of the body on the plate is drawn, lines.
+const PLATE_FROM: u16 = 16;
+/// The widest that a column of text is read with ease.
+const JOINTS_WIDTH_MAX: u16 = 100;
+
+/// How an adapter fares, as far as it is told in words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sensor {
+    /// `suit` or `ground`.
+    pub name: &'static str,
+    /// Samples a second over the last second.
+    pub rate_hz: f64,
+    /// Samples that never came.
+    pub lost: u64,
+    /// What was refused, by name, counts above 0 only.
+    pub refused: Vec<(&'static str, u64)>,
+}
+
+/// All that a screen is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Watch<'a> {
+    /// The station's name.
+    pub station: &'a str,
+    /// Who is in use; empty if nobody with a name is.
+    pub subject: &'a str,
+    /// The newest state; `None` while there is none that may be shown: never an old one.
+    pub state: Option<&'a State>,
+    /// How long ago the last state came, s; `None` if none ever came.
+    pub silent_s: Option<f64>,
+    /// The suggested pose in words, if one is asked for.
+    pub pose: Option<&'a str>,
+    /// The adapters that have told something lately.
+    pub sensors: &'a [Sensor],
+    /// What goes wrong, and since when.
+    pub incidents: Option<&'a Incidents>,
+    /// Percentiles since the screen was opened; `None` where no cycle record was seen.
+    pub latency: Option<&'a Report>,
+    /// CLOCK_MONOTONIC, ns.
+    pub now_ns: u64,
+    /// Whether the keys are explained on top.
+    pub help: bool,
+}
+
+/// Draws all of it into a frame of any size.
+pub fn draw(frame: &mut Frame<'_>, watch: &Watch<'_>) {
+    let area = frame.area();
+    let head = head(watch, area);
+    let trouble = health::incidents(watch, area.height);
+    let [top, wrong, body, foot] = Layout::vertical([
+        Constraint::Length(head.len() as u16),
+        Constraint::Length(trouble.len() as u16),
+        Constraint::Min(0),
+        Constraint::Length(1),
+    ])
+    .areas(area);
+    frame.render_widget(Paragraph::new(head), top);
+    frame.render_widget(Paragraph::new(trouble), wrong);
+    match watch.state {
+        Some(state) if body.width >= BESIDE_FROM => beside(frame, watch, state, body),
+        Some(state) => below(frame, watch, state, body),
+        None => frame.render_widget(Paragraph::new(nothing(watch)).wrap(Wrap { trim: true }), body),
+    }
+    frame.render_widget(Line::from(" q quit   ? help").style(faint()), foot);
+    if watch.help {
+        help(frame, area);
+    }
+}
+
+/// Joints and load on the left; plate, sensors and latency on the right.
+fn beside(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
+    let left_width = (area.width * 11 / 20).min(JOINTS_WIDTH_MAX);
+    let [left, _, right] =
+        Layout::horizontal([Constraint::Length(left_width), Constraint::Length(1), Constraint::Min(0)])
+            .areas(area);
+    let load = load::lines(state, left.width);
+    let [joints, loads] =
+        Layout::vertical([Constraint::Min(4), Constraint::Length(load.len() as u16)]).areas(left);
+    joints::draw(frame, state, joints);
+    frame.render_widget(Paragraph::new(load), loads);
+    let sensors = health::sensors(watch, state, right.width);
+    let latency = health::latency(watch);
+    let text = (sensors.len() + latency.len()) as u16;
+    let plate_height = area.height.saturating_sub(text);
+    let shown = if area.height >= PLATE_FROM && plate_height >= 6 { plate_height } else { 0 };
+    let [picture, told] = Layout::vertical([Constraint::Length(shown), Constraint::Min(0)]).areas(right);
+    if shown > 0 {
+        plate::draw(frame, state, picture);
+    }
+    frame.render_widget(Paragraph::new([sensors, latency].concat()), told);
+}
+
+/// One column: joints, load, sensors; what has room besides.
+fn below(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
+    let load = load::lines(state, area.width);
+    let sensors = health::sensors(watch, state, area.width);
+    let latency = health::latency(watch);
+    // At least four joints are seen; then load, sensors, latency and the plate get what is left, in this order.
+    let mut room = area.height.saturating_sub(4);
+    let mut take = |wanted: usize| {
+        let taken = room.min(wanted as u16);
+        room -= taken;
+        taken
+    };
+    let (for_load, for_sensors) = (take(load.len()), take(sensors.len()));
+    let for_latency = if room as usize >= latency.len() + 4 { latency.len() as u16 } else { 0 };
+    room -= for_latency;
+    let for_plate = if room >= 14 { 10.max(room / 2) } else { 0 };
+    let [joints, loads, picture, healthy, late] = Layout::vertical([
+        Constraint::Min(0),
+        Constraint::Length(for_load),
+        Constraint::Length(for_plate),
+        Constraint::Length(for_sensors),
+        Constraint::Length(for_latency),
+    ])
+    .areas(area);
+    joints::draw(frame, state, joints);
+    frame.render_widget(Paragraph::new(load), loads);
+    if for_plate > 0 {
+        plate::draw(frame, state, picture);
+    }
+    frame.render_widget(Paragraph::new(sensors), healthy);
+    frame.render_widget(Paragraph::new(latency), late);
+}
+
+/// Station and phase, what to do in plain words, how far the identification is, and why values are withheld.
+fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
+    let mut title = vec![Span::styled(format!(" {} ", watch.station), bold())];
+    if !watch.subject.is_empty() && area.width >= 60 {
+        title.push(Span::raw(format!(" {} ", watch.subject)));
+    }
+    let Some(state) = watch.state else {
+        title.push(Span::styled(" The daemon is silent ", bold().fg(Color::Red)));
+        return vec![Line::from(title)];
+    };
+    title.push(Span::raw(format!(" {}", words::phase(state))));
+    if area.width >= 60 {
+        title.push(Span::styled(format!("  cycle {}", state.cycle), faint()));
+    }
+    let instruction = words::instruction(state, watch.pose);
+    let style = bold().fg(tone(instruction.tone));
+    let rows = if area.height < 16 { 1 } else { 2 };
+    let mut lines = vec![Line::from(title)];
+    lines
+        .extend(wrapped(&instruction.text, area.width, rows).into_iter().map(|row| Line::styled(row, style)));
+    if area.height >= 14 {
+        lines.push(Line::raw(format!(" {}", load::progress(state))));
+    }
+    if area.height >= 18 {
+        let reasons = words::reasons(state);
+        // The first one is the instruction, if there is no other.
+        let rows = if area.height >= 30 { 3 } else { 1 };
+        let told = reasons.iter().take(rows).map(|reason| {
+            let style = if reason.fault { Style::new().fg(Color::Red) } else { faint() };
+            Line::styled(format!(" {}", cut(reason.text, area.width.saturating_sub(1))), style)
+        });
+        lines.extend(told);
+        lines.push(Line::default());
+    }
+    lines
+}
+
+/// What stands there while the daemon is silent.
+fn nothing(watch: &Watch<'_>) -> Vec<Line<'static>> {
+    let since = match watch.silent_s {
+        Some(silent_s) => {
+            format!("Nothing has come for {silent_s:.0} s; what came before is old and not shown.")
+        }
+        None => format!("Nothing has come from station {} yet.", watch.station),
+    };
+    vec![
+        Line::default(),
+        Line::raw(since),
+        Line::raw("Is it running? `systemctl status equipoise`, or `equipoise run --config FILE`."),
+        Line::raw("This screen goes on by itself as soon as it is."),
+    ]
+}
+
+fn help(frame: &mut Frame<'_>, area: Rect) {
+    let lines = [
+        "q, Esc, Ctrl-C   quit",
+        "?                this help, and away again",
+        "",
+        "Bars: overload torque over the joint's limit,",
+        "the worst joint first. low, medium, high, too",
+        "high are the colours green, yellow, red, magenta.",
+        "Plate, from above, forward is up: + CoP measured,",
+        "o CoP of the body alone with 2 σ, x CoM,",
+        "L and R hands, lines: feet and support.",
+        "- : withheld; the reasons stand at the top.",
+    ];
+    let width = area.width.min(54);
+    let height = area.height.min(lines.len() as u16 + 2);
+    let centred =
+        Rect { x: area.x + (area.width - width) / 2, y: area.y + (area.height - height) / 2, width, height };
+    frame.render_widget(Clear, centred);
+    let block = Block::new().borders(Borders::ALL).title(" Help ");
+    frame.render_widget(Paragraph::new(lines.map(Line::raw).to_vec()).block(block), centred);
+}
+
+/// A text in at most `rows` lines that begin with a blank; what is left over is cut off.
+fn wrapped(text: &str, width: u16, rows: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        let room = lines.last().map_or(0, |line| (width as usize).saturating_sub(line.chars().count() + 1));
+        let full = lines.len() == rows;
+        match lines.last_mut() {
+            Some(line) if word.chars().count() <= room => line.extend([" ", word]),
+            Some(_) if full => break,
+            _ => lines.push(format!(" {word}")),
+        }
+    }
+    lines
+}
+
+/// A text of at most `width` columns.
+fn cut(text: &str, width: u16) -> String {
+    text.chars().take(width as usize).collect()
+}
+
+fn tone(tone: Tone) -> Color {
+    match tone {
+        Tone::Calm => Color::Reset,
+        Tone::Good => Color::Green,
+        Tone::Warn => Color::Yellow,
+        Tone::Alarm => Color::Red,
+    }
+}
+
+fn bold() -> Style {
+    Style::new().add_modifier(Modifier::BOLD)
+}
+
+fn faint() -> Style {
+    Style::new().add_modifier(Modifier::DIM)
+}
+
+fn heading(text: &str) -> Line<'static> {
+    Line::styled(format!(" {text}"), bold())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,117 @@
+//! The joints, worst first: name, bar, torque with its σ, level in words.
+
+use equipoise_core::body::Joint;
+use equipoise_core::message::{State, Validity};
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::{Color, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::{cut, faint, heading};
+use crate::state_json::level_name;
+use crate::words;
+
+/// The longest name of a joint in words.
+const NAME_WIDTH: usize = 22;
+/// Torque, level and fatigue behind the bar.
+const FIGURES_WIDTH: usize = 40;
+/// Narrower than this a bar says nothing.
+const BAR_MIN: usize = 6;
+const BAR_MAX: usize = 40;
+
+pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
+    let mut lines = match state.unless(Validity::SPOILS_TORQUES, ()) {
+        Some(()) => overload(state, area.width as usize),
+        None => fatigue(state, area.width as usize),
+    };
+    lines.truncate(area.height as usize);
+    frame.render_widget(Paragraph::new(lines), area);
+}
+
+/// A joint's torque over its limit; `None` where the limit is not known.
+fn share(state: &State, joint: Joint) -> Option<f64> {
+    let limit_nm = state.torque_limit_nm[joint.index()];
+    (limit_nm > 0.0).then(|| words::torque_nm(state, joint) / limit_nm)
+}
+
+/// All joints, the one closest to its limit first, those without a limit last.
+fn worst_first(state: &State) -> Vec<(Joint, Option<f64>)> {
+    let mut joints: Vec<_> = Joint::ALL.into_iter().map(|joint| (joint, share(state, joint))).collect();
+    joints.sort_by(|(_, a), (_, b)| b.unwrap_or(-1.0).total_cmp(&a.unwrap_or(-1.0)));
+    joints
+}
+
+fn overload(state: &State, width: usize) -> Vec<Line<'static>> {
+    let wide = width >= 1 + NAME_WIDTH + BAR_MIN + FIGURES_WIDTH;
+    let name_width = if wide { NAME_WIDTH } else { 15 };
+    let figures_width = if wide { FIGURES_WIDTH } else { 19 };
+    let bar_width = width.saturating_sub(name_width + figures_width + 3).min(BAR_MAX);
+    let row = |(joint, share): (Joint, Option<f64>)| {
+        let index = joint.index();
+        let level = state.joint_level[index];
+        let style = Style::new().fg(colour(level));
+        let (torque_nm, sigma_nm) = (words::torque_nm(state, joint), state.torque_sigma_nm[index]);
+        let bar =
+            share.filter(|_| bar_width >= BAR_MIN).map_or_else(String::new, |share| bar(share, bar_width));
+        let figures = if wide {
+            let tired = 100.0 * state.fatigue[index];
+            format!(
+                "{:<10}{torque_nm:>4.0} ± {sigma_nm:.0} of {:.0} N m, tired {tired:.0} %",
+                words::level(level),
+                state.torque_limit_nm[index]
+            )
+        } else {
+            format!("{:<10}{torque_nm:>4.0} N m", words::level(level))
+        };
+        let pad = if bar_width >= BAR_MIN { bar_width } else { 0 };
+        Line::from(vec![
+            Span::raw(format!(" {:<name_width$} ", cut(words::joint(joint), name_width as u16))),
+            Span::styled(format!("{bar:<pad$} "), style),
+            Span::styled(figures, style),
+        ])
+    };
+    let title = heading("Overload, worst first");
+    [title].into_iter().chain(worst_first(state).into_iter().map(row)).collect()
+}
+
+/// What is still known while torques are withheld: who is tired. A zero here is knowledge.
+fn fatigue(state: &State, width: usize) -> Vec<Line<'static>> {
+    let mut joints = Joint::ALL.to_vec();
+    joints.sort_by(|a, b| state.fatigue[b.index()].total_cmp(&state.fatigue[a.index()]));
+    let bar_width = width.saturating_sub(NAME_WIDTH + 14).min(BAR_MAX);
+    let rows = joints.into_iter().filter(|joint| state.fatigue[joint.index()] > 0.0).map(|joint| {
+        let share = state.fatigue[joint.index()];
+        Line::raw(format!(
+            " {:<NAME_WIDTH$} {:<bar_width$} {:.0} % tired",
+            words::joint(joint),
+            bar(share, bar_width),
+            100.0 * share
+        ))
+    });
+    let why = words::reasons(state).first().map_or("no reason told", |reason| reason.text);
+    let why = why.split_once(':').map_or(why, |(what, _)| what);
+    let lead = [
+        heading("Overload: withheld"),
+        Line::styled(cut(&format!(" {}", why.trim_end_matches('.')), width as u16), faint()),
+    ];
+    lead.into_iter().chain(rows).collect()
+}
+
+/// A bar in eighths of a column; a share above 1 fills it.
+fn bar(share: f64, width: usize) -> String {
+    const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
+    let eighths = (share.clamp(0.0, 1.0) * 8.0 * width as f64).round() as usize;
+    format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])
+}
+
+/// The colour of a level; its word stands beside it.
+fn colour(level: u32) -> Color {
+    match level_name(level) {
+        "green" => Color::Green,
+        "orange" => Color::Yellow,
+        "red" => Color::Red,
+        "above_max" => Color::Magenta,
+        _ => Color::Gray,
+    }
+}

@@ -1,0 +1,29 @@
+//! Load, low back and what has added up over the shift.
+
+use equipoise_core::message::State;
+use ratatui::text::Line;
+
+use super::{cut, heading};
+use crate::terminal;
+
+/// Each value on a line of its own; `-` where it is withheld.
+pub(super) fn lines(state: &State, width: u16) -> Vec<Line<'static>> {
+    let or_withheld = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
+    let rows = [
+        ("load", or_withheld(terminal::load(state))),
+        ("low back", or_withheld(terminal::back(state))),
+        ("worst", or_withheld(terminal::worst(state))),
+        ("shift", terminal::shift(state)),
+    ];
+    let told = rows.map(|(name, value)| Line::raw(cut(&format!(" {name:<8} {value}"), width)));
+    if width >= super::BESIDE_FROM / 2 + 4 {
+        [heading("Load and dose")].into_iter().chain(told).collect()
+    } else {
+        told.to_vec()
+    }
+}
+
+/// How far the identification is.
+pub(super) fn progress(state: &State) -> String {
+    terminal::progress(state)
+}

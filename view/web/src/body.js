@@ -1,0 +1,72 @@
+// The body's tree and its colours. A test compares both lists with the body of the core.
+
+// Parent of each segment, in MVN's order: pelvis, spine, head, right arm, left arm, right leg, left leg.
+export const PARENT = [-1, 0, 1, 2, 3, 4, 5, 4, 7, 8, 9, 4, 11, 12, 13, 0, 15, 16, 17, 0, 19, 20, 21];
+
+// Joint j is the origin of segment j + 1.
+export const JOINT = [
+  "L5S1", "L4L3", "L1T12", "T9T8", "T1C7", "C1Head",
+  "RightT4Shoulder", "RightShoulder", "RightElbow", "RightWrist",
+  "LeftT4Shoulder", "LeftShoulder", "LeftElbow", "LeftWrist",
+  "RightHip", "RightKnee", "RightAnkle", "RightBallFoot",
+  "LeftHip", "LeftKnee", "LeftAnkle", "LeftBallFoot",
+];
+
+export const HEAD = 6;
+export const HANDS = [10, 14];
+export const TOES = [18, 22];
+export const FEET = [[17, 18], [21, 22]];
+
+// Size and sign tell the level without colour.
+export const LEVELS = {
+  none: { radius: 0.022, sign: "" }, green: { radius: 0.032, sign: "" }, orange: { radius: 0.046, sign: "–" },
+  red: { radius: 0.054, sign: "!" }, above_max: { radius: 0.064, sign: "✕" }, undecided: { radius: 0.036, sign: "?" },
+};
+
+// Radius of each segment's bone from its parent's origin, m; the torso's stand for the trunk.
+export const BONE_RADIUS = [
+  0, 0.085, 0.085, 0.085, 0.085, 0.055, 0.04, 0.05, 0.05, 0.042, 0.034, 0.05, 0.05, 0.042, 0.034,
+  0.075, 0.066, 0.05, 0.04, 0.075, 0.066, 0.05, 0.04,
+];
+
+export const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
+export const sub = (a, b) => a.map((v, i) => v - b[i]);
+export const norm = (a) => Math.hypot(...a);
+
+// Where a limb without a distal joint ends: along its parent's direction, `length` further.
+export function tip(origins, segment, length) {
+  const along = sub(origins[segment], origins[PARENT[segment]]);
+  return add(origins[segment], along, length / Math.max(norm(along), 1e-6));
+}
+
+// All bones of a figure: from, to, radius, and the segment that they belong to.
+export function bones(origins) {
+  const all = PARENT.map((parent, segment) => ({ from: origins[parent], to: origins[segment], radius: BONE_RADIUS[segment], segment })).slice(1);
+  for (const hand of HANDS) all.push({ from: origins[hand], to: tip(origins, hand, 0.12), radius: 0.03, segment: hand });
+  for (const toe of TOES) all.push({ from: origins[toe], to: tip(origins, toe, 0.05), radius: 0.035, segment: toe });
+  return all;
+}
+
+export const headCentre = (origins) => tip(origins, HEAD, 0.09);
+
+// The level that a joint is drawn with.
+export const levelOf = (frame, joint) => frame.state.joints?.[joint]?.level ?? "none";
+
+export function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+// Fits a canvas to its box at the screen's own resolution and gives a cleared context in CSS pixels.
+export function prepared(canvas) {
+  const ratio = window.devicePixelRatio || 1;
+  const { width, height } = canvas.getBoundingClientRect();
+  const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
+  if (canvas.width !== w || canvas.height !== h) {
+    canvas.width = w;
+    canvas.height = h;
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return { context, width, height };
+}

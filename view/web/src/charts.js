@@ -1,0 +1,108 @@
+// Curves over time. uPlot draws them; here is what they hold and how they look.
+import uPlot from "uplot";
+import { withHoles } from "./holes.js";
+
+const HUES = ["#1f6feb", "#d6293e", "#1f9d55", "#e07b00", "#6d5bd0", "#0e8fa3", "#b2478f", "#6b7a12"];
+const grid = { stroke: "#e3e8ef", width: 1 };
+const bare = { points: { show: false } };
+const axis = (more = {}) => ({ grid, ticks: grid, stroke: "#566273", font: "11px system-ui, 'DejaVu Sans', sans-serif", ...more });
+const SHOWN_MIN_S = 5;
+// Time runs from the right edge: seconds before now.
+const ago = (u, splits) => splits.map((at) => `${Number(at.toFixed(1))} s`);
+
+class Chart {
+  constructor(element, options, data) {
+    this.element = element;
+    const size = () => ({ width: Math.max(200, element.clientWidth), height: Math.max(180, element.clientHeight - (options.legend?.show === false ? 0 : 32)) });
+    this.plot = new uPlot({
+      ...size(), cursor: { drag: { x: false, y: false } }, axes: [axis({ values: ago }), axis({ size: 46 })],
+      ...options, scales: { x: { time: false, range: (u, low, high) => [Math.min(low ?? 0, (high ?? 0) - SHOWN_MIN_S), high ?? 0] }, ...options.scales },
+    }, data, element);
+    new ResizeObserver(() => {
+      const { width } = size();
+      if (Math.abs(width - this.plot.width) > 1) this.plot.setSize({ ...size(), height: this.plot.height });
+    }).observe(element);
+  }
+
+  // The first column is times, s. One point alone is no curve, and makes no axis; where nothing was told for longer than
+  // `holeAfter` seconds nothing is drawn.
+  show([times, ...columns], holeAfter) {
+    const data = times.length > 1 ? [times.map((at) => at - times.at(-1)), ...columns] : [[], ...columns.map(() => [])];
+    this.plot.setData(withHoles(data, holeAfter));
+    // What is drawn, for whoever cannot see it.
+    this.element.dataset.points = String(data[0].length);
+    this.element.dataset.curves = String(columns.length);
+  }
+}
+
+// The last half minute of measured less estimated, with ± 2σ of both.
+export class ResidualChart extends Chart {
+  constructor(element, words) {
+    const line = (label, stroke) => ({ label, stroke, width: 1.8, spanGaps: false, ...bare, value: (u, v) => (v == null ? "–" : v.toFixed(1)) });
+    const edge = (label) => ({ label, stroke: "transparent", ...bare });
+    super(element, {
+      series: [{ label: "t", value: () => "" }, line(words.forward, HUES[0]), line(words.left, HUES[3]), edge(words.noise), edge("\u00a0")],
+      bands: [{ series: [3, 4], fill: "#1f6feb1f" }],
+      scales: { y: { range: (u, low, high) => [Math.min(-15, low ?? 0), Math.max(15, high ?? 0)] } },
+      legend: { show: true, live: false, markers: { fill: (u, i) => (i === 3 ? "#1f6feb33" : null) } },
+    }, [[], [], [], [], []]);
+    this.rows = [];
+  }
+
+  take({ t, cop_measured: a, cop_estimated: b, cop_sigma: s, cop_measured_sigma: m = [0, 0] }) {
+    const last = this.rows.at(-1);
+    // Ten points a second are as many as can be seen; an older one is another daemon's.
+    if (last && t - last[0] < 0.1 && t >= last[0]) return;
+    if (last && t < last[0]) this.rows = [];
+    const both = a && b;
+    const band = both && s ? 2000 * Math.max(...[0, 1].map((i) => Math.hypot(s[i], m[i]))) : null;
+    this.rows.push([t, both ? 1000 * (a[0] - b[0]) : null, both ? 1000 * (a[1] - b[1]) : null, band, band === null ? null : -band]);
+    while (this.rows[0][0] < t - 30) this.rows.shift();
+    this.changed = true;
+  }
+
+  paint() {
+    if (!this.changed) return;
+    this.changed = false;
+    this.show([0, 1, 2, 3, 4].map((i) => this.rows.map((row) => row[i])), 0.5);
+  }
+}
+
+// Largest P_jj and the predicted σ of the CoP, both as millimetres, on a logarithmic axis, with where it stops.
+export class ConvergenceChart extends Chart {
+  constructor(element, words) {
+    const line = (label, stroke, more = {}) => ({ label, stroke, width: 2, ...bare, ...more });
+    super(element, {
+      series: [{ label: "t" }, line(words.variance, HUES[4]), line(words.cop_sigma, HUES[0]), line(words.target, "#566273", { dash: [6, 5], width: 1.2 })],
+      scales: { y: { distr: 3 } }, axes: [axis({ values: ago }), axis({ size: 46, values: (u, splits) => splits.map((v) => (v == null ? "" : String(v))) })],
+      legend: { show: true, live: false },
+    }, [[], [], [], []]);
+  }
+
+  paint({ t, variance_max_m2: variance, predicted_cop_sigma_m: sigma }, targetM) {
+    this.show([t, variance.map((v) => (v ? 1000 * Math.sqrt(v) : null)), sigma.map((v) => (v ? 1000 * v : null)),
+      t.map(() => (targetM ? 1000 * targetM : null))], 2);
+  }
+}
+
+// Every parameter of Φ that the filter holds.
+export class PhiChart {
+  constructor(element) {
+    this.element = element;
+    this.names = "";
+  }
+
+  paint(parameters) {
+    if (!parameters.length) return;
+    const { names } = parameters[0];
+    if (this.names !== names.join()) {
+      this.names = names.join();
+      this.element.replaceChildren();
+      const series = names.map((label, i) => ({ label, stroke: HUES[i % HUES.length], width: 1.5, dash: i >= HUES.length ? [6, 3] : [], ...bare }));
+      this.chart = new Chart(this.element, { series: [{ label: "t" }, ...series], legend: { show: false } }, [[], ...names.map(() => [])]);
+    }
+    this.chart.show([parameters.map(({ t }) => t),
+      ...names.map((_, i) => parameters.map(({ theta_m: theta }) => 1000 * theta[i]))], 5);
+  }
+}
+

@@ -1,0 +1,187 @@
+// The engineer's page: where the numbers come from, how sure they are, what goes wrong, and what to do about it.
+import { ConvergenceChart, PhiChart, ResidualChart } from "./charts.js";
+import { commands } from "./commands.js";
+import { drawPlate } from "./plate.js";
+import { Stream, painter, say } from "./stream.js";
+import { has, instruction, languageSwitch, reason, t } from "./words.js";
+
+const NUMBERS_EVERY_MS = 250;
+// As many as the service keeps.
+const POINTS_MAX = 1200;
+const POINT_EVERY_S = 0.5;
+// An adapter tells its health once a second.
+const ADAPTER_SILENT_AFTER_S = 3;
+const CONNECTION = { waiting: ["ui.connecting", "connecting"], live: ["ui.live"], silent: ["ui.no_data", "silent"], lost: ["ui.no_connection", "lost"] };
+
+const element = (id) => document.getElementById(id);
+let charts = null;
+let history = { t: [], variance_max_m2: [], predicted_cop_sigma_m: [], nis: [], poses_used: [], parameters: [] };
+let numbersShown = -Infinity;
+let tabled = null;
+
+const redraw = painter(draw);
+const frames = new Stream("/events", ["frame"], redraw);
+const station = new Stream("/events/station", ["station"], redraw);
+
+// What was before this page was opened.
+fetch("/api/history").then((answer) => (answer.ok ? answer.json() : null)).then((before) => {
+  if (before) history = before;
+  redraw();
+}).catch(() => { /* the page shows what comes from now on */ });
+
+function draw(now) {
+  const frame = frames.newest();
+  const facts = station.newest();
+  drawPlate(element("plate"), frame);
+  element("plate").style.visibility = frame ? "" : "hidden";
+  element("plate").dataset.drawn = [frame?.state.cop_measured && "measured", frame?.state.cop_estimated && "estimated", frame?.segment_origin_m && "support"].filter(Boolean).join(" ");
+  if (frame) charts.residual.take(frame.state);
+  if (now - numbersShown < NUMBERS_EVERY_MS && frame) return;
+  numbersShown = now;
+  if (frame) keep(frame.state);
+  charts.residual.paint();
+  charts.convergence.paint(history, frame?.cop_sigma_target_m);
+  charts.phi.paint(history.parameters);
+  element("phi-none").hidden = history.parameters.length > 0;
+  showHead(frame, facts);
+  showSensors(frame, facts);
+  if (facts !== tabled) showFacts(facts);
+  tabled = facts;
+}
+
+function keep(state) {
+  const last = history.t.at(-1);
+  if (last !== undefined && state.t < last) for (const key of ["t", "variance_max_m2", "predicted_cop_sigma_m", "nis", "poses_used"]) history[key] = [];
+  if (last !== undefined && state.t - last < POINT_EVERY_S && state.t >= last) return;
+  for (const key of ["t", "variance_max_m2", "predicted_cop_sigma_m", "nis", "poses_used"]) {
+    history[key].push(state[key] ?? null);
+    if (history[key].length > POINTS_MAX) history[key].shift();
+  }
+}
+
+function showHead(frame, facts) {
+  const [pill, why] = CONNECTION[frames.connection];
+  const { dataset } = document.body;
+  dataset.connection = frames.connection;
+  dataset.phase = frame?.state.phase ?? "";
+  say(element("connection"), t(pill));
+  say(element("station"), facts?.station ?? "");
+  say(element("phase"), frame ? t(`phase.${frame.state.phase}`) : "");
+  element("silent").hidden = !why;
+  say(element("silent"), why ? t(`reason.${why}`) : "");
+  const { cop_measured: a, cop_estimated: b, nis, poses_used: poses, com_suit: suit } = frame?.state ?? {};
+  say(element("apart"), a && b ? `${(1000 * Math.hypot(a[0] - b[0], a[1] - b[1])).toFixed(1)} mm` : "–");
+  say(element("nis"), nis === undefined ? "–" : nis.toFixed(2));
+  say(element("poses"), poses === undefined ? "–" : String(poses));
+  element("suit-com-legend").hidden = !suit;
+  const reasons = frame?.reasons ?? [];
+  const key = reasons.map(({ name }) => name).join() + document.documentElement.lang;
+  if (element("reasons").dataset.key === key) return;
+  element("reasons").dataset.key = key;
+  element("reasons").replaceChildren(...reasons.map((one) => {
+    const item = document.createElement("li");
+    item.textContent = instruction({ key: `reason.${one.name}`, text: one.text });
+    item.title = reason(one);
+    item.classList.toggle("fault", one.fault);
+    return item;
+  }));
+}
+
+function showFacts(facts) {
+  const suspicion = facts?.daemon?.model_suspicion;
+  element("model").hidden = !suspicion;
+  // The heading has said the first half of the daemon's sentence, in the reader's language.
+  say(element("model-what"), suspicion?.replace(/^the model no longer explains this worker's data: /, "") ?? "");
+  element("model-report").hidden = !facts?.report;
+  element("model-no-report").hidden = Boolean(facts?.report);
+  element("report").hidden = !facts?.report;
+  const micro = (ns) => (ns / 1000).toFixed(ns < 100_000 ? 1 : 0);
+  const stages = (facts?.latency?.stages ?? []).filter(({ count }) => count > 0);
+  rows("latency", stages.map((one) => [one.stage, ...[one.p50_ns, one.p99_ns, one.p99_9_ns, one.max_ns].map(micro)]), stages.map(({ definition }) => definition));
+  const { latency, daemon } = facts ?? {};
+  const loop = [["cycles", latency?.cycles], ["deadlines", latency?.deadlines_missed], ["skipped", latency?.slots_skipped],
+    ["faults", daemon?.loop_faults?.join(" + ")], ["subject", daemon && (daemon.subject || t("ui.nobody"))]];
+  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`)], ["dd", value ?? "–"]].map(([kind, text]) =>
+    Object.assign(document.createElement(kind), { textContent: text }))));
+  showIncidents(facts?.incidents);
+  if (facts?.parameters && facts.parameters.cycle !== history.parameters.at(-1)?.cycle) {
+    // Other names are another reduction, and a lower cycle another daemon: neither belongs into one picture.
+    const last = history.parameters.at(-1);
+    const same = last?.names.join() === facts.parameters.names.join() && last.cycle < facts.parameters.cycle;
+    history.parameters = [...(same ? history.parameters.slice(-POINTS_MAX) : []), facts.parameters];
+  }
+}
+
+// Two silences: of the sensor, whose newest sample grows old in the loop's eyes, and of the adapter that should tell of it.
+function showSensors(frame, facts) {
+  const streams = ["suit", "ground"].map((stream) => {
+    const ageNs = frame?.state[`${stream}_age_ns`];
+    const told = facts?.adapters?.find((one) => one.stream === stream);
+    const mute = told && told.said_s_ago > ADAPTER_SILENT_AFTER_S;
+    const adapter = mute ? t("ui.adapter_silent", { span: span(told.said_s_ago) }) : told ? t("ui.adapter_speaks") : "–";
+    const known = told && !mute;
+    const stale = frame?.reasons.some(({ name }) => name === `${stream}_stale`);
+    return {
+      faults: [false, Boolean(stale), Boolean(mute)],
+      cells: [t(`ui.${stream}`), ageNs === undefined ? "–" : age(ageNs * 1e-9), adapter, known ? `${told.rate_hz.toFixed(0)} Hz` : "–", told?.lost ?? "–", told?.refused ?? "–"],
+    };
+  });
+  const key = JSON.stringify(streams);
+  if (element("sensors").dataset.key === key) return;
+  element("sensors").dataset.key = key;
+  rows("sensors", streams.map(({ cells }) => cells));
+  streams.forEach(({ faults }, i) => faults.forEach((fault, k) => element("sensors").rows[i].cells[k].classList.toggle("fault", fault)));
+}
+
+const age = (seconds) => (seconds < 1 ? `${(1000 * seconds).toFixed(1)} ms` : span(seconds));
+
+function rows(id, table, titles = []) {
+  element(id).replaceChildren(...table.map((cells, i) => {
+    const row = document.createElement("tr");
+    row.append(...cells.map((text, k) => Object.assign(document.createElement(k ? "td" : "th"), { textContent: text })));
+    if (titles[i]) row.title = titles[i];
+    return row;
+  }));
+}
+
+function span(seconds) {
+  return seconds < 120 ? `${seconds.toFixed(0)} s` : seconds < 7200 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(0)} h`;
+}
+
+// Null: no daemon says whether anything is wrong, which is not that nothing is.
+function showIncidents(incidents) {
+  const sorted = [...(incidents ?? [])].sort((a, b) => Number(b.active) - Number(a.active));
+  const items = sorted.map((one) => {
+    const item = document.createElement("li");
+    item.classList.toggle("active", one.active);
+    item.dataset.incident = one.name;
+    const [head, more, todo] = ["b", "small", "small"].map((kind) => document.createElement(kind));
+    const known = (part, other) => (has(`incident.${one.name}.${part}`) ? t(`incident.${one.name}.${part}`) : other);
+    head.textContent = known("meaning", one.name);
+    more.textContent = `${one.name}: ${one.active ? t("ui.goes_on", { span: span(one.for_s) }) : t("ui.was", { count: one.begun, span: span(one.ended_s_ago) })}${one.what ? ` – ${one.what}` : ""}`;
+    todo.textContent = `${t("ui.to_do")}: ${known("do", "")}`;
+    item.append(head, more, ...(one.active ? [todo] : []));
+    return item;
+  });
+  if (!items.length) items.push(Object.assign(document.createElement("li"), { textContent: t(incidents ? "ui.incidents_none" : "ui.incidents_unknown"), className: "soft" }));
+  element("incidents").replaceChildren(...items);
+}
+
+function makeCharts() {
+  for (const id of ["residual", "convergence", "phi"]) element(id).replaceChildren();
+  const words = (names) => Object.fromEntries(names.map((name) => [name, t(`ui.${name}`)]));
+  charts = {
+    residual: new ResidualChart(element("residual"), words(["forward", "left", "noise"])),
+    convergence: new ConvergenceChart(element("convergence"), words(["variance", "cop_sigma", "target"])),
+    phi: new PhiChart(element("phi")),
+  };
+}
+
+window.addEventListener("resize", redraw);
+languageSwitch(element("languages"), () => {
+  makeCharts();
+  numbersShown = -Infinity;
+  tabled = undefined;
+  redraw();
+});
+commands(element);

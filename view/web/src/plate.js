@@ -1,0 +1,122 @@
+// The plate from above: the worker faces up, so left is left.
+import { FEET, colour, prepared } from "./body.js";
+
+const LEAST_SHOWN_M = 0.62;
+
+export function drawPlate(canvas, frame) {
+  const { context, width, height } = prepared(canvas);
+  if (!frame) return;
+  const { cop_measured: measured, cop_estimated: estimated, cop_sigma: sigma } = frame.state;
+  const origins = frame.segment_origin_m;
+  const feet = origins ? FEET.map((foot) => foot.map((segment) => origins[segment])) : [];
+  const corners = frame.plate_corners_m;
+  const seen = corners ?? feet.flat();
+  const known = seen.length ? seen : [measured, estimated].filter(Boolean);
+  if (!known.length) return;
+
+  // World X (forward) is up, world Y (left) is left.
+  const range = [0, 1].map((axis) => known.map((p) => p[axis]));
+  const [middleX, middleY] = range.map((values) => (Math.min(...values) + Math.max(...values)) / 2);
+  const [spanX, spanY] = range.map((values) => Math.max(LEAST_SHOWN_M, Math.max(...values) - Math.min(...values) + 0.08));
+  const scale = Math.min(height / spanX, width / spanY);
+  const at = ([x, y]) => [width / 2 - (y - middleY) * scale, height / 2 - (x - middleX) * scale];
+
+  if (corners) {
+    path(context, corners.map(at));
+    context.closePath();
+    context.fillStyle = colour("page");
+    context.fill();
+    stroke(context, colour("none"), 1.5);
+  }
+  if (feet.length) {
+    // Where the ground can push: what lies between the soles.
+    path(context, hull(feet.flatMap(sole)).map(at));
+    context.closePath();
+    context.fillStyle = "#dfe7f3";
+    context.fill();
+    context.setLineDash([5, 4]);
+    stroke(context, colour("soft"), 1.2);
+    context.setLineDash([]);
+  }
+  for (const [heel, ball] of feet) {
+    const [ax, ay] = [ball[0] - heel[0], ball[1] - heel[1]];
+    // From the heel, a little behind the ankle, to the tip of the toes.
+    path(context, [[heel[0] - 0.25 * ax, heel[1] - 0.25 * ay], [ball[0] + 0.3 * ax, ball[1] + 0.3 * ay]].map(at));
+    stroke(context, colour("line"), 0.09 * scale);
+  }
+  if (measured && estimated) {
+    path(context, [at(estimated), at(measured)]);
+    stroke(context, colour("soft"), 1.5);
+  }
+  if (estimated) {
+    const [x, y] = at(estimated);
+    if (sigma) {
+      // Two sigma: the true point is inside in about 86 of 100 cases.
+      context.beginPath();
+      context.ellipse(x, y, Math.max(2, 2 * sigma[1] * scale), Math.max(2, 2 * sigma[0] * scale), 0, 0, 2 * Math.PI);
+      context.globalAlpha = 0.22;
+      context.fillStyle = colour("you");
+      context.fill();
+      context.globalAlpha = 1;
+    }
+    context.beginPath();
+    context.arc(x, y, 6, 0, 2 * Math.PI);
+    stroke(context, colour("you"), 3);
+  }
+  const { com, com_suit: suitCom } = frame.state;
+  if (com) {
+    context.beginPath();
+    context.arc(...at(com), 3.5, 0, 2 * Math.PI);
+    context.fillStyle = colour("you");
+    context.fill();
+  }
+  if (suitCom) {
+    // What the suit's maker takes for this body's centre of mass: an average body's.
+    const [x, y] = at(suitCom);
+    path(context, [[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y]]);
+    context.closePath();
+    stroke(context, colour("soft"), 2);
+  }
+  if (measured) {
+    const [x, y] = at(measured);
+    path(context, [[x - 9, y], [x + 9, y]]);
+    stroke(context, colour("ink"), 2.5);
+    path(context, [[x, y - 9], [x, y + 9]]);
+    stroke(context, colour("ink"), 2.5);
+  }
+}
+
+// The corners of a sole, from the joints of its foot: a third of their distance behind the ankle and before the ball.
+function sole([heel, ball]) {
+  const [ax, ay] = [ball[0] - heel[0], ball[1] - heel[1]];
+  const length = Math.max(Math.hypot(ax, ay), 1e-6);
+  const side = [-ay / length * 0.045, ax / length * 0.045];
+  return [-0.33, 1.4].flatMap((k) => [1, -1].map((s) => [heel[0] + k * ax + s * side[0], heel[1] + k * ay + s * side[1]]));
+}
+
+// The convex hull, counterclockwise (Andrew's monotone chain).
+export function hull(points) {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const turns = (o, a, b) => (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
+  const half = (ordered) => {
+    const chain = [];
+    for (const point of ordered) {
+      while (chain.length > 1 && turns(chain.at(-2), chain.at(-1), point) <= 0) chain.pop();
+      chain.push(point);
+    }
+    return chain.slice(0, -1);
+  };
+  return [...half(sorted), ...half(sorted.reverse())];
+}
+
+function path(context, points) {
+  context.beginPath();
+  for (const [x, y] of points) context.lineTo(x, y);
+}
+
+function stroke(context, style, width) {
+  context.strokeStyle = style;
+  context.lineWidth = width;
+  context.lineCap = "round";
+  context.stroke();
+}
