@@ -28,7 +28,7 @@ pub(super) struct Events {
     pub(super) times_ns: Vec<u64>,
     /// The largest rise (N) or downward speed (m/s) of all, whether it was an event or not.
     pub(super) largest: f64,
-    /// Median distance of readings, ns.
+    /// Median distance of readings, without gaps, ns.
     pub(super) interval_ns: u64,
 }
 
@@ -56,9 +56,10 @@ impl Stream {
         Stream { points }
     }
 
-    /// Of the readings as they came in: the stream itself may have lost some.
+    /// Median distance of readings, ns; 0 if there are only gaps. Pauses do not count: no stomp is looked for in one.
     fn interval_ns(&self) -> u64 {
         let mut intervals: Vec<u64> = self.points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        intervals.retain(|interval_ns| *interval_ns <= GAP_NS);
         let middle = intervals.len() / 2;
         if intervals.is_empty() { 0 } else { *intervals.select_nth_unstable(middle).1 }
     }
@@ -88,12 +89,13 @@ pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
             continue;
         }
         let peak = first_peak(points, low, at);
-        if !stream.has_gap(low, peak) {
+        let landing = landing(points, low, peak);
+        let over = after_peak(points, landing, peak);
+        if !stream.has_gap(low, over) {
             hits.largest = hits.largest.max(points[peak].1 - points[low].1);
-            let landing = landing(points, low, peak);
             // Between a foot that rebounds, which stands still at the peak, and one that sticks, which does after it.
             let rebounds_ns = half_impulse_ns(&points[landing..=peak]);
-            let sticks_ns = half_impulse_ns(&points[landing..=after_peak(points, landing, peak)]);
+            let sticks_ns = half_impulse_ns(&points[landing..=over]);
             hits.add(u64::midpoint(rebounds_ns, sticks_ns));
         }
         let passed_ns = points[peak].0.saturating_add(APART_NS);

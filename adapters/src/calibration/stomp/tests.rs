@@ -229,6 +229,22 @@ fn a_stomp_in_a_gap_is_not_used() {
 }
 
 #[test]
+fn long_pauses_do_not_make_a_stream_coarse() {
+    let (plate, feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
+    let usual = estimate(&plate, &feet, &settings()).unwrap();
+    // A reading every ten seconds before and after, more than there are during the stomps.
+    let pauses = (1..=plate.len() as u64).map(|index| index * 10_000_000_000);
+    let (before, after): (Vec<u64>, Vec<u64>) = pauses.partition(|time_ns| *time_ns < plate[0].time_ns);
+    let force = |time_ns: &u64| Force { time_ns: *time_ns, vertical_n: 600.0 };
+    let foot = |time_ns: &u64| Feet { time_ns: *time_ns, upward_m_per_s: [0.0; 2] };
+    let after: Vec<u64> =
+        after.into_iter().filter(|time_ns| *time_ns > plate[plate.len() - 1].time_ns).collect();
+    let plate: Vec<_> = before.iter().map(force).chain(plate).chain(after.iter().map(force)).collect();
+    let feet: Vec<_> = before.iter().map(foot).chain(feet).chain(after.iter().map(foot)).collect();
+    assert_eq!(estimate(&plate, &feet, &settings()), Ok(usual));
+}
+
+#[test]
 fn stomps_at_the_end_of_time_are_stomps_like_others() {
     let (mut plate, mut feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
     // The plate's last hit is closer to the end than hits are to each other.
