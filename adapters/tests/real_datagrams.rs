@@ -91,6 +91,28 @@ fn the_wearer_and_the_null_pose_are_read() {
     assert_eq!(meta.tags().collect::<Vec<_>>(), tags);
 }
 
+/// What docs/identification.md says of the one null pose and pose of a person at hand.
+#[test]
+fn bones_of_the_null_pose_are_those_of_the_pose() {
+    let (Some(scale), Some(pose)) = (wire_file("mxtp13.bin"), wire_file("mxtp02.bin")) else { return };
+    let settings = SuitSettings { required: Some(TypeSet::POSE_QUATERNION), ..SuitSettings::default() };
+    let mut assembler = SuitAssembler::new(settings);
+    assert!(assembler.receive(&scale, 1).is_none());
+    let sample = assembler.receive(&pose, 2).expect("a sample");
+    let null_pose_m = assembler.subject().null_pose.origins_m.expect("a null pose");
+    let length_m = |at_m: &[[f64; 3]; SEGMENTS], segment: Segment, parent: Segment| {
+        let (to, from) = (at_m[segment.index()], at_m[parent.index()]);
+        (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum::<f64>().sqrt()
+    };
+    let differences_mm = Segment::ALL.into_iter().filter_map(|segment| {
+        let parent = segment.parent()?;
+        let lengths_m = [&sample.position_m, &null_pose_m].map(|at_m| length_m(at_m, segment, parent));
+        Some(1e3 * (lengths_m[0] - lengths_m[1]).abs())
+    });
+    let largest_mm = differences_mm.fold(0.0, f64::max);
+    assert!((2.2..2.25).contains(&largest_mm), "{largest_mm} mm");
+}
+
 /// The datagrams of a file that puts a big-endian u32 length before each.
 fn length_prefixed(mut bytes: &[u8]) -> Vec<&[u8]> {
     let mut datagrams = Vec::new();

@@ -37,7 +37,7 @@ pub(super) struct Arguments {
 /// Take away what install put there; configuration and workers stay
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example: sudo systemctl disable --now equipoise equipoise-view && sudo equipoise uninstall"
+    after_help = "Example (units of sensors, outlets and recordings: as in systemd/README.md):\n  sudo systemctl disable --now equipoise equipoise-view && sudo equipoise uninstall"
 )]
 pub(super) struct UninstallArguments {
     #[command(flatten)]

@@ -22,6 +22,15 @@ impl Config {
         live
     }
 
+    /// The process that reads a key, if it is not the daemon.
+    pub fn who_reads(key: &str) -> Option<&'static str> {
+        match key.split('.').next() {
+            Some("outlets") => Some("its outlet"),
+            Some("recording") => Some("the recorder"),
+            _ => None,
+        }
+    }
+
     /// Every key whose value differs, as people write it: `loop.rate_hz`.
     pub fn keys_that_differ(&self, other: &Config) -> Vec<String> {
         let table = |config: &Config| Value::try_from(config).unwrap_or(Value::Boolean(false));

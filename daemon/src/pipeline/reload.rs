@@ -59,7 +59,10 @@ impl Pipeline {
         }
         self.in_force.replace(Forced { config, settings, similar: before.similar });
         for key in &changed {
-            info!("{key} changed: in force now");
+            match Config::who_reads(key) {
+                Some(reader) => info!("{key} changed: in force once {reader} is restarted"),
+                None => info!("{key} changed: in force now"),
+            }
         }
         Ok(told(&not_live))
     }

@@ -70,8 +70,10 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     // Sense.
     station.write("model.toml", MODEL);
     let wanted = text.replace("rate_hz = 200", "rate_hz = 500");
-    let wanted =
-        format!("{wanted}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n");
+    let wanted = format!(
+        "{wanted}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n\
+            [outlets.udp]\nto = [\"127.0.0.1:9\"]\n"
+    );
     station.write("live.toml", &wanted);
     daemon.send(Signal::HUP);
     eyes.until("the end of the refusal", |eyes| !eyes.goes_on(Incident::ReloadRefused));
@@ -84,6 +86,7 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
         "{said}"
     );
     assert!(!said.contains("overload.threshold_n changed: takes effect"), "{said}");
+    assert!(said.contains("changed: in force once its outlet is restarted"), "{said}");
     let (config, model) = in_force(&station);
     assert_eq!(config["overload"]["threshold_n"].as_float(), Some(25.0));
     assert_eq!(config["loop"]["rate_hz"].as_integer(), Some(200));
