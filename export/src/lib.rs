@@ -137,13 +137,14 @@ fn metadata<M: Exported>(header: &RecordingHeader, columns: &[Column]) -> Vec<(S
     let config: toml::Table = header.config_toml.parse().unwrap_or_default();
     let text =
         |value: Option<&toml::Value>| value.and_then(toml::Value::as_str).unwrap_or_default().to_owned();
+    let configured = text(config.get("subject").and_then(|subject| subject.get("id")));
     let pairs = [
         ("type_name", M::TYPE_NAME.to_owned()),
         ("schema_hash", format!("{:016x}", M::SCHEMA_HASH)),
         ("software_version", header.software_version.clone()),
         ("exported_by", env!("CARGO_PKG_VERSION").to_owned()),
         ("station", text(config.get("station"))),
-        ("subject", subjects(header, &text(config.get("subject").and_then(|subject| subject.get("id"))))),
+        ("subject", header.subjects(&configured).join(", ")),
         ("started_monotonic_ns", header.started_monotonic_ns.to_string()),
         ("started_unix_ns", header.started_unix_ns.to_string()),
         ("units", serde_json::Value::Object(units).to_string()),
@@ -151,21 +152,4 @@ fn metadata<M: Exported>(header: &RecordingHeader, columns: &[Column]) -> Vec<(S
         ("config_toml", header.config_toml.clone()),
     ];
     pairs.into_iter().map(|(key, value)| (format!("equipoise.{key}"), value)).collect()
-}
-
-/// Who was in use: the profiles say so; the configuration's worker only where the recording began without a profile.
-fn subjects(header: &RecordingHeader, configured: &str) -> String {
-    let named = |text: &String| {
-        let profile: toml::Table = text.parse().ok()?;
-        profile.get("subject")?.as_str().map(str::to_owned)
-    };
-    let first = named(&header.subject_toml).unwrap_or_else(|| configured.to_owned());
-    let mut all = vec![first];
-    for id in header.later_subjects_toml.iter().filter_map(named) {
-        if !all.contains(&id) {
-            all.push(id);
-        }
-    }
-    all.retain(|id| !id.is_empty());
-    all.join(", ")
 }

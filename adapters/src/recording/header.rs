@@ -62,6 +62,23 @@ impl Reloaded {
 pub(super) const LATER_SUBJECT_NAME: &str = "subject.later.toml";
 
 impl RecordingHeader {
+    /// The pseudonyms of those who were in use, in order, each once: the profiles name them. `configured` counts only where
+    /// the recording began without a profile.
+    pub fn subjects(&self, configured: &str) -> Vec<String> {
+        let named = |text: &String| {
+            let profile: toml::Table = text.parse().ok()?;
+            profile.get("subject")?.as_str().map(str::to_owned)
+        };
+        let first = named(&self.subject_toml).unwrap_or_else(|| configured.to_owned());
+        let mut all = Vec::new();
+        for id in std::iter::once(first).chain(self.later_subjects_toml.iter().filter_map(named)) {
+            if !id.is_empty() && !all.contains(&id) {
+                all.push(id);
+            }
+        }
+        all
+    }
+
     pub(super) fn metadata(&self) -> BTreeMap<String, String> {
         BTreeMap::from([
             (FORMAT_KEY.to_owned(), FORMAT.to_string()),
@@ -108,5 +125,22 @@ impl RecordingHeader {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn profiles_name_who_was_in_use_and_the_configuration_only_where_there_is_none() {
+        let profile = |subject: &str| format!("format = 3\nsubject = \"{subject}\"\n");
+        let mut header = RecordingHeader::default();
+        assert_eq!(header.subjects("anon-1"), ["anon-1"]);
+        assert!(header.subjects("").is_empty());
+        header.later_subjects_toml = vec![profile("anon-2"), profile("anon-1"), "no = [table".to_owned()];
+        assert_eq!(header.subjects("anon-1"), ["anon-1", "anon-2"]);
+        header.subject_toml = profile("anon-3");
+        assert_eq!(header.subjects("anon-1"), ["anon-3", "anon-2", "anon-1"]);
     }
 }

@@ -94,7 +94,7 @@ impl Facts {
         let mut facts = Facts {
             name: name.to_owned(),
             source: Source::Recorded,
-            subjects: subjects(&header, &chosen.config.subject.id),
+            subjects: header.subjects(&chosen.config.subject.id),
             header,
             config: chosen.config,
             config_origin: chosen.origin,
@@ -217,20 +217,4 @@ impl Facts {
     pub fn is_whole(&self) -> bool {
         self.rejected.is_empty()
     }
-}
-
-/// Who was in use: the profiles say so; the configuration's worker only where the recording began without a profile.
-fn subjects(header: &RecordingHeader, configured: &str) -> Vec<String> {
-    let named = |text: &String| {
-        let profile: toml::Table = text.parse().ok()?;
-        profile.get("subject")?.as_str().map(str::to_owned)
-    };
-    let first = named(&header.subject_toml).or_else(|| Some(configured.to_owned()));
-    let mut all = Vec::new();
-    for id in first.into_iter().chain(header.later_subjects_toml.iter().filter_map(named)) {
-        if !id.is_empty() && !all.contains(&id) {
-            all.push(id);
-        }
-    }
-    all
 }
