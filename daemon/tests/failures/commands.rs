@@ -79,8 +79,14 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     let mut eyes = Eyes::open(&station);
     eyes.until_poses(&person, 1);
     station.run(&["identify", "stop"]).done();
+    // Whatever is learnt until then is in the file before it is held against anything.
+    let learnt = eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring").poses_used;
     let saved = |subject: &str| std::fs::read_to_string(station.profile(subject)).unwrap_or_default();
-    wait_for("the first one's profile", || saved("anon-1").contains("identified = true").then_some(()));
+    let whole = ["identified = true\n", "learning = false\n", &format!("poses_used = {learnt}\n")];
+    wait_for("the first one's profile", || {
+        let saved = saved("anon-1");
+        whole.iter().all(|line| saved.contains(line)).then_some(())
+    });
     let first = saved("anon-1");
 
     // Another worker, with other poses to the name.
