@@ -38,5 +38,5 @@ pub use serial_line::{Flow, LineSettings, SerialLine};
 pub use tcp_door::TcpDoor;
 pub use tcp_line::TcpLine;
 pub use transport::{Incoming, Transport};
-pub use udp::UdpDoor;
+pub use udp::{OneSender, UdpDoor};
 pub use udp_line::UdpLine;

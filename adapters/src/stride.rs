@@ -6,7 +6,9 @@
 /// How many gaps of a count are remembered.
 const REMEMBERED: usize = 16;
 
-/// The least of the last gaps: loss only makes gaps longer.
+/// The least of the last gaps: loss only makes gaps longer. Unless some are no multiple of it: then the sender's rate is no
+/// whole part of the suit's, gaps of the least and of one more alternate, and the stride is their mean. Then what is told is
+/// exact for two lost in a row; of more it may be one off.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stride {
     gaps: [u32; REMEMBERED],
@@ -18,14 +20,26 @@ impl Stride {
     pub(crate) fn lost_in(&mut self, gap: u32) -> u32 {
         self.gaps[self.next] = gap;
         self.next = (self.next + 1) % REMEMBERED;
-        // Rounding down: at 240 Hz sent at 100 Hz, gaps of 2 and 3 alternate without loss.
-        (gap / self.usual().unwrap_or(gap).max(1)).saturating_sub(1)
+        let least = self.usual().unwrap_or(gap).max(1);
+        if self.known().all(|gap| gap.is_multiple_of(least)) {
+            return (gap / least).saturating_sub(1);
+        }
+        // Those without loss: two steps are more than one more than the least, which is 2 at least.
+        let whole = || self.known().filter(|gap| *gap <= least + 1).map(u64::from);
+        let (sum, count) = (whole().sum::<u64>().max(1), whole().count() as u64);
+        // To the nearest; what is in the middle is fewer, as long as only gaps of the least are known.
+        let steps = (2 * u64::from(gap) * count + sum - 1) / (2 * sum);
+        u32::try_from(steps).unwrap_or(u32::MAX).saturating_sub(1)
     }
 
     /// The usual gap; `None` before the first.
     pub(crate) fn usual(&self) -> Option<u32> {
+        self.known().min()
+    }
+
+    fn known(&self) -> impl Iterator<Item = u32> {
         // Unused places are zero.
-        self.gaps.iter().copied().filter(|gap| *gap > 0).min()
+        self.gaps.iter().copied().filter(|gap| *gap > 0)
     }
 }
 
@@ -94,13 +108,32 @@ mod tests {
     #[test]
     fn a_new_stream_rate_is_learnt() {
         let mut stride = Stride::default();
-        for _ in 0..20 {
-            stride.lost_in(1);
+        let mut lost_in = |gap: u32, times: usize| (0..times).map(|_| stride.lost_in(gap)).sum::<u32>();
+        assert_eq!(lost_in(1, 20), 0);
+        // What is longer is loss as long as any other gap is remembered.
+        assert_eq!(lost_in(4, REMEMBERED - 1), 3 * (REMEMBERED as u32 - 1));
+        assert_eq!(lost_in(4, 20), 0);
+        assert_eq!(lost_in(1, 20), 0);
+    }
+
+    proptest! {
+        /// A rate that is no whole part of the suit's, too: 240 Hz sent at 100, 90, 70 …; up to two in a row.
+        #[test]
+        fn loss_is_counted_exactly_at_any_rate(
+            hz in 20u32..=120, drops in proptest::collection::vec(0u32..12, 60..200),
+        ) {
+            let count = |sample: u32| sample * 240 / hz;
+            let mut stride = Stride::default();
+            let (mut sample, mut dropped, mut told) = (0, 0, 0);
+            for (place, drop) in drops.iter().enumerate() {
+                // Enough to know the stride by, and enough without loss to keep it.
+                let skipped = if place > REMEMBERED && place % 4 == 0 { drop.saturating_sub(9) } else { 0 };
+                told += stride.lost_in(count(sample + 1 + skipped) - count(sample));
+                sample += 1 + skipped;
+                dropped += skipped;
+            }
+            prop_assert_eq!(told, dropped);
         }
-        for _ in 0..REMEMBERED {
-            stride.lost_in(4);
-        }
-        assert_eq!(stride.lost_in(4), 0);
     }
 
     #[test]

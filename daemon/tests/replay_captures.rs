@@ -64,6 +64,11 @@ fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
         if broken && number % 50 == 0 {
             writer.write_udp(at_ns, mvn, us, b"MXTP02 and then nothing").unwrap();
             writer.write_udp(at_ns, plate, asks, b"not a record").unwrap();
+            // Another station's suit and plate, of the same make.
+            writer.write_udp(at_ns, address("10.0.0.8:49152"), asks, &record.to_bytes()).unwrap();
+            for datagram in frame.datagrams().unwrap() {
+                writer.write_udp(at_ns, address("10.0.0.6:50123"), us, &datagram).unwrap();
+            }
         }
     }
     writer.finish().unwrap();
@@ -113,6 +118,8 @@ fn figaroh_broken_datagrams_are_counted_by_reason() {
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert!(said(&output).contains("4 suit datagrams too_short"), "{}", said(&output));
     assert!(said(&output).contains("4 ground records length"), "{}", said(&output));
+    assert!(said(&output).contains("4 ground records foreign_sender"), "{}", said(&output));
+    assert!(said(&output).contains("suit datagrams foreign_sender"), "{}", said(&output));
 
     // Cut within a packet: what stands before is read.
     let bytes = std::fs::read(&pcap).unwrap();

@@ -213,9 +213,9 @@ impl GroundReceiver {
         let unwrapped = match (tick, self.newest) {
             (Tick::Counter(now), Some((Tick::Counter(before), unwrapped))) => {
                 let steps = now.wrapping_sub(before);
-                (steps.cast_signed() > 0).then(|| unwrapped + u64::from(steps))
+                (steps.cast_signed() >= 0).then(|| unwrapped + u64::from(steps))
             }
-            // A coarse clock may stand still between two readings whose order is known by their numbers.
+            // Like a counter's, a coarse clock may stand still between two readings whose order is known by their numbers.
             (Tick::Time(now), Some((Tick::Time(before), _))) => (now >= before).then_some(now),
             (Tick::Uncounted, Some((Tick::Uncounted, before))) => Some(before + 1),
             (Tick::Counter(first), None) => Some(u64::from(first)),

@@ -41,6 +41,33 @@ impl Senders {
     }
 }
 
+/// Holds to one sender: two on one port would tear each other's samples apart.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct OneSender {
+    /// Who sends, and when last.
+    holder: Option<(IpAddr, u64)>,
+}
+
+impl OneSender {
+    /// A second sender is listened to once the first has been silent for so long.
+    const HOLDS_NS: u64 = 1_000_000_000;
+
+    /// Whether a datagram of `sender` that came at `arrival_ns` is of the one who is listened to.
+    pub fn admits(&mut self, sender: IpAddr, arrival_ns: u64) -> bool {
+        let holds = |last_ns: u64| arrival_ns.saturating_sub(last_ns) < Self::HOLDS_NS;
+        let admitted = self.holder.is_none_or(|(holder, last_ns)| holder == sender || !holds(last_ns));
+        if admitted {
+            self.holder = Some((sender, arrival_ns));
+        }
+        admitted
+    }
+
+    /// Whether nobody else is listened to.
+    pub fn may_be(&self, peer: IpAddr) -> bool {
+        self.holder.is_none_or(|(holder, _)| holder == peer)
+    }
+}
+
 /// One datagram.
 #[derive(Debug, Clone, Copy)]
 pub struct Received<'a> {
@@ -196,6 +223,16 @@ mod tests {
             "the kernel's stamp, not ours"
         );
         assert!(door.receive().unwrap().is_none());
+    }
+
+    #[test]
+    fn one_sender_is_listened_to_until_it_is_silent() {
+        let [one, other] = ["192.0.2.1", "192.0.2.2"].map(|ip| ip.parse::<IpAddr>().unwrap());
+        let mut sender = OneSender::default();
+        let heard = [(one, 0), (other, 10), (one, 900), (other, 1800), (other, 1900), (one, 2000)];
+        let admitted = heard.map(|(ip, ms)| sender.admits(ip, ms * 1_000_000));
+        assert_eq!(admitted, [true, false, true, false, true, false]);
+        assert!(sender.may_be(other) && !sender.may_be(one));
     }
 
     #[test]

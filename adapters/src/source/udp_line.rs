@@ -2,7 +2,7 @@
 
 use super::error::SourceError;
 use super::transport::{Incoming, Transport};
-use super::udp::{Senders, UdpDoor};
+use super::udp::{OneSender, Senders, UdpDoor};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
@@ -17,6 +17,7 @@ pub struct UdpLine {
     senders: Senders,
     key: &'static str,
     door: Option<UdpDoor>,
+    sender: OneSender,
 }
 
 impl UdpLine {
@@ -29,25 +30,29 @@ impl UdpLine {
             IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
         };
         let senders = Senders::Only(address.ip());
-        UdpLine { local: SocketAddr::new(ip, 0), peer: Some(address), senders, key, door: None }
+        UdpLine {
+            local: SocketAddr::new(ip, 0),
+            peer: Some(address),
+            senders,
+            key,
+            door: None,
+            sender: OneSender::default(),
+        }
     }
 
     /// Listening for a device that sends of itself; `key` names the address in errors.
     pub fn listening(local: SocketAddr, senders: Senders, key: &'static str) -> UdpLine {
-        UdpLine { local, peer: None, senders, key, door: None }
+        UdpLine { local, peer: None, senders, key, door: None, sender: OneSender::default() }
     }
 
     /// Where it listens, once open; with the port the system chose if 0 was asked for.
     pub fn local_address(&self) -> Option<SocketAddr> {
         self.door.as_ref().map(UdpDoor::local_address)
     }
+}
 
-    fn door(&mut self) -> Result<&mut UdpDoor, SourceError> {
-        match &mut self.door {
-            Some(door) => Ok(door),
-            None => Err(SourceError::Unusable(format!("{}: used before it was opened", self.key))),
-        }
-    }
+fn unopened(key: &str) -> SourceError {
+    SourceError::Unusable(format!("{key}: used before it was opened"))
 }
 
 impl Transport for UdpLine {
@@ -59,12 +64,14 @@ impl Transport for UdpLine {
     }
 
     fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
-        let peer_port = self.peer.map(|peer| peer.port());
-        let received = self.door()?.receive()?;
-        Ok(received.map(|received| Incoming {
+        let Some(door) = &mut self.door else { return Err(unopened(self.key)) };
+        let (peer, one) = (self.peer, &mut self.sender);
+        Ok(door.receive()?.map(|received| Incoming {
             bytes: received.bytes,
             arrival_ns: received.arrival_ns,
-            admitted: received.admitted && peer_port.is_none_or(|port| port == received.sender.port()),
+            admitted: received.admitted
+                && peer.is_none_or(|peer| peer.port() == received.sender.port())
+                && one.admits(received.sender.ip(), received.arrival_ns),
         }))
     }
 
@@ -74,7 +81,8 @@ impl Transport for UdpLine {
                 format!("{}: a device that is only listened to cannot be told anything", self.key);
             return Err(SourceError::Unusable(listening));
         };
-        match self.door()?.send_to(bytes, peer) {
+        let Some(door) = &self.door else { return Err(unopened(self.key)) };
+        match door.send_to(bytes, peer) {
             // A network that is down (cable, interface) comes back, and the silence is seen by everyone anyway.
             Err(SourceError::Send { .. }) | Ok(()) => Ok(()),
             Err(other) => Err(other),

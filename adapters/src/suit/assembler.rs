@@ -267,22 +267,29 @@ impl SuitAssembler {
         let Some(current) = &self.current else {
             return;
         };
+        let (seen, published) = (current.seen, current.published);
+        let expected = self.settings.required.unwrap_or(self.learnt);
         self.samples_watched = self.samples_watched.saturating_add(1);
         for (bit, missing) in self.missing.iter_mut().enumerate() {
             let kind = TypeSet::bit(bit);
-            *missing = if current.seen.has(kind) { 0 } else { missing.saturating_add(1) };
+            *missing = if seen.has(kind) { 0 } else { missing.saturating_add(1) };
             if *missing >= FORGET_AFTER {
                 self.learnt = self.learnt.without(kind);
             }
         }
-        if current.published {
+        if published {
             return;
         }
-        if current.seen.has_pose() {
-            self.ready = self.publish();
-        } else {
+        if !seen.has_pose() {
             self.refuse(SuitRefusal::NoPose);
+            // Where poses come, this one was lost; what came of the sample is of no use without it.
+            self.counts.lost += u64::from(expected.has_pose());
+            return;
         }
+        if !seen.has(expected) {
+            self.refuse(SuitRefusal::Incomplete);
+        }
+        self.ready = self.publish();
     }
 
     /// Stamps the current sample and marks it as handed out.

@@ -44,6 +44,8 @@ refusals! {
         UpsideDown = "upside_down",
         /// A whole sample without a pose: types 02, 01 and 05 are all off in the Network Streamer, or were lost.
         NoPose = "no_pose",
+        /// A sample that went out without a type that its neighbours have: a datagram of it was lost.
+        Incomplete = "incomplete",
         /// A number that no body has: a flipped bit that checksums did not see, or a sender gone astray.
         Implausible = "implausible",
         /// A byte stream (TCP) that was out of step: bytes were skipped up to the next datagram.

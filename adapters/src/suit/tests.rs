@@ -88,6 +88,7 @@ fn a_lost_type_delays_its_sample_by_one_and_a_type_switched_off_is_forgotten() {
     assert!(feed(&mut assembler, &[pose_datagram(10, &standing())], 0).is_empty());
     let late = feed(&mut assembler, &[pose_datagram(11, &standing())], 0);
     assert_eq!(late[0].device_counter, 10);
+    assert_eq!((refused(&assembler, SuitRefusal::Incomplete), assembler.counts().lost), (1, 0));
     assert!(!late[0].has(SuitBlocks::LinearKinematics), "a block that was not sent is not held over");
     for counter in 12..30 {
         feed(&mut assembler, &[pose_datagram(counter, &standing())], 0);
@@ -95,6 +96,24 @@ fn a_lost_type_delays_its_sample_by_one_and_a_type_switched_off_is_forgotten() {
     let at_once = feed(&mut assembler, &[pose_datagram(30, &standing())], 0);
     assert_eq!(at_once.iter().map(|sample| sample.device_counter).collect::<Vec<_>>(), [30]);
     assert_eq!(assembler.counts().published, 31);
+}
+
+#[test]
+fn a_sample_whose_pose_is_lost_is_lost() {
+    let mut assembler = SuitAssembler::new(SuitSettings::default());
+    for counter in 0..20 {
+        let pose = (counter % 5 != 4).then(|| pose_datagram(counter, &standing()));
+        let datagrams: Vec<_> = pose.into_iter().chain([linear_datagram(counter)]).collect();
+        feed(&mut assembler, &datagrams, u64::from(counter) * PERIOD_NS);
+    }
+    feed(&mut assembler, &[pose_datagram(20, &standing())], 20 * PERIOD_NS);
+    assert_eq!((refused(&assembler, SuitRefusal::NoPose), assembler.counts().lost), (4, 4));
+    // Where no pose was ever sent, none is lost.
+    let mut assembler = SuitAssembler::new(SuitSettings::default());
+    for counter in 0..20 {
+        feed(&mut assembler, &[linear_datagram(counter)], u64::from(counter) * PERIOD_NS);
+    }
+    assert_eq!((refused(&assembler, SuitRefusal::NoPose), assembler.counts().lost), (19, 0));
 }
 
 #[test]

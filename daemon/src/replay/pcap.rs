@@ -7,6 +7,7 @@ use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::capture::{PcapCapture, UdpDatagram};
 use equipoise_adapters::counts::Counts;
 use equipoise_adapters::ground::{GroundBrain, GroundRefusal};
+use equipoise_adapters::source::OneSender;
 use equipoise_adapters::suit::{SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
 use equipoise_core::message::GroundSample;
@@ -21,6 +22,7 @@ use crate::sensors::{BuildCadence, suit_settings};
 pub(super) struct PcapSamples {
     capture: PcapCapture,
     suit: SuitAssembler,
+    suit_sender: OneSender,
     build: BuildCadence,
     ground: Option<Ground>,
     suit_port: u16,
@@ -34,6 +36,7 @@ pub(super) struct PcapSamples {
 struct Ground {
     brain: GroundBrain,
     way: Way,
+    sender: OneSender,
 }
 
 /// Which datagrams are its.
@@ -69,7 +72,11 @@ impl Way {
 impl Ground {
     fn of(config: &GroundConfig) -> anyhow::Result<Option<Ground>> {
         let (Some(way), Some(device)) = (Way::of(config), config.device()?) else { return Ok(None) };
-        Ok(Some(Ground { brain: GroundBrain::new(device, config.settings()), way }))
+        Ok(Some(Ground {
+            brain: GroundBrain::new(device, config.settings()),
+            way,
+            sender: OneSender::default(),
+        }))
     }
 }
 
@@ -79,6 +86,7 @@ impl PcapSamples {
         Ok(PcapSamples {
             capture: PcapCapture::open(path)?,
             suit: SuitAssembler::new(suit_settings(&config.suit)),
+            suit_sender: OneSender::default(),
             build: BuildCadence::default(),
             ground: Ground::of(&config.ground)?,
             suit_port: config.suit.listen.port(),
@@ -103,6 +111,9 @@ impl PcapSamples {
         let first_ns = *self.first_ns.get_or_insert(datagram.time_ns);
         let arrival_ns = TIME_BASE_NS.saturating_add(datagram.time_ns.saturating_sub(first_ns));
         if to == self.suit_port {
+            if !self.suit_sender.admits(datagram.source.ip(), arrival_ns) {
+                return self.suit.refuse_datagram(SuitRefusal::ForeignSender);
+            }
             let mut sample = self.suit.receive(&datagram.payload, arrival_ns);
             while let Some(mut complete) = sample {
                 if let Some(body) = self.build.due(self.suit.body(), arrival_ns) {
@@ -118,13 +129,17 @@ impl PcapSamples {
                 Way::From(port) => from == port,
                 Way::To(_) => true,
             };
-            if its_own {
+            if its_own && !ground.sender.admits(datagram.source.ip(), arrival_ns) {
+                ground.brain.refuse(GroundRefusal::ForeignSender);
+            } else if its_own {
                 ground.brain.receive(&datagram.payload, arrival_ns, &mut self.records);
                 for mut record in self.records.drain(..) {
                     record.published_ns = arrival_ns;
                     self.ready.push_back(Sample::Ground(Box::new(record)));
                 }
-            } else if Request::parse(&datagram.payload).is_ok() {
+            } else if ground.sender.may_be(datagram.destination.ip())
+                && Request::parse(&datagram.payload).is_ok()
+            {
                 // Whatever the plate counts next is the first of a new stream.
                 ground.brain.opened(arrival_ns);
             }

@@ -208,7 +208,6 @@ pub(crate) const CASES: &[Case] = &[
         // A tenth of a newton, a ten-thousandth of the insole.
         garbage: Faults { garbage: 0.1, truncate: 0.1, duplicate: 0.1, ..NOTHING },
         reasons: &["fields"],
-        not_asked: &[(Question::Loss, NO_COUNT)],
         ..CASE
     },
     Case {

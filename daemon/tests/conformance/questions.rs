@@ -87,11 +87,14 @@ fn yes_unless(wrong: Option<String>) -> Answer {
     wrong.map_or_else(|| Ok("yes".into()), Err)
 }
 
-/// By the samples' own times: as many a second as the device measures.
+/// By the samples' own times: as many a second as the device measures. Undisturbed, it begins no session anew.
 fn rate(case: &Case, rig: &mut Rig<'_>) -> Answer {
     rig.more("the first samples", SETTLED)?;
     let first = rig.samples.len();
     rig.more("samples of a second and a half", (case.rate_hz * 1.5) as usize)?;
+    if rig.samples[first..].windows(2).any(|pair| pair[0].session() != pair[1].session()) {
+        return Err("a session ends for no reason".into());
+    }
     let timed: Vec<u64> = rig.samples[first..]
         .iter()
         .filter(|sample| sample.is_timed())

@@ -63,6 +63,8 @@ pub struct MoticonSettings {
     pub y: Sideways,
     /// What is called left is worn on the right foot.
     pub swapped: bool,
+    /// Unit of the time.
+    pub time: Unit,
 }
 
 /// Names of the fields with all channels ticked, in their order.
@@ -149,7 +151,7 @@ impl Moticon {
             longest: LONGEST,
             columns: fields.into_iter().map(|field| Column { field, scale: 1.0, offset: 0.0 }).collect(),
             channels,
-            time: Some((time, Unit::NanosecondInSeconds)),
+            time: Some((time, settings.time)),
             sequence: None,
         };
         Ok(Moticon { text: Text::judged(text, Insoles { pressures, ..Insoles::default() }) })

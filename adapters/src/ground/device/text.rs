@@ -102,6 +102,8 @@ struct Reader<J> {
     fields: Vec<usize>,
     numbers: Vec<f64>,
     values: Vec<f64>,
+    /// Lines in a row that could not be told to be later than the one before.
+    untimely: u32,
     /// Lines in a row that were not of the form, and what was wrong with the last.
     wrong: u32,
     fault: Option<Malformed>,
@@ -132,6 +134,7 @@ impl<J> Text<J> {
             fields,
             numbers: Vec::new(),
             values: vec![0.0; settings.columns.len()],
+            untimely: 0,
             wrong: 0,
             fault: None,
         };
@@ -180,6 +183,13 @@ impl<J: Judge> GroundDevice for Text<J> {
     }
 
     fn trouble(&self) -> Option<String> {
+        if self.reader.untimely >= TROUBLE {
+            return Some(format!(
+                "lines come, but the times in the last {} of them stand still, or do not run as time does: is the unit of the \
+                 device's time (s, ms, us, ns) the one that it sends?",
+                self.reader.untimely
+            ));
+        }
         let Some(fault) = self.reader.fault.filter(|_| self.reader.wrong >= TROUBLE) else {
             return self.reader.judge.trouble();
         };
@@ -211,7 +221,11 @@ impl<J: Judge> Reader<J> {
             Ok(Some(told)) => {
                 (self.wrong, self.fault) = (0, None);
                 // One that contradicts itself was not lost: it has its place in the order.
-                let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else { return };
+                let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else {
+                    self.untimely = self.untimely.saturating_add(1);
+                    return;
+                };
+                self.untimely = 0;
                 if let Err(refusal) = self.judge.judge(&self.values) {
                     return taken.refuse(refusal);
                 }

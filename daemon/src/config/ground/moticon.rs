@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::channels::{TowardsX, TowardsY, insole_size};
 use super::mistake::{Mistake, nearest};
+use super::numbers::TimeUnit;
 use super::{GroundConfig, way};
 
 /// `[ground.moticon]`
@@ -29,6 +30,13 @@ pub struct MoticonConfig {
     /// What is called left is worn on the right foot.
     #[serde(default)]
     pub swapped: bool,
+    /// Unit of the first field, the time.
+    #[serde(default = "second")]
+    pub time_unit: TimeUnit,
+}
+
+fn second() -> TimeUnit {
+    TimeUnit::Second
 }
 
 fn tip() -> TowardsX {
@@ -61,6 +69,7 @@ fn settings(ground: &GroundConfig) -> Result<MoticonSettings, Mistake> {
         x_to_tip: config.x_to == TowardsX::Tip,
         y: y_to.into(),
         swapped: config.swapped,
+        time: config.time_unit.in_text(),
     })
 }
 

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use equipoise_adapters::wire::text_line::Unit;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -76,6 +77,16 @@ pub enum TimeUnit {
 }
 
 impl TimeUnit {
+    /// How a number of it in a text is read.
+    pub(super) fn in_text(self) -> Unit {
+        match self {
+            TimeUnit::Second => Unit::NanosecondInSeconds,
+            TimeUnit::Millisecond => Unit::NanosecondInMilliseconds,
+            TimeUnit::Microsecond => Unit::NanosecondInMicroseconds,
+            TimeUnit::Nanosecond => Unit::One,
+        }
+    }
+
     /// What one is, ns.
     pub(super) fn ns(self) -> u64 {
         match self {

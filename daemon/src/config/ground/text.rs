@@ -5,7 +5,7 @@ use equipoise_adapters::ground::device::text::{
     Column, Framing, LINE_BYTES_MAX, Numbered, Text, TextSettings,
 };
 use equipoise_adapters::source::{SourceError, Transport};
-use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
+use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
@@ -188,7 +188,7 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
     }
     let mut time = None;
     if let Some(told) = &config.time {
-        time = Some((config.place(&told.column, "ground.text.time")?, unit(told.unit)));
+        time = Some((config.place(&told.column, "ground.text.time")?, told.unit.in_text()));
     }
     let mut sequence = None;
     if let Some(told) = &config.sequence {
@@ -233,15 +233,6 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
         time,
         sequence,
     })
-}
-
-fn unit(unit: TimeUnit) -> Unit {
-    match unit {
-        TimeUnit::Second => Unit::NanosecondInSeconds,
-        TimeUnit::Millisecond => Unit::NanosecondInMilliseconds,
-        TimeUnit::Microsecond => Unit::NanosecondInMicroseconds,
-        TimeUnit::Nanosecond => Unit::One,
-    }
 }
 
 /// Where a stream may be joined in the middle of a line: a device sends on while nobody listens, and a file's end may be

@@ -83,6 +83,30 @@ fn a_damaged_datagram_is_lost_and_takes_its_time_where_nothing_counts() {
 }
 
 #[test]
+fn a_coarse_clock_stands_still_between_counted_frames() {
+    // `5A count:u8 time:u32 ms fz:i24 sum` at 2 kHz: every second frame has the time of the one before.
+    let mut settings = settings();
+    settings.form.length = Length::Fixed(10);
+    settings.form.checksum = settings.form.checksum.map(|summed| Summed { to: 9, at: 9, ..summed });
+    settings.fields[0].place = Place::new(6, Number::I24, Endian::Big);
+    settings.time = Some(Time { place: Place::new(2, Number::U32, Endian::Big), unit_ns: MS });
+    let mut brain = GroundBrain::new(Box::new(Binary::new(settings)), GroundSettings::default());
+    brain.opened(0);
+    let mut samples = Vec::new();
+    for index in 0..2000_u32 {
+        let mut bytes = vec![0x5a, index as u8];
+        bytes.extend_from_slice(&(index / 2).wrapping_sub(500).to_be_bytes());
+        bytes.extend_from_slice(&(-7005i32).to_be_bytes()[1..]);
+        bytes.push(bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
+        brain.receive(&bytes, 1000 * MS + u64::from(index) * MS / 2, &mut samples);
+    }
+    assert_eq!((samples.len(), brain.counts().lost), (2000, 0));
+    assert!(samples.iter().all(|sample| sample.session == samples[0].session));
+    let last = samples[1999];
+    assert!(last.sample_time_ns.abs_diff(last.arrival_ns) < MS && last.sample_time_sigma_ns < MS, "{last:?}");
+}
+
+#[test]
 fn a_short_count_tells_what_is_lost_over_its_wrap() {
     let sent: Vec<Vec<u8>> = [250, 251, 255, 257, 257, 256, 300].into_iter().map(frame).collect();
     let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();

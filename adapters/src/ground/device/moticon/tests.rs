@@ -17,6 +17,7 @@ fn settings() -> MoticonSettings {
         x_to_tip: true,
         y: Sideways::Medial,
         swapped: false,
+        time: Unit::NanosecondInSeconds,
     }
 }
 

@@ -136,6 +136,21 @@ fn what_never_fits_is_told_in_words() {
     assert_eq!(text.trouble(), None);
 }
 
+#[test]
+fn times_of_another_unit_are_told_in_words() {
+    let settings = TextSettings { sequence: None, ..settings(Framing::Datagrams) };
+    let mut brain = GroundBrain::new(Box::new(Text::new(settings)), GroundSettings::default());
+    let mut samples = Vec::new();
+    // Milliseconds where seconds are declared.
+    for index in 0..=u64::from(TROUBLE) {
+        assert_eq!(brain.trouble(), None);
+        let line = format!("{};0;-0,7;0;0\n", 1_000_000 + 10 * index);
+        brain.receive(line.as_bytes(), (100 + index) * 10_000_000, &mut samples);
+    }
+    assert!(brain.trouble().is_some_and(|said| said.contains("unit")), "{:?}", brain.trouble());
+    assert_eq!((samples.len(), refused(&brain, GroundRefusal::OutOfOrder)), (1, u64::from(TROUBLE)));
+}
+
 /// A line of the eight volts of a real plate, and a field that is nobody's between.
 #[test]
 fn channels_may_be_scaled_and_stand_in_any_order() {
