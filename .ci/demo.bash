@@ -3,8 +3,9 @@
 
 source .ci/tools.bash
 
-# The binary; it is built below.
-equipoise=${EQUIPOISE:-${CARGO_TARGET_DIR:-target}/release/equipoise}
+# The binary, as the tests have built it: optimised, with all assertions and checks of overflow. There is nothing to build
+# after that stage.
+equipoise=${EQUIPOISE:-${CARGO_TARGET_DIR:-target}/debug/equipoise}
 demo_seconds=${DEMO_SECONDS:-240}
 demo_station=demo
 
@@ -41,7 +42,7 @@ trap end_started EXIT
 
 # Never a binary of yesterday: cargo looks whether there is anything to do.
 if [[ -z ${EQUIPOISE:-} ]]; then
-    cargo build --quiet --release -p equipoise-daemon
+    cargo build --quiet --workspace --bin equipoise
 fi
 
 # A free port of loopback, below those that the kernel gives to whoever asks for any: between here and its use nobody
