@@ -215,7 +215,8 @@ impl Memory {
         let phase = match (ready && !suit_stale && !ground_stale, identification) {
             (true, known) if known.identified == 1 => Phase::Monitoring,
             (true, unknown) if unknown.learning == 1 => Phase::Identifying,
-            (false, _) if self.was_ready == 1 => Phase::Degraded,
+            // Where nothing is silent, it is the worker who is not known any more.
+            (false, _) if self.was_ready == 1 && (suit_stale || ground_stale) => Phase::Degraded,
             _ => Phase::Waiting,
         };
         if matches!(phase, Phase::Monitoring | Phase::Identifying) {

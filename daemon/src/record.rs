@@ -43,6 +43,8 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 const SETTLE: Duration = Duration::from_millis(300);
 /// How often it is looked whether the file is still where it was made.
 const PLACE_EVERY: Duration = Duration::from_secs(1);
+/// Whose a recording is of a worker without a name.
+const NOBODY: &str = "nobody";
 /// At most so often is a new checkpoint asked for after losses.
 const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 
@@ -129,10 +131,10 @@ impl Tap {
         };
         let header = RecordingHeader {
             subject_toml: profile_of(&facts),
+            config_toml: config_of(&facts)?,
             software_version: facts.version,
             started_unix_ns: unix_ns(),
             started_monotonic_ns: now_ns(),
-            config_toml: recorded_config(&facts.config_toml)?,
             model_toml: facts.model_toml,
             ..RecordingHeader::default()
         };
@@ -200,6 +202,15 @@ fn profile_of(facts: &Status) -> String {
     let state = StateDirectory::of_daemon(facts).or_else(|| StateDirectory::of_environment().ok());
     let text = state.and_then(|state| read_text(&state.profile(&facts.subject), TEXT_BYTES_MAX).ok());
     text.unwrap_or_default()
+}
+
+/// The configuration with which a file begins. Once the configured worker is forgotten it is nobody's, not theirs.
+fn config_of(facts: &Status) -> anyhow::Result<String> {
+    let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
+    if facts.subject.is_empty() {
+        config.subject.id = NOBODY.to_owned();
+    }
+    Ok(config.to_toml())
 }
 
 /// The daemon's configuration as recordings keep it.

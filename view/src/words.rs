@@ -160,10 +160,17 @@ fn pose_to_take(state: &State, pose: Option<&str>) -> Instruction {
         Some(name) if state.pose_mismatch_rad >= POSE_REACHED_RAD => {
             Instruction::new("take_pose", Tone::Calm).about_pose(name)
         }
+        // A pose with a load is not learnt from, however well it is held.
+        _ if still && is_loaded(state) => Instruction::new("unload", Tone::Calm),
         _ if still => Instruction::new("good_hold", Tone::Good),
         Some(_) => Instruction::new("hold", Tone::Calm),
         None => Instruction::new("new_pose", Tone::Calm),
     }
+}
+
+/// Whether something is carried, or the worker's mass or the plate's zero is off by as much.
+fn is_loaded(state: &State) -> bool {
+    !state.validity().any_of(Validity::SPOILS_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD))
 }
 
 fn overload(worst: Joint, level: u32) -> Instruction {
@@ -265,7 +272,7 @@ mod tests {
     fn a_pose_is_taken_then_held() {
         let mut state = State::zeroed();
         state.phase = Phase::Identifying as u32;
-        state.valid = Validity::NOT_IDENTIFIED.0;
+        state.valid = Validity::NOT_IDENTIFIED.and(Validity::BELOW_LOAD_THRESHOLD).0;
         let told = |state: &State| instruction(state, Some("arms out")).text;
         // Still, but in another pose: that does not help.
         (state.pose_mismatch_rad, state.static_pose) = (1.0, 1);
@@ -274,6 +281,8 @@ mod tests {
         assert_eq!(told(&state), "Hold still");
         state.static_pose = 1;
         assert_eq!(told(&state), "Good. Hold still");
+        state.valid = Validity::NOT_IDENTIFIED.0;
+        assert_eq!(told(&state), "Put down what you carry");
         state.valid |= Validity::FEET_OFF_PLATE.0;
         assert_eq!(told(&state), "Your feet are off the plate");
     }

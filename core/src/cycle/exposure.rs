@@ -27,15 +27,10 @@ impl Memory {
         found: Validity,
     ) {
         let magnitude_nm = self.known.torque_nm.map(|torque_nm| Vector3::from(torque_nm).norm());
-        // In quick motion a load may hide below what can be told: then nothing is known of it.
-        let may_hide = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
-        let load = self.load(found, may_hide, &magnitude_nm);
+        let load = self.load(found, &magnitude_nm);
         self.exposure.advance(self.known.suit_sample_time_ns, &load, &settings.limits);
         self.known.torque_limit_nm = settings.limits.0;
-        self.known.fatigue = self.exposure.fatigue.share;
-        self.known.dose_damage = self.exposure.dose.damage;
-        self.known.dose_probability = dose::probability(self.exposure.dose.damage);
-        self.known.lifts = self.exposure.dose.lifts.min(u64::from(u32::MAX)) as u32;
+        self.tell_exposure();
 
         blank(&mut self.known);
         if !self.identification.has_body()
@@ -44,7 +39,7 @@ impl Memory {
             return;
         }
         let loaded = !found.any_of(Validity::BELOW_LOAD_THRESHOLD);
-        if loaded || !may_hide {
+        if !found.any_of(Validity::LOAD_MAY_HIDE) {
             self.judge_back(pose, loaded);
         }
         if loaded {
@@ -52,12 +47,20 @@ impl Memory {
         }
     }
 
+    /// What has added up over this worker's shift.
+    pub(super) fn tell_exposure(&mut self) {
+        self.known.fatigue = self.exposure.fatigue.share;
+        self.known.dose_damage = self.exposure.dose.damage;
+        self.known.dose_probability = dose::probability(self.exposure.dose.damage);
+        self.known.lifts = self.exposure.dose.lifts.min(u64::from(u32::MAX)) as u32;
+    }
+
     /// What is known about the load, by the reasons that this sample and the worker's model give.
-    fn load(&self, found: Validity, may_hide: bool, magnitude_nm: &[f64; JOINTS]) -> Load {
+    fn load(&self, found: Validity, magnitude_nm: &[f64; JOINTS]) -> Load {
         let worker = &self.identification;
         let weighed = worker.mass_kg > 0.0;
         if found == Validity::BELOW_LOAD_THRESHOLD && weighed {
-            return if may_hide { Load::Unknown } else { Load::None };
+            return Load::None;
         }
         let since_change_ns = self.known.suit_sample_time_ns.saturating_sub(self.model_changed_ns);
         let changed = self.model_changed_ns > 0 && since_change_ns < MODEL_CHANGED_NS;

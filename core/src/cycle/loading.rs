@@ -54,6 +54,9 @@ impl Memory {
         self.known.delta_f_sigma_n = self.delta_f_sigma_n();
         let loaded = delta_f_n.abs() >= self.load_limit_n(settings);
         found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
+        // In quick motion a load may hide below what can be told: then nothing is known of it.
+        let is_hidden = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
+        found.raise(Validity::LOAD_MAY_HIDE, !loaded && is_hidden);
         if !loaded
             || !worker.has_body()
             || found.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED))

@@ -13,7 +13,7 @@ use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
 use crate::anchor::Anchor;
-use crate::exposure::Exposure;
+use crate::exposure::{Exposure, Shift};
 use crate::message::{State, Validity};
 use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
@@ -110,6 +110,14 @@ impl Memory {
     pub fn put_in_place(&mut self, worker: &Worker) {
         self.identification = worker.identification;
         self.exposure = worker.exposure;
+        // Also while nothing is measured: what is told is never that of the worker before.
+        self.tell_exposure();
+    }
+
+    /// Goes on with the worker's shift after a gap in which nothing is known.
+    pub fn resume_shift(&mut self, shift: &Shift) {
+        self.exposure.resume(shift);
+        self.tell_exposure();
     }
 
     /// Whether every index and number is in range. A memory that was stored is checked before it is used: no file

@@ -135,6 +135,19 @@ fn a_silent_sensor_degrades_and_its_return_restores() {
 }
 
 #[test]
+fn a_worker_who_is_forgotten_is_waited_for_and_no_sensor_is_blamed() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
+    bench.identify(&person);
+    assert_eq!(bench.phase(), Phase::Monitoring);
+    bench.command(CommandKind::IdentifyReset);
+    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN));
+    assert_eq!(bench.phase(), Phase::Waiting);
+    bench.suit_silent = true;
+    bench.hold(&person, &postures()[0], None, 300);
+    assert_eq!(bench.phase(), Phase::Degraded);
+}
+
+#[test]
 fn the_first_moments_of_a_known_body_are_no_leap() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     let mut told = 0;

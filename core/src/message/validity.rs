@@ -41,6 +41,9 @@ reasons! {
     PLATE_FAULT = 11, "plate_fault";
     /// The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either.
     COP_NOT_MEASURED = 12, "cop_not_measured";
+    /// The external force is below what can be told in quick motion, and a load may hide there: nobody knows whether
+    /// something is carried.
+    LOAD_MAY_HIDE = 13, "load_may_hide";
 }
 
 impl Validity {
@@ -76,6 +79,7 @@ impl Validity {
         .and(Validity::NOT_IDENTIFIED)
         .and(Validity::MOVING)
         .and(Validity::BELOW_LOAD_THRESHOLD)
+        .and(Validity::LOAD_MAY_HIDE)
         .and(Validity::MODEL_CHANGED)
         .and(Validity::CLOCK_UNSYNCHRONISED)
         .and(Validity::LOAD_NOT_AT_HANDS);

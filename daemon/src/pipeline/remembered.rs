@@ -114,7 +114,7 @@ impl Remembered {
         self.tell(format!("profile {} is in use: {} poses, {known}", profile.subject, profile.poses_used));
         match profile.shift(unix_s()) {
             Ok(shift) => {
-                self.memory.exposure.resume(&shift);
+                self.memory.resume_shift(&shift);
                 self.tell(format!("the shift goes on: {} lifts so far", shift.lifts));
             }
             Err(why) => self.tell(format!("a new shift begins: {why}")),

@@ -17,6 +17,8 @@ pub struct Back {
     pub damage: Series,
     /// How long the compression was told, s.
     pub told_s: f64,
+    /// Of that, since this worker is in use.
+    told_of_worker_s: f64,
     /// The largest compression with its 1-σ and when it was: N, N, s.
     pub peak: Option<[f64; 3]>,
     /// Mean compression while it was told times `told_s`, N s.
@@ -32,6 +34,7 @@ impl Back {
             self.compression_n.push(time_s, newtons);
             self.moment_nm.push(time_s, state.l5s1_moment_nm);
             self.told_s += step_s;
+            self.told_of_worker_s += step_s;
             self.compression_n_s += newtons * step_s;
             if self.peak.is_none_or(|[peak_n, ..]| newtons > peak_n) {
                 self.peak = Some([newtons, state.l5s1_compression_sigma_n, time_s]);
@@ -44,10 +47,15 @@ impl Back {
         self.dose = Some([state.dose_damage, state.dose_probability]);
     }
 
+    /// From the next state on another worker is in use, with a dose of their own.
+    pub fn another_worker(&mut self) {
+        self.told_of_worker_s = 0.0;
+    }
+
     /// The dose at the end; `None` where there was nothing to judge by: the load was never told, and nothing had added up
     /// before.
     pub fn judged(&self) -> Option<[f64; 2]> {
-        self.dose.filter(|[damage, _]| self.told_s > 0.0 || *damage > 0.0)
+        self.dose.filter(|[damage, _]| self.told_of_worker_s > 0.0 || *damage > 0.0)
     }
 
     /// Mean compression while it was told, N.
@@ -78,5 +86,8 @@ mod tests {
         // Without a load the back is still told.
         back.take(&State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..state }, 4.0, 0.5);
         assert_eq!(back.told_s, 1.5);
+        back.another_worker();
+        back.take(&State { valid: Validity::NOT_IDENTIFIED.0, ..State::zeroed() }, 5.0, 0.5);
+        assert_eq!((back.judged(), back.told_s), (None, 1.5), "of whom nothing was told");
     }
 }

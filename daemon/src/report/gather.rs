@@ -182,10 +182,12 @@ impl Facts {
             self.changes_s.push(time_s);
             self.identification = Identification::default();
             self.lifts.another_worker(state);
+            self.back.another_worker();
         }
+        let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
         let State { cycle, time_ns, lifts, .. } = *state;
         self.last = Some(Last { cycle, time_ns, lifts });
-        self.identification.take(state, time_s);
+        self.identification.take(state, time_s, stopped);
         self.exposure.take(state, time_s, step_s);
         self.lifts.take(state, time_s, step_s);
         self.back.take(state, time_s, step_s);

@@ -27,6 +27,8 @@ pub struct Identification {
     pub poses: Vec<Pose>,
     /// When the stop rule was first met, s; the recording's begin if it already was.
     pub converged_s: Option<f64>,
+    /// Whether it was not the rule: somebody ended the learning then.
+    pub stopped: bool,
     /// Whether the model was there when the recording began, or when the worker was put in place.
     pub known_before: bool,
     /// How often it was begun anew in the recording.
@@ -39,8 +41,8 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// One state.
-    pub fn take(&mut self, state: &State, time_s: f64) {
+    /// One state; `stopped` if somebody ended the learning since the one before.
+    pub fn take(&mut self, state: &State, time_s: f64, stopped: bool) {
         let asked = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
         match self.last {
             None => {
@@ -62,8 +64,8 @@ impl Identification {
                 }
             }
         }
-        if state.converged != 0 {
-            self.converged_s.get_or_insert(time_s);
+        if state.converged != 0 && self.converged_s.is_none() {
+            (self.converged_s, self.stopped) = (Some(time_s), stopped);
         }
         self.motion_samples = state.motion_samples_used;
         self.prior_inflation = positive(state.prior_inflation);
@@ -104,21 +106,23 @@ mod tests {
             suggested_pose,
             ..State::zeroed()
         };
-        found.take(&state(0, 0.0, u32::MAX), 0.0);
-        found.take(&state(0, 0.02, 1), 1.0);
-        found.take(&state(1, 0.01, 2), 2.0);
-        found.take(&State { converged: 1, ..state(2, 0.004, u32::MAX) }, 3.0);
+        found.take(&state(0, 0.0, u32::MAX), 0.0, false);
+        found.take(&state(0, 0.02, 1), 1.0, false);
+        found.take(&state(1, 0.01, 2), 2.0, false);
+        found.take(&State { converged: 1, ..state(2, 0.004, u32::MAX) }, 3.0, false);
         let told: Vec<_> =
             found.poses.iter().map(|pose| (pose.poses, pose.cop_sigma_m, pose.asked)).collect();
         let names = [1, 2].map(|index: usize| Some(LIBRARY[index].name));
         assert_eq!(told, [(0, Some(0.02), None), (1, Some(0.01), names[0]), (2, Some(0.004), names[1])]);
         assert_eq!((found.converged_s, found.known_before, found.begun_anew), (Some(3.0), false, 0));
-        found.take(&state(0, 0.02, 1), 4.0);
+        found.take(&state(0, 0.02, 1), 4.0, false);
         assert_eq!((found.poses.len(), found.converged_s, found.begun_anew), (1, None, 1));
+        found.take(&State { converged: 1, ..state(1, 0.02, 1) }, 5.0, true);
+        assert_eq!((found.converged_s, found.stopped), (Some(5.0), true), "somebody ended it");
         let mut known = Identification::default();
-        known.take(&State { converged: 1, ..state(9, 0.004, u32::MAX) }, 0.0);
+        known.take(&State { converged: 1, ..state(9, 0.004, u32::MAX) }, 0.0, false);
         assert!(known.known_before);
-        known.take(&state(0, 0.02, 1), 1.0);
+        known.take(&state(0, 0.02, 1), 1.0, false);
         assert!(!known.known_before && known.converged_s.is_none(), "what was forgotten is known no more");
     }
 }

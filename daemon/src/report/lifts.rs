@@ -75,14 +75,16 @@ impl Lifts {
 
 impl Episode {
     fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
-        if let Some(mass_kg) = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg) {
+        let told_kg = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg);
+        // Below zero somebody leans on something: no load, as for the loop.
+        if let Some(mass_kg) = told_kg.filter(|mass_kg| *mass_kg > 0.0) {
             let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
             self.span_s = Some([from_s, time_s]);
             self.masses += 1.0;
             self.mass_sum_kg += mass_kg;
             self.sigma_sum_kg += state.lifted_mass_sigma_kg;
             self.empty_s = 0.0;
-        } else if state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
+        } else if told_kg.is_some() || state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
             self.empty_s += step_s;
         }
         if let Some(reach_m) = state.unless(Validity::SPOILS_TORQUES, state.reach_m) {
@@ -136,6 +138,7 @@ mod tests {
         take(1.0, counted(2));
         take(0.2, carrying(50.0, 2));
         take(2.0, counted(2));
+        take(3.0, carrying(-8.0, 2));
         take(1.0, carrying(4.0, 2));
         take(1.0, carrying(6.0, 2));
         take(0.5, counted(2));

@@ -7,6 +7,7 @@ use equipoise_core::message::command::CommandKind;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Records {
     loads_ns: Vec<u64>,
+    stops_ns: Vec<u64>,
     /// From when on a period was so long, ns and ns.
     periods_ns: Vec<[u64; 2]>,
 }
@@ -19,6 +20,9 @@ impl Records {
         if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectForget)) {
             self.loads_ns.push(record.due_ns);
         }
+        if command == Some(CommandKind::IdentifyStop) {
+            self.stops_ns.push(record.due_ns);
+        }
         let is_new = self.periods_ns.last().is_none_or(|[_, period_ns]| *period_ns != record.period_ns);
         if record.period_ns > 0 && is_new {
             self.periods_ns.push([record.due_ns, record.period_ns]);
@@ -28,6 +32,11 @@ impl Records {
     /// Whether another worker was put in place after one state and until the next, both ns.
     pub fn has_load(&self, after_ns: u64, until_ns: u64) -> bool {
         self.loads_ns.iter().any(|load_ns| (after_ns + 1..=until_ns).contains(load_ns))
+    }
+
+    /// Whether somebody ended the learning after one state and until the next, both ns.
+    pub fn has_stop(&self, after_ns: u64, until_ns: u64) -> bool {
+        self.stops_ns.iter().any(|stop_ns| (after_ns + 1..=until_ns).contains(stop_ns))
     }
 
     /// Length of a period at a time, ns; `None` without records.
@@ -50,6 +59,7 @@ mod tests {
             (10, 5, 0),
             (15, 5, CommandKind::SubjectLoad as u32),
             (20, 2, CommandKind::Tare as u32),
+            (21, 2, CommandKind::IdentifyStop as u32),
             (22, 2, 0),
         ] {
             records.note(&CycleRecord { due_ns, period_ns, command, ..CycleRecord::zeroed() });
@@ -57,5 +67,6 @@ mod tests {
         assert_eq!([9, 15, 19, 20, 99].map(|time_ns| records.period_ns(time_ns)), [5, 5, 5, 2, 2].map(Some));
         assert!(records.has_load(10, 15) && records.has_load(12, 20), "also where its own state is missing");
         assert!(!records.has_load(15, 22) && !records.has_load(0, 14));
+        assert!(records.has_stop(20, 21) && !records.has_stop(21, 30) && !records.has_stop(0, 20));
     }
 }

@@ -92,6 +92,9 @@ pub(super) fn identification(facts: &Facts) -> Section {
     section.say(match (found.known_before, found.converged_s) {
         (true, _) if !facts.changes_s.is_empty() => "The worker was known when put in place.".to_owned(),
         (true, _) => "The worker was known when the recording began.".to_owned(),
+        (false, Some(time_s)) if found.stopped => {
+            format!("Learning was ended by hand at t = {time_s:.1} s; the stop rule was not met.")
+        }
         (false, Some(time_s)) => format!("The stop rule was met at t = {time_s:.1} s."),
         (false, None) => "The stop rule was not met: the worker is not identified.".to_owned(),
     });

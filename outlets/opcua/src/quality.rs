@@ -40,6 +40,7 @@ const GROUPS: [(Validity, StatusCode); 4] = [
         Validity::MOVING
             .and(Validity::FEET_OFF_PLATE)
             .and(Validity::LOAD_NOT_AT_HANDS)
+            .and(Validity::LOAD_MAY_HIDE)
             .and(Validity::COP_NOT_MEASURED),
         StatusCode::BadInvalidState,
     ),

@@ -70,6 +70,33 @@ fn the_back_is_told_without_a_load_and_the_load_is_not() {
 }
 
 #[test]
+fn where_a_load_may_hide_it_is_said_so_and_no_back_is_told() {
+    let person = Person::real();
+    let mut bench = carrying(&person, 600);
+    let (mut hidden, mut told) = (0, 0);
+    for step in 0..400_i16 {
+        // The box is put down, the arms swing.
+        let degrees = (25.0 * (f64::from(step) * 0.15).sin()) as i16;
+        let swing = stand(20, 0, [0, degrees, -80], [0, degrees, 80], 30);
+        bench.hold(&person, &swing, None, 10);
+        let state = bench.state();
+        let (reasons, compressed) = (state.validity(), state.l5s1_compression_n > 0.0);
+        assert_eq!(
+            compressed,
+            !reasons.any_of(Validity::SPOILS_BACK),
+            "{:?}",
+            reasons.names().collect::<Vec<_>>()
+        );
+        if reasons.any_of(Validity::LOAD_MAY_HIDE) {
+            hidden += 1;
+            assert!(reasons.any_of(Validity::BELOW_LOAD_THRESHOLD));
+        }
+        told += u32::from(compressed);
+    }
+    assert!(hidden > 20 && told > 20, "{hidden} {told}");
+}
+
+#[test]
 fn the_worst_joint_is_the_one_closest_to_its_limit() {
     let person = Person::real();
     let bench = carrying(&person, 600);
@@ -146,7 +173,10 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     let mut another = bytemuck::zeroed_box::<Worker>();
     another.identification = bench.memory.identification;
     bench.memory.put_in_place(&another);
+    (bench.suit_silent, bench.ground_silent) = (true, true);
     bench.command(CommandKind::SubjectLoad);
+    assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "at once, whoever is silent");
+    (bench.suit_silent, bench.ground_silent) = (false, false);
     bench.hold(&person, &carrying_pose(), None, 100);
     assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "another worker");
     assert_eq!(bench.state().fatigue, [0.0; 22]);
