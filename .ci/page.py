@@ -60,13 +60,15 @@ LOOK = """(() => {
     words: Object.fromEntries([...document.querySelectorAll("[data-t]")].map((one) => [one.dataset.t, one.textContent])),
     reply: `${data("reply").kind ?? ""}: ${text("reply")}`,
     disabled: document.querySelectorAll("[data-command]:disabled").length,
+    busy: document.querySelectorAll("[data-command][aria-disabled=true]").length,
+    nameless: [...document.querySelectorAll("[role=img], [role=meter], [role=progressbar]")].filter((one) => !one.getAttribute("aria-label")).length,
   });
 })()"""
 
 NOTHING = {"connection": None, "phase": "", "phaseText": "", "instruction": "", "drawn": "", "triangles": 0, "figure": "",
            "lang": "", "link": "", "hold": False, "match": False, "progress": False, "joints": False, "worst": "", "level": "", "wide": False, "covered": False, "apart": 0.0, "model": "", "load": "", "flat": False,
            "reasons": [], "plate": "", "residual": 0, "convergence": 0, "parameters": 0, "latency": 0, "sensors": [],
-           "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0}
+           "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0, "busy": 0, "nameless": 0}
 
 
 # Once what is wished for is on the page, the page goes on being told the same: a picture takes longer than a pose is held.
@@ -174,7 +176,9 @@ class Browser:
         self.ask("Page.removeScriptToEvaluateOnNewDocument", identifier=once)
 
     def click(self, selector):
-        if not self.run(f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e?.click(); return Boolean(e) && !e.disabled; }})()"):
+        # Asked before the click: a command's buttons rest until its answer is there.
+        script = f"(() => {{ const e = document.querySelector({json.dumps(selector)}); const able = Boolean(e) && !e.disabled; e?.click(); return able; }})()"
+        if not self.run(script):
             raise RuntimeError(f"there is nothing to click at {selector}")
 
     def type(self, field, text):
@@ -195,6 +199,8 @@ class Browser:
             raise RuntimeError(f"the picture {name} would be in language {seen['lang']}")
         if seen["wide"] or seen["covered"]:
             raise RuntimeError(f"the page of {name} is wider than its window, or one part of it covers another")
+        if seen["nameless"]:
+            raise RuntimeError(f"{seen['nameless']} pictures or bars of {name} have no name for who cannot see them")
         if SHOTS:
             self.keep(name)
 
@@ -433,25 +439,35 @@ def without_webgl(url):
             plain.close()
 
 
+def press(browser, name):
+    """As soon as the buttons take a click again; and twice, as an impatient hand does."""
+    browser.look_until(lambda seen: seen["busy"] == 0, "buttons that take a click")
+    browser.run(f"document.querySelector('[data-command={name}]').focus()")
+    for _ in range(2):
+        browser.click(f"[data-command={name}]")
+    if browser.run("document.activeElement.dataset.command") != name:
+        raise RuntimeError(f"who pressed {name} by a key has lost the place on the page")
+
+
 def commands(browser, url):
-    """Buttons do nothing without the token, are refused with a wrong one, and command with the right one."""
+    """Buttons do nothing without the token, are refused with a wrong one, and command with the right one, once."""
     browser.ask("Page.navigate", url=f"{url}engineer")
     browser.look_until(lambda seen: seen["parameters"] > 5 and seen["convergence"] > 5 and sensors_speak(seen), "curves of who is learnt")
     browser.shoot_whole("engineer-identifying")
     browser.look_until(lambda seen: seen["disabled"] == 6 and seen["connection"] == "live", "buttons that wait for the token")
     browser.type("token", "w" * 32)
-    browser.click("[data-command=identify-stop]")
+    press(browser, "identify-stop")
     browser.look_until(lambda seen: seen["reply"] == "refused: This needs the command token.", "that the token is wrong")
     browser.type("token", SECRET)
-    browser.click("[data-command=tare]")
+    press(browser, "tare")
     browser.look_until(lambda seen: seen["reply"].startswith("refused: ") and "refused: refused" in seen["reply"],
                        "that nobody tares a plate with a person on it")
-    browser.click("[data-command=identify-stop]")
+    press(browser, "identify-stop")
     seen = browser.look_until(lambda seen: seen["reply"].startswith("done: stopped"), "the end of learning")
     says(f"engineer: stop says \"{seen['reply']}\"")
     browser.run("document.querySelector('.commands').scrollIntoView()")
     browser.shoot("engineer-commands")
-    browser.click("[data-command=identify-start]")
+    press(browser, "identify-start")
     browser.look_until(lambda seen: seen["reply"].startswith("done: held poses"), "that learning goes on")
 
 

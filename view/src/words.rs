@@ -227,9 +227,10 @@ pub fn torque_nm(state: &State, joint: Joint) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// A level for people: colours alone say nothing to the colour-blind.
+/// A level for people: colours alone say nothing to the colour-blind. Tables and figures that stand beside a torque say of
+/// what it is; only a sentence needs the word for it, and there is no place for it there.
 pub fn level(number: u32) -> &'static str {
-    english_or("level", level_name(number))
+    english_or("level", level_name(number)).trim_end_matches(" load")
 }
 
 /// A joint for people.
@@ -313,7 +314,7 @@ mod tests {
             (Level::Green, "The load is easy on your joints", Tone::Good),
             (Level::Orange, "Right knee: medium load", Tone::Warn),
             (Level::Red, "Right knee: high load", Tone::Alarm),
-            (Level::AboveMax, "Right knee: too high, put the load down", Tone::Alarm),
+            (Level::AboveMax, "Right knee: overloaded, put the load down", Tone::Alarm),
             (Level::Undecided, "Right knee: the load is not known well enough to judge", Tone::Calm),
         ] {
             state.joint_level[knee.index()] = level as u32;
@@ -322,6 +323,12 @@ mod tests {
         }
         state.valid = Validity::MOVING.0;
         assert_eq!(worst_joint(&state), None);
+    }
+
+    #[test]
+    fn a_level_beside_a_torque_is_one_word() {
+        let told = [Level::Green, Level::Orange, Level::Red, Level::AboveMax].map(|each| level(each as u32));
+        assert_eq!(told, ["low", "medium", "high", "overloaded"]);
     }
 
     #[test]

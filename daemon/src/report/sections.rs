@@ -204,9 +204,9 @@ pub(super) fn exposure(facts: &Facts) -> Section {
     section.head("Minutes at each level");
     section.table(levels(facts));
     section.note(
-        "Low is up to 0.3, medium up to 0.6, high up to 1 of the joint's limit (Table I of the paper), too high is \
-         beyond; not sure where the torque's σ does not let two levels be told apart. Peak: the closest to the limit, \
-         ± 1-σ.",
+        "Low is up to 0.3, medium up to 0.6, high up to 1 of the joint's limit (Table I of the paper), overloaded \
+         is beyond; not sure where the torque's σ does not let two levels be told apart. Peak: the closest to the \
+         limit, ± 1-σ.",
     );
     section
 }
@@ -217,7 +217,7 @@ fn levels(facts: &Facts) -> Table {
         ">low",
         ">medium",
         ">high",
-        ">too high",
+        ">overloaded",
         ">not sure",
         ">peak, N m",
         ">of the limit",

@@ -44,7 +44,7 @@ fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
             ("low", "green"),
             ("medium", "orange"),
             ("high", "red"),
-            ("too high", "above_max"),
+            ("overloaded", "above_max"),
             ("not sure", "undecided"),
         ] {
             let cycles = states().filter(|state| state["level"] == level).count();

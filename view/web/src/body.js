@@ -19,7 +19,7 @@ export const FEET = [[17, 18], [21, 22]];
 
 // Size and sign tell the level without colour.
 export const LEVELS = {
-  none: { radius: 0.022, sign: "" }, green: { radius: 0.032, sign: "" }, orange: { radius: 0.046, sign: "–" },
+  none: { radius: 0.018, sign: "" }, green: { radius: 0.032, sign: "" }, orange: { radius: 0.046, sign: "–" },
   red: { radius: 0.054, sign: "!" }, above_max: { radius: 0.064, sign: "✕" }, undecided: { radius: 0.036, sign: "?" },
 };
 

@@ -2,6 +2,9 @@
 
 // The service speaks 60 times a second, and once a second when it has nothing to say.
 const LOST_AFTER_MS = 2500;
+// A connection whose other end is gone without a word stays open for a browser, for minutes: who hears nothing for so long
+// asks anew, and gives every attempt as long.
+const RENEWED_AFTER_MS = 5000;
 
 export class Stream {
   // `changed` is called when something new is there; whoever draws asks for it when the screen is ready.
@@ -15,13 +18,16 @@ export class Stream {
     this.connect();
     // The browser tries again by itself, but gives up after some errors, and does not notice a frozen service.
     setInterval(() => {
-      if (performance.now() - this.heard > LOST_AFTER_MS) this.become("lost");
-      if (this.connection === "lost" && this.source.readyState === EventSource.CLOSED) this.connect();
+      const now = performance.now();
+      if (now - this.heard > LOST_AFTER_MS) this.become("lost");
+      const mute = now - Math.max(this.heard, this.asked) > RENEWED_AFTER_MS;
+      if (this.connection === "lost" && (mute || this.source.readyState === EventSource.CLOSED)) this.connect();
     }, 1000);
   }
 
   connect() {
     this.source?.close();
+    this.asked = performance.now();
     this.source = new EventSource(this.address);
     for (const name of this.names) {
       this.source.addEventListener(name, (event) => {

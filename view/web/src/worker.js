@@ -4,8 +4,9 @@ import { Figure2d } from "./figure2d.js";
 import { Figure3d } from "./figure3d.js";
 import { Hold } from "./hold.js";
 import { LIMB_REACHED_RAD, limbsOff, share, worstLimb } from "./match.js";
+import { load } from "./numbers.js";
 import { Stream, painter, say } from "./stream.js";
-import { capitalised, instruction, languageSwitch, reason, t } from "./words.js";
+import { capitalised, instruction, language, languageSwitch, reason, t } from "./words.js";
 
 // Numbers that change faster than this cannot be read.
 const NUMBERS_EVERY_MS = 250;
@@ -177,9 +178,7 @@ function showJoints(frame) {
   say(element("joints-words"), worst ? "" : t("ui.joints_unloaded"));
   element("advice").hidden = !frame.advice_name;
   say(element("advice"), frame.advice_name ? t(`advice.${frame.advice_name}`) : "");
-  // Too little to be judged is not nothing.
-  const mass = state.lifted_mass_kg;
-  say(element("load"), mass === undefined ? "–" : `${mass.toFixed(1)} kg`);
+  say(element("load"), load(state.lifted_mass_kg, language()));
   showFatigue(state.fatigue ?? {});
 }
 
@@ -190,9 +189,11 @@ function showFatigue(fatigue) {
     const bar = document.createElement("div");
     bar.className = "bar";
     bar.append(document.createElement("i"));
-    row.append(capitalised(t(`joint.${joint}`)), bar);
+    const name = capitalised(t(`joint.${joint}`));
+    row.append(name, bar);
     row.dataset.joint = joint;
     bar.setAttribute("role", "meter");
+    bar.setAttribute("aria-label", name);
     fill(bar, Math.min(1, part));
     return row;
   });
