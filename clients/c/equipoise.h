@@ -26,7 +26,7 @@ extern "C" {
 
 /* What a program is compiled with: fields of all structs, and all names and numbers. See equipoise_options. */
 #define EQUIPOISE_STATE_TYPE "equipoise/State/4"
-#define EQUIPOISE_LAYOUT UINT64_C(0x58b3dd009083cc54)
+#define EQUIPOISE_LAYOUT UINT64_C(0x47220c40e103717d)
 
 /* Reasons why values of a state must not be used: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
@@ -55,6 +55,9 @@ extern "C" {
 #define EQUIPOISE_REASON_PLATE_FAULT (UINT64_C(1) << 11)
 /* The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either. */
 #define EQUIPOISE_REASON_COP_NOT_MEASURED (UINT64_C(1) << 12)
+/* The external force is below what can be told in quick motion, and a load may hide there: nobody knows whether
+   something is carried. */
+#define EQUIPOISE_REASON_LOAD_MAY_HIDE (UINT64_C(1) << 13)
 
 /* Which reasons spoil which values: no bit of the set may be raised. A spoilt value is 0 and means nothing. */
 #define EQUIPOISE_SPOILS_GROUND_FORCE \
@@ -89,7 +92,8 @@ extern "C" {
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | \
      EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_BODY_UNKNOWN | \
-     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED)
+     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
+     EQUIPOISE_REASON_LOAD_MAY_HIDE)
 #define EQUIPOISE_SPOILS_TORQUES \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
@@ -97,7 +101,7 @@ extern "C" {
      EQUIPOISE_REASON_MODEL_CHANGED | EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | \
      EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED)
+     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_LOAD_MAY_HIDE)
 
 enum equipoise_phase {
     EQUIPOISE_PHASE_WAITING = 0,

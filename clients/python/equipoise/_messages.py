@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x7283f3c78aa580f2",
+    schema="0x7ed28d7d1f0964fd",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -257,6 +257,7 @@ class Reason(enum.IntFlag):
     BODY_UNKNOWN = 1024
     PLATE_FAULT = 2048
     COP_NOT_MEASURED = 4096
+    LOAD_MAY_HIDE = 8192
 
 
 SPOILS_GROUND_FORCE = Reason(2050)
@@ -266,8 +267,8 @@ SPOILS_COP_ESTIMATED = Reason(1033)
 SPOILS_DELTA_F = Reason(6682)
 SPOILS_RESIDUAL = Reason(7903)
 SPOILS_LIFTED_MASS = Reason(6714)
-SPOILS_BACK = Reason(8159)
-SPOILS_TORQUES = Reason(8191)
+SPOILS_BACK = Reason(16351)
+SPOILS_TORQUES = Reason(16383)
 
 
 class Phase(enum.IntEnum):
