@@ -173,6 +173,7 @@ fn insoles_over_udp_are_two_feet() {
         x_to_tip: true,
         y: Sideways::Lateral,
         swapped: false,
+        time: Unit::NanosecondInSeconds,
     };
     let device = Moticon::new(&settings).unwrap();
     let mut source = open(UdpLine::listening(address, Senders::Loopback, "ground.listen"), device);

@@ -14,7 +14,7 @@ use equipoise_adapters::ground::device::tec_gihan::{TecGihan, TecGihanSettings};
 use equipoise_adapters::ground::device::text::{Column, Framing, Numbered, Text, TextSettings};
 use equipoise_adapters::ground::plan::Plan;
 use equipoise_adapters::ground::{Channels, GroundBrain, GroundDevice, GroundSettings, Want};
-use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm};
+use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_adapters::wire::{amti, bota, labamp, lsl, tec_gihan};
 use equipoise_simulator::wires;
 
@@ -222,6 +222,7 @@ pub(crate) fn moticon(bytes: &[u8]) {
         x_to_tip: true,
         y: Sideways::Left,
         swapped: false,
+        time: Unit::NanosecondInSeconds,
     };
     datagrams(|| Box::new(Moticon::new(&settings).unwrap()), bytes);
 }
