@@ -100,12 +100,61 @@ class Watcher:
             self.messages.get()
 
 
+class Clock:
+    """Of a station and of who reads it; `monotonic` and `time` are the time module's."""
+
+    def __init__(self):
+        self.now_s = 1000.0
+
+    def monotonic(self):
+        return self.now_s
+
+    def time(self):
+        return self.now_s + 1.7e9
+
+
+def judge_page():
+    """The page's snippet takes what is new, nothing that a broker kept, and outlives a clock that was ahead."""
+    page = pathlib.Path(__file__).parent.parent / "docs/consumers/mqtt.md"
+    clock, snippet = Clock(), {}
+    exec(page.read_text().split("```python\n")[1].split("```")[0], snippet)
+    snippet["time"] = clock
+
+    def hear(name, payload):
+        message = mqtt.MQTTMessage(topic=f"equipoise/demo/{name}".encode())
+        message.payload = payload.encode()
+        snippet["on_message"](None, None, message)
+
+    def summary(ahead_s, level):
+        hear("summary", json.dumps({"t": clock.time() + ahead_s, "levels": {"L5S1": level}}))
+        return snippet["level"]("L5S1")
+
+    hear("online", "online")
+    assert snippet["level"]("L5S1") is None, "a level before the first summary"
+    assert summary(0, "green") == "green"
+    assert summary(-1, "red") == "green", "one that came late took the place of a newer one"
+    clock.now_s += 1
+    assert summary(86_400, "red") is None, "a clock that is a day ahead"
+    told = []
+    for _ in range(10):
+        clock.now_s += 1
+        told.append(summary(0, "green"))
+    assert told[-1] == "green", f"blind after the clock was ahead: {told}"
+    clock.now_s += 100
+    late = [summary(-left_s, "red") for left_s in range(90, 10, -1)]
+    assert not any(late), f"what a broker had kept was taken: {late}"
+    hear("online", "offline")
+    assert summary(0, "green") is None, "offline"
+    print("mqtt: the page's snippet takes no old summary, and is not blinded by a clock that was ahead")
+
+
 def resident_mib(process):
     with open(f"/proc/{process.pid}/status") as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS")) / 1024
 
 
 def judge(port, scratch, mosquitto, outlet, demo, start):
+    judge_page()
     broker = start("mosquitto", [mosquitto, "-c", str(scratch / "mosquitto.conf")])
     watcher = Watcher(port, scratch)
 

@@ -4,11 +4,12 @@
 //! must not be used has a bad status and no value ([`quality`], [`values`]); nothing is held over, not even when the
 //! outlet itself hangs ([`outlet`]).
 //!
-//! Floors, ground first: [`quality`] → [`table`] → [`values`] → [`space`] → [`nodes`]; [`users`], [`certificates`] → [`server`] →
-//! [`outlet`]
+//! Floors, ground first: [`quality`] → [`table`] → [`values`] → [`space`] → [`nodes`]; [`users`], [`certificates`] → [`server`];
+//! [`leftovers`] → [`outlet`]
 #![forbid(unsafe_code)]
 
 pub mod certificates;
+pub mod leftovers;
 pub mod nodes;
 pub mod outlet;
 pub mod quality;

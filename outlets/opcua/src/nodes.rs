@@ -6,7 +6,7 @@
 //! nothing can be held back: from items that were created with an interval (it is revised to none) and never modified, and
 //! as long as the time does not run backwards.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::sync::{Mutex, PoisonError};
 
 use opcua::server::address_space::AddressSpace;
@@ -34,6 +34,8 @@ pub struct Nodes {
     namespace: NamespaceMetadata,
     /// Items whose values are never held back, so that they may have a SourceTimestamp.
     timed: Mutex<HashSet<MonitoredItemHandle>>,
+    /// Numbers of the sessions that have made items.
+    sessions: Mutex<BTreeSet<u32>>,
 }
 
 /// The newest SourceTimestamp that subscribers of a node were told.
@@ -57,7 +59,7 @@ fn without_time(mut value: DataValue) -> DataValue {
     value
 }
 
-/// Renews nodes and tells those who subscribed.
+/// Renews nodes and tells those who subscribed; how many items the library still knows, of whoever is gone, too.
 ///
 /// # Errors
 /// There is no such node.
@@ -67,7 +69,7 @@ pub fn renew(
     nodes: &[NodeId],
     newest: &mut [Newest],
     values: Vec<DataValue>,
-) -> Result<(), StatusCode> {
+) -> Result<usize, StatusCode> {
     {
         let mut space = keeper.address_space().write();
         for (node, value) in nodes.iter().zip(&values) {
@@ -78,22 +80,29 @@ pub fn renew(
         }
     }
     let timed = keeper.inner().timed();
+    let mut items = 0;
     let mut notifier = subscriptions.data_notifier();
     for ((node, newest), value) in nodes.iter().zip(newest).zip(values) {
         let may_have_time = newest.may_have_time(&value);
         let Some(mut batch) = notifier.notify_for(node, AttributeId::Value) else { continue };
         for (item, _) in batch.entries() {
+            items += 1;
             let value = value.clone();
             let is_whole = may_have_time && timed.contains(item);
             batch.data_value_to_item(if is_whole { value } else { without_time(value) }, item);
         }
     }
-    Ok(())
+    Ok(items)
 }
 
 impl Nodes {
     fn timed(&self) -> std::sync::MutexGuard<'_, HashSet<MonitoredItemHandle>> {
         self.timed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Numbers of the sessions that have made items.
+    pub fn sessions(&self) -> std::sync::MutexGuard<'_, BTreeSet<u32>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -107,7 +116,7 @@ pub fn keeper() -> impl NodeManagerBuilder {
             namespace_index: index,
             ..NamespaceMetadata::default()
         };
-        Nodes { namespace, timed: Mutex::default() }
+        Nodes { namespace, timed: Mutex::default(), sessions: Mutex::default() }
     })
 }
 
@@ -130,6 +139,7 @@ impl InMemoryNodeManagerImpl for Nodes {
         space: &RwLock<AddressSpace>,
         items: &mut [&mut &mut CreateMonitoredItem],
     ) {
+        self.sessions().insert(context.session_id);
         let space = space.read();
         for item in items {
             item.revise_sampling_interval(EVERY_BEAT_MS);

@@ -13,6 +13,7 @@ use opcua::types::{DataValue, NodeId, VariableId, Variant};
 use tracing::{error, warn};
 
 use crate::certificates;
+use crate::leftovers::{self, Held};
 use crate::nodes::{Keeper, Newest, renew};
 use crate::server::Server;
 use crate::users::Users;
@@ -23,6 +24,8 @@ const BEATS_MISSED_MAX: f64 = 5.0;
 const SILENCE_MIN: Duration = Duration::from_millis(250);
 /// How often the watch looks.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// How often it is counted what clients have left behind.
+const COUNT_EVERY: Duration = Duration::from_secs(2);
 /// How often certificates of strangers are cleared away.
 const CLEAR_EVERY: Duration = Duration::from_secs(10);
 /// How long clients are given to hear that the server ends.
@@ -54,6 +57,8 @@ struct Told {
     has_values: bool,
     /// How often the watch had to withdraw them.
     withdrawn: u64,
+    /// Monitored items that the library knew at the last beat.
+    items: usize,
     /// Of each node.
     newest: Vec<Newest>,
 }
@@ -74,7 +79,8 @@ impl OpcUa {
         let pki = config.pki.clone().map_or_else(certificates::usual_folder, Ok)?;
         let mut server = Server::new(station, config, &pki, users)?;
         let newest = vec![Newest::default(); server.nodes.len()];
-        let told = Told { at: Instant::now(), ever: false, has_values: false, withdrawn: 0, newest };
+        let told =
+            Told { at: Instant::now(), ever: false, has_values: false, withdrawn: 0, items: 0, newest };
         let board = Arc::new(Board {
             handle: server.handle.clone(),
             keeper: Arc::clone(&server.keeper),
@@ -137,8 +143,9 @@ impl Board {
     /// The lock is held meanwhile, so that the watch cannot overtake a beat.
     fn put(&self, told: &mut Told, values: Vec<DataValue>, has_values: bool) {
         let renewed = renew(&self.keeper, self.handle.subscriptions(), &self.nodes, &mut told.newest, values);
-        if let Err(code) = renewed {
-            error!("nodes cannot be renewed: {code}");
+        match renewed {
+            Ok(items) => told.items = items,
+            Err(code) => error!("nodes cannot be renewed: {code}"),
         }
         if told.has_values != has_values {
             told.has_values = has_values;
@@ -161,13 +168,27 @@ impl Board {
         let values = of_no_reading(&NoReading::Silent { silent }, told.ever, Clocks::now());
         self.put(&mut told, values, false);
     }
+
+    /// Why the server has to end, if clients have left too much behind.
+    fn left_behind(&self) -> Option<String> {
+        let held =
+            Held { subscriptions: leftovers::subscriptions_held(&self.handle), items: self.told().items };
+        held.too_much(leftovers::living(self.handle.subscriptions(), &mut self.keeper.inner().sessions()))
+    }
 }
 
-async fn watch(board: Arc<Board>, silence_max: Duration, pki: std::path::PathBuf) {
-    let mut cleared = Instant::now();
+/// Watches until the server has to end; why.
+async fn watch(board: Arc<Board>, silence_max: Duration, pki: std::path::PathBuf) -> String {
+    let (mut cleared, mut counted) = (Instant::now(), Instant::now());
     loop {
         tokio::time::sleep(LOOK_EVERY).await;
         board.withdraw_if_silent(silence_max);
+        if counted.elapsed() >= COUNT_EVERY {
+            counted = Instant::now();
+            if let Some(why) = board.left_behind() {
+                return why;
+            }
+        }
         if cleared.elapsed() >= CLEAR_EVERY {
             cleared = Instant::now();
             certificates::forget_strangers(&pki);

@@ -74,22 +74,24 @@ impl Server {
     }
 
     /// Serves in a thread of its own, until the handle is cancelled; `on_end` is told if it ends otherwise. `beside` runs
-    /// beside it.
+    /// beside it, and ends it with a reason.
     ///
     /// # Errors
     /// No thread is to be had, or it serves already.
     pub fn serve(
         &mut self,
-        beside: impl Future<Output = ()> + Send + 'static,
+        beside: impl Future<Output = String> + Send + 'static,
         on_end: impl FnOnce(String) + Send + 'static,
     ) -> anyhow::Result<JoinHandle<()>> {
         let (runtime, inner, listener) = self.inner.take().context("it serves already")?;
         let serve = move || {
             let outcome = runtime.block_on(async {
-                tokio::spawn(beside);
                 let listener =
                     tokio::net::TcpListener::from_std(listener).map_err(|error| error.to_string())?;
-                inner.run_with(listener).await
+                tokio::select! {
+                    outcome = inner.run_with(listener) => outcome,
+                    why = beside => Err(why),
+                }
             });
             if let Err(what) = outcome {
                 on_end(what);

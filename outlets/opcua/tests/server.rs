@@ -23,6 +23,8 @@ use opcua::types::{
 use support::{reading, silence};
 
 const PATIENCE: Duration = Duration::from_secs(20);
+/// A session of which nothing is heard for so long is at its end.
+const SESSION: Duration = Duration::from_secs(8);
 
 struct Station {
     outlet: OpcUa,
@@ -31,6 +33,10 @@ struct Station {
 
 impl Station {
     fn new(keys: &str) -> Station {
+        Station::with(keys, |what| panic!("{what}"))
+    }
+
+    fn with(keys: &str, on_end: impl FnOnce(String) + Send + 'static) -> Station {
         let folder = tempfile::tempdir().unwrap();
         let users = folder.path().join("users");
         std::fs::write(&users, "plc:secret\n").unwrap();
@@ -39,7 +45,7 @@ impl Station {
         let section = format!("[outlets.opcua]\nlisten = \"127.0.0.1:0\"\npki = \"pki\"\n{keys}\n");
         std::fs::write(&file, format!("station = \"cell-7\"\n{section}")).unwrap();
         let config: OpcUaConfig = StationFile::read(&file).unwrap().outlets.opcua.unwrap();
-        let outlet = OpcUa::new("cell-7", &config, |what| panic!("{what}")).unwrap();
+        let outlet = OpcUa::new("cell-7", &config, on_end).unwrap();
         Station { outlet, folder }
     }
 
@@ -57,6 +63,7 @@ impl Station {
             .trust_server_certs(true)
             .session_retry_limit(0)
             .session_retry_initial(Duration::from_millis(50))
+            .session_timeout(SESSION.as_millis() as u32)
             .client()
             .unwrap()
     }
@@ -258,6 +265,68 @@ fn no_interval_brings_an_old_value_after_its_end() {
             }
         });
     }
+}
+
+/// A subscription that nobody waits for in vain: it lives as long as its session, and for hours after that.
+async fn subscribe(session: &Session, items: usize) -> u32 {
+    let silent = DataChangeCallback::new(|_, _| ());
+    let every = Duration::from_secs(60);
+    let subscription = session.create_subscription(every, 300, 100, 0, 0, true, silent).await.unwrap();
+    let id = NodeId::new(index(session).await, "cell-7/Lifts");
+    let items = vec![MonitoredItemCreateRequest::from(id); items];
+    let made = session.create_monitored_items(subscription, TimestampsToReturn::Both, items).await.unwrap();
+    assert!(made.iter().all(|item| item.result.status_code == StatusCode::Good));
+    subscription
+}
+
+/// A client that comes and goes, and leaves the library with `items`, whether or not it deletes its subscription.
+async fn come_and_go(station: &Station, items: usize, deletes: bool) {
+    let leaving = station.plain().await.unwrap();
+    let subscription = subscribe(&leaving, items).await;
+    if deletes {
+        leaving.delete_subscription(subscription).await.unwrap();
+    }
+    leaving.disconnect_without_delete_subscriptions().await.unwrap();
+}
+
+#[test]
+fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden_and_what_lives_does_not() {
+    let (send, ended) = std::sync::mpsc::channel();
+    let mut station = Station::with("", move |what| send.send(what).unwrap());
+    run(async {
+        let living = station.plain().await.unwrap();
+        for _ in 0..4 {
+            subscribe(&living, 1000).await;
+        }
+        for deletes in [true, false, true, false, true, false, true, false] {
+            come_and_go(&station, 1000, deletes).await;
+            assert_eq!(read(&living, "Lifts").await.status(), StatusCode::BadWaitingForInitialData);
+        }
+        // Longer than sessions live, and some counts: 12 000 items, of which 4 000 live.
+        let begun = tokio::time::Instant::now();
+        while begun.elapsed() < SESSION + Duration::from_secs(5) {
+            station.outlet.tell(&Ok(reading(Validity(0))));
+            assert_eq!(read(&living, "Lifts").await.status(), StatusCode::Good, "{:?}", ended.try_recv());
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        assert!(ended.try_recv().is_err());
+        for deletes in [true, false, false] {
+            come_and_go(&station, 1000, deletes).await;
+        }
+        let begun = tokio::time::Instant::now();
+        let why = loop {
+            station.outlet.tell(&Ok(reading(Validity(0))));
+            match ended.try_recv() {
+                Ok(why) => break why,
+                Err(_) => assert!(begun.elapsed() < PATIENCE, "15 000 items, and none was missed"),
+            }
+            // It stays alive until the end.
+            let server: NodeId = VariableId::Server_NamespaceArray.into();
+            let _ = living.read(&[server.into()], TimestampsToReturn::Both, 0.0).await;
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        };
+        assert!(why.contains("left"), "{why}");
+    });
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The connection to a controller: made in a thread of its own, used without waiting.
 
-use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
@@ -11,8 +11,11 @@ use tracing::{info, warn};
 use super::wire::{self, Kind, PROTOCOL, Word};
 use crate::config::Register;
 
-/// How long the controller may take for each answer.
-const ANSWER_WITHIN: Duration = Duration::from_secs(2);
+/// From dialling to the exchange's start, all in all: who says something now and then, but never what it was asked, would
+/// otherwise never be dialled again.
+const START_WITHIN: Duration = Duration::from_secs(4);
+/// Texts of the controller that go to the log while it is dialled; one that sends nothing else would fill it.
+const TEXTS_MAX: usize = 8;
 /// After a refusal or a lost connection it is tried again after this, and after twice as long each time.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(1);
 const TRY_AGAIN_AFTER_MAX: Duration = Duration::from_secs(30);
@@ -32,6 +35,9 @@ pub(super) enum LinkError {
     /// The network.
     #[error("{0}; is the robot switched on, and RTDE not blocked in its security settings?")]
     Io(#[from] io::Error),
+    /// It said too little in the time it had.
+    #[error("it did not answer within {} s; is this the RTDE port, 30004?", START_WITHIN.as_secs())]
+    Late,
     /// It answered something else.
     #[error("it answered a package of type {0:#04x}; is this the RTDE port, 30004?")]
     Answer(u8),
@@ -129,47 +135,98 @@ impl Started {
     }
 }
 
-/// Asks for an answer of the same kind; texts in between go to the log, and data may come before the answer to a start.
-fn ask(stream: &mut TcpStream, kind: Kind, payload: &[u8]) -> Result<Vec<u8>, LinkError> {
-    stream.write_all(&wire::package(kind, payload))?;
-    loop {
-        match wire::read(stream)? {
-            (answer, payload) if answer == kind as u8 => return Ok(payload),
-            (answer, payload) if answer == Kind::Text as u8 => {
-                warn!("the controller says: {}", wire::text(&payload));
+/// A conversation with a controller that is dialled, and when it must have come to its end.
+struct Asking {
+    stream: TcpStream,
+    end: Instant,
+    texts: usize,
+}
+
+impl Asking {
+    /// Connects.
+    fn begin(robot: SocketAddr) -> io::Result<Asking> {
+        let end = Instant::now() + START_WITHIN;
+        let stream = TcpStream::connect_timeout(&robot, START_WITHIN)?;
+        stream.set_nodelay(true)?;
+        // What the network has not delivered when the controller is left must never be.
+        SockRef::from(&stream).set_linger(Some(Duration::ZERO))?;
+        Ok(Asking { stream, end, texts: 0 })
+    }
+
+    /// Asks for an answer of the same kind; texts in between go to the log, and data may come before the answer to a start.
+    fn ask(&mut self, kind: Kind, payload: &[u8]) -> Result<Vec<u8>, LinkError> {
+        self.write_all(&wire::package(kind, payload)).map_err(late)?;
+        loop {
+            match wire::read(self).map_err(late)? {
+                (answer, payload) if answer == kind as u8 => return Ok(payload),
+                (answer, payload) if answer == Kind::Text as u8 => {
+                    self.texts += 1;
+                    if self.texts <= TEXTS_MAX {
+                        warn!("the controller says: {}", wire::text(&payload));
+                    }
+                }
+                (answer, _) if answer == Kind::Data as u8 => {}
+                (answer, _) => return Err(LinkError::Answer(answer)),
             }
-            (answer, _) if answer == Kind::Data as u8 => {}
-            (answer, _) => return Err(LinkError::Answer(answer)),
         }
+    }
+
+    /// What is left of the time.
+    fn left(&self) -> io::Result<Duration> {
+        let left = self.end.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(left) }
+    }
+}
+
+/// The time that is left holds for each piece of a package: one may come byte by byte.
+impl Read for Asking {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.stream.set_read_timeout(Some(self.left()?))?;
+        self.stream.read(bytes)
+    }
+}
+
+impl Write for Asking {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        self.stream.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
+}
+
+/// A socket whose time-out has passed says that it would block.
+fn late(error: io::Error) -> LinkError {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => LinkError::Late,
+        _ => LinkError::Io(error),
     }
 }
 
 /// Connects, negotiates and starts.
 fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
-    let mut stream = TcpStream::connect_timeout(&robot, ANSWER_WITHIN)?;
-    stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(ANSWER_WITHIN))?;
-    stream.set_write_timeout(Some(ANSWER_WITHIN))?;
-    // What the network has not delivered when the controller is left must never be.
-    SockRef::from(&stream).set_linger(Some(Duration::ZERO))?;
-    if ask(&mut stream, Kind::Protocol, &PROTOCOL.to_be_bytes())?.first() != Some(&1) {
+    let mut asking = Asking::begin(robot)?;
+    if asking.ask(Kind::Protocol, &PROTOCOL.to_be_bytes())?.first() != Some(&1) {
         return Err(LinkError::Protocol);
     }
-    let version = ask(&mut stream, Kind::Version, &[])?;
+    let version = asking.ask(Kind::Version, &[])?;
     let numbers: Vec<_> = version
         .chunks_exact(4)
         .map(|four| four.iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte)))
         .collect();
     let output = [&OUTPUT_HZ.to_be_bytes()[..], OUTPUT.as_bytes()].concat();
-    if !matches!(ask(&mut stream, Kind::Outputs, &output)?.split_first(), Some((1.., b"DOUBLE"))) {
+    if !matches!(asking.ask(Kind::Outputs, &output)?.split_first(), Some((1.., b"DOUBLE"))) {
         return Err(LinkError::Output);
     }
     let names: Vec<_> = recipe.iter().map(|register| register.name()).collect();
-    let answer = ask(&mut stream, Kind::Inputs, names.join(",").as_bytes())?;
+    let answer = asking.ask(Kind::Inputs, names.join(",").as_bytes())?;
     let number = recipe_number(&answer, recipe, &names)?;
-    if ask(&mut stream, Kind::Start, &[])?.first() != Some(&1) {
+    if asking.ask(Kind::Start, &[])?.first() != Some(&1) {
         return Err(LinkError::Start);
     }
+    let stream = asking.stream;
     SockRef::from(&stream).set_tcp_user_timeout(Some(LEAVE_AFTER))?;
     stream.set_nonblocking(true)?;
     let version: Vec<_> = numbers.iter().map(u32::to_string).collect();

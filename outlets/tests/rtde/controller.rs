@@ -230,11 +230,15 @@ fn read_package(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
 }
 
 fn write_package(stream: &mut TcpStream, kind: u8, payload: &[u8]) -> std::io::Result<()> {
-    let size = payload.len() as u16 + 3;
-    stream.write_all(&[&size.to_be_bytes()[..], &[kind], payload].concat())
+    stream.write_all(&package(kind, payload))
 }
 
-fn text(message: &str, source: &str, level: u8) -> Vec<u8> {
+pub(crate) fn package(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let size = payload.len() as u16 + 3;
+    [&size.to_be_bytes()[..], &[kind], payload].concat()
+}
+
+pub(crate) fn text(message: &str, source: &str, level: u8) -> Vec<u8> {
     let part = |text: &str| [&[text.len() as u8], text.as_bytes()].concat();
     [part(message), part(source), vec![level]].concat()
 }

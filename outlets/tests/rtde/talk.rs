@@ -1,8 +1,10 @@
 //! What arrives in the registers, and what becomes of the outlet when the controller does not want it.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::SeqCst;
 use std::time::{Duration, Instant};
 
@@ -14,7 +16,7 @@ use equipoise_outlets::config::RtdeConfig;
 use equipoise_outlets::outlet::Seen;
 use equipoise_outlets::rtde::Rtde;
 
-use crate::controller::{Controller, start};
+use crate::controller::{Controller, package, start, text};
 use crate::states::{reading, reasons, state};
 
 /// Nothing here should ever take this long; not a measurement.
@@ -261,6 +263,39 @@ fn a_controller_without_a_sign_of_life_is_left() {
     assert!(tell_until_left(&mut outlet).1 > 1);
     controller.is_mute.store(false, SeqCst);
     tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
+}
+
+/// A peer that says something all the time, and never what it is asked: `chatter`, a few bytes at a time.
+fn chatterer(chatter: Vec<u8>) -> (Arc<AtomicU64>, SocketAddr) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let robot = listener.local_addr().unwrap();
+    let clients = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&clients);
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            count.fetch_add(1, SeqCst);
+            let chatter = chatter.clone();
+            std::thread::spawn(move || {
+                while chatter.chunks(4).all(|bytes| stream.write_all(bytes).is_ok()) {
+                    std::thread::sleep(Duration::from_millis(20));
+                }
+            });
+        }
+    });
+    (clients, robot)
+}
+
+#[test]
+fn a_peer_that_talks_but_never_answers_is_left_and_dialled_again() {
+    let text = package(b'M', &text("still busy", "RTDE", 2));
+    // A package that never ends: each of its bytes comes in time.
+    let endless = [&[0xff, 0xff, b'V'][..], &[0; 61]].concat();
+    let talks = [text, endless].map(chatterer);
+    let mut outlets = talks.each_ref().map(|(_, robot)| Rtde::new(&config(*robot, "")).unwrap());
+    for (outlet, (clients, _)) in outlets.iter_mut().zip(&talks) {
+        tell_until(outlet, "it is dialled again", |_| clients.load(SeqCst) >= 2);
+        assert_eq!((outlet.tally().sent, outlet.tally().peers), (0, 0));
+    }
 }
 
 #[test]

@@ -1,7 +1,11 @@
 //! The Zenoh session: only the links that were asked for, and nothing that waits.
 
+use std::path::Path;
+
 use anyhow::{Context, anyhow};
 use equipoise_outlets::config::ZenohConfig;
+use equipoise_outlets::secret;
+use serde_json::Value;
 use zenoh::{Config, Session, Wait};
 
 /// A session by the configuration. A router that is not there yet is connected to when it comes.
@@ -27,9 +31,7 @@ const OWN: [(&str, &str); 5] = [
 /// Zenoh's defaults, ours in their place, what the file says in place of ours, and what the section says in place of all.
 fn settings(config: &ZenohConfig) -> anyhow::Result<Config> {
     let mut settings = match &config.file {
-        Some(path) => Config::from_file(path)
-            .map_err(|error| anyhow!("{error}"))
-            .with_context(|| format!("outlets.zenoh.file = {}", path.display()))?,
+        Some(path) => of_file(path).with_context(|| format!("outlets.zenoh.file = {}", path.display()))?,
         None => Config::default(),
     };
     let defaults = Config::default();
@@ -43,6 +45,7 @@ fn settings(config: &ZenohConfig) -> anyhow::Result<Config> {
             set(&mut settings, key, &serde_json::to_string(endpoints)?)?;
         }
     }
+    refuse_open_secrets(&settings)?;
     // A queue that is full is a peer that does not read: it loses the message, and the next beat does not wait for it.
     set(&mut settings, "transport/link/tx/queue/congestion_control/drop/wait_before_drop", "0")?;
     // Batches that wait for a peer; with two, of 64 KiB each, messages are lost whenever the machine is busy for a moment.
@@ -50,6 +53,58 @@ fn settings(config: &ZenohConfig) -> anyhow::Result<Config> {
         set(&mut settings, &format!("transport/link/tx/queue/size/{priority}"), "4")?;
     }
     Ok(settings)
+}
+
+/// What the file says, if nobody else can read it: passwords and keys may stand in it.
+fn of_file(path: &Path) -> anyhow::Result<Config> {
+    secret::read(path)?;
+    Config::from_file(path).map_err(|error| anyhow!("{error}"))
+}
+
+/// Keys of Zenoh's that name a file with a private key or passwords.
+const SECRET_FILES: [&str; 4] = [
+    "transport/link/tls/listen_private_key",
+    "transport/link/tls/connect_private_key",
+    "transport/auth/usrpwd/dictionary_file",
+    "transport/auth/pubkey/private_key_file",
+];
+/// An endpoint may name its own: `tls/host:port#connect_private_key_file=PATH;…`.
+const SECRET_OF_ENDPOINT: &str = "_private_key_file";
+
+/// Refuses files with keys and passwords that others can read: Zenoh itself takes them.
+fn refuse_open_secrets(settings: &Config) -> anyhow::Result<()> {
+    for key in SECRET_FILES {
+        if let Some(path) = serde_json::from_str::<Option<String>>(&get(settings, key)?)? {
+            secret::read(Path::new(&path)).with_context(|| format!("Zenoh's {key}"))?;
+        }
+    }
+    for key in ["connect/endpoints", "listen/endpoints"] {
+        let mut endpoints = Vec::new();
+        texts(serde_json::from_str(&get(settings, key)?)?, &mut endpoints);
+        for (endpoint, name, path) in endpoints.iter().flat_map(|endpoint| own_files(endpoint)) {
+            secret::read(Path::new(path)).with_context(|| format!("Zenoh's {key}, {endpoint}, {name}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Address, name and path of each file with a key that an endpoint names.
+fn own_files(endpoint: &str) -> impl Iterator<Item = (&str, &str, &str)> {
+    let (address, own) = endpoint.split_once('#').unwrap_or((endpoint, ""));
+    let pairs = own.split(';').filter_map(|pair| pair.split_once('='));
+    pairs
+        .filter(|(name, _)| name.ends_with(SECRET_OF_ENDPOINT))
+        .map(move |(name, path)| (address, name, path))
+}
+
+/// Every text in a value: endpoints are a list, or lists by the mode of the session.
+fn texts(value: Value, found: &mut Vec<String>) {
+    match value {
+        Value::String(text) => found.push(text),
+        Value::Array(values) => values.into_iter().for_each(|value| texts(value, found)),
+        Value::Object(values) => values.into_iter().for_each(|(_, value)| texts(value, found)),
+        _ => {}
+    }
 }
 
 fn get(settings: &Config, key: &str) -> anyhow::Result<String> {
@@ -64,19 +119,98 @@ fn set(settings: &mut Config, key: &str, value: &str) -> anyhow::Result<()> {
 mod tests {
     use super::*;
     use equipoise_outlets::StationFile;
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    /// A station's folder, in which nobody else can read anything yet.
+    struct Folder(tempfile::TempDir);
+
+    impl Folder {
+        fn with(zenoh: &str) -> Folder {
+            let folder = Folder(tempfile::tempdir().expect("a folder"));
+            folder.put("zenoh.json5", zenoh, 0o600);
+            folder
+        }
+
+        fn path(&self, name: &str) -> String {
+            self.0.path().join(name).to_str().expect("plain characters").to_owned()
+        }
+
+        fn put(&self, name: &str, text: &str, mode: u32) {
+            std::fs::write(self.path(name), text).expect("a file");
+            std::fs::set_permissions(self.path(name), Permissions::from_mode(mode)).expect("its mode");
+        }
+
+        /// What Zenoh is told with its file and these keys.
+        fn settings(&self, keys: &str) -> anyhow::Result<Config> {
+            let station = format!("station = \"s\"\n[outlets.zenoh]\nfile = \"zenoh.json5\"\n{keys}\n");
+            self.put("station.toml", &station, 0o644);
+            let config = StationFile::read(Path::new(&self.path("station.toml")));
+            settings(&config.expect("readable").outlets.zenoh.expect("a section"))
+        }
+    }
 
     /// What Zenoh is told with this file and these keys.
     fn with_file(file: &str, keys: &str) -> Config {
-        let folder =
-            std::env::temp_dir().join(format!("equipoise-zenoh-{}-{}", std::process::id(), file.len()));
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(folder.join("zenoh.json5"), file).expect("a file");
-        let station = format!("station = \"s\"\n[outlets.zenoh]\nfile = \"zenoh.json5\"\n{keys}\n");
-        std::fs::write(folder.join("station.toml"), station).expect("a file");
-        let config = StationFile::read(&folder.join("station.toml")).map(|file| file.outlets.zenoh);
-        let settings = settings(&config.expect("readable").expect("a section"));
-        std::fs::remove_dir_all(&folder).expect("cleared away");
-        settings.expect("Zenoh understands it")
+        Folder::with(file).settings(keys).expect("Zenoh understands it")
+    }
+
+    #[test]
+    fn a_file_that_others_can_read_is_refused_for_it_may_hold_a_password() {
+        let folder = Folder::with("{ transport: { auth: { usrpwd: { user: \"u\", password: \"p\" } } } }");
+        let connect = "connect = [\"tcp/192.0.2.30:7447\"]";
+        assert!(folder.settings(connect).is_ok());
+        for mode in [0o644, 0o640, 0o602] {
+            let file = folder.path("zenoh.json5");
+            std::fs::set_permissions(&file, Permissions::from_mode(mode)).expect("its mode");
+            let refusal = format!("{:#}", folder.settings(connect).expect_err("it is refused"));
+            assert!(refusal.contains("outlets.zenoh.file"), "{refusal}");
+            assert!(refusal.contains(&format!("chmod 0600 {file}")), "{refusal}");
+        }
+    }
+
+    #[test]
+    fn keys_and_passwords_that_others_can_read_are_refused_wherever_they_are_named() {
+        let tls = |name: &str, path: &str| {
+            format!("{{ transport: {{ link: {{ tls: {{ {name}: {path:?} }} }} }} }}")
+        };
+        let auth = |name: &str, path: &str| format!("{{ transport: {{ auth: {{ {name}: {path:?} }} }} }} }}");
+        let at = |where_: &str, path: &str, of: &str| {
+            format!("{{ {where_}: {{ endpoints: {} }} }}", of.replace("PATH", path))
+        };
+        let endpoint =
+            "[\"tls/192.0.2.30:7447#root_ca_certificate_file=/no/ca;connect_private_key_file=PATH\"]";
+        let by_mode = "{ peer: [\"tls/192.0.2.17:7447#listen_private_key_file=PATH\"], router: [] }";
+        type File<'a> = &'a dyn Fn(&str) -> String;
+        let cases: [(&str, File<'_>); 6] = [
+            ("transport/link/tls/listen_private_key", &|path| tls("listen_private_key", path)),
+            ("transport/link/tls/connect_private_key", &|path| tls("connect_private_key", path)),
+            ("transport/auth/usrpwd/dictionary_file", &|path| auth("usrpwd: { dictionary_file", path)),
+            ("transport/auth/pubkey/private_key_file", &|path| auth("pubkey: { private_key_file", path)),
+            ("connect/endpoints, tls/192.0.2.30:7447, connect_private_key_file", &|path| {
+                at("connect", path, endpoint)
+            }),
+            ("listen/endpoints, tls/192.0.2.17:7447, listen_private_key_file", &|path| {
+                at("listen", path, by_mode)
+            }),
+        ];
+        for (named, file) in cases {
+            let folder = Folder::with("");
+            folder.put("zenoh.json5", &file(&folder.path("secret")), 0o600);
+            let missing = format!("{:#}", folder.settings("").expect_err("there is none"));
+            assert!(missing.contains(named) && missing.contains("cannot read"), "{missing}");
+            folder.put("secret", "s", 0o640);
+            let refusal = format!("{:#}", folder.settings("").expect_err("it is refused"));
+            assert!(refusal.contains(named) && refusal.contains("chmod 0600"), "{refusal}");
+            folder.put("secret", "s", 0o600);
+            assert!(folder.settings("").is_ok(), "{named}: nobody else can read it");
+        }
+        // Those of the section, too.
+        let folder = Folder::with("{}");
+        folder.put("secret", "s", 0o644);
+        let keys = format!("connect = {}", endpoint.replace("PATH", &folder.path("secret")));
+        let refusal = format!("{:#}", folder.settings(&keys).expect_err("it is refused"));
+        assert!(refusal.contains("connect_private_key_file"), "{refusal}");
     }
 
     #[test]

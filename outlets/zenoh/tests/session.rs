@@ -135,6 +135,7 @@ fn with_a_file_only_what_was_asked_for_listens() {
     std::fs::create_dir_all(&folder).unwrap();
     let file = folder.join("zenoh.json5");
     std::fs::write(&file, "{ transport: { link: { tx: { lease: 9000 } } } }").unwrap();
+    std::fs::set_permissions(&file, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
     let port = free_port();
     let outlet = ZenohOutlet::open("south", &ZenohConfig { file: Some(file), ..config(port) }).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
