@@ -403,7 +403,7 @@ def unexplained(browser, url):
 
 
 def levels(browser, url):
-    """A box that is easy to hold near and a medium load held out, and one that is too heavy to be held out."""
+    """Boxes that are easy to hold near, a medium load held out, high, and too heavy for that."""
     for level in ("green", "orange", "red", "above_max"):
         browser.open(url, LEVEL.format(level))
         seen = browser.look_until(lambda seen: seen["level"] == level and in_3d(seen), f"a joint whose level is {level}")

@@ -79,7 +79,7 @@ pub(super) struct Arguments {
 enum Does {
     /// Takes the poses of the library, to be identified
     Poses,
-    /// Picks up a box of 6 kg, shows it around and puts it down, then one of 11 kg, then one of 20 kg
+    /// Picks up a box of 6 kg, shows it around and puts it down, then others of 11, 14 and 20 kg
     Lifts,
     /// Stands at the corners of the plate and turns in its middle, for `equipoise register`
     Corners,
@@ -178,8 +178,8 @@ const CORNERS: [([f64; 2], f64); 7] = [
 ];
 /// A walk is announced so long before, s: a person leans before the first step.
 const AHEAD_S: f64 = 2.5;
-/// What is lifted, kg: a medium load, a high one, and one that is too much for an arm held out.
-const BOXES_KG: [f64; 3] = [6.0, 11.0, 20.0];
+/// What is lifted, kg: a medium load, two that are high as the worker holds them, and one that is too much for an arm held out.
+const BOXES_KG: [f64; 4] = [6.0, 11.0, 14.0, 20.0];
 /// Where weights are put, m.
 const WEIGHTS_M: [[f64; 2]; 4] = [[0.2, 0.15], [0.2, -0.15], [-0.2, -0.15], [-0.2, 0.15]];
 
