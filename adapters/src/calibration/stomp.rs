@@ -197,9 +197,13 @@ pub fn estimate(
         return Err(StompRefusal::TooMany { found: most });
     }
     let mut proposals_ns = Vec::with_capacity(hits.times_ns.len() * stops.times_ns.len());
+    // Farther apart than an offset can tell is as far as it can tell.
+    let offset_ns = |hit_ns: u64, stop_ns: u64| {
+        let apart_ns = i64::try_from(hit_ns.abs_diff(stop_ns)).unwrap_or(i64::MAX);
+        if hit_ns < stop_ns { -apart_ns } else { apart_ns }
+    };
     for hit_ns in &hits.times_ns {
-        proposals_ns
-            .extend(stops.times_ns.iter().map(|stop_ns| hit_ns.cast_signed() - stop_ns.cast_signed()));
+        proposals_ns.extend(stops.times_ns.iter().map(|stop_ns| offset_ns(*hit_ns, *stop_ns)));
     }
     let nearest_ns = proposals_ns.iter().map(|ns: &i64| ns.unsigned_abs()).min().unwrap_or(u64::MAX);
     proposals_ns.retain(|ns| ns.unsigned_abs() <= settings.offset_max_ns);

@@ -258,6 +258,9 @@ fn stomps_at_the_end_of_time_are_stomps_like_others() {
     let last = estimate(&plate, &feet, &settings()).unwrap();
     assert_eq!((last.stomps, last.plate_hits, last.foot_stops), (3, usual.plate_hits, usual.foot_stops));
     assert!((last.offset_ns - usual.offset_ns).abs() <= 1, "{last:?} {usual:?}");
+    // Clocks that are farther apart than an offset can tell.
+    let (_, feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
+    assert!(matches!(estimate(&plate, &feet, &settings()), Err(StompRefusal::TooFarApart { .. })));
     // A hit at the very last moment, and nothing after it.
     let times = [u64::MAX - 1_000_000, u64::MAX];
     let plate =

@@ -211,6 +211,13 @@ impl GroundDevice for LabAmp {
         self.last_ns = arrival_ns;
         let mut bytes = bytes;
         if let Phase::Channels(line) = &mut self.phase {
+            // A stream whose channels are not understood is given up, and what still comes of it is not its first line.
+            if self.over.is_some() {
+                if !bytes.is_empty() {
+                    taken.refuse(GroundRefusal::UnknownKind);
+                }
+                return;
+            }
             let end = bytes.iter().position(|byte| *byte == b'\n');
             let (own, rest) = bytes.split_at(end.unwrap_or(bytes.len()));
             line.extend_from_slice(own);

@@ -139,6 +139,15 @@ fn channels_that_are_not_there_or_in_no_unit_of_theirs_are_said_and_asked_for_ag
     let mut amp = direct(["Sensor-2", "Sensor-1"], None);
     amp.take(b"{\"result\": 3}\n", 0, &mut Taken::default());
     assert!(amp.trouble().unwrap().contains("result 3"));
+    // What still comes of a stream that was given up is not the first line of another.
+    let good = [opening(1000, &["Nm", "N"]), data(0, T0_NS, &[1.0, 2.0])].concat();
+    let mut taken = Taken::default();
+    amp.take(&good, 0, &mut taken);
+    assert!(amp.trouble().is_some() && taken.readings().count() == 0);
+    assert!(matches!(amp.wants(MS), Want::Reopen(_)));
+    amp.opened(MS);
+    amp.take(&good, MS, &mut taken);
+    assert_eq!((amp.trouble(), taken.refusals().count()), (None, 1));
 }
 
 #[test]
