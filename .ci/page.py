@@ -469,7 +469,9 @@ def commands(browser, url):
     browser.run("document.querySelector('.commands').scrollIntoView()")
     browser.shoot("engineer-commands")
     press(browser, "identify-start")
-    browser.look_until(lambda seen: seen["reply"].startswith("done: held poses"), "that learning goes on")
+    # Until the page has heard of it, the phase is that of who was learnt.
+    browser.look_until(lambda seen: seen["reply"].startswith("done: held poses") and seen["phase"] == "identifying",
+                       "that learning goes on")
 
 
 def main():
