@@ -157,6 +157,47 @@ fn the_simulated_person_does_not_know_the_estimator() {
     }
 }
 
+/// Formulas of the estimator that what is true must not be made of: each is a name of the core.
+const ESTIMATOR_FORMULAS: [&str; 12] = [
+    "Loading",
+    "FootLoads",
+    "FootReaction",
+    "foot_reactions",
+    "LoadPlace",
+    "UpperBody",
+    "LoadAtBack",
+    "Inertia",
+    "turning_shift_m",
+    "specific_force_m_per_s2",
+    "centre_of_mass",
+    "sigma_of_length",
+];
+/// Modules of the core that consist of such formulas.
+const ESTIMATOR_MODULES: [&str; 6] = ["kalman", "exposure", "motion", "anchor", "effect", "static_pose"];
+
+#[test]
+fn truth_is_made_of_no_formula_of_the_estimator() {
+    let judges = [("studies", "studies/src"), ("tests", "tests/soak"), ("daemon", "daemon/src/demo")];
+    let mut files = 0;
+    for (folder, under) in judges {
+        let found = crates().find(|found| found.folder == folder).unwrap();
+        for file in found.sources().into_iter().filter(|file| file.path.starts_with(under)) {
+            // One reads the estimator's own still window, the other the published lever of its model: questions, not answers.
+            let asks = ["poses.rs", "back.rs"].iter().any(|name| file.path.ends_with(name));
+            files += 1;
+            for (line, word) in file.words() {
+                let place = format!("{}:{line}", file.path.display());
+                assert!(!ESTIMATOR_FORMULAS.contains(&word.as_str()), "{place} uses {word} of the estimator");
+            }
+            for module in file.used_modules("equipoise_core") {
+                let allowed = asks || !ESTIMATOR_MODULES.contains(&module.as_str());
+                assert!(allowed, "{} uses equipoise_core::{module}", file.path.display());
+            }
+        }
+    }
+    assert!(files > 25, "only {files} files were read");
+}
+
 #[test]
 fn files_are_short_enough_to_read() {
     let mut too_long = Vec::new();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use equipoise_core::body::{Anthropometry, Joint, SEGMENTS, Segment, Side, Skeleton};
 use equipoise_core::frame::{self, Pose, StationWorld};
-use equipoise_core::overload::{self, Loading, LoadingSigma, Sharing, Swing};
+use equipoise_core::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 use equipoise_core::sesc::{self, Phi};
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -63,6 +63,8 @@ impl Reference {
         let body = Anthropometry {
             mass_fraction: self.segment_mass_kg.map(|mass_kg| mass_kg / self.mass_kg),
             com_m: self.segment_com_m,
+            // Φ has no hands' grips.
+            hand_length_m: 0.0,
         };
         Phi::of(&seen, &body)
     }
@@ -84,7 +86,8 @@ impl Case {
             delta_f_n,
             grip_m: Side::BOTH
                 .map(|side| Vector3::from(*self.hand_point_m.get(name(side)).unwrap_or(&[0.0; 3]))),
-            sharing: Sharing::of(of(&self.zeta), of(&self.eta)),
+            eta: of(&self.eta),
+            feet: FootLoads::Common { zeta: of(&self.zeta) },
             swing: Swing::NONE,
         }
     }

@@ -4,7 +4,7 @@
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
 use equipoise_core::frame::{Pose, StationWorld};
-use equipoise_core::overload::Loading;
+use equipoise_core::overload::{FootLoads, Loading};
 use equipoise_core::sesc::{PARAMETERS, Phi};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
@@ -93,14 +93,14 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading) -> [Vector3<f64>; J
     let delta_f = Vector3::new(0.0, 0.0, loading.delta_f_n);
     let ground = Vector3::new(0.0, 0.0, loading.vertical_n);
     let on_ground = |[x, y]: [f64; 2]| Vector3::new(x, y, 0.0);
+    let FootLoads::Common { zeta } = loading.feet else { panic!("Eq. 15 has common centres of pressure") };
     let mut sum = SVector::<f64, COLUMNS>::zeros();
     for (index, side) in Side::BOTH.into_iter().enumerate() {
         let hand = jacobian(pose, side.hand(), loading.grip_m[index]);
         let measured = jacobian(pose, side.foot(), on_ground(loading.cop_measured_m));
         let estimated = jacobian(pose, side.foot(), on_ground(loading.cop_estimated_m));
-        sum += hand.transpose() * delta_f * loading.sharing.eta[index];
-        sum -= (estimated.transpose() * delta_f + (measured - estimated).transpose() * ground)
-            * loading.sharing.zeta[index];
+        sum += hand.transpose() * delta_f * loading.eta[index];
+        sum -= (estimated.transpose() * delta_f + (measured - estimated).transpose() * ground) * zeta[index];
     }
     std::array::from_fn(|joint| sum.fixed_rows::<3>(3 * joint).into_owned())
 }

@@ -4,7 +4,8 @@ use bytemuck::Zeroable;
 use equipoise_core::body::{Anthropometry, Segment, Sex, Side, Skeleton};
 use equipoise_core::frame::{Pose, StationWorld, wxyz};
 use equipoise_core::message::{GroundSample, SuitSample};
-use equipoise_core::overload::{GRAVITY_M_PER_S2, Loading, LoadingSigma, Sharing, Swing};
+use equipoise_core::overload::sharing::project;
+use equipoise_core::overload::{FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::pose_suggestion::posture;
 use equipoise_core::sesc::{Phi, centre_of_mass};
@@ -85,16 +86,16 @@ impl Worker {
         let (vertical_n, grip_m) = (ground.force_n[2], self.grip_m(pose));
         let cop_measured_m = [-ground.moment_nm[1] / vertical_n, ground.moment_nm[0] / vertical_n];
         let cop_estimated_m = [centre.x, centre.y];
-        let sharing =
-            Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, LOAD_N, &grip_m)
-                .as_in_the_paper();
+        let ankle = [Segment::LeftFoot, Segment::RightFoot].map(|foot| pose.origin_of(foot).xy().into());
+        let (right, _) = project(cop_measured_m, ankle);
         let loading = Loading {
             cop_measured_m,
             cop_estimated_m,
             vertical_n,
             delta_f_n: LOAD_N,
             grip_m,
-            sharing,
+            eta: [0.5; 2],
+            feet: FootLoads::Common { zeta: [1.0 - right, right] },
             swing: Swing::NONE,
         };
         let sigma = LoadingSigma {

@@ -73,14 +73,15 @@ impl<M: Topic> Publisher<M> {
         sample.write_payload(*message).send().map_err(BusError::failed("send", &self.name))
     }
 
-    /// Hands the last message to subscribers that came since the last [`Publisher::send`].
+    /// Hands the last message to subscribers that came since the last [`Publisher::send`], and gives back the memory and
+    /// descriptors of those that went.
     ///
     /// Sending does the same; this is for a topic that is silent for long.
     ///
     /// # Errors
     /// A subscriber's connection cannot be made.
-    pub fn serve_late_subscribers(&self) -> Result<(), BusError> {
-        self.port.update_connections().map_err(BusError::failed("serve late subscribers", &self.name))
+    pub fn update_connections(&self) -> Result<(), BusError> {
+        self.port.update_connections().map_err(BusError::failed("update the subscribers", &self.name))
     }
 
     /// How many subscribers there are; one that was killed counts until it is cleaned up.

@@ -74,7 +74,7 @@ fn a_silent_writer_can_still_serve_a_late_reader() {
     let publisher = bus.publisher::<CycleRecord>().unwrap();
     publisher.send(&cycle(1)).unwrap();
     let mut late = bus.subscriber::<CycleRecord>(8).unwrap();
-    publisher.serve_late_subscribers().unwrap();
+    publisher.update_connections().unwrap();
     assert_eq!(late.receive().unwrap().unwrap().cycle, 1);
 }
 

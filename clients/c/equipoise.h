@@ -26,7 +26,7 @@ extern "C" {
 
 /* What a program is compiled with: fields of all structs, and all names and numbers. See equipoise_options. */
 #define EQUIPOISE_STATE_TYPE "equipoise/State/4"
-#define EQUIPOISE_LAYOUT UINT64_C(0x47220c40e103717d)
+#define EQUIPOISE_LAYOUT UINT64_C(0x5dfa51c8edef00fd)
 
 /* Reasons why values of a state must not be used: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
@@ -84,8 +84,8 @@ extern "C" {
 #define EQUIPOISE_SPOILS_LIFTED_MASS \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
-     EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED)
+     EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_MASS_UNKNOWN | \
+     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED)
 #define EQUIPOISE_SPOILS_BACK \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \

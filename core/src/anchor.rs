@@ -13,7 +13,7 @@ use crate::frame::{Pose, StationWorld, SuitWorld};
 /// 1-σ of a stance's place on the floor, m.
 pub const STANCE_SIGMA_M: f64 = 0.005;
 /// A foot this much higher than the lower one is in the air, m.
-const LIFTED_M: f64 = 0.04;
+pub const LIFTED_M: f64 = 0.04;
 /// A foot this far from where it stood, relative to the other, has been moved, m.
 const MOVED_M: f64 = 0.03;
 

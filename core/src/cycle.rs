@@ -86,11 +86,16 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     for sample in inputs.ground {
         // Off first: a tare may know of more than this device measures.
         let sample = memory.tare.off(sample).without_what_was_not_measured();
-        memory.alignment.push_ground(&sample, tick.due_ns);
+        if memory.alignment.push_ground(&sample, tick.due_ns) {
+            memory.skew.ingest_ground(&sample);
+        }
     }
     for sample in inputs.suit {
         let sample_time_ns = memory.terms.without_lag_ns(&settings.model, sample.sample_time_ns);
-        memory.alignment.push_suit(&SuitSample { sample_time_ns, ..*sample }, tick.due_ns);
+        let sample = SuitSample { sample_time_ns, ..*sample };
+        if memory.alignment.push_suit(&sample, tick.due_ns) {
+            memory.watch_the_skew(&sample, settings);
+        }
     }
     // Bounded: the queue holds a fixed number of samples.
     while let Some(aligned) = memory.alignment.next(tick.due_ns, memory.patience_ns(settings, tick)) {
@@ -114,7 +119,8 @@ impl Memory {
     ///
     /// A stream with a constant latency is that much older when it comes; that is no silence.
     fn patience_ns(&self, settings: &Settings, tick: Tick) -> u64 {
-        PATIENCE_NS + self.suit_latency_ns(settings, tick).max(settings.ground_latency_ns)
+        let latency_ns = self.suit_latency_ns(settings, tick).max(settings.ground_latency_ns);
+        PATIENCE_NS + latency_ns + self.alignment.ground_late_ns()
     }
 
     fn obey(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
@@ -275,6 +281,7 @@ fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     }
     if valid.any_of(Validity::SPOILS_TORQUES) {
         monitoring::blank_torques(state);
+        state.torque_limit_nm = *settings.limits.without_torque_nm();
         levels.forget();
     } else {
         monitoring::colour(state, settings, levels);

@@ -8,12 +8,13 @@ pub mod advice;
 pub mod back;
 pub mod dose;
 pub mod fatigue;
+pub mod held_peak;
 pub mod lift;
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::body::JOINTS;
-use crate::overload::{Levels, TorqueLimits};
+use crate::overload::Levels;
 use crate::time::{NS_PER_S, seconds};
 
 pub use advice::Advice;
@@ -35,7 +36,8 @@ pub enum Load {
     Known {
         /// Magnitude of each joint's overload, N m.
         torque_nm: [f64; JOINTS],
-        /// Moment of the load about L5/S1, N m; 0 if the force does not pull down.
+        /// Weight of the carried mass at rest times its horizontal distance from the hip joints, N m; 0 if the force does
+        /// not pull down.
         lift_moment_nm: f64,
         /// Whether a mass is carried, rather than the worker being held up or leaning.
         is_lift: bool,
@@ -89,18 +91,19 @@ impl Exposure {
         *self = Zeroable::zeroed();
     }
 
-    /// Advances to the suit sample of `sample_time_ns`; `load` is what acted since the sample before.
+    /// Advances to the suit sample of `sample_time_ns`; `load` is what acted since the sample before, `limit_nm` the limit
+    /// of each joint against it, N m.
     ///
     /// Over a gap longer than [`GAP_NS`], and when time does not advance, nothing is known: the fatigue stays as it
     /// is, and a lift under way ends with what was seen of it.
-    pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limits: &TorqueLimits) {
+    pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limit_nm: &[f64; JOINTS]) {
         let step_ns = match self.last_sample_ns {
             0 => 0,
             last_ns => sample_time_ns.saturating_sub(last_ns),
         };
         self.last_sample_ns = sample_time_ns;
         if (1..=GAP_NS).contains(&step_ns) {
-            self.fatigue.advance(load, limits, seconds(step_ns));
+            self.fatigue.advance(load, limit_nm, seconds(step_ns));
             self.dose.advance(load, seconds(step_ns));
         } else {
             self.dose.end_lift();
@@ -123,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_gap_adds_nothing_and_ends_the_lift() {
-        let limits = TorqueLimits::default();
+        let limits = [100.0; JOINTS];
         let mut exposure: Exposure = Zeroable::zeroed();
         for sample in 0..=100 {
             exposure.advance(NS_PER_S + sample * 10_000_000, &carrying(30.0), &limits);

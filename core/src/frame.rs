@@ -80,6 +80,15 @@ impl Pose<SuitWorld> {
     }
 }
 
+impl Pose<StationWorld> {
+    /// The same pose at another place, world x and y, m.
+    #[must_use]
+    pub fn displaced(&self, [x, y]: [f64; 2]) -> Pose<StationWorld> {
+        let by = Vector3::new(x, y, 0.0);
+        Pose::new(self.origin.map(|origin| origin + by), self.world_from_segment)
+    }
+}
+
 /// A unit quaternion from its message form, scalar first.
 pub fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
     Unit::new_unchecked(Quaternion::new(w, x, y, z))

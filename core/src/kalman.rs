@@ -137,6 +137,12 @@ impl Filter {
         self.dot(h, &self.times_covariance(h)).max(0.0)
     }
 
+    /// `h P hᵀ`, the covariance of `h θ` with a nuisance state, and that state's variance, m².
+    pub fn projected_with_nuisance_m2(&self, h: &[f64; STATES], nuisance: usize) -> [f64; 3] {
+        let (spread, own) = (self.times_covariance(h), self.count() + nuisance);
+        [self.dot(h, &spread).max(0.0), spread[own], self.covariance_m2[own][own]]
+    }
+
     /// `P hᵀ` were the nuisance states known: θ's part of `P_θθ h − P_θs P_ss⁻¹ P_sθ h`, m²; zero beyond `count`.
     ///
     /// What a stance's offset hides of θ cannot be learnt in that stance. This is the rest.

@@ -18,5 +18,5 @@ pub mod weights;
 pub use accelerations::Accelerations;
 pub use confidence::{Confidence, Envelope};
 pub use history::{History, Moment, Motion};
-pub use inertia::{Build, Inertia};
-pub use unloaded::Unloaded;
+pub use inertia::{Build, Inertia, UpperInertia};
+pub use unloaded::{ForceSigma, Load, Unloaded};

@@ -1,17 +1,28 @@
-//! Whether the worker holds still: the paper's double check on a window of 20 suit samples.
+//! Whether a pose is static: the paper's double check on a window of a third of a second.
 //!
-//! Still means that the centre of pressure and every joint angle hardly vary over the window (Fortini et al., §III-B);
-//! then the centre of pressure is the projection of the centre of mass. One pose is used once: the next must differ
-//! from it by more than [`Thresholds::leave_rad`] in some joint.
+//! Static means that the centre of pressure and every joint angle hardly vary over the window (Fortini et al., §III-B),
+//! and that the body is not accelerated: at the turning point of a movement angles hardly vary either. Then the centre of
+//! pressure is the projection of the centre of mass. One pose is used once: the next must differ from it by more than
+//! [`Thresholds::leave_rad`] in some joint.
 
 use bytemuck::{Pod, Zeroable};
+
+use nalgebra::Vector3;
 
 use crate::body::{JOINTS, SEGMENTS};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
+use crate::motion::weights::weights;
+use crate::overload::GRAVITY_M_PER_S2;
 
-/// Suit samples in the window (Fortini et al., §III-B).
+/// Most suit samples in the window: the paper's 20 (Fortini et al., §III-B).
 pub const WINDOW: usize = 20;
+/// The window in time: 20 samples of a suit at 60 Hz, from the first to the last, less 5 % for jitter, ns.
+const SPAN_NS: u64 = 300_800_000;
+/// Samples closer than this to the one before replace it, ns: 19 intervals fill the window at every rate.
+const SPACING_NS: u64 = SPAN_NS / (WINDOW as u64 - 1);
+/// A body accelerated by more than this share of gravity does not hold a pose: as much shear over the weight is a contact.
+const ACCELERATION_SHARE_MAX: f64 = 0.02;
 
 /// What counts as still.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +62,8 @@ pub struct Held {
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],
     /// `parent_from_segment`, scalar first, of one sign over the window.
     pub joint_wxyz: [[f64; 4]; JOINTS],
+    /// Mean of the segment origins, m: it moves about as the centre of mass does, and needs no masses.
+    pub middle_m: [f64; 3],
     /// Measured centre of pressure, m.
     pub cop_m: [f64; 2],
     /// Vertical ground reaction, N.
@@ -68,9 +81,11 @@ pub struct Stillness {
     pub cop_m: [f64; 2],
     /// Mean vertical ground reaction, N.
     pub vertical_n: f64,
+    /// Acceleration of the body's middle over the window, m/s².
+    pub acceleration_m_per_s2: f64,
 }
 
-/// The last [`WINDOW`] aligned samples of one stance, without gaps.
+/// Aligned samples of one stance over the last third of a second, without gaps; at most [`WINDOW`], thinned in time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Window {
@@ -93,6 +108,7 @@ impl Window {
         held.origin_m = pose.origin.map(Into::into);
         held.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
         held.joint_wxyz = pose.joint_rotations().map(|rotation| wxyz(&rotation));
+        held.middle_m = (pose.origin.iter().sum::<Vector3<f64>>() / SEGMENTS as f64).into();
         // q and −q are one rotation; a jump between them would look like motion.
         if let Some(last) = newest {
             for (now, before) in held.joint_wxyz.iter_mut().zip(last.joint_wxyz) {
@@ -101,9 +117,22 @@ impl Window {
                 }
             }
         }
+        // The newest sample is always in; the one before it stays if it is far enough from its predecessor.
+        let before = self.samples().nth(1);
+        let crowded = before
+            .zip(newest)
+            .is_some_and(|(before, last)| last.time_ns.saturating_sub(before.time_ns) < SPACING_NS);
+        if crowded {
+            self.next = (self.next + WINDOW as u64 - 1) % WINDOW as u64;
+            self.count -= 1;
+        }
         self.held[self.next as usize % WINDOW] = held;
         self.next = (self.next + 1) % WINDOW as u64;
         self.count = (self.count + 1).min(WINDOW as u64);
+        // The shortest run of samples that is a span long.
+        while self.count > 2 && self.length_ns(1) >= SPAN_NS {
+            self.count -= 1;
+        }
     }
 
     /// Forgets everything.
@@ -111,14 +140,28 @@ impl Window {
         self.count = 0;
     }
 
-    /// The samples of a full window, in no particular order; empty while it fills.
-    pub fn samples(&self) -> &[Held] {
-        if self.count as usize == WINDOW { &self.held } else { &[] }
+    /// The samples, the newest first.
+    pub fn samples(&self) -> impl Iterator<Item = &Held> + Clone {
+        (1..=self.count as usize).map(|back| &self.held[(self.next as usize + WINDOW - back) % WINDOW])
+    }
+
+    /// Whether the samples are a window long.
+    pub fn is_full(&self) -> bool {
+        self.length_ns(0) >= SPAN_NS
+    }
+
+    /// From the oldest sample, without the `less` oldest, to the newest, ns.
+    fn length_ns(&self, less: usize) -> u64 {
+        let oldest = (self.count as usize).checked_sub(less + 1).and_then(|back| self.samples().nth(back));
+        match (self.samples().next(), oldest) {
+            (Some(newest), Some(oldest)) => newest.time_ns.saturating_sub(oldest.time_ns),
+            _ => 0,
+        }
     }
 
     /// The newest sample.
     pub fn newest(&self) -> Option<Held> {
-        (self.count > 0).then(|| self.held[(self.next as usize + WINDOW - 1) % WINDOW])
+        self.samples().next().copied()
     }
 
     /// Whether indices and numbers are in range; a stored window is checked before use.
@@ -127,6 +170,7 @@ impl Window {
             && self.count <= WINDOW as u64
             && self.held.iter().all(|held| {
                 held.vertical_n.is_finite()
+                    && held.middle_m.iter().all(|value| value.is_finite())
                     && held.cop_m.iter().all(|value| value.is_finite())
                     && held.origin_m.iter().flatten().all(|value| value.is_finite())
                     && held.orientation_wxyz.iter().flatten().all(|value| value.is_finite())
@@ -136,25 +180,40 @@ impl Window {
 
     /// How still the window is; `None` while it fills.
     pub fn stillness(&self) -> Option<Stillness> {
-        let samples = self.samples();
-        if samples.is_empty() {
+        if !self.is_full() {
             return None;
         }
+        let samples = self.samples();
         let mut joint_rad = 0.0_f64;
         for joint in 0..JOINTS {
             let spread: f64 =
-                (0..4).map(|part| moments(samples.iter().map(|held| held.joint_wxyz[joint][part])).1).sum();
+                (0..4).map(|part| moments(samples.clone().map(|held| held.joint_wxyz[joint][part])).1).sum();
             // A small rotation by ω changes the quaternion by |ω|/2.
             joint_rad = joint_rad.max(2.0 * math::sqrt(spread));
         }
-        let [x, y] = [0, 1].map(|axis| moments(samples.iter().map(|held| held.cop_m[axis])));
-        let (vertical_n, _) = moments(samples.iter().map(|held| held.vertical_n));
+        let [x, y] = [0, 1].map(|axis| moments(samples.clone().map(|held| held.cop_m[axis])));
+        let (vertical_n, _) = moments(samples.map(|held| held.vertical_n));
         Some(Stillness {
             joint_rad,
             cop_sigma_m: [math::sqrt(x.1), math::sqrt(y.1)],
             cop_m: [x.0, y.0],
             vertical_n,
+            acceleration_m_per_s2: self.acceleration_m_per_s2(),
         })
+    }
+
+    /// Acceleration of the body's middle, m/s²: the parabola of least squares through the window's samples.
+    fn acceleration_m_per_s2(&self) -> f64 {
+        let (Some(newest), mut times_s) = (self.samples().next(), [0.0; WINDOW]) else { return 0.0 };
+        let half_s = 0.5e-9 * self.length_ns(0) as f64;
+        for (time_s, held) in times_s.iter_mut().zip(self.samples()) {
+            *time_s = half_s - newest.time_ns.saturating_sub(held.time_ns) as f64 * 1e-9;
+        }
+        let Some(weights) = weights(&times_s[..self.count as usize]) else { return 0.0 };
+        let sum = self.samples().zip(weights.second).fold(Vector3::zeros(), |sum, (held, weight)| {
+            sum + weight * (Vector3::from(held.middle_m) - Vector3::from(newest.middle_m))
+        });
+        sum.norm()
     }
 }
 
@@ -168,6 +227,7 @@ impl Stillness {
     pub fn is_within(&self, thresholds: &Thresholds, factor: f64) -> bool {
         self.joint_rad < factor * thresholds.joint_rad
             && self.cop_sigma_m.iter().all(|sigma| *sigma < factor * thresholds.cop_m)
+            && self.acceleration_m_per_s2 < factor * ACCELERATION_SHARE_MAX * GRAVITY_M_PER_S2
     }
 }
 
@@ -190,14 +250,16 @@ fn joint_angles(a: &[[f64; 4]; JOINTS], b: &[[f64; 4]; JOINTS]) -> impl Iterator
 
 /// Mean and variance.
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let mean = values.clone().sum::<f64>() / WINDOW as f64;
-    (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / WINDOW as f64)
+    let count = values.clone().count().max(1) as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / count)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{UnitQuaternion, Vector3};
+    use crate::body::Segment;
+    use nalgebra::UnitQuaternion;
 
     const PERIOD_NS: u64 = 16_666_667;
 
@@ -226,8 +288,67 @@ mod tests {
         let mut window = empty();
         fill(&mut window, 19, |_| 0.3, |_| 0.1);
         assert_eq!(window.stillness(), None);
+        let mut window = empty();
         fill(&mut window, 20, |_| 0.3, |_| 0.1);
         assert!(window.stillness().unwrap().is_still(&Thresholds::default()));
+    }
+
+    /// A squat through its lowest point, `middle` of the time, by a suit of that rate: whether any window is static.
+    fn is_static_somewhere(rate_hz: f64, path: impl Fn(f64) -> f64, seconds: f64) -> bool {
+        let (mut window, mut any) = (empty(), false);
+        let period_ns = (1e9 / rate_hz) as u64;
+        for index in 0..(seconds * rate_hz) as u64 {
+            let depth = path(index as f64 / rate_hz);
+            let knee = UnitQuaternion::from_scaled_axis(Vector3::y() * (1.6 * depth));
+            let mut rotation = [UnitQuaternion::identity(); SEGMENTS];
+            let mut origin = [Vector3::new(0.0, 0.0, 0.95 - 0.35 * depth); SEGMENTS];
+            for leg in [Segment::RightLowerLeg, Segment::LeftLowerLeg] {
+                rotation[leg.index()] = knee;
+                origin[leg.index()].z = 0.5 - 0.1 * depth;
+            }
+            for foot in [Segment::RightFoot, Segment::LeftFoot, Segment::RightToe, Segment::LeftToe] {
+                origin[foot.index()].z = 0.05;
+            }
+            let held = Held {
+                time_ns: (index as f64 / rate_hz * 1e9) as u64,
+                cop_m: [0.02 * depth, 0.0],
+                vertical_n: 700.0,
+                ..Zeroable::zeroed()
+            };
+            window.push(&Pose::new(origin, rotation), held, period_ns);
+            assert!(window.is_sound() && window.samples().count() <= WINDOW);
+            any |= window.stillness().is_some_and(|stillness| stillness.is_still(&Thresholds::default()));
+        }
+        any
+    }
+
+    #[test]
+    fn the_turning_point_of_a_squat_is_not_static_at_any_rate_and_a_hold_of_a_second_is() {
+        for rate_hz in [240.0, 120.0, 100.0, 60.0, 30.0] {
+            for phase_s in [1.0, 1.5, 2.0] {
+                let middle = |time_s: f64| (time_s / (2.0 * phase_s)).clamp(0.0, 1.0);
+                // From the middle of the way down to the middle of the way up.
+                let inner = |time_s: f64| middle(time_s + 0.5 * phase_s);
+                let sine = |time_s: f64| (core::f64::consts::PI * inner(time_s)).sin().powi(2);
+                let jerk = |time_s: f64| (4.0 * inner(time_s) * (1.0 - inner(time_s))).powi(3);
+                assert!(!is_static_somewhere(rate_hz, sine, phase_s), "{rate_hz} Hz, {phase_s} s");
+                assert!(!is_static_somewhere(rate_hz, jerk, phase_s), "{rate_hz} Hz, {phase_s} s");
+            }
+            assert!(is_static_somewhere(rate_hz, |_| 1.0, 1.0), "{rate_hz} Hz");
+        }
+    }
+
+    #[test]
+    fn a_window_lasts_as_long_at_every_rate() {
+        for (rate_hz, longest_s) in [(240.0, 0.32), (100.0, 0.33), (60.0, 0.32), (30.0, 0.34)] {
+            let first_s = (1..100)
+                .map(|samples| f64::from(samples) / rate_hz)
+                .find(|seconds| is_static_somewhere(rate_hz, |_| 1.0, *seconds + 1e-9));
+            assert!(
+                first_s.is_some_and(|seconds| (0.3..longest_s + 1.0 / rate_hz).contains(&seconds)),
+                "{rate_hz}: {first_s:?}"
+            );
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ pub mod clock_fit;
 pub mod skew;
 
 pub use clock_fit::{ClockFit, Estimate};
-pub use skew::SkewEstimator;
+pub use skew::{Skew, SkewEstimator};
 
 /// Nanoseconds in a second.
 pub const NS_PER_S: u64 = 1_000_000_000;

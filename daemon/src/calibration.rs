@@ -3,4 +3,5 @@
 
 pub mod config_file;
 pub mod latency;
+pub mod load_check;
 pub mod standing;

@@ -183,7 +183,7 @@ mod tests {
         };
         assert_eq!(
             how_it_stopped(Some(&state), &settings),
-            "stopped after 4 poses: predicted CoP σ 6.1 mm (the rule asks 2.5 mm)"
+            "stopped after 4 poses: predicted CoP σ 6.1 mm (the rule asks 1.5 mm)"
         );
         settings.stop = StopRule::Paper { variance_m2: 0.002 };
         let said = how_it_stopped(Some(&State { poses_used: 1, ..state }), &settings);

@@ -74,7 +74,7 @@ impl Egress {
                 self.publish_checkpoint(checkpoint)?;
             }
             if self.last_checkpoint_service.elapsed() > Duration::from_secs(1) {
-                self.checkpoint.serve_late_subscribers()?;
+                self.checkpoint.update_connections()?;
                 self.last_checkpoint_service = Instant::now();
             }
             if ended {

@@ -65,7 +65,8 @@ pub struct Compared {
 impl Reconcile<'_> {
     /// The cycle's settings, with the effects that are known; nothing is learnt but where this says so.
     fn settings(&self) -> Settings {
-        Settings { passive: false, ..self.config.settings() }
+        // A lag is named as an effect, so it must not be corrected before.
+        Settings { passive: false, align_streams: false, ..self.config.settings() }
     }
 
     /// Surveys, learns, compares.

@@ -131,7 +131,7 @@ impl Tap {
         };
         let header = RecordingHeader {
             subject_toml: profile_of(&facts),
-            config_toml: config_of(&facts)?,
+            config_toml: recorded_config(&facts)?,
             software_version: facts.version,
             started_unix_ns: unix_ns(),
             started_monotonic_ns: now_ns(),
@@ -204,18 +204,13 @@ fn profile_of(facts: &Status) -> String {
     text.unwrap_or_default()
 }
 
-/// The configuration with which a file begins. Once the configured worker is forgotten it is nobody's, not theirs.
-fn config_of(facts: &Status) -> anyhow::Result<String> {
+/// The daemon's configuration for recordings, without a subject's identity once the configured subject was deleted.
+fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
     if facts.subject.is_empty() {
         config.subject.id = NOBODY.to_owned();
     }
     Ok(config.to_toml())
-}
-
-/// The daemon's configuration as recordings keep it.
-fn recorded_config(config_toml: &str) -> anyhow::Result<String> {
-    Ok(Config::parse(config_toml, "the daemon's configuration")?.without_paths().to_toml())
 }
 
 fn unix_ns() -> u64 {
@@ -248,8 +243,7 @@ impl Sink {
         let number = record.command_argument[0] as u64;
         if let Some(facts) = status::read(&self.station).filter(|facts| facts.reload == number && number > 0)
         {
-            let reloaded =
-                Reloaded { config_toml: recorded_config(&facts.config_toml)?, model_toml: facts.model_toml };
+            let reloaded = Reloaded { config_toml: recorded_config(&facts)?, model_toml: facts.model_toml };
             self.recorder.add_reload(record.due_ns, number, &reloaded)?;
         }
         Ok(())

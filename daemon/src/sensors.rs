@@ -106,6 +106,9 @@ pub fn run_suit(
             wake.notify(Event::NewSuit)?;
         }
         if health.tell_if_due(|| source.health())? {
+            // Subscribers also leave while the suit is silent.
+            samples.update_connections()?;
+            build.update_connections()?;
             others.tell(|avatar| source.health_of(avatar));
             others.tell_builds(|avatar| source.assembler(avatar)?.body());
         }
@@ -158,7 +161,9 @@ pub fn run_ground(
             trouble(now.as_deref());
             told = now;
         }
-        health.tell_if_due(|| source.health())?;
+        if health.tell_if_due(|| source.health())? {
+            publisher.update_connections()?;
+        }
     }
     Ok(())
 }

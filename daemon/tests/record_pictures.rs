@@ -147,7 +147,7 @@ fn files(directory: &Path) -> Vec<PathBuf> {
 #[test]
 fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     let recording =
-        "[recording]\ndirectory = \"kept\"\nfile_max_mib = 1\ntotal_max_mib = 2\nfree_min_mib = 1\n";
+        "[recording]\ndirectory = \"kept\"\nfile_max_mib = 2\ntotal_max_mib = 5\nfree_min_mib = 1\n";
     let (_simulation, station, text) = station(recording);
     let kept = station.file("kept");
     std::fs::create_dir(&kept).unwrap();

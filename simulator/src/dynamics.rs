@@ -1,6 +1,6 @@
 //! Newton and Euler over all segments and the box: what the ground must do for the body to move as it does.
 
-use equipoise_core::body::SEGMENTS;
+use equipoise_core::body::Segment;
 use nalgebra::{Vector2, Vector3};
 
 use crate::GRAVITY_M_PER_S2;
@@ -31,8 +31,18 @@ impl Wrench {
 /// What the ground does to the person, from three states `step_s` apart: the rates of the momenta, less gravity.
 ///
 /// Each segment's angular momentum is taken at the half steps, where its angular velocity is the rotation of one step.
-/// The box is a point at the middle of the grips; while it is grasped the hands carry a growing share of it.
-pub fn ground_reaction(person: &Person, [before, now, after]: &[BodyState; 3], step_s: f64) -> Wrench {
+/// The box is a point ([`BodyState::load_m`]); while it is grasped the hands carry a growing share of it.
+pub fn ground_reaction(person: &Person, around: &[BodyState; 3], step_s: f64) -> Wrench {
+    external_wrench(person, around, step_s, |_| true)
+}
+
+/// What the rest of the world does to the wanted segments together with the box, as [`ground_reaction`] for all of them.
+pub(crate) fn external_wrench(
+    person: &Person,
+    [before, now, after]: &[BodyState; 3],
+    step_s: f64,
+    wanted: impl Fn(Segment) -> bool,
+) -> Wrench {
     let mut wrench = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
     let mut carry = |mass_kg: f64, past: Vector3<f64>, here: Vector3<f64>, next: Vector3<f64>| {
         let acceleration = (next - here * 2.0 + past) / (step_s * step_s);
@@ -40,11 +50,12 @@ pub fn ground_reaction(person: &Person, [before, now, after]: &[BodyState; 3], s
         wrench.force_n += force;
         wrench.moment_nm += here.cross(&force);
     };
-    for i in 0..SEGMENTS {
+    let wanted: Vec<usize> = Segment::ALL.into_iter().filter(|s| wanted(*s)).map(Segment::index).collect();
+    for &i in &wanted {
         carry(person.segment_mass_kg[i], before.com_m[i], now.com_m[i], after.com_m[i]);
     }
     carry(now.load_kg, before.load_m(), now.load_m(), after.load_m());
-    for i in 0..SEGMENTS {
+    for i in wanted {
         let spin = |from: &BodyState, to: &BodyState| spin_nms(person, i, from, to, step_s);
         wrench.moment_nm += (spin(now, after) - spin(before, now)) / step_s;
     }
@@ -62,6 +73,7 @@ fn spin_nms(person: &Person, i: usize, from: &BodyState, to: &BodyState, step_s:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use equipoise_core::body::SEGMENTS;
     use nalgebra::UnitQuaternion;
 
     /// A body that flies: its centre falls freely, every segment turns with it as one rigid whole about that centre.
@@ -80,6 +92,10 @@ mod tests {
             grip_m: [fall; 2],
             load_kg: 0.0,
             right_hand_share: 0.5,
+            load_ahead_m: Vector3::zeros(),
+            squeeze_n: Vector3::zeros(),
+            foot_press_m: [Vector2::zeros(); 2],
+            foot_stands: [true; 2],
         }
     }
 

@@ -14,12 +14,20 @@ pub fn origins_m(
     pelvis_m: Vector3<f64>,
     world_from_segment: &Rotations,
 ) -> [Vector3<f64>; SEGMENTS] {
+    chain_m(&person.offset_m, pelvis_m, world_from_segment)
+}
+
+/// The same for given bones: each segment's origin from its parent's, parent's axes, m.
+pub fn chain_m(
+    bone_m: &[Vector3<f64>; SEGMENTS],
+    pelvis_m: Vector3<f64>,
+    world_from_segment: &Rotations,
+) -> [Vector3<f64>; SEGMENTS] {
     let mut origin_m = [pelvis_m; SEGMENTS];
     for segment in Segment::ALL {
         if let Some(parent) = segment.parent() {
-            let offset = person.offset_m[segment.index()];
             origin_m[segment.index()] =
-                origin_m[parent.index()] + world_from_segment[parent.index()] * offset;
+                origin_m[parent.index()] + world_from_segment[parent.index()] * bone_m[segment.index()];
         }
     }
     origin_m

@@ -1,7 +1,7 @@
 //! A person who does not exist, on the real wires, with physics of its own.
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] → [`dynamics`] → [`truth`] →
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] → [`realism`], [`dynamics`] → [`truth`] →
 //! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wires`] → [`wire`], [`plate`] →
 //! [`suit_sender`], [`plate_server`] (through [`faults`]), [`device`] → [`devices`] → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
@@ -32,6 +32,7 @@ pub mod plate_server;
 pub mod player;
 pub mod pose;
 pub mod random;
+pub mod realism;
 pub mod repertoire;
 pub mod scene;
 pub mod schedule;

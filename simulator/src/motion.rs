@@ -6,6 +6,7 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
+use crate::GRAVITY_M_PER_S2;
 use crate::balance::{Standing, grips_m};
 use crate::dynamics::{Wrench, ground_reaction};
 use crate::intention::Intention;
@@ -25,6 +26,10 @@ pub(crate) const DIFFERENCE_S: f64 = 0.002;
 const GRASP_S: f64 = 0.3;
 /// The body leans against a new load more slowly than the load comes, s.
 const LEAN_S: f64 = 1.2;
+/// How fast the place changes at which a foot presses: from minutes of standing to a few poses of work, Hz.
+const PRESS_HZ: [f64; 2] = [0.01, 0.3];
+/// A foot whose ankle is so much higher than in standing is in the air, m.
+const LIFTED_M: f64 = 0.002;
 
 /// What a living person does besides what is asked. All zero is a statue.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +48,15 @@ pub struct Habits {
     pub balance_error_m: f64,
     /// How much of a box the right hand carries, in [0, 1].
     pub right_hand_share: f64,
+    /// Standard deviation of where each foot presses, from the line that is common to both, forward and sideways in the
+    /// foot's axes, m. It changes slowly, and independently under both feet.
+    pub foot_press_m: [f64; 2],
+    /// Where each hand grips, from the person's average place, hand's axes (left; the right mirrors Y), m.
+    pub grip_off_m: [[f64; 3]; 2],
+    /// Horizontal distance of a box's centre beyond the line between the grips, away from the body, m.
+    pub load_ahead_m: f64,
+    /// Force with which each hand presses a box between both, as a share of its weight.
+    pub squeeze_share: f64,
 }
 
 impl Habits {
@@ -55,6 +69,10 @@ impl Habits {
         pose_error_rad: 0.05,
         balance_error_m: 0.008,
         right_hand_share: 0.5,
+        foot_press_m: [0.0; 2],
+        grip_off_m: [[0.0; 3]; 2],
+        load_ahead_m: 0.0,
+        squeeze_share: 0.0,
     };
     /// A statue that takes poses exactly.
     pub const NONE: Habits = Habits {
@@ -64,7 +82,7 @@ impl Habits {
         sway_rad: 0.0,
         pose_error_rad: 0.0,
         balance_error_m: 0.0,
-        right_hand_share: 0.5,
+        ..Habits::ORDINARY
     };
 }
 
@@ -85,6 +103,14 @@ pub struct BodyState {
     pub load_kg: f64,
     /// How much of it the right hand carries, in [0, 1].
     pub right_hand_share: f64,
+    /// From the line between the grips to the box's centre, m.
+    pub load_ahead_m: Vector3<f64>,
+    /// Force of the box on the left hand by being pressed between both, N; its opposite is on the right hand.
+    pub squeeze_n: Vector3<f64>,
+    /// Where the left and the right foot press, from the line that is common to both, m ([`Habits::foot_press_m`]).
+    pub foot_press_m: [Vector2<f64>; 2],
+    /// Which feet are on the floor: left, right.
+    pub foot_stands: [bool; 2],
 }
 
 impl BodyState {
@@ -93,10 +119,16 @@ impl BodyState {
         [1.0 - self.right_hand_share, self.right_hand_share]
     }
 
-    /// The box's centre, m: between the grips, nearer to the hand that carries more.
+    /// The box's centre, m: ahead of the line between the grips, nearer to the hand that carries more.
     pub fn load_m(&self) -> Vector3<f64> {
         let [left, right] = self.hand_share();
-        self.grip_m[0] * left + self.grip_m[1] * right
+        self.grip_m[0] * left + self.grip_m[1] * right + self.load_ahead_m
+    }
+
+    /// Where each hand's share of the box's weight acts, left and right, m: a rigid box passes on to each hand its share of
+    /// the couple that its centre, ahead of the grips, makes.
+    pub fn load_on_hand_m(&self) -> [Vector3<f64>; 2] {
+        self.grip_m.map(|grip_m| grip_m + self.load_ahead_m)
     }
 }
 
@@ -121,6 +153,8 @@ pub struct Worker {
     walk: Walk,
     deviation: Random,
     sway: [Wander; 4],
+    /// Of each foot, forward and sideways.
+    foot_press: [[Wander; 2]; 2],
 }
 
 impl Worker {
@@ -130,12 +164,19 @@ impl Worker {
     }
 
     /// The same, with other habits.
-    pub fn with_habits(person: Person, seed: u64, habits: Habits) -> Worker {
+    pub fn with_habits(mut person: Person, seed: u64, habits: Habits) -> Worker {
+        for ((grip_m, [x, y, z]), side) in person.grip_m.iter_mut().zip(habits.grip_off_m).zip([1.0, -1.0]) {
+            *grip_m += Vector3::new(x, side * y, z);
+        }
         let stance = Stance::shoulder_wide(&person);
         let mut random = Random::new(seed, "sway");
         let [forward, aside] = habits.sway_m;
         let sway = [forward, aside, habits.sway_rad, habits.sway_rad]
             .map(|sigma| Wander::new(&mut random, sigma, 0.03, 1.0));
+        let mut random = Random::new(seed, "foot press");
+        let foot_press = std::array::from_fn(|_| {
+            habits.foot_press_m.map(|sigma_m| Wander::new(&mut random, sigma_m, PRESS_HZ[0], PRESS_HZ[1]))
+        });
         let aim = Aim { pose: Intention::STAND.pose(), balance_m: usual_balance_m(&person, &stance) };
         let walk = Walk::new(&person, &stance);
         Worker {
@@ -150,6 +191,7 @@ impl Worker {
             walk,
             deviation: Random::new(seed, "deviation from the pose"),
             sway,
+            foot_press,
         }
     }
 
@@ -192,7 +234,7 @@ impl Worker {
         self.follow(intention.pose(), at_s, over_s);
     }
 
-    /// Grasps a box of that mass at `at_s`; its centre is the middle between the hands from then on.
+    /// Grasps a box of that mass at `at_s`; where its centre is, [`BodyState::load_m`] says.
     pub fn lift(&mut self, mass_kg: f64, at_s: f64) {
         self.load_kg.push(mass_kg, at_s, GRASP_S);
         self.expected_load_kg.push(mass_kg, at_s, LEAN_S);
@@ -281,14 +323,28 @@ impl Worker {
             load_kg: self.expected_load_kg.at(time_s, mix),
         };
         let body = standing.balance(&aim.pose, aim.balance_m + sway_m);
+        let grip_m = grips_m(&self.person, &body.origin_m, &body.world_from_segment);
+        let load_kg = self.load_kg.at(time_s, mix);
+        let apart = grip_m[0] - grip_m[1];
+        // Away from the body: at a right angle to the line between the hands.
+        let ahead = apart.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
+        let squeeze_n = self.habits.squeeze_share * load_kg * GRAVITY_M_PER_S2;
+        let foot_press_m = std::array::from_fn(|k| {
+            let [forward, aside] = [0, 1].map(|axis: usize| self.foot_press[k][axis].at(time_s));
+            (stance.world_from_foot[k] * Vector3::new(forward, aside, 0.0)).xy()
+        });
         BodyState {
             time_s,
             origin_m: body.origin_m,
             world_from_segment: body.world_from_segment,
             com_m: body.com_m,
-            grip_m: grips_m(&self.person, &body.origin_m, &body.world_from_segment),
-            load_kg: self.load_kg.at(time_s, mix),
+            grip_m,
+            load_kg,
             right_hand_share: self.habits.right_hand_share,
+            load_ahead_m: ahead * self.habits.load_ahead_m,
+            squeeze_n: apart.try_normalize(1e-6).unwrap_or_else(Vector3::zeros) * squeeze_n,
+            foot_press_m,
+            foot_stands: stance.ankle_m.map(|ankle_m| ankle_m.z < self.person.ankle_height_m + LIFTED_M),
         }
     }
 

@@ -118,12 +118,12 @@ pub const REPERTOIRE: &[(&str, Intention)] = &[
 
 /// A box lifted from a table: reach for it, hold it close, stretch it out, raise it, set it back.
 pub const LIFTING: [Intention; 5] = {
-    let reach = Intention { pelvis_drop: 0.04, ..lean(15.0, 15.0).arms(arm(50.0, 85.0, 30.0, 25.0)) };
+    let reach = Intention { pelvis_drop: 0.04, ..lean(15.0, 15.0).arms(arm(50.0, 85.0, 63.0, 25.0)) };
     [
         reach,
-        S.arms(arm(20.0, 80.0, 40.0, 85.0)),
-        S.arms(arm(75.0, 85.0, 40.0, 15.0)),
-        S.arms(arm(125.0, 85.0, 40.0, 20.0)),
+        S.arms(arm(20.0, 80.0, 76.0, 85.0)),
+        S.arms(arm(75.0, 85.0, 42.0, 15.0)),
+        S.arms(arm(125.0, 85.0, 65.0, 20.0)),
         reach,
     ]
 };
@@ -131,7 +131,7 @@ pub const LIFTING: [Intention; 5] = {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::balance::Standing;
+    use crate::balance::{Standing, grips_m};
     use crate::limits;
     use crate::person::Person;
     use crate::stance::Stance;
@@ -146,6 +146,21 @@ mod tests {
             for (name, intention) in REPERTOIRE {
                 let body = standing.balance(&intention.pose(), target);
                 assert_eq!(limits::check(&body), Ok(()), "{name}, {height_m} m");
+            }
+        }
+    }
+
+    #[test]
+    fn hands_hold_a_box_as_wide_as_boxes_are() {
+        for (height_m, mass_kg) in [(1.60, 50.0), (1.77, 72.0), (1.95, 105.0)] {
+            let person = Person::nominal(height_m, mass_kg);
+            let stance = Stance::shoulder_wide(&person);
+            let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg: 0.0 };
+            for intention in LIFTING {
+                let body = standing.balance(&intention.pose(), stance.between_the_feet_m(0.025 * height_m));
+                let [left, right] = grips_m(&person, &body.origin_m, &body.world_from_segment);
+                let apart_m = (left - right).norm();
+                assert!((0.30..0.45).contains(&apart_m), "{apart_m} m apart, {height_m} m, {intention:?}");
             }
         }
     }

@@ -6,6 +6,7 @@ use crate::faults::Faults;
 use crate::motion::Habits;
 use crate::noise::{PlateNoise, SuitNoise};
 use crate::plate::Plate;
+use crate::realism::Realism;
 use crate::suit_sender::{Streams, SuitWorld};
 use crate::wires;
 
@@ -80,14 +81,15 @@ pub struct SecondPlateSettings {
 }
 
 impl Default for SimulationSettings {
-    /// An ordinary person of 1.77 m and 72 kg in an ordinary suit on a good plate, on loopback and default ports.
+    /// A person of 1.77 m and 72 kg with realistic contacts and soft tissue ([`Realism::REALISTIC`]) in an ordinary suit on a
+    /// good plate, on loopback and default ports.
     fn default() -> SimulationSettings {
         let loopback = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
         SimulationSettings {
             seed: 1,
             height_m: 1.77,
             mass_kg: 72.0,
-            habits: Habits::ORDINARY,
+            habits: Realism::REALISTIC.habits(1),
             suit: SuitSettings {
                 target: loopback(wires::mvn::DEFAULT_PORT),
                 tcp: false,
@@ -96,7 +98,7 @@ impl Default for SimulationSettings {
                 latency_s: 0.0,
                 world: SuitWorld::default(),
                 streams: Streams::default(),
-                noise: SuitNoise::ORDINARY,
+                noise: Realism::REALISTIC.suit_noise(),
                 faults: Faults::default(),
             },
             plate: PlateSettings {

@@ -5,6 +5,7 @@
 //! directly: every force beyond the joint times its arm. The sign is that of `τ = g(q) − Σ Jᵀ f`: a weight in
 //! the hand asks for `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
 
+pub mod back;
 pub mod in_motion;
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
@@ -14,6 +15,7 @@ use crate::GRAVITY_M_PER_S2;
 use crate::dynamics::{Wrench, ground_reaction};
 use crate::kinematics::centre_m;
 use crate::motion::{BodyState, DIFFERENCE_S, Worker};
+use back::BackLoad;
 use in_motion::Difference;
 
 /// A force on a segment.
@@ -25,15 +27,6 @@ pub struct Force {
     pub at_m: Vector3<f64>,
     /// The force, world, N.
     pub force_n: Vector3<f64>,
-}
-
-/// Where the ground's force on each foot is thought to act. It matters to the joints of the legs only.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FootContact {
-    /// Under each foot: as far in front of the ankle as the centre of pressure is in front of the ankles' line.
-    UnderEachFoot,
-    /// Both feet's shares at the common centre of pressure, as Fortini et al. 2020 have it (Eq. 12–15).
-    AtCentreOfPressure,
 }
 
 /// The truth at one time. World: X forward, Y left, Z up, the floor at 0.
@@ -65,15 +58,13 @@ pub struct Truth {
     pub load_m: Vector3<f64>,
     /// Share of the left and the right foot without and with the load.
     pub foot_share: [[f64; 2]; 2],
+    /// Force and moment of the pelvis on everything above L5/S1, the box included.
+    pub back: BackLoad,
     /// Static overload torque per joint, world axes, N m; the ground acts under each foot.
     pub overload_nm: [Vector3<f64>; JOINTS],
-    /// The same with both feet's forces at the common centre of pressure; differs in the legs.
-    pub overload_at_cop_nm: [Vector3<f64>; JOINTS],
     /// Overload torque with all inertia, world axes, N m: the torques of this motion with the box less those of the
-    /// same motion without it; the ground acts at the common centre of pressure of each.
+    /// same motion without it; the ground acts under each foot.
     pub overload_in_motion_nm: [Vector3<f64>; JOINTS],
-    /// The same with the ground under each foot; differs in the legs.
-    pub overload_in_motion_under_feet_nm: [Vector3<f64>; JOINTS],
 }
 
 impl Truth {
@@ -83,6 +74,7 @@ impl Truth {
         let mut around = worker.around(time_s);
         let body = around[1].clone();
         let ground = ground_reaction(person, &around, DIFFERENCE_S);
+        let back = BackLoad::of_states(person, &around, Vector3::zeros());
         around[1].load_kg = 0.0;
         let ground_without_load = ground_reaction(person, &around, DIFFERENCE_S);
         let com_m = centre_m(&person.segment_mass_kg, &body.com_m);
@@ -92,22 +84,24 @@ impl Truth {
         let with_load_m = (com_m.xy() * body_n + load_m.xy() * load_n) / (body_n + load_n);
         let down = -Vector3::z();
         let hand_share = body.hand_share();
-        let hands: [Force; 2] = std::array::from_fn(|k| Force {
-            on: Side::BOTH[k].hand(),
-            at_m: body.grip_m[k],
-            force_n: down * (hand_share[k] * load_n),
-        });
-        let overload = |contact| {
-            let without = ground_forces(&body.origin_m, com_m.xy(), body_n, contact);
-            let with = ground_forces(&body.origin_m, with_load_m, body_n + load_n, contact);
-            overload_nm(&body.origin_m, &without, &[with, hands].concat())
+        let on_hands = |weight_n: Vector3<f64>| -> Vec<Force> {
+            let carried = body.load_on_hand_m();
+            (0..2)
+                .flat_map(|k| {
+                    let squeeze_n = if k == 0 { body.squeeze_n } else { -body.squeeze_n };
+                    [(carried[k], weight_n * hand_share[k]), (body.grip_m[k], squeeze_n)]
+                        .map(|(at_m, force_n)| Force { on: Side::BOTH[k].hand(), at_m, force_n })
+                })
+                .collect()
         };
+        let feet = |cop_m, vertical_n| foot_forces(&body, [Vector2::zeros(); 2], cop_m, vertical_n);
+        let (without, with) = (feet(com_m.xy(), body_n), feet(with_load_m, body_n + load_n));
+        let still_nm =
+            overload_nm(&body.origin_m, &without, &[with.to_vec(), on_hands(down * load_n)].concat());
         let load_force_in_motion_n = ground_without_load.force_n - ground.force_n;
         let in_motion = Difference {
-            origin_m: &body.origin_m,
-            grip_m: body.grip_m,
-            hand_share,
-            load_force_n: load_force_in_motion_n,
+            body: &body,
+            on_hands: &on_hands(load_force_in_motion_n),
             without: ground_without_load,
             with: ground,
         };
@@ -117,17 +111,17 @@ impl Truth {
             ground_without_load,
             cop_without_load_in_motion_m: ground_without_load.cop_m(),
             load_force_in_motion_n,
-            overload_in_motion_nm: in_motion.overload_nm(FootContact::AtCentreOfPressure),
-            overload_in_motion_under_feet_nm: in_motion.overload_nm(FootContact::UnderEachFoot),
+            overload_in_motion_nm: in_motion.overload_nm(),
             cop_m: ground.cop_m(),
             com_m,
             cop_without_load_m: com_m.xy(),
             cop_with_load_m: with_load_m,
             load_force_n: down * load_n,
             load_m,
-            foot_share: [com_m.xy(), with_load_m].map(|cop| foot_share(&body.origin_m, cop)),
-            overload_nm: overload(FootContact::UnderEachFoot),
-            overload_at_cop_nm: overload(FootContact::AtCentreOfPressure),
+            foot_share: [(without, body_n), (with, body_n + load_n)]
+                .map(|(feet, vertical_n)| feet.map(|foot| foot.force_n.z / vertical_n)),
+            back,
+            overload_nm: still_nm,
             body,
         }
     }
@@ -152,41 +146,36 @@ fn holding_nm(origin_m: &[Vector3<f64>; SEGMENTS], forces: &[Force]) -> [Vector3
     })
 }
 
-/// The ground's vertical forces on the left and the right foot for a centre of pressure.
-pub fn ground_forces(
-    origin_m: &[Vector3<f64>; SEGMENTS],
+/// The ground's vertical forces on the left and the right foot, each at its own place, for a centre of pressure and a
+/// vertical force.
+///
+/// The feet press at the ankles, off by [`BodyState::foot_press_m`] and by `press_m` (world axes, m), and share the force so
+/// that they act together at the centre of pressure. What of it lies off the line between both moves both alike. A foot in
+/// the air carries nothing.
+pub fn foot_forces(
+    body: &BodyState,
+    press_m: [Vector2<f64>; 2],
     cop_m: Vector2<f64>,
     vertical_n: f64,
-    contact: FootContact,
 ) -> [Force; 2] {
-    let ankle = ankles_m(origin_m);
-    let mut forces = foot_forces(ankle, cop_m, vertical_n);
-    if contact == FootContact::AtCentreOfPressure {
-        forces = forces.map(|force| Force { at_m: cop_m.push(0.0), ..force });
-    }
-    forces
-}
-
-/// The ground's vertical forces on two feet that press at `press_m`, left and right: shared so that they act together at
-/// the centre of pressure. What of it lies off the line between both moves both alike.
-pub fn foot_forces(press_m: [Vector2<f64>; 2], cop_m: Vector2<f64>, vertical_n: f64) -> [Force; 2] {
-    let share = share_between(press_m, cop_m);
-    let off_the_line = cop_m - (press_m[0] * share[0] + press_m[1] * share[1]);
+    let at_m = std::array::from_fn(|k| {
+        let ankle_m = body.origin_m[Side::BOTH[k].foot().index()].xy();
+        ankle_m + body.foot_press_m[k] + press_m[k]
+    });
+    let (share, at_m) = match body.foot_stands {
+        [true, false] => ([1.0, 0.0], [cop_m, at_m[1]]),
+        [false, true] => ([0.0, 1.0], [at_m[0], cop_m]),
+        _ => {
+            let share = share_between(at_m, cop_m);
+            let off_the_line = cop_m - (at_m[0] * share[0] + at_m[1] * share[1]);
+            (share, at_m.map(|at_m| at_m + off_the_line))
+        }
+    };
     std::array::from_fn(|k| Force {
         on: Side::BOTH[k].foot(),
-        at_m: (press_m[k] + off_the_line).push(0.0),
+        at_m: at_m[k].push(0.0),
         force_n: Vector3::z() * (share[k] * vertical_n),
     })
-}
-
-/// Where the ankles are on the floor: left, right, m.
-pub fn ankles_m(origin_m: &[Vector3<f64>; SEGMENTS]) -> [Vector2<f64>; 2] {
-    Side::BOTH.map(|side| origin_m[side.foot().index()].xy())
-}
-
-/// Share of the left and the right foot: where the centre of pressure is along the line between the ankles.
-pub fn foot_share(origin_m: &[Vector3<f64>; SEGMENTS], cop_m: Vector2<f64>) -> [f64; 2] {
-    share_between(ankles_m(origin_m), cop_m)
 }
 
 fn share_between([left, right]: [Vector2<f64>; 2], cop_m: Vector2<f64>) -> [f64; 2] {

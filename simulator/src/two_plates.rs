@@ -10,17 +10,16 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::dynamics::Wrench;
 use crate::motion::Worker;
-use crate::truth::{ankles_m, foot_forces};
+use crate::truth::foot_forces;
 
 /// What the ground does to the left and the right foot at a time, about the world's origin; the sum is
 /// [`Worker::ground_reaction`].
 ///
-/// `press_m` is where each foot presses, from its ankle along the world's axes, m; zero is right under the ankles.
-/// Shear and the moment about the vertical are shared as the vertical force is.
+/// `press_m` is where each foot presses, from its ankle along the world's axes, m, in addition to
+/// [`crate::motion::BodyState::foot_press_m`]; zero is right under the ankles. Shear and the moment about the vertical are shared as the vertical force is.
 pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> [Wrench; 2] {
     let whole = worker.ground_reaction(time_s);
-    let ankle = ankles_m(&worker.sample(time_s).origin_m);
-    let feet = foot_forces([0, 1].map(|k| ankle[k] + press_m[k]), whole.cop_m(), whole.force_n.z);
+    let feet = foot_forces(&worker.sample(time_s), press_m, whole.cop_m(), whole.force_n.z);
     let shares = feet.map(|foot| foot.force_n.z / whole.force_n.z);
     let parts = [0, 1].map(|k| Wrench::at(feet[k].at_m, whole.force_n * shares[k]));
     let turning = whole.moment_nm.z - parts[0].moment_nm.z - parts[1].moment_nm.z;

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-/// Names, messages and the library of poses are shared; tables and estimators are not.
-const SHARED: [&str; 4] = [
+/// Names, frames, messages and the library of poses are shared; tables and estimators are not.
+const SHARED: [&str; 5] = [
     "equipoise_core::body::{",
     "equipoise_core::body::S",
+    "equipoise_core::frame::",
     "equipoise_core::message::",
     "equipoise_core::pose_suggestion::",
 ];

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use equipoise_core::body::{SEGMENTS, Side};
 use equipoise_simulator::GRAVITY_M_PER_S2;
-use equipoise_simulator::truth::{FootContact, Force, ground_forces, overload_nm};
+use equipoise_simulator::truth::{Force, overload_nm};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
@@ -32,12 +32,13 @@ fn pinocchio_overload_of_24_cases() {
         let zeta = Side::BOTH.map(|side| case["zeta"][format!("{side:?}")].as_f64().unwrap());
         let forces = |cop: &Value, vertical_n: f64| {
             let cop = Vector2::from_column_slice(&numbers(cop));
-            let mut forces = ground_forces(&origin, cop, vertical_n, FootContact::AtCentreOfPressure);
-            // The cases state their own shares; ours follow from the geometry.
-            for (force, zeta) in forces.iter_mut().zip(zeta) {
-                force.force_n = Vector3::z() * (zeta * vertical_n);
-            }
-            forces.to_vec()
+            // The cases state the shares of the feet, and have both forces at the common centre of pressure.
+            let on_foot = |k: usize| Force {
+                on: Side::BOTH[k].foot(),
+                at_m: cop.push(0.0),
+                force_n: Vector3::z() * (zeta[k] * vertical_n),
+            };
+            vec![on_foot(0), on_foot(1)]
         };
         let without = forces(&case["cop_wo_m"], body_n);
         let mut with = forces(&case["cop_wt_m"], body_n + load_n);

@@ -4,8 +4,11 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
+use equipoise_simulator::realism::Realism;
+
+use crate::subject::Crowd;
 use crate::table::Table;
-use crate::{coverage, hidden, lifting, paper, poses, sources};
+use crate::{back, clocks, coverage, hidden, lifting, natural, paper, poses, sources};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -30,12 +33,21 @@ enum Question {
     /// Torques while lifting at natural speed, and false alarms without a load
     #[command(after_help = "Example: equipoise-study lifting --seed 100")]
     Lifting(Choices),
+    /// Identification from natural squat lifts and bends without held poses, then a carry
+    #[command(after_help = "Example: equipoise-study natural --subjects 20")]
+    Natural(Choices),
     /// How often errors lie within the told 1-sigma and 2-sigma
     #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
     Coverage(Choices),
+    /// Moment and axial force at L5/S1 in natural bends and squats
+    #[command(after_help = "Example: equipoise-study back --subjects 20")]
+    Back(Choices),
     /// The suit's own accelerations, and insoles in place of a plate
     #[command(after_help = "Example: equipoise-study sources --subjects 20")]
     Sources(Choices),
+    /// Skew and drift between the clocks of suit and plate, injected and estimated
+    #[command(after_help = "Example: equipoise-study clocks --subjects 6")]
+    Clocks(Choices),
     /// The blind bench of the discrepancy workflow: sessions with something hidden in them
     Hidden {
         #[command(subcommand)]
@@ -51,14 +63,19 @@ struct Choices {
     /// Seed of the first subject; the others follow
     #[arg(long, default_value_t = 1, value_name = "SEED")]
     seed: u64,
+    /// How far body, contacts and sensors are from ideal ones: ideal, realistic or severe, then changes of single phenomena
+    /// (feet, hands, load_place, squeeze), as in `realistic,feet=ideal`
+    #[arg(long, default_value = "realistic", value_name = "SEVERITY")]
+    realism: Realism,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
 impl Choices {
-    fn answer(&self, study: fn(u64, usize) -> Vec<Table>) {
-        let tables = study(self.seed, usize::from(self.subjects));
+    fn answer(&self, study: fn(&Crowd) -> Vec<Table>) {
+        let count = usize::from(self.subjects);
+        let tables = study(&Crowd { first_seed: self.seed, count, realism: self.realism });
         if self.json {
             println!("{:#}", serde_json::Value::from_iter(tables.iter().map(Table::json)));
         } else {
@@ -75,8 +92,11 @@ pub fn main() -> ExitCode {
         Question::Paper(choices) => choices.answer(paper::study),
         Question::Poses(choices) => choices.answer(poses::study),
         Question::Lifting(choices) => choices.answer(lifting::study),
+        Question::Natural(choices) => choices.answer(natural::study),
         Question::Coverage(choices) => choices.answer(coverage::study),
+        Question::Back(choices) => choices.answer(back::study),
         Question::Sources(choices) => choices.answer(sources::study),
+        Question::Clocks(choices) => choices.answer(clocks::study),
         Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS
@@ -88,7 +108,7 @@ mod tests {
 
     #[test]
     fn every_question_takes_the_same_choices() {
-        for question in ["paper", "poses", "lifting", "coverage", "sources"] {
+        for question in ["paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks"] {
             let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
             assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");
             assert!(

@@ -1,16 +1,19 @@
 //! Questions to the method, answered over many synthetic subjects: offline, without sockets, as fast as it computes.
 //!
 //! Floors, ground first, each resting only on those before it: [`subject`] → [`sensors`] → [`mixtures`] → [`session`] → [`tasks`],
-//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`coverage`], [`sources`],
-//! [`hidden`] → [`cli`].
+//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`natural`], [`coverage`], [`back`],
+//! [`sources`], [`clocks`], [`hidden`] → [`cli`].
 //! Everything follows from a seed: the same question gives the same answer, however many threads ask it.
 #![forbid(unsafe_code)]
 
+pub mod back;
 pub mod cli;
+pub mod clocks;
 pub mod coverage;
 pub mod hidden;
 pub mod lifting;
 pub mod mixtures;
+pub mod natural;
 pub mod paper;
 pub mod poses;
 pub mod sensors;

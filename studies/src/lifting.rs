@@ -4,8 +4,9 @@ use equipoise_core::cycle::{Motion, Settings};
 use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 
+use crate::sensors::{Ground, Rig};
 use crate::session::{Moment, Session};
-use crate::subject::{Subject, ask_all};
+use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
 use crate::tasks::{CopErrors, tells_torques};
@@ -51,7 +52,7 @@ impl Telling {
         }
     }
 
-    fn merge(&mut self, other: &Telling) {
+    pub(crate) fn merge(&mut self, other: &Telling) {
         self.samples += other.samples;
         self.told += other.told;
         self.coloured += other.coloured;
@@ -61,7 +62,7 @@ impl Telling {
     }
 
     /// The most frequent reasons with their shares of all samples.
-    fn reasons(&self) -> String {
+    pub(crate) fn reasons(&self) -> String {
         let mut all: Vec<(u64, &str)> =
             self.withheld.iter().copied().zip(Validity::NAMES.iter().map(|(_, name)| *name)).collect();
         all.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
@@ -82,8 +83,10 @@ pub struct Shift {
 }
 
 /// Identifies, works without a load, marches, and lifts every box.
-pub fn shift(subject: &Subject, motion: Motion) -> Shift {
-    let mut session = Session::new(subject, Settings { motion, ..subject.settings() });
+pub fn shift(subject: &Subject, motion: Motion, ground: Ground) -> Shift {
+    let settings = Settings { motion, ..subject.settings() };
+    let rig = Rig { ground, ..subject.rig() };
+    let mut session = Session::with(subject, settings, rig, subject.habits());
     session.identify(POSES_MAX);
     session.stand(2.0);
     let mut shift = Shift::default();
@@ -114,23 +117,24 @@ pub(crate) fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, t
 }
 
 /// The tables.
-pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
-    let crowd = Subject::crowd(first_seed, count);
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let count = crowd.count;
+    let crowd = crowd.subjects();
     let mut torques = Table::new(
         format!(
-            "Torques while lifting at natural speed ({count} subjects): RMS error, true RMS, told 1-sigma, N m"
+            "Torques while lifting at natural speed ({count} subjects): RMS error in N m and in % of the true RMS, published 1-sigma in N m"
         ),
         &[
             "motion",
             "joint",
             "4 kg error",
-            "4 kg true",
+            "4 kg %",
             "4 kg sigma",
             "8 kg error",
-            "8 kg true",
+            "8 kg %",
             "8 kg sigma",
             "12 kg error",
-            "12 kg true",
+            "12 kg %",
             "12 kg sigma",
         ],
     );
@@ -146,9 +150,14 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
             "withheld for (of all samples)",
         ],
     );
-    for (name, motion) in MOTIONS {
+    let [(compensated, motion), (paper, paper_motion)] = MOTIONS;
+    for (name, motion, ground) in [
+        (compensated, motion, Ground::Plate),
+        ("compensated, two plates", motion, Ground::TwoPlates),
+        (paper, paper_motion, Ground::Plate),
+    ] {
         let mut sum = Shift::default();
-        for shift in ask_all(&crowd, |subject| shift(subject, motion)) {
+        for shift in ask_all(&crowd, |subject| shift(subject, motion, ground)) {
             for ((torques, told), (others, others_told)) in sum.lifting.iter_mut().zip(&shift.lifting) {
                 torques.merge(others);
                 told.merge(others_told);
@@ -162,8 +171,9 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
             let mut row: Vec<Cell> = vec![name.into(), (*joint).into()];
             for (by_group, _) in &sum.lifting {
                 let sums = &by_group.0[group];
-                row.extend([&sums.error_nm, &sums.true_nm].map(|sums| Cell::from(sums.rms())));
-                row.push(sums.sigma_nm.mean().into());
+                let percent =
+                    sums.error_nm.rms().zip(sums.true_nm.rms()).map(|(error, real)| 100.0 * error / real);
+                row.extend([sums.error_nm.rms(), percent, sums.sigma_nm.mean()].map(Cell::from));
             }
             torques.push(row);
         }
@@ -185,7 +195,7 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
     }
     torques.note("natural speed: poses 1 s apart without a rest, a box from a table, round to both sides, up, and back");
     torques.note("error: RMS length of told less true torque, left and right together, over samples with torques and the whole box in the hands");
-    torques.note("true: inverse dynamics of the motion with the box less without it, ground at the common centre of pressure");
+    torques.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box less without it, forces under each foot and at each hand");
     torques.note("sigma: mean of the told 1-sigma of the magnitude");
     telling.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
     telling.note("told: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");

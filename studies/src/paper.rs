@@ -4,7 +4,7 @@ use equipoise_core::cycle::Settings;
 use equipoise_core::sesc::ReductionKind;
 
 use crate::session::Session;
-use crate::subject::{Subject, ask_all};
+use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, quartiles};
 use crate::tasks::{CopErrors, Identified, tells_torques};
@@ -70,9 +70,9 @@ fn variants(subject: &Subject) -> [(&'static str, Settings); 4] {
 }
 
 /// The tables.
-pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
-    let subjects: Vec<Subject> =
-        (0..count as u64).map(|index| Subject::of_the_paper(first_seed + index)).collect();
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let count = crowd.count;
+    let subjects = crowd.of_the_paper();
     let mut identification = Table::new(
         format!("Identification: 1.77 m, 72 kg, {count} bodies"),
         &[

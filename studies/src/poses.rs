@@ -3,11 +3,11 @@
 use equipoise_core::cycle::Identification;
 use equipoise_core::cycle::{PoseChoice, Settings, StopRule};
 use equipoise_core::frame::{Pose, StationWorld, rotation};
-use equipoise_core::static_pose::Held;
+use equipoise_core::static_pose::Window;
 use nalgebra::Vector2;
 
 use crate::session::Session;
-use crate::subject::{Subject, ask_all};
+use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::quartiles;
 use crate::tasks::POSE_S;
@@ -70,28 +70,29 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
         };
         poses += 1;
         for (square_m2, model) in squares_m2.iter_mut().zip(&models) {
-            *square_m2 += (told_in(window.samples(), model) - Vector2::from(stillness.cop_m)).norm_squared();
+            *square_m2 += (told_in(&window, model) - Vector2::from(stillness.cop_m)).norm_squared();
         }
     }
     Course { error_m: squares_m2.iter().map(|square_m2| (square_m2 / f64::from(poses)).sqrt()).collect() }
 }
 
 /// Mean centre of pressure of a still window by a model, m.
-fn told_in(samples: &[Held], model: &Identification) -> Vector2<f64> {
-    let sum: Vector2<f64> = samples
-        .iter()
+fn told_in(window: &Window, model: &Identification) -> Vector2<f64> {
+    let sum: Vector2<f64> = window
+        .samples()
         .map(|held| {
             let pose: Pose<StationWorld> =
                 Pose::new(held.origin_m.map(Into::into), held.orientation_wxyz.map(rotation));
             Vector2::from(model.predict_cop_m(&model.reduction.rows(&pose, [0.0; 2])))
         })
         .sum();
-    sum / samples.len() as f64
+    sum / window.samples().count() as f64
 }
 
 /// The table.
-pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
-    let crowd = Subject::crowd(first_seed, count);
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let count = crowd.count;
+    let crowd = crowd.subjects();
     let mut questions = Vec::new();
     for (belief_name, belief) in Belief::ALL {
         for (choice_name, choice) in POSE_CHOICES {

@@ -7,6 +7,7 @@ use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::motion::Worker;
 use equipoise_simulator::noise::{PlateNoise, Suit, SuitNoise};
 use equipoise_simulator::random::Random;
+use equipoise_simulator::realism::Realism;
 use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
 use equipoise_simulator::two_plates::{self, ground_reaction_per_foot, insole_sample};
 use nalgebra::Vector2;
@@ -67,6 +68,14 @@ pub struct Rig {
     pub accelerations: Option<AccelerationNoise>,
     /// How much too late the suit stamps its samples, ns.
     pub suit_late_ns: u64,
+    /// How much too late the ground stamps its samples at time 0, s; negative: too early.
+    pub ground_late_s: f64,
+    /// How much the ground's clock gains on the suit's, parts per million.
+    pub ground_drift_ppm: f64,
+    /// A change of the ground's delay: from when on, s, and by how much, s.
+    pub ground_delay_step: Option<(f64, f64)>,
+    /// How much faster the suit samples than its nominal rate, parts per million.
+    pub suit_rate_ppm: f64,
 }
 
 impl Rig {
@@ -79,10 +88,60 @@ impl Rig {
         ground: Ground::Plate,
         accelerations: None,
         suit_late_ns: 0,
+        ground_late_s: 0.0,
+        ground_drift_ppm: 0.0,
+        ground_delay_step: None,
+        suit_rate_ppm: 0.0,
     };
     /// The same without any error.
     pub const PERFECT: Rig =
         Rig { suit_noise: SuitNoise::NONE, plate_noise: PlateNoise::NONE, ..Rig::ORDINARY };
+
+    /// The ordinary sensors with the phenomena of a station.
+    pub fn of(realism: &Realism, seed: u64) -> Rig {
+        let clocks = realism.clocks(seed);
+        Rig {
+            suit_noise: realism.suit_noise(),
+            ground_late_s: clocks.plate_late_s,
+            ground_drift_ppm: clocks.plate_drift_ppm,
+            suit_rate_ppm: clocks.suit_rate_ppm,
+            ..Rig::ORDINARY
+        }
+    }
+
+    /// True sample rate of the suit, Hz.
+    fn true_suit_hz(&self) -> f64 {
+        f64::from(self.suit_hz) * (1.0 + 1e-6 * self.suit_rate_ppm)
+    }
+
+    /// How much later than its true time the ground's sample of a time is stamped, s.
+    pub fn ground_late_at_s(&self, time_s: f64) -> f64 {
+        let step_s = self.ground_delay_step.filter(|(at_s, _)| time_s >= *at_s).map_or(0.0, |(_, by_s)| by_s);
+        self.ground_late_s + 1e-6 * self.ground_drift_ppm * time_s + step_s
+    }
+
+    /// How much later the suit's stamps are than the ground's of the same time, s: the skew that is to be found.
+    pub fn skew_at_s(&self, time_s: f64) -> f64 {
+        1e-9 * self.suit_late_ns as f64 - self.ground_late_at_s(time_s)
+    }
+
+    /// Number of the suit's newest sample at a time, ns.
+    pub fn suit_number_at(&self, now_ns: u64) -> u32 {
+        (simulated_s(now_ns) * self.true_suit_hz()) as u32
+    }
+
+    /// Stamp of the suit's sample of that number, ns.
+    pub fn suit_stamp_ns(&self, number: u32) -> u64 {
+        let nominal_ns = sample_time_ns(number, self.suit_hz) - EPOCH_NS;
+        let true_ns = (nominal_ns as f64 / (1.0 + 1e-6 * self.suit_rate_ppm)) as u64;
+        EPOCH_NS + true_ns + self.suit_late_ns
+    }
+
+    /// Stamp of the ground's sample of that number, ns.
+    pub fn ground_stamp_ns(&self, number: u32) -> u64 {
+        let late_s = self.ground_late_at_s(f64::from(number) / f64::from(self.plate_hz));
+        sample_time_ns(number, self.plate_hz).saturating_add_signed((1e9 * late_s).round() as i64)
+    }
 }
 
 /// Time of a sample, CLOCK_MONOTONIC ns.
@@ -98,8 +157,8 @@ pub fn simulated_s(time_ns: u64) -> f64 {
 /// The suit's sample of that number; errors of the accelerations follow from the seed.
 pub fn suit_sample(worker: &Worker, suit: &Suit, rig: &Rig, seed: u64, number: u32) -> SuitSample {
     let streams = Streams { linear_kinematics: rig.accelerations.is_some(), ..Streams::NONE };
-    let seen = frame(worker, suit, SuitWorld::default(), streams, 0, (number, f64::from(rig.suit_hz)));
-    let time_ns = sample_time_ns(number, rig.suit_hz) + rig.suit_late_ns;
+    let seen = frame(worker, suit, SuitWorld::default(), streams, 0, (number, rig.true_suit_hz()));
+    let time_ns = rig.suit_stamp_ns(number);
     let mut sample = SuitSample {
         sample_time_ns: time_ns,
         sample_time_sigma_ns: TIME_SIGMA_NS,
@@ -128,7 +187,7 @@ pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> Grou
     // The sensor feels the opposite, and its noise with it.
     let felt = Wrench { force_n: -on_person.force_n, moment_nm: -on_person.moment_nm };
     let felt = rig.plate_noise.on(felt, &mut Random::numbered(seed, "plate noise", number));
-    let time_ns = sample_time_ns(number, rig.plate_hz);
+    let time_ns = rig.ground_stamp_ns(number);
     if rig.ground != Ground::Plate {
         // Under the ankles, and without noise: the question is what is measured, not how well.
         let feet = ground_reaction_per_foot(worker, time_s, [Vector2::zeros(); 2]);

@@ -1,5 +1,6 @@
 //! One subject before one estimator: time goes on, samples go in, every new state is seen beside the truth.
 
+use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{GroundSample, State, SuitSample};
@@ -8,7 +9,7 @@ use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
 use equipoise_simulator::truth::Truth;
 
-use crate::sensors::{EPOCH_NS, Rig, ground_sample, sample_time_ns, simulated_s, suit_sample};
+use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
 use crate::subject::Subject;
 
 /// The loop's period: 200 Hz. The daemon's 1 kHz tells the same values more often; each is looked at once.
@@ -23,6 +24,8 @@ const REACTION_S: f64 = 0.02;
 pub struct Moment<'a> {
     /// What the estimator tells.
     pub state: &'a State,
+    /// Covariance of the horizontal components of each joint's overload, (N m)²: xx, xy, yy.
+    pub torque_covariance_nm2: &'a [[f64; 3]; JOINTS],
     /// Who it tells it of.
     pub worker: &'a Worker,
     /// Simulated time that the state belongs to (`suit_sample_time_ns`, not the tick's), s.
@@ -53,9 +56,9 @@ pub struct Session {
 }
 
 impl Session {
-    /// The subject stands straight at time 0, in an ordinary suit on a good plate; nothing is learnt yet.
+    /// The subject stands straight at time 0, in the suit and on the plate of their station; nothing is learnt yet.
     pub fn new(subject: &Subject, settings: Settings) -> Session {
-        Session::with(subject, settings, Rig::ORDINARY, subject.habits())
+        Session::with(subject, settings, subject.rig(), subject.habits())
     }
 
     /// The same with other sensors or habits.
@@ -109,7 +112,9 @@ impl Session {
 
     /// Gives the worker an order that holds from the time that is handed in, s.
     pub fn order(&mut self, order: impl FnOnce(&mut Worker, f64)) {
-        let at_s = self.now_s() + REACTION_S;
+        // A stream with stamps that are too early is ahead of the other.
+        let ahead_s = (-self.rig.ground_late_at_s(self.now_s())).max(0.0);
+        let at_s = self.now_s() + REACTION_S + ahead_s;
         order(&mut self.worker, at_s);
     }
 
@@ -150,8 +155,7 @@ impl Session {
         while self.now_ns + GLIMPSE_NS < end_ns {
             self.now_ns += GLIMPSE_NS;
             self.cycle += 1;
-            let number =
-                (u128::from(self.now_ns - EPOCH_NS) * u128::from(self.rig.suit_hz) / 1_000_000_000) as u32;
+            let number = self.rig.suit_number_at(self.now_ns);
             let glimpse = suit_sample(&self.worker, &self.suit, &self.rig, self.subject.seed, number);
             let tick = Tick { cycle: self.cycle, due_ns: self.now_ns };
             let inputs =
@@ -159,12 +163,9 @@ impl Session {
             step(&self.settings, &mut self.memory, tick, inputs);
         }
         self.now_ns = end_ns;
-        let first_after = |rate_hz: u32| {
-            let passed_ns = u128::from(self.now_ns - EPOCH_NS);
-            (passed_ns * u128::from(rate_hz) / 1_000_000_000 + 1) as u32
-        };
-        self.suit_next = self.suit_next.max(first_after(self.rig.suit_hz));
-        self.ground_next = self.ground_next.max(first_after(self.rig.plate_hz));
+        let ground_samples = self.now_s() * f64::from(self.rig.plate_hz);
+        self.suit_next = self.suit_next.max(self.rig.suit_number_at(self.now_ns) + 1);
+        self.ground_next = self.ground_next.max(ground_samples as u32 + 1);
     }
 
     fn tick(&mut self, command: Option<CommandKind>) {
@@ -172,12 +173,12 @@ impl Session {
         self.cycle += 1;
         let (now_ns, rig) = (self.now_ns, &self.rig);
         let mut suit: Vec<SuitSample> = Vec::new();
-        while sample_time_ns(self.suit_next, rig.suit_hz) <= now_ns {
+        while rig.suit_stamp_ns(self.suit_next) <= now_ns {
             suit.push(suit_sample(&self.worker, &self.suit, rig, self.subject.seed, self.suit_next));
             self.suit_next += 1;
         }
         let mut ground: Vec<GroundSample> = Vec::new();
-        while sample_time_ns(self.ground_next, rig.plate_hz) <= now_ns {
+        while rig.ground_stamp_ns(self.ground_next) <= now_ns {
             ground.push(ground_sample(&self.worker, rig, self.subject.seed, self.ground_next));
             self.ground_next += 1;
         }
@@ -197,7 +198,13 @@ impl Session {
             return None;
         }
         self.seen_ns = told_ns;
-        Some(Moment { state: &self.memory.state, worker: &self.worker, time_s: simulated_s(told_ns) })
+        let time_s = simulated_s(told_ns.saturating_sub(self.rig.suit_late_ns));
+        Some(Moment {
+            state: &self.memory.state,
+            torque_covariance_nm2: &self.memory.torque_covariance_nm2,
+            worker: &self.worker,
+            time_s,
+        })
     }
 }
 

@@ -6,7 +6,7 @@ use equipoise_core::message::Validity;
 use crate::lifting::see_lifted;
 use crate::sensors::{AccelerationNoise, Ground, Rig};
 use crate::session::{Moment, Session};
-use crate::subject::{Subject, ask_all};
+use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, percent};
 use crate::tasks::{CopErrors, tells_cop};
@@ -139,8 +139,9 @@ fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Shift + Sy
 }
 
 /// The tables.
-pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
-    let crowd = Subject::crowd(first_seed, count);
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let count = crowd.count;
+    let crowd = crowd.subjects();
     let mut tables = Vec::new();
     for (ground_name, ground, suit_hz) in [
         ("a plate", Ground::Plate, 60),
@@ -152,8 +153,8 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
         for (sends, accelerations) in SUITS {
             for (name, how) in HOW {
                 if accelerations.is_some() || how == Accelerations::Positions {
-                    let rig = Rig { ground, accelerations, suit_hz, ..Rig::ORDINARY };
-                    by_suit.push(row([sends, name], &crowd, |subject| shift(subject, how, rig)));
+                    let rig = |subject: &Subject| Rig { ground, accelerations, suit_hz, ..subject.rig() };
+                    by_suit.push(row([sends, name], &crowd, |subject| shift(subject, how, rig(subject))));
                 }
             }
         }
@@ -161,9 +162,9 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
     }
     let mut by_ground = table(format!("What measures the ground ({count} subjects)"), "ground", "taken from");
     for (name, ground) in GROUNDS {
-        let rig = Rig { ground, ..Rig::ORDINARY };
-        by_ground
-            .push(row([name, "positions"], &crowd, |subject| shift(subject, Accelerations::Positions, rig)));
+        let ask =
+            |subject: &Subject| shift(subject, Accelerations::Positions, Rig { ground, ..subject.rig() });
+        by_ground.push(row([name, "positions"], &crowd, ask));
     }
     by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the told external force; both without a load");
     by_ground.note("torques: RMS length of told less true while 8 kg are lifted at natural speed");
@@ -174,10 +175,13 @@ pub fn study(first_seed: u64, count: usize) -> Vec<Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use equipoise_simulator::realism::{Realism, Severity};
 
+    /// Rigid bones and exact clocks: what differs is what the ground is measured by.
     fn of(ground: Ground) -> Shift {
-        let subject = Subject::somebody(5);
-        shift(&subject, Accelerations::Positions, Rig { ground, ..Rig::ORDINARY })
+        let realism = Realism { soft_tissue: Severity::Ideal, clocks: Severity::Ideal, ..Realism::REALISTIC };
+        let subject = Subject { realism, ..Subject::somebody(5) };
+        shift(&subject, Accelerations::Positions, Rig { ground, ..subject.rig() })
     }
 
     /// Measured centres of pressure of natural motion by time, a suit without error, m.

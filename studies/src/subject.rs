@@ -10,6 +10,9 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::motion::Habits;
 use equipoise_simulator::person::Person;
 use equipoise_simulator::random::Random;
+use equipoise_simulator::realism::Realism;
+
+use crate::sensors::Rig;
 
 /// Statures that are drawn, m.
 const HEIGHT_M: [f64; 2] = [1.55, 1.95];
@@ -17,9 +20,6 @@ const HEIGHT_M: [f64; 2] = [1.55, 1.95];
 const MASS_KG: [f64; 2] = [50.0, 105.0];
 /// Body mass indices that are drawn, kg/m².
 const BODY_MASS_INDEX: [f64; 2] = [19.0, 30.0];
-
-/// How much of a box the right hand carries.
-const RIGHT_HAND_SHARE: [f64; 2] = [0.2, 0.8];
 
 /// One synthetic subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,21 +32,52 @@ pub struct Subject {
     pub mass_kg: f64,
     /// What the settings are told: it chooses the column of the table. The simulated body has no sex.
     pub sex: Sex,
+    /// How far body and contacts are from ideal ones.
+    pub realism: Realism,
+}
+
+/// Who takes part in a study.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crowd {
+    /// Seed of the first subject; the others follow.
+    pub first_seed: u64,
+    /// How many subjects.
+    pub count: usize,
+    /// Of all of them.
+    pub realism: Realism,
+}
+
+impl Crowd {
+    /// `count` subjects of seeds in a row.
+    pub fn subjects(&self) -> Vec<Subject> {
+        self.by_seed(Subject::somebody)
+    }
+
+    /// The same many bodies of the stature and mass of the paper's subject.
+    pub fn of_the_paper(&self) -> Vec<Subject> {
+        self.by_seed(Subject::of_the_paper)
+    }
+
+    fn by_seed(&self, subject: impl Fn(u64) -> Subject) -> Vec<Subject> {
+        let seeds = (0..self.count as u64).map(|index| self.first_seed + index);
+        seeds.map(|seed| Subject { realism: self.realism, ..subject(seed) }).collect()
+    }
 }
 
 impl Subject {
     /// The paper's subject: 72 kg, 1.77 m, a man; the body follows from the seed.
     pub fn of_the_paper(seed: u64) -> Subject {
-        Subject { seed, height_m: 1.77, mass_kg: 72.0, sex: Sex::Male }
+        Subject { seed, height_m: 1.77, mass_kg: 72.0, sex: Sex::Male, realism: Realism::REALISTIC }
     }
 
-    /// What this subject does besides what is asked; as people do, one hand carries more than the other.
+    /// What this subject does besides what is asked.
     pub fn habits(&self) -> Habits {
-        let mut random = Random::new(self.seed, "hands");
-        Habits {
-            right_hand_share: random.between(RIGHT_HAND_SHARE[0], RIGHT_HAND_SHARE[1]),
-            ..Habits::ORDINARY
-        }
+        self.realism.habits(self.seed)
+    }
+
+    /// The sensors of this subject's station.
+    pub fn rig(&self) -> Rig {
+        Rig::of(&self.realism, self.seed)
     }
 
     /// Somebody: stature, build and sex by the seed.
@@ -56,12 +87,7 @@ impl Subject {
         let index = random.between(BODY_MASS_INDEX[0], BODY_MASS_INDEX[1]);
         let mass_kg = (index * height_m * height_m).clamp(MASS_KG[0], MASS_KG[1]);
         let sex = if random.happens(0.5) { Sex::Female } else { Sex::Male };
-        Subject { seed, height_m, mass_kg, sex }
-    }
-
-    /// `count` subjects of seeds in a row.
-    pub fn crowd(first_seed: u64, count: usize) -> Vec<Subject> {
-        (0..count as u64).map(|index| Subject::somebody(first_seed + index)).collect()
+        Subject { seed, height_m, mass_kg, sex, realism: Realism::REALISTIC }
     }
 
     /// The true body.
@@ -103,7 +129,8 @@ mod tests {
 
     #[test]
     fn subjects_are_plausible_and_follow_from_their_seed() {
-        for subject in Subject::crowd(1, 200) {
+        let crowd = Crowd { first_seed: 1, count: 200, realism: Realism::REALISTIC };
+        for subject in crowd.subjects() {
             assert_eq!(subject, Subject::somebody(subject.seed));
             assert!((HEIGHT_M[0]..HEIGHT_M[1]).contains(&subject.height_m));
             assert!((MASS_KG[0]..=MASS_KG[1]).contains(&subject.mass_kg));

@@ -262,10 +262,11 @@ impl CopErrors {
 mod tests {
     use super::*;
     use crate::subject::Subject;
+    use equipoise_simulator::realism::Realism;
 
     #[test]
     fn who_says_what_is_measured_errs_by_nothing() {
-        let subject = Subject::somebody(2);
+        let subject = Subject { realism: Realism::IDEAL, ..Subject::somebody(2) };
         let mut session = Session::new(&subject, subject.settings());
         session.run(1.0, |_| {});
         let (mut perfect, mut off) = (CopErrors::default(), CopErrors::default());

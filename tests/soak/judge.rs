@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use bytemuck::Zeroable;
-use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
+use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment};
 use equipoise_core::message::layout::{Message, Primitive};
 use equipoise_core::message::{State, Validity};
 use equipoise_simulator::simulation::SimulationHandle;
@@ -26,6 +26,12 @@ const SEGMENT_FLOOR_M: f64 = 0.25;
 const FORCE_FLOOR_N: f64 = 25.0;
 const MASS_FLOOR_KG: f64 = 2.0;
 const TORQUE_FLOOR_NM: f64 = 10.0;
+const BACK_FLOOR_NM: f64 = 10.0;
+/// Weight of the simulated person, N.
+const BODY_N: f64 = 72.0 * 9.81;
+const COMPRESSION_FLOOR_N: f64 = BACK_FLOOR_NM / EXTENSOR_LEVER_M;
+/// Lever of the back's extensors about L5/S1 in the cantilever model of Chaffin, Andersson & Martin, m.
+const EXTENSOR_LEVER_M: f64 = 0.06;
 /// Silence that must have been told: two periods of the slowest stream that trouble may have taught, the tolerance,
 /// and, for what is told of the suit, its wait for the plate and half a window.
 const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
@@ -34,7 +40,7 @@ const AHEAD_AT_MOST_NS: u64 = 25_000_000;
 
 /// What must have been judged, and how much of all states since the model was known: one in so many. Trouble withholds the
 /// rest.
-const VALUES: [&str; 8] = [
+const VALUES: [&str; 10] = [
     "measured cop",
     "ground force",
     "com",
@@ -43,8 +49,12 @@ const VALUES: [&str; 8] = [
     "external force",
     "lifted mass",
     "torques",
+    "low back",
+    "compression",
 ];
 const JUDGED_ONE_IN: u64 = 5;
+/// A share of its bound from which the report says what was published beside a value.
+const WORTH_TELLING: f64 = 0.8;
 /// States that the eyes may miss: one in so many.
 const MISSED_ONE_IN: u64 = 50;
 
@@ -69,6 +79,14 @@ pub(crate) struct Wrong {
     beside: String,
 }
 
+/// The largest share of its bound that a value's error took.
+struct Worst {
+    share: f64,
+    during: &'static str,
+    /// As of a wrong value, if the share is worth it.
+    beside: String,
+}
+
 /// Looks at every state.
 pub(crate) struct Judge {
     pub(crate) state: State,
@@ -81,11 +99,12 @@ pub(crate) struct Judge {
     /// What every state must say now.
     pub(crate) must_say: Option<Validity>,
     pub(crate) told: BTreeMap<&'static str, u64>,
-    /// Largest share of its bound that an error took, by value; and during what.
-    worst: BTreeMap<&'static str, (f64, &'static str)>,
+    worst: BTreeMap<&'static str, Worst>,
     pub(crate) wrong: Vec<Wrong>,
     truths: (u64, Vec<Truth>),
     worst_joint: usize,
+    /// σ of the estimated centre of pressure when it was last published, m.
+    com_sigma_m: f64,
 }
 
 impl Judge {
@@ -103,6 +122,7 @@ impl Judge {
             wrong: Vec::new(),
             truths: (0, Vec::new()),
             worst_joint: JOINTS,
+            com_sigma_m: 0.0,
         }
     }
 
@@ -199,7 +219,12 @@ impl Judge {
             return;
         }
         if told(Validity::SPOILS_COM, SUIT) {
-            let bound_m = COM_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
+            // In motion that is too fast for the centre of pressure the state has no σ; what the model does not know of
+            // the body is the same as before.
+            if state.cop_sigma_m != [0.0; 2] {
+                self.com_sigma_m = norm(state.cop_sigma_m);
+            }
+            let bound_m = COM_FLOOR_M + SIGMAS * self.com_sigma_m;
             self.compare("com", person, bound_m, |truth| {
                 (Vector3::from(state.com_m) - truth.com_m).xy().norm()
             });
@@ -230,22 +255,29 @@ impl Judge {
             });
         }
         if told(Validity::SPOILS_TORQUES, BOTH) {
-            let judged = || (0..JOINTS).filter(|j| !is_guessed(&state, Joint::ALL[*j]));
-            let error_nm = |j: usize| {
-                (Vector3::from(state.torque_nm[j]) - self.truths.1[0].overload_in_motion_nm[j]).norm()
+            let share = |truth: &Truth, j: usize| {
+                let error_nm = (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
+                error_nm / (torque_floor_nm(Joint::ALL[j]) + SIGMAS * state.torque_sigma_nm[j])
             };
-            let worst = judged().max_by(|a, b| error_nm(*a).total_cmp(&error_nm(*b)));
+            let now = &self.truths.1[0];
+            let worst = (0..JOINTS).max_by(|a, b| share(now, *a).total_cmp(&share(now, *b)));
             self.worst_joint = worst.unwrap_or(JOINTS);
             self.compare("torques", person, 1.0, |truth| {
-                let share = |j: usize| {
-                    let error_nm =
-                        (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
-                    error_nm / (TORQUE_FLOOR_NM + SIGMAS * state.torque_sigma_nm[j])
-                };
-                judged().map(share).fold(0.0, f64::max)
+                (0..JOINTS).map(|j| share(truth, j)).fold(0.0, f64::max)
             });
         }
         self.worst_joint = JOINTS;
+        if told(Validity::SPOILS_BACK, BOTH) {
+            let bound_nm = BACK_FLOOR_NM + SIGMAS * state.l5s1_moment_sigma_nm;
+            self.compare("low back", person, bound_nm, |truth| {
+                (state.l5s1_moment_nm - truth.back.moment_nm.xy().norm()).abs()
+            });
+            let bound_n = COMPRESSION_FLOOR_N + SIGMAS * state.l5s1_compression_sigma_n;
+            self.compare("compression", person, bound_n, |truth| {
+                let muscle_n = truth.back.moment_nm.xy().norm() / EXTENSOR_LEVER_M;
+                (state.l5s1_compression_n - (muscle_n + truth.back.axial_n).max(0.0)).abs()
+            });
+        }
     }
 
     /// Holds a told value's error against its bound; instants around are asked only if the nearest truth is too far.
@@ -272,28 +304,41 @@ impl Judge {
 
     fn hold(&mut self, what: &'static str, error: f64, bound: f64) {
         let share = error / bound;
-        let worst = self.worst.entry(what).or_insert((0.0, self.during));
-        if share > worst.0 {
-            *worst = (share, self.during);
+        if self.worst.get(what).is_none_or(|worst| share > worst.share) {
+            let beside = if share > WORTH_TELLING { self.beside() } else { String::new() };
+            self.worst.insert(what, Worst { share, during: self.during, beside });
         }
         if share > 1.0 {
-            let (state, joint) = (&self.state, self.worst_joint);
-            let reasons: Vec<_> = state.validity().names().collect();
-            let about = self.truths.1.first();
-            let torque = Joint::ALL.get(joint).zip(about).map_or(String::new(), |(named, truth)| {
-                let (told, sigma) = (state.torque_nm[joint], state.torque_sigma_nm[joint]);
-                let (force_n, sigma_n) = (state.delta_f_n[2], state.delta_f_sigma_n);
-                let is: [f64; 3] = truth.overload_in_motion_nm[joint].into();
-                let is_n = -truth.load_force_in_motion_n.z;
-                let name = named.name();
-                format!(
-                    ", {name} {told:.1?} ± {sigma:.1} N m is {is:.1?}, force {force_n:.1} ± {sigma_n:.1} N is {is_n:.1}"
-                )
-            });
-            let load_kg = about.map_or(0.0, |truth| truth.body.load_kg);
-            let beside = format!("{reasons:?}, load {load_kg:.1} kg{torque}");
-            self.wrong.push(Wrong { what, during: self.during, cycle: state.cycle, error, bound, beside });
+            let (during, cycle, beside) = (self.during, self.state.cycle, self.beside());
+            self.wrong.push(Wrong { what, during, cycle, error, bound, beside });
         }
+    }
+
+    /// The reasons that were raised, the true load, and the joint whose torque is farthest from truth.
+    fn beside(&self) -> String {
+        let (state, joint) = (&self.state, self.worst_joint);
+        let reasons: Vec<_> = state.validity().names().collect();
+        let about = self.truths.1.first();
+        let torque = Joint::ALL.get(joint).zip(about).map_or(String::new(), |(named, truth)| {
+            let (told, sigma) = (state.torque_nm[joint], state.torque_sigma_nm[joint]);
+            let (force_n, sigma_n) = (state.delta_f_n[2], state.delta_f_sigma_n);
+            let is: [f64; 3] = truth.overload_in_motion_nm[joint].into();
+            let is_n = -truth.load_force_in_motion_n.z;
+            let name = named.name();
+            format!(
+                ", {name} {told:.1?} ± {sigma:.1} N m is {is:.1?}, force {force_n:.1} ± {sigma_n:.1} N is {is_n:.1}, feet carry {:.2?}, ankles at {:.3?} and {:.3?} m, CoP {:.3?} and {:.3?} ± {:.3?} m, truly {:.3?} and {:.3?} m",
+                state.zeta,
+                state.segment_origin_m[Segment::LeftFoot.index()],
+                state.segment_origin_m[Segment::RightFoot.index()],
+                state.cop_measured_m,
+                state.cop_estimated_m,
+                state.cop_sigma_m,
+                <[f64; 2]>::from(truth.cop_m),
+                <[f64; 2]>::from(truth.cop_without_load_in_motion_m),
+            )
+        });
+        let load_kg = about.map_or(0.0, |truth| truth.body.load_kg);
+        format!("{reasons:?}, load {load_kg:.1} kg{torque}")
     }
 
     /// The wrong values, a run of cycles each once, in words.
@@ -315,15 +360,22 @@ impl Judge {
     }
 
     pub(crate) fn worst(&self) -> String {
-        let line = |(what, (share, during)): (&&str, &(f64, &str))| {
+        let line = |(what, Worst { share, during, beside }): (&&str, &Worst)| {
             let told = self.told.get(what).copied().unwrap_or(self.states);
             format!(
-                "  {what:<16} told {told:>8} times, at worst {:>3.0} % of its bound ({during})",
+                "  {what:<16} told {told:>8} times, at worst {:>3.0} % of its bound ({during}) {beside}",
                 100.0 * share
             )
         };
         self.worst.iter().map(line).collect::<Vec<_>>().join("\n")
     }
+}
+
+/// The floor of a joint's torque, N m. A leg's has in it what the floor of the centre of pressure makes of half the body's
+/// weight, for that weight acts at the estimated centre of pressure.
+fn torque_floor_nm(joint: Joint) -> f64 {
+    let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
+    TORQUE_FLOOR_NM + if is_leg { COP_FLOOR_M * 0.5 * BODY_N } else { 0.0 }
 }
 
 fn norm(pair: [f64; 2]) -> f64 {
@@ -338,13 +390,6 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
         let numbers = bytes[field.offset..field.offset + 8 * field.count].chunks_exact(8);
         numbers.map(|eight| f64::from_ne_bytes(eight.try_into().expect("eight bytes")))
     })
-}
-
-/// Whether a joint's torque hangs on how the feet share the ground reaction, which one plate does not know: geometry
-/// guesses, and neither torque nor σ tells how far off it can be (docs/realtime.md). Such joints are not judged.
-fn is_guessed(state: &State, joint: Joint) -> bool {
-    let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
-    is_leg && state.sharing_source == 0
 }
 
 #[cfg(test)]
@@ -372,6 +417,8 @@ mod tests {
             com_m: truth.com_m.into(),
             cop_estimated_m: truth.cop_without_load_in_motion_m.into(),
             segment_origin_m: truth.body.origin_m.map(Into::into),
+            l5s1_moment_nm: truth.back.moment_nm.xy().norm(),
+            l5s1_compression_n: truth.back.moment_nm.xy().norm() / EXTENSOR_LEVER_M + truth.back.axial_n,
             ..State::zeroed()
         };
         let mut judge = Judge::new();

@@ -65,7 +65,7 @@ fn configuration(station: &Station) -> String {
     station
         .configuration()
         .replace("rate_hz = 200", "rate_hz = 1000")
-        .replace("poses_min = 1000", "poses_min = 3\nstop_cop_sigma_mm = 12")
+        .replace("poses_min = 1000", "poses_min = 8\nstop_cop_sigma_mm = 12")
 }
 
 impl Rig {
@@ -334,12 +334,14 @@ impl Rig {
         }
         let descriptors = || self.resources.descriptors();
         wait_for("descriptors to be given back", || (descriptors() <= self.descriptors + 2).then_some(()));
+        let memory = self.resources.judge_growth();
+        self.failures.extend(memory.as_ref().err().map(|said| format!("memory: {said}")));
         println!(
             "{} states judged, {:?} of them with suit and ground held up, {} not seen, {events} troubles; {}; {} of {} descriptors\n{}",
             self.judge.states,
             self.judge.excused,
             self.judge.missed,
-            self.resources.judge_growth(),
+            memory.unwrap_or_else(|said| said),
             descriptors(),
             self.descriptors,
             self.judge.worst()

@@ -15,7 +15,7 @@ use equipoise_daemon::roster::{MemoryUse, TaskFacts};
 
 use crate::churn::Churn;
 use crate::consumers::Storm;
-use crate::process::{Process, wait_for};
+use crate::process::{PATIENCE, Process, wait_for};
 use crate::station::{NAME, Station, free_tcp_port, free_udp_port};
 use crate::{Watch, number};
 
@@ -70,8 +70,28 @@ fn config(page: std::net::SocketAddr) -> Config {
     Config::parse(&text, "the suite's configuration").expect("a good configuration")
 }
 
-fn descriptors() -> usize {
-    std::fs::read_dir("/proc/self/fd").expect("this process").count()
+/// What this process has open; one that was closed while they were read is left out.
+fn descriptors() -> Vec<PathBuf> {
+    let entries = std::fs::read_dir("/proc/self/fd").expect("this process");
+    entries.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok()).collect()
+}
+
+fn wait_for_descriptors(before: &[PathBuf]) {
+    let started = Instant::now();
+    loop {
+        let now = descriptors();
+        if now.len() <= before.len() {
+            return;
+        }
+        let new: Vec<&PathBuf> = now.iter().filter(|path| !before.contains(path)).collect();
+        assert!(
+            started.elapsed() < PATIENCE,
+            "{} descriptors were open, now {}: {new:#?}",
+            before.len(),
+            now.len()
+        );
+        std::thread::sleep(Duration::from_millis(10));
+    }
 }
 
 /// Files of the bus's participants, dead or alive.
@@ -121,7 +141,7 @@ fn inside() {
     });
     // Who was killed last is cleared away by the daemon, which looks once a second.
     let (descriptors_before, nodes_before) = before;
-    wait_for("all descriptors to be given back", || (descriptors() <= descriptors_before).then_some(()));
+    wait_for_descriptors(&descriptors_before);
     println!(
         "{} small files of killed participants are not cleared away yet",
         nodes().saturating_sub(nodes_before)

@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x7ed28d7d1f0964fd",
+    schema="0x8c632e58efa5dc7d",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -266,7 +266,7 @@ SPOILS_COM = Reason(1025)
 SPOILS_COP_ESTIMATED = Reason(1033)
 SPOILS_DELTA_F = Reason(6682)
 SPOILS_RESIDUAL = Reason(7903)
-SPOILS_LIFTED_MASS = Reason(6714)
+SPOILS_LIFTED_MASS = Reason(6842)
 SPOILS_BACK = Reason(16351)
 SPOILS_TORQUES = Reason(16383)
 

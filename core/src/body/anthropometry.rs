@@ -30,6 +30,8 @@ pub struct Anthropometry {
     pub mass_fraction: [f64; SEGMENTS],
     /// Centre of mass from the segment's origin, segment axes (T-pose: X forward, Y left, Z up), m.
     pub com_m: [[f64; 3]; SEGMENTS],
+    /// Wrist to third knuckle, m.
+    pub hand_length_m: f64,
 }
 
 /// One row of de Leva's table, female and male: mass share, centre from the proximal end, length over stature.
@@ -80,6 +82,8 @@ const HEAD_FORWARD: f64 = 0.008;
 /// Ball of the foot in front of the ankle, and heel behind it, over stature.
 const BALL_FORWARD: f64 = 0.100;
 const HEEL_BACK: f64 = 0.035;
+/// From the middle of the hand to the palm's surface, m: half of a hand's thickness at the third knuckle, 28 to 33 mm.
+const PALM_M: f64 = 0.015;
 /// Height of the ankle joint above the sole, over stature.
 const ANKLE_HEIGHT: f64 = 0.054;
 
@@ -119,7 +123,9 @@ impl Anthropometry {
             centre: pick(row.centre),
             length_m: pick(row.length) * height_m,
         };
-        let mut body = Anthropometry { mass_fraction: [0.0; SEGMENTS], com_m: [[0.0; 3]; SEGMENTS] };
+        let hand_length_m = part(HAND).length_m;
+        let mut body =
+            Anthropometry { mass_fraction: [0.0; SEGMENTS], com_m: [[0.0; 3]; SEGMENTS], hand_length_m };
         let trunk = [part(LOWER_TRUNK), part(MIDDLE_TRUNK), part(UPPER_TRUNK)];
         body.lay_the_trunk(skeleton, &trunk, height_m);
         body.lay_the_head(skeleton, part(HEAD), height_m);
@@ -223,11 +229,14 @@ impl Anthropometry {
     /// Whether every number is finite; a stored table is checked before use.
     pub fn is_sound(&self) -> bool {
         self.mass_fraction.iter().chain(self.com_m.iter().flatten()).all(|value| value.is_finite())
+            && self.hand_length_m.is_finite()
     }
 
-    /// Where a hand grips, from the wrist, in the hand's axes, m: de Leva's centre of mass of the hand.
+    /// Where a hand grips, from the wrist, in the hand's axes, m: at the third knuckle, by which NIOSH's lifting equation
+    /// defines the grasp (Waters, Putz-Anderson & Garg 1994, 1.1) and where de Leva's hand ends, on the palm's surface.
     pub fn grip_m(&self, hand: Segment) -> [f64; 3] {
-        self.com_m[hand.index()]
+        let side = if hand == Segment::LeftHand { 1.0 } else { -1.0 };
+        [0.0, side * self.hand_length_m, -PALM_M]
     }
 }
 

@@ -7,11 +7,12 @@ use bytemuck::{Pod, Zeroable};
 
 use super::tare::Tare;
 use crate::message::{GroundSample, SuitSample};
+use crate::time::NS_PER_S;
 
-/// Ground samples kept: half a second at 1 kHz.
-const GROUND_RING: usize = 512;
-/// Suit samples that may wait for the ground.
-const SUIT_QUEUE: usize = 16;
+/// Ground samples kept: 0.64 s at 1 kHz, for a suit that is half a second late.
+const GROUND_RING: usize = 640;
+/// Suit samples that may wait for the ground: half a second at 240 Hz.
+const SUIT_QUEUE: usize = 128;
 /// How long a suit sample waits for the ground, ns.
 pub const PATIENCE_NS: u64 = 60_000_000;
 /// Ground samples farther apart than this are not interpolated between, ns.
@@ -33,6 +34,8 @@ pub struct Alignment {
     ground_period_ns: u64,
     /// Samples refused: not plausible, or their time did not advance.
     refused: u64,
+    /// How much later than the ground's the suit's stamps are, ns: the suit's t belongs to the ground's t − lag.
+    lag_ns: i64,
 }
 
 /// A suit sample with the ground's wrench at its time.
@@ -69,39 +72,52 @@ fn learn(period_ns: &mut u64, interval_ns: u64) {
 
 impl Alignment {
     /// Takes in a ground sample; one that is not plausible at `now_ns` or whose time does not advance is refused.
-    pub fn push_ground(&mut self, sample: &GroundSample, now_ns: u64) {
+    /// Returns whether it was accepted.
+    pub fn push_ground(&mut self, sample: &GroundSample, now_ns: u64) -> bool {
         if !is_sound_ground(sample, now_ns) {
             self.refused += 1;
-            return;
+            return false;
         }
         if let Some(newest_ns) = self.newest_ground().map(|newest| newest.sample_time_ns) {
             if sample.sample_time_ns <= newest_ns {
                 self.refused += 1;
-                return;
+                return false;
             }
             learn(&mut self.ground_period_ns, sample.sample_time_ns - newest_ns);
         }
         self.ground[self.ground_count as usize % GROUND_RING] = *sample;
         self.ground_count += 1;
+        true
     }
 
     /// Takes in a suit sample; one that is not plausible at `now_ns` or whose time does not advance is refused. A full
-    /// queue loses its oldest.
-    pub fn push_suit(&mut self, sample: &SuitSample, now_ns: u64) {
+    /// queue loses its oldest. Returns whether it was accepted.
+    pub fn push_suit(&mut self, sample: &SuitSample, now_ns: u64) -> bool {
         if !is_sound_suit(sample, now_ns) {
             self.refused += 1;
-            return;
+            return false;
         }
         if let Some(newest_ns) = self.newest_suit().map(|newest| newest.sample_time_ns) {
             if sample.sample_time_ns <= newest_ns {
                 self.refused += 1;
-                return;
+                return false;
             }
             learn(&mut self.suit_period_ns, sample.sample_time_ns - newest_ns);
         }
         self.suit[self.suit_in as usize % SUIT_QUEUE] = *sample;
         self.suit_in += 1;
         self.suit_out = self.suit_out.max(self.suit_in.saturating_sub(SUIT_QUEUE as u64));
+        true
+    }
+
+    /// Sets how much later than the ground's the suit's stamps are, ns.
+    pub(super) fn set_lag_ns(&mut self, lag_ns: i64) {
+        self.lag_ns = lag_ns;
+    }
+
+    /// How much longer a suit sample waits because the ground's stamps are late, ns.
+    pub(super) fn ground_late_ns(&self) -> u64 {
+        (-self.lag_ns).max(0) as u64
     }
 
     /// The newest ground sample.
@@ -162,19 +178,20 @@ impl Alignment {
             && self.ground_count < COUNT_MAX
             && self.suit_period_ns <= PERIOD_MAX_NS
             && self.ground_period_ns <= PERIOD_MAX_NS
+            && self.lag_ns.unsigned_abs() <= NS_PER_S
             && self.suit.iter().all(is_finite_suit)
             && self.ground.iter().all(is_finite_ground)
     }
 
-    /// The oldest waiting suit sample, once the ground reaches past it or it is `patience_ns` old at `now_ns`.
+    /// The oldest waiting suit sample, once the ground reaches past the time that belongs to it or it is `patience_ns` old at `now_ns`.
     pub fn next(&mut self, now_ns: u64, patience_ns: u64) -> Option<Aligned> {
         if self.suit_out == self.suit_in {
             return None;
         }
         let suit = self.suit[self.suit_out as usize % SUIT_QUEUE];
-        let time_ns = suit.sample_time_ns;
+        let time_ns = suit.sample_time_ns.saturating_add_signed(-self.lag_ns);
         let reached = self.newest_ground().is_some_and(|ground| ground.sample_time_ns >= time_ns);
-        if !reached && now_ns.saturating_sub(time_ns) < patience_ns {
+        if !reached && now_ns.saturating_sub(suit.sample_time_ns) < patience_ns {
             return None;
         }
         self.suit_out += 1;
@@ -283,6 +300,49 @@ mod tests {
         let aligned = alignment.next(3_000_000, PATIENCE_NS).unwrap();
         assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
         assert!(alignment.next(3_000_000, PATIENCE_NS).is_none());
+    }
+
+    #[test]
+    fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
+        let mut alignment = empty();
+        for millisecond in 0..500 {
+            alignment.push_ground(&ground(millisecond * 1_000_000, millisecond as f64), NOW_NS);
+        }
+        let mut at = |lag_ms: i64, suit_ms: u64| {
+            alignment.set_lag_ns(lag_ms * 1_000_000);
+            alignment.push_suit(&suit(suit_ms * 1_000_000), NOW_NS);
+            let aligned = alignment.next(500_000_000, PATIENCE_NS + alignment.ground_late_ns())?;
+            assert_eq!(aligned.suit.sample_time_ns, suit_ms * 1_000_000, "the stamp stays");
+            Some(aligned.ground?.force_n[2].round())
+        };
+        assert_eq!(at(0, 200), Some(200.0));
+        assert_eq!(at(138, 210), Some(72.0), "a late suit");
+        assert_eq!(at(-138, 220), Some(358.0), "a late ground");
+        // Ground that reaches to 499 ms is 138 ms short of it; the sample is 80 ms old.
+        assert_eq!(at(-138, 420), None);
+        assert_eq!(
+            alignment.next(500_000_000, PATIENCE_NS).map(|aligned| aligned.ground.is_none()),
+            Some(true)
+        );
+    }
+
+    #[test]
+    fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
+        let mut alignment = empty();
+        alignment.set_lag_ns(-500_000_000);
+        let mut told = 0;
+        for millisecond in 1..2000_u64 {
+            let now_ns = millisecond * 1_000_000;
+            alignment.push_ground(&ground(now_ns, 700.0), now_ns);
+            if now_ns % 4_166_667 < 1_000_000 {
+                alignment.push_suit(&suit(now_ns), now_ns);
+            }
+            while let Some(aligned) = alignment.next(now_ns, PATIENCE_NS + alignment.ground_late_ns()) {
+                assert!(aligned.ground.is_some());
+                told += 1;
+            }
+        }
+        assert!((357..=360).contains(&told), "1.5 s at 240 Hz, none lost: {told}");
     }
 
     #[test]

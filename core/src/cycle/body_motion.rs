@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::math;
-use crate::motion::{Confidence, Envelope, Inertia};
+use crate::motion::{Confidence, Envelope, Inertia, UpperInertia};
 use crate::overload::GRAVITY_M_PER_S2;
 
 /// Errors of the compensation, learnt from motion without a load.
@@ -22,6 +22,8 @@ pub struct MotionNoise {
     pub horizontal_activity_m_per_s2: Envelope,
     /// Likewise, m.
     pub cop_activity_m: [Envelope; 2],
+    /// Inertial part of the moment at L5/S1 about the horizontal axes, over the body's mass, m²/s².
+    upper_activity_m2_per_s2: [Envelope; 2],
     /// Mean over a short time of the shear that the suit's motion does not explain, m/s² …
     push_m_per_s2: [f64; 2],
     /// … and over a long one.
@@ -34,6 +36,7 @@ impl MotionNoise {
         self.cop.iter().chain([&self.vertical, &self.horizontal]).all(Confidence::is_sound)
             && self.horizontal_activity_m_per_s2.is_sound()
             && self.cop_activity_m.iter().chain([&self.vertical_activity_n]).all(Envelope::is_sound)
+            && self.upper_activity_m2_per_s2.iter().all(Envelope::is_sound)
             && self.push_m_per_s2.iter().chain(&self.bias_m_per_s2).all(|value| value.is_finite())
     }
 
@@ -46,6 +49,12 @@ impl MotionNoise {
     /// The part of it that motion makes: nothing at rest.
     pub(super) fn moving_acceleration_sigma_m_per_s2(&self) -> f64 {
         self.horizontal.sigma(self.horizontal_activity_m_per_s2.height())
+    }
+
+    /// 1-σ of the inertial part of the moment at L5/S1 about the world's X and Y axes, over the body's mass, m²/s²: the
+    /// share by which the suit's horizontal accelerations are wrong.
+    pub(super) fn upper_sigma_m2_per_s2(&self) -> [f64; 2] {
+        [0, 1].map(|axis: usize| self.horizontal.sigma(self.upper_activity_m2_per_s2[axis].height()))
     }
 
     /// Shear is not measured: nobody knows of a push.
@@ -84,6 +93,7 @@ impl MotionNoise {
         self.horizontal_activity_m_per_s2.follow(math::hypot([x, y]), step_s);
         for axis in 0..2 {
             self.cop_activity_m[axis].follow(body.shift_m(axis), step_s);
+            self.upper_activity_m2_per_s2[axis].follow(body.upper.moment_m2_per_s2[axis], step_s);
         }
     }
 }
@@ -103,6 +113,8 @@ pub(super) struct BodyMotion {
     pub(super) suit_acceleration_m_per_s2: [f64; 3],
     /// How the hands move, left and right, m/s².
     pub(super) hand_acceleration_m_per_s2: [[f64; 3]; 2],
+    /// What it takes to accelerate the body above L5/S1.
+    pub(super) upper: UpperInertia,
     /// Height of the walking surface, and of the centre of mass above it, m.
     floor_m: f64,
     centre_height_m: f64,
@@ -117,6 +129,7 @@ impl BodyMotion {
         specific_force_m_per_s2: GRAVITY_M_PER_S2,
         suit_acceleration_m_per_s2: [0.0; 3],
         hand_acceleration_m_per_s2: [[0.0; 3]; 2],
+        upper: UpperInertia::REST,
         floor_m: 0.0,
         centre_height_m: 0.0,
     };
@@ -132,6 +145,7 @@ impl BodyMotion {
             specific_force_m_per_s2: specific_force,
             suit_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
             hand_acceleration_m_per_s2: inertia.hand_acceleration_m_per_s2,
+            upper: inertia.upper,
             floor_m,
             centre_height_m: centre_z_m - floor_m,
         }
@@ -188,19 +202,13 @@ impl BodyMotion {
         self.turning_m[axis] + self.slope[axis] * self.floor_m
     }
 
-    /// How much farther the centre of pressure would lie if the body accelerated as the suit shows it, m.
-    pub(super) fn missed_by_suit_m(&self, axis: usize) -> f64 {
-        let by_suit = self.suit_acceleration_m_per_s2[axis] / self.specific_force_m_per_s2;
-        self.centre_height_m * (self.slope[axis] - by_suit)
-    }
-
     /// What a 1-σ of the horizontal acceleration does to the centre of pressure, m.
     pub(super) fn leaning_sigma_m(&self, sigma_m_per_s2: f64) -> f64 {
         self.centre_height_m.abs() * sigma_m_per_s2 / self.specific_force_m_per_s2
     }
 
     /// How far leaning and turning shift the centre of pressure on an axis, m.
-    fn shift_m(&self, axis: usize) -> f64 {
+    pub(super) fn shift_m(&self, axis: usize) -> f64 {
         (self.centre_height_m * self.slope[axis]).abs() + self.turning_m[axis].abs()
     }
 }

@@ -7,12 +7,14 @@ use super::memory::Memory;
 use super::settings::Settings;
 use super::{MODEL_CHANGED_NS, NO_JOINT};
 use crate::body::{JOINTS, Joint, Segment, Side};
-use crate::exposure::back::{LoadAtBack, UpperBody};
+use crate::exposure::back::{Arm, LoadAtBack, UpperBody};
 use crate::exposure::{Advice, Back, Load, advice, dose, lift};
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 use crate::message::{State, Validity};
 use crate::overload::{GRAVITY_M_PER_S2, leverage};
 use crate::sesc::distal_mass;
+use crate::sesc::suit_error::{EffectiveVectors, wander_variance_m2};
 
 /// The joint between trunk and pelvis.
 const L5S1: Joint = Joint::ALL[0];
@@ -27,9 +29,9 @@ impl Memory {
         found: Validity,
     ) {
         let magnitude_nm = self.known.torque_nm.map(|torque_nm| Vector3::from(torque_nm).norm());
-        let load = self.load(found, &magnitude_nm);
-        self.exposure.advance(self.known.suit_sample_time_ns, &load, &settings.limits);
-        self.known.torque_limit_nm = settings.limits.0;
+        let load = self.load(pose, body, settings, found, &magnitude_nm);
+        self.known.torque_limit_nm = settings.limits.along_nm(pose, &self.known.torque_nm);
+        self.exposure.advance(self.known.suit_sample_time_ns, &load, &self.known.torque_limit_nm);
         self.tell_exposure();
 
         blank(&mut self.known);
@@ -40,7 +42,7 @@ impl Memory {
         }
         let loaded = !found.any_of(Validity::BELOW_LOAD_THRESHOLD);
         if !found.any_of(Validity::LOAD_MAY_HIDE) {
-            self.judge_back(pose, loaded);
+            self.judge_back(pose, body, settings, loaded);
         }
         if loaded {
             self.judge_load(pose, body, settings, &magnitude_nm);
@@ -55,8 +57,15 @@ impl Memory {
         self.known.lifts = self.exposure.dose.lifts.min(u64::from(u32::MAX)) as u32;
     }
 
-    /// What is known about the load, by the reasons that this sample and the worker's model give.
-    fn load(&self, found: Validity, magnitude_nm: &[f64; JOINTS]) -> Load {
+    /// The load by the validity flags of this sample and the state of the identification.
+    fn load(
+        &self,
+        pose: &Pose<StationWorld>,
+        body_motion: &BodyMotion,
+        settings: &Settings,
+        found: Validity,
+        magnitude_nm: &[f64; JOINTS],
+    ) -> Load {
         let worker = &self.identification;
         let weighed = worker.mass_kg > 0.0;
         if found == Validity::BELOW_LOAD_THRESHOLD && weighed {
@@ -64,39 +73,80 @@ impl Memory {
         }
         let since_change_ns = self.known.suit_sample_time_ns.saturating_sub(self.model_changed_ns);
         let changed = self.model_changed_ns > 0 && since_change_ns < MODEL_CHANGED_NS;
-        let told = weighed && worker.has_body() && worker.identified == 1 && !changed;
-        if !told || found.any_of(Validity::SPOILS_TORQUES) {
+        let known = weighed && worker.has_body() && worker.identified == 1 && !changed;
+        if !known || found.any_of(Validity::SPOILS_TORQUES) {
             return Load::Unknown;
         }
+        let [mass_kg, _] = self.carried_kg(body_motion, settings);
+        let hips = [Segment::LeftUpperLeg, Segment::RightUpperLeg].map(|leg| pose.origin_of(leg));
         Load::Known {
             torque_nm: *magnitude_nm,
-            lift_moment_nm: magnitude_nm[L5S1.index()],
-            is_lift: self.known.delta_f_n[2] > 0.0,
+            lift_moment_nm: (mass_kg * GRAVITY_M_PER_S2 * self.load_from_m(hips)).max(0.0),
+            is_lift: mass_kg > 0.0,
         }
     }
 
-    fn judge_back(&mut self, pose: &Pose<StationWorld>, loaded: bool) {
+    /// Mass of the load and its 1-σ, kg. Means something while there is one.
+    fn carried_kg(&self, body_motion: &BodyMotion, settings: &Settings) -> [f64; 2] {
+        let sigma_n = self.known.delta_f_sigma_n.max(settings.force_sigma_n);
+        lift::lifted_mass_kg(self.known.delta_f_n[2], sigma_n, body_motion.load_weight_m_per_s2())
+    }
+
+    /// Horizontal distance of the load from the middle of two joints, m.
+    fn load_from_m(&self, joints: [Vector3<f64>; 2]) -> f64 {
+        let middle = 0.5 * (joints[0] + joints[1]);
+        math::hypot([self.load_point_m[0] - middle.x, self.load_point_m[1] - middle.y])
+    }
+
+    fn judge_back(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        body_motion: &BodyMotion,
+        settings: &Settings,
+        loaded: bool,
+    ) {
         let worker = &self.identification;
-        let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
-        let phi = worker.phi();
+        let (mass_kg, weight_n) = (worker.mass_kg, worker.mass_kg * GRAVITY_M_PER_S2);
         let above = |segment: Segment| segment.is_distal_to(L5S1.segment());
-        let arm_m: Vector3<f64> = Segment::ALL
-            .into_iter()
-            .filter(|segment| above(*segment))
-            .map(|segment| pose.world_from_segment[segment.index()] * Vector3::from(phi.0[segment.index()]))
-            .sum();
+        let mut phi = worker.phi();
+        for segment in Segment::ALL.into_iter().filter(|segment| !above(*segment)) {
+            phi.0[segment.index()] = [0.0; 3];
+        }
+        let arm_m: Vector3<f64> =
+            pose.world_from_segment.iter().zip(phi.0).map(|(turn, phi)| turn * Vector3::from(phi)).sum();
+        let [inertia_x, inertia_y, _] = body_motion.upper.moment_m2_per_s2;
+        let level_m = [arm_m.x - inertia_y / GRAVITY_M_PER_S2, arm_m.y + inertia_x / GRAVITY_M_PER_S2];
         let rows = worker.reduction.rows_over(pose, [0.0; 2], above);
+        let parameters_m2 = worker.parameter_variance_m2(&rows);
+        let suit_m2 = wander_variance_m2(pose, &EffectiveVectors(phi.0), settings.suit_wander_rad);
+        let [inertia_x_m, inertia_y_m] =
+            self.noise.upper_sigma_m2_per_s2().map(|sigma| sigma / GRAVITY_M_PER_S2);
+        let inertia_m = [inertia_y_m, inertia_x_m];
+        let share = distal_mass(&worker.anthropometry().mass_fraction)[L5S1.segment().index()];
+        let up_n = Vector3::new(0.0, 0.0, share * weight_n);
+        let mut arms: [Arm; 2] = core::array::from_fn(|axis| Arm {
+            arm_m: level_m[axis],
+            variance_m2: parameters_m2[axis] + suit_m2[axis] + inertia_m[axis] * inertia_m[axis],
+        });
+        if !loaded {
+            arms = self.given_the_plate(arms, share);
+        }
+        // r × W ẑ = (r_y W, −r_x W, 0): what is along X comes of the arm along Y.
+        let [x, y] = arms;
         let body = UpperBody {
-            weight_arm_nm: [weight_n * arm_m.x, weight_n * arm_m.y],
-            variance_nm2: worker.parameter_variance_m2(&rows).map(|variance| weight_n * weight_n * variance),
-            weight_n: weight_n * distal_mass(&worker.anthropometry().mass_fraction)[L5S1.segment().index()],
-            upright: (pose.world_from_segment[L5S1.segment().index()] * Vector3::z()).z,
+            moment_nm: [weight_n * y.arm_m, -weight_n * x.arm_m],
+            variance_nm2: [y, x].map(|arm| weight_n * weight_n * arm.variance_m2),
+            force_n: up_n + mass_kg * Vector3::from(body_motion.upper.force_m_per_s2),
+            lumbar_axis: pose.world_from_segment[L5S1.segment().index()] * Vector3::z(),
         };
         let load = if loaded {
+            let delta_f_n = self.known.delta_f_n[2];
+            let [x, y, _] = body_motion.hands_acceleration_m_per_s2();
+            let load_kg = body_motion.load_kg(delta_f_n);
             LoadAtBack {
                 torque_nm: self.known.torque_nm[L5S1.index()].into(),
                 torque_sigma_nm: self.known.torque_sigma_nm[L5S1.index()],
-                delta_f_n: self.known.delta_f_n[2],
+                force_n: Vector3::new(load_kg * x, load_kg * y, delta_f_n),
             }
         } else {
             LoadAtBack::NONE
@@ -108,6 +158,20 @@ impl Memory {
         self.known.l5s1_compression_sigma_n = back.compression_sigma_n;
     }
 
+    /// The arms of what is above L5/S1 (world x and y), given the measured centre of pressure: without a load its distance
+    /// from the estimated one is the body's error, and that above the joint is part of it. Of what the model misses anywhere,
+    /// `share` is above the joint.
+    fn given_the_plate(&self, arms: [Arm; 2], share: f64) -> [Arm; 2] {
+        let misfit_m2 = self.identification.misfit_variance_m2();
+        core::array::from_fn(|axis| {
+            let missed_m = self.known.cop_measured_m[axis] - self.known.cop_estimated_m[axis];
+            let [estimated_m, measured_m] = [self.known.cop_sigma_m[axis], self.ground_sigma.cop_m];
+            let arm = Arm { variance_m2: arms[axis].variance_m2 + share * misfit_m2[axis], ..arms[axis] };
+            let common_m2 = arm.variance_m2.min(estimated_m * estimated_m);
+            arm.given(missed_m, estimated_m * estimated_m + measured_m * measured_m, common_m2)
+        })
+    }
+
     fn judge_load(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -115,26 +179,14 @@ impl Memory {
         settings: &Settings,
         magnitude_nm: &[f64; JOINTS],
     ) {
-        let body = self.identification.anthropometry();
-        let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m(side.hand())));
+        let mass_kg = self.carried_kg(body_motion, settings);
+        let reach_m = self.load_from_m(Side::BOTH.map(|side| pose.origin_of(side.foot())));
         let known = &mut self.known;
-        let (vertical_n, delta_f_n) = (known.ground_force_n[2], known.delta_f_n[2]);
-        let sigma_n = known.delta_f_sigma_n.max(settings.force_sigma_n);
-        [known.lifted_mass_kg, known.lifted_mass_sigma_kg] =
-            lift::lifted_mass_kg(delta_f_n, sigma_n, body_motion.load_weight_m_per_s2());
+        [known.lifted_mass_kg, known.lifted_mass_sigma_kg] = mass_kg;
+        known.reach_m = reach_m;
 
-        let weight_n = vertical_n - delta_f_n;
-        let place = lift::Place {
-            by_pressure_m: [0, 1].map(|axis| {
-                (known.cop_measured_m[axis] * vertical_n - known.cop_estimated_m[axis] * weight_n) / delta_f_n
-            }),
-            pressure_sigma_m: known.cop_sigma_m.map(|sigma_m| sigma_m * weight_n / delta_f_n),
-            grip_middle_m: [0, 1].map(|axis| 0.5 * (grip_m[0][axis] + grip_m[1][axis])),
-        };
-        let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()));
-        known.reach_m = place.reach_m([0, 1].map(|axis| 0.5 * (left[axis] + right[axis])));
-
-        let Some(worst) = advice::worst_joint(magnitude_nm, &settings.limits.0) else { return };
+        let delta_f_n = known.delta_f_n[2];
+        let Some(worst) = advice::worst_joint(magnitude_nm, &known.torque_limit_nm) else { return };
         let index = worst.index();
         let leverage = leverage(worst, known.zeta, known.eta);
         let (torque_nm, sigma_nm) = (known.torque_nm[index], known.torque_sigma_nm[index]);

@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::residual::ROWS_PER_INDEPENDENT;
 use super::settings::{Settings, StopRule};
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
@@ -15,10 +16,17 @@ mod belief;
 mod consistency;
 mod kept;
 mod measurement;
+mod misfit;
 mod planning;
+mod progress;
+mod weighing;
 
 pub use consistency::Consistency;
 pub use kept::KeptWorker;
+pub use measurement::StanceSigma;
+use misfit::Misfit;
+use progress::{Progress, ROWS_PER_POSE};
+use weighing::Weighing;
 
 /// Suit samples averaged for the bones.
 const SKELETON_SAMPLES: u64 = 20;
@@ -93,8 +101,11 @@ pub struct Identification {
     asked_ns: u64,
     /// Normalised innovation squared of the last pose, two degrees of freedom.
     pub nis: f64,
-    /// Predicted 1-σ of the CoP over the library in this stance, m; 0 before it is known.
+    /// Predicted 1-σ of the CoP over the library in this stance, with what the model misses, m; 0 before it is known.
     pub predicted_cop_sigma_m: f64,
+    misfit: Misfit,
+    weighing: Weighing,
+    progress: Progress,
 }
 
 impl Identification {
@@ -177,6 +188,8 @@ impl Identification {
         self.identified = 0;
         self.nis = 0.0;
         self.predicted_cop_sigma_m = 0.0;
+        self.misfit = Zeroable::zeroed();
+        self.progress = Zeroable::zeroed();
     }
 
     /// Whether the pose of the window's newest sample was already used.
@@ -188,12 +201,12 @@ impl Identification {
     }
 
     /// One update from a still window: mean rows, mean CoP (Eq. 6–10). Returns whether the filter took it.
-    /// `lasting_m` is what of the CoP's 1-σ the window does not average away, m.
+    /// `lasting_m` is what of the CoP's 1-σ the window does not average away, per axis, m.
     pub fn learn_pose(
         &mut self,
         window: &Window,
         stillness: &Stillness,
-        lasting_m: f64,
+        lasting_m: [f64; 2],
         settings: &Settings,
     ) -> bool {
         let (Some(newest), Some(rows)) = (window.newest(), self.mean_rows(window)) else { return false };
@@ -212,15 +225,34 @@ impl Identification {
     pub(super) fn finish_pose(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
         self.performed.push(coordinates(pose));
         self.update_predicted_cop_sigma(settings);
-        if self.poses_used >= settings.poses_min && self.meets(settings) {
+        let enough = self.poses_used >= settings.poses_min && self.meets(settings);
+        self.finish(enough, ROWS_PER_POSE, settings);
+        self.ask_again();
+    }
+
+    /// After a row in motion. Rows alone do not meet the bound sooner than poses do: a worker who holds no pose is
+    /// identified once more of the same work would teach little.
+    pub(super) fn finish_row(&mut self, settings: &Settings) {
+        self.update_predicted_cop_sigma(settings);
+        self.finish(false, 1.0, settings);
+    }
+
+    fn finish(&mut self, enough: bool, rows: f64, settings: &Settings) {
+        let settled = match settings.stop {
+            StopRule::Paper { .. } => false,
+            StopRule::PredictedCop { .. } => {
+                self.knows_the_work(settings) && self.progress.is_settled(rows, self.parameter_sigma_m())
+            }
+        };
+        if enough || settled {
             self.identified = 1;
             self.learning = 0;
         }
-        self.ask_again();
     }
 
     /// The same from a pose's rows: the first ones test the prior, then the filter takes them in. Its NIS.
     pub(super) fn learn_rows(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
+        self.learn_misfit(rows, cop_m, variance_m2, ROWS_PER_INDEPENDENT);
         self.test_prior(rows, cop_m, variance_m2);
         let nis = self.take_in(rows, cop_m, variance_m2)?;
         self.nis = nis;
@@ -229,15 +261,13 @@ impl Identification {
         Some(nis)
     }
 
-    /// Whether the stop rule holds now. The paper's looks at P alone; ours also asks that the last poses were as well
-    /// predicted as P says.
+    /// Whether the stop rule's bound holds now. It looks at P alone: what the model misses no further pose removes, and
+    /// [`Identification::predicted_cop_sigma_m`] says it.
     pub fn meets(&self, settings: &Settings) -> bool {
         match settings.stop {
             StopRule::Paper { variance_m2 } => self.filter.variance_max_m2() < variance_m2,
             StopRule::PredictedCop { sigma_m } => {
-                self.knows_the_work(settings)
-                    && self.predicted_cop_sigma_m < sigma_m
-                    && self.consistency.is_consistent()
+                self.knows_the_work(settings) && self.parameter_sigma_m() < sigma_m
             }
         }
     }
@@ -258,6 +288,9 @@ impl Identification {
             && self.consistency.is_sound()
             && self.nis.is_finite()
             && self.predicted_cop_sigma_m.is_finite()
+            && self.misfit.is_sound()
+            && self.weighing.is_sound()
+            && self.progress.is_sound()
             && self.poses_used < 1 << 32
             && self.last_pose_wxyz.iter().flatten().all(|value| value.is_finite())
     }

@@ -4,21 +4,25 @@ use nalgebra::Vector3;
 
 use super::body_motion::BodyMotion;
 use super::memory::Memory;
+use super::monitoring::SUPPORT_MARGIN_M;
 use super::settings::{Motion, Settings};
+use super::{sole, support};
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::state::SharingSource;
-use crate::message::{GroundSample, Validity};
+use crate::message::{GroundSample, State, Validity};
 use crate::motion::Moment;
-use crate::overload::{self, Loading, LoadingSigma, Sharing, Swing, sharing};
+use crate::motion::unloaded::SIGMAS_OF_A_LOAD;
+use crate::overload::load_place::Measured;
+use crate::overload::sharing::{TOO_CLOSE_M, project};
+use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 
-/// A force is a load if it is so many σ from nothing.
-const SIGMAS_OF_A_LOAD: f64 = 2.5;
-/// 1-σ of where a load is in the hands, as seen from the joints: grips differ, and so do sensors on arms, m.
-const GRIP_SIGMA_M: f64 = 0.02;
-/// 1-σ of where a joint is above the floor, m.
-const JOINT_SIGMA_M: f64 = 0.02;
+/// 1-σ of where each foot presses, from the line that is common to both, forward and sideways in the foot's axes, m:
+/// measured on people who lift on two plates.
+const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
+/// 1-σ of where on the hand the load acts, per axis, beside its distance ahead, m: half the breadth of the palm's hollow.
+const GRIP_SIGMA_M: f64 = 0.01;
 
 impl Memory {
     /// 1-σ of the external force in this motion, N.
@@ -37,89 +41,209 @@ impl Memory {
         }
     }
 
-    /// Eq. 14 and 15; `feet` where each was measured by itself.
+    /// Whether something is carried: detected now, or detected before and not refuted since.
+    fn is_loaded(&mut self, delta_f_n: f64, time_ns: u64, settings: &Settings) -> bool {
+        let threshold_n = settings.load_threshold_n;
+        match settings.motion {
+            Motion::Paper => delta_f_n.abs() >= threshold_n,
+            Motion::Compensated { .. } => {
+                self.load.follow(delta_f_n, self.known.delta_f_sigma_n, threshold_n, time_ns)
+            }
+        }
+    }
+
+    /// Eq. 14 and 15, `step_s` after the instant before; the pose is the body's on the plate, the stance's offset applied.
     pub(super) fn overload(
         &mut self,
         pose: &Pose<StationWorld>,
         body: &BodyMotion,
         moment: &Moment,
+        step_s: f64,
         settings: &Settings,
         found: &mut Validity,
     ) {
-        let feet = moment.ground().and_then(GroundSample::feet);
-        let worker = &self.identification;
         let vertical_n = self.known.ground_force_n[2];
-        let delta_f_n = vertical_n - worker.mass_kg * body.specific_force_m_per_s2 - self.terms.force_n[2];
+        let weight_n = self.identification.mass_kg * body.specific_force_m_per_s2;
+        let delta_f_n = vertical_n - weight_n - self.terms.force_n[2];
         self.known.delta_f_n = [0.0, 0.0, delta_f_n];
         self.known.delta_f_sigma_n = self.delta_f_sigma_n();
-        let loaded = delta_f_n.abs() >= self.load_limit_n(settings);
+        let loaded = self.is_loaded(delta_f_n, moment.time_ns, settings);
+        let worker = &self.identification;
         found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
         // In quick motion a load may hide below what can be told: then nothing is known of it.
         let is_hidden = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
         found.raise(Validity::LOAD_MAY_HIDE, !loaded && is_hidden);
+        if !loaded {
+            self.load_place.reset();
+        }
         if !loaded
             || !worker.has_body()
             || found.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED))
         {
             return;
         }
-        let table = worker.anthropometry();
-        let grip_m: [Vector3<f64>; 2] =
-            Side::BOTH.map(|side| pose.point_on(side.hand(), table.grip_m(side.hand())));
-        let (cop_measured_m, cop_estimated_m) = (self.known.cop_measured_m, self.known.cop_estimated_m);
-        let by_geometry =
-            Sharing::from_geometry(pose, cop_measured_m, cop_estimated_m, vertical_n, delta_f_n, &grip_m);
-        let (sharing, source, zeta_sigma) = match feet {
-            Some(feet) => {
-                let sigma = (self.ground_sigma.force_n / vertical_n).min(0.5);
-                (by_geometry.with_feet(&feet, cop_measured_m), SharingSource::Measured, sigma)
-            }
-            None => (by_geometry, SharingSource::Geometry, Sharing::zeta_sigma_by_geometry(pose)),
-        };
-        // The load's place is known as well as the two centres of pressure, magnified by weight over load.
-        let place_sigma_m = self.known.cop_sigma_m.iter().copied().fold(0.0, f64::max)
-            * (vertical_n - delta_f_n)
-            / delta_f_n.abs();
-        let between_hands_m = (grip_m[0] - grip_m[1]).xy().norm();
-        let eta_sigma = place_sigma_m / between_hands_m.max(1e-3);
-        let (sharing, eta_sigma, swing_n) = if settings.motion == Motion::Paper {
-            (sharing.as_in_the_paper(), eta_sigma.min(0.5), [0.0; 2])
-        } else {
-            let (sharing, eta_sigma) = sharing.with_both_hands(eta_sigma);
-            let load_kg = body.load_kg(delta_f_n);
-            let [x, y, _] = body.hands_acceleration_m_per_s2();
-            (sharing, eta_sigma, [load_kg * x, load_kg * y])
-        };
+        let feet = self.foot_loads(pose, moment, settings);
+        let hands = self.place_load(pose, body, moment, step_s, settings);
         let loading = Loading {
-            cop_measured_m,
-            cop_estimated_m,
+            cop_measured_m: self.known.cop_measured_m,
+            cop_estimated_m: self.known.cop_estimated_m,
             vertical_n,
             delta_f_n,
-            grip_m,
-            sharing,
-            swing: Swing { force_n: swing_n, surface_z_m: moment.ground.surface_z_m },
+            grip_m: hands.grip_m,
+            eta: hands.eta,
+            feet,
+            swing: Swing {
+                force_n: hands.swing_n,
+                body_n: [0, 1].map(|axis| self.identification.mass_kg * body.acceleration_m_per_s2(axis)),
+                surface_z_m: moment.ground.surface_z_m,
+            },
         };
+        let is_measured = moment.ground().and_then(GroundSample::feet).is_some();
+        let place = self.stance_sigma;
         let sigma = LoadingSigma {
             cop_measured_m: self.ground_sigma.cop_m,
             cop_estimated_m: self.known.cop_sigma_m,
+            place_by_estimate: place.by_estimate,
+            place_m: place.rest_m,
             delta_f_n: self.known.delta_f_sigma_n,
-            eta: eta_sigma,
-            zeta: zeta_sigma,
-            foot_without_load_m: if feet.is_some() { sharing::FOOT_WITHOUT_LOAD_SIGMA_M } else { 0.0 },
+            eta: hands.eta_sigma,
+            load_ahead_m: hands.ahead_sigma_m,
+            zeta: if is_measured { (self.ground_sigma.force_n / vertical_n).min(0.5) } else { 0.0 },
+            press_m: PRESS_SIGMA_M,
+            orientation_rad: settings.suit_orientation_sigma_rad(),
             grip_m: GRIP_SIGMA_M,
-            joint_m: JOINT_SIGMA_M,
         };
         found.raise(
             Validity::LOAD_NOT_AT_HANDS,
-            sharing.load_distance_m > settings.load_distance_max_m + 2.0 * place_sigma_m,
+            hands.distance_m > settings.load_distance_max_m + 2.0 * hands.distance_sigma_m,
         );
-        self.known.zeta = sharing.zeta;
+        let source = if is_measured { SharingSource::Measured } else { SharingSource::Geometry };
+        self.known.zeta = loading.foot_reactions(pose).map(|foot| foot.with_n / vertical_n);
         self.known.sharing_source = source as u32;
-        self.known.eta = sharing.eta;
-        self.known.load_distance_m = sharing.load_distance_m;
+        self.known.eta = hands.eta;
+        let load_m = hands.grip_m[0] * hands.eta[0] + hands.grip_m[1] * hands.eta[1];
+        self.load_point_m = [load_m.x, load_m.y];
+        self.known.load_distance_m = hands.distance_m;
         for (joint, torque) in overload::torques(pose, &loading, &sigma).into_iter().enumerate() {
             self.known.torque_nm[joint] = torque.torque_nm.into();
             self.known.torque_sigma_nm[joint] = torque.sigma_nm;
+            self.torque_covariance_nm2[joint] = torque.covariance_nm2;
         }
     }
+
+    /// How the feet share the ground reaction: measured, or from the ankles.
+    fn foot_loads(&self, pose: &Pose<StationWorld>, moment: &Moment, settings: &Settings) -> FootLoads {
+        let cop_m = self.known.cop_measured_m;
+        if let Some(feet) = moment.ground().and_then(GroundSample::feet) {
+            return FootLoads::measured(&feet, cop_m);
+        }
+        let ankle = Side::BOTH.map(|side| pose.origin_of(side.foot()));
+        if settings.motion == Motion::Paper {
+            let (right, _) = project(cop_m, ankle.map(|ankle| [ankle.x, ankle.y]));
+            return FootLoads::Common { zeta: [1.0 - right, right] };
+        }
+        let soles = sole::both(pose, self.build.body(), settings.height_m);
+        FootLoads::Geometry {
+            press_m: [[0.0; 2]; 2],
+            stands: support::bearing_feet(pose, cop_m, &soles, SUPPORT_MARGIN_M),
+        }
+    }
+
+    /// Where the load is in the hands.
+    fn place_load(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        body: &BodyMotion,
+        moment: &Moment,
+        step_s: f64,
+        settings: &Settings,
+    ) -> InHands {
+        let worker = &self.identification;
+        let table = worker.anthropometry();
+        let grip_m: [Vector3<f64>; 2] =
+            Side::BOTH.map(|side| pose.point_on(side.hand(), table.grip_m(side.hand())));
+        let State { cop_measured_m, cop_estimated_m, delta_f_n: [_, _, delta_f_n], .. } = self.known;
+        let vertical_n = self.known.ground_force_n[2];
+        let weight_n = vertical_n - delta_f_n;
+        let is_paper = settings.motion == Motion::Paper;
+        let eta = self.load_place.eta();
+        let height_m = eta[0] * grip_m[0].z + eta[1] * grip_m[1].z - moment.ground.surface_z_m;
+        // Of the load: of the hands, each by its fraction of it.
+        let acceleration = |axis: usize| {
+            let [left, right] = body.hand_acceleration_m_per_s2;
+            eta[0] * left[axis] + eta[1] * right[axis]
+        };
+        let swing = if is_paper { [0.0; 2] } else { [acceleration(0), acceleration(1)] };
+        // The centre of pressure of an accelerated load at x is x − z ẍ/(g + z̈).
+        let load_m: [f64; 2] = core::array::from_fn(|axis| {
+            let by_cops_m =
+                (cop_measured_m[axis] * vertical_n - cop_estimated_m[axis] * weight_n) / delta_f_n;
+            by_cops_m + height_m * swing[axis] / body.load_weight_m_per_s2()
+        });
+        let between: [[f64; 2]; 2] = grip_m.map(|grip| [grip.x, grip.y]);
+        let (right_hand, distance_m) = project(load_m, between);
+        // The load's place is known as well as the two centres of pressure, magnified by weight over load, and the hands.
+        let chain_m = settings.suit_orientation_sigma_rad() * settings.height_m;
+        let sigma_m: [f64; 2] = core::array::from_fn(|axis| {
+            let by_estimate_m = self.known.cop_sigma_m[axis] * weight_n / delta_f_n;
+            let by_measurement_m = self.ground_sigma.cop_m * vertical_n / delta_f_n;
+            let by_force_m = (load_m[axis] - cop_estimated_m[axis]) * self.known.delta_f_sigma_n / delta_f_n;
+            math::hypot([math::hypot([by_estimate_m, by_measurement_m]), math::hypot([by_force_m, chain_m])])
+        });
+        let distance_sigma_m = sigma_m[0].max(sigma_m[1]);
+        let apart = grip_m[1] - grip_m[0];
+        let apart_m = math::hypot([apart.x, apart.y]);
+        if is_paper {
+            let eta_sigma = (distance_sigma_m / apart_m.max(1e-3)).min(0.5);
+            let eta = [1.0 - right_hand, right_hand];
+            let (ahead_sigma_m, swing_n) = ([0.0; 2], [0.0; 2]);
+            return InHands { grip_m, eta, eta_sigma, ahead_sigma_m, swing_n, distance_m, distance_sigma_m };
+        }
+        let are_together = apart_m < TOO_CLOSE_M;
+        // From the left to the right hand; hands that are together have the direction of the pelvis.
+        let aside = if are_together {
+            let right = pose.world_from_segment[0] * -Vector3::y();
+            [right.x, right.y].map(|part| part / math::hypot([right.x, right.y]).max(1e-9))
+        } else {
+            [apart.x / apart_m, apart.y / apart_m]
+        };
+        let ahead = [-aside[1], aside[0]];
+        let along = |direction: [f64; 2]| {
+            let middle = [0, 1].map(|axis| 0.5 * (between[0][axis] + between[1][axis]));
+            let value: f64 = (0..2).map(|axis| direction[axis] * (load_m[axis] - middle[axis])).sum();
+            let sigma = math::hypot([direction[0] * sigma_m[0], direction[1] * sigma_m[1]]);
+            Measured { value, sigma }
+        };
+        let Measured { value, sigma } = along(aside);
+        let right = Measured { value: 0.5 + value / apart_m, sigma: sigma / apart_m };
+        self.load_place.update((!are_together).then_some(right), along(ahead), step_s);
+        let [ahead_m, ahead_sigma_m] = self.load_place.ahead_m();
+        let offset = Vector3::new(ahead[0] * ahead_m, ahead[1] * ahead_m, 0.0);
+        let load_kg = body.load_kg(delta_f_n);
+        InHands {
+            grip_m: grip_m.map(|grip_m| grip_m + offset),
+            eta: self.load_place.eta(),
+            eta_sigma: self.load_place.eta_sigma(),
+            ahead_sigma_m: ahead.map(|part| part * ahead_sigma_m),
+            swing_n: swing.map(|acceleration| load_kg * acceleration),
+            distance_m,
+            distance_sigma_m,
+        }
+    }
+}
+
+/// Where a load is in the hands.
+struct InHands {
+    /// Where each hand's fraction of the load acts, m.
+    grip_m: [Vector3<f64>; 2],
+    /// Hand load fractions.
+    eta: [f64; 2],
+    eta_sigma: f64,
+    /// 1-σ of how far ahead of the grips the load is, a horizontal vector, m.
+    ahead_sigma_m: [f64; 2],
+    /// Force that swings the load, N.
+    swing_n: [f64; 2],
+    /// From the load to the line between the grips, by the two centres of pressure, and the 1-σ of that, m.
+    distance_m: f64,
+    distance_sigma_m: f64,
 }

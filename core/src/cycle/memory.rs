@@ -6,22 +6,24 @@ use super::alignment::Alignment;
 use super::asked::AskedPose;
 use super::body_motion::MotionNoise;
 use super::build::Build;
-use super::identification::Identification;
+use super::identification::{Identification, StanceSigma};
 use super::insoles::GroundSigma;
 use super::model_terms::ModelTerms;
 use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
 use crate::anchor::Anchor;
+use crate::body::JOINTS;
 use crate::exposure::{Exposure, Shift};
 use crate::message::{State, Validity};
-use crate::motion::{History, Unloaded};
+use crate::motion::{History, Load, Unloaded};
+use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 6;
+pub const MEMORY_VERSION: u64 = 7;
 
-/// What the loop remembers from one step to the next. About 505 kB: keep it in a box.
+/// What the loop remembers from one step to the next. About 933 kB: keep it in a box.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Memory {
@@ -37,14 +39,25 @@ pub struct Memory {
     pub window: Window,
     /// How far the compensation of inertia can be trusted.
     pub(super) noise: MotionNoise,
-    /// What motion shows of the skew between both streams.
-    pub(super) skew: SkewWatch,
+    /// Skew between both streams, and the lag by which it is corrected.
+    pub skew: SkewWatch,
     /// How well the ground's sample of the moment is known.
     pub(super) ground_sigma: GroundSigma,
     /// What the model has beside the body.
     pub(super) terms: ModelTerms,
     /// Whether nothing is carried.
     pub(super) unloaded: Unloaded,
+    /// Where the load is in the hands.
+    pub(super) load_place: LoadPlace,
+    /// Horizontal place of the load, world, m. Means something while one is detected.
+    pub(super) load_point_m: [f64; 2],
+    /// How far the stance's offset is known at this instant.
+    pub(super) stance_sigma: StanceSigma,
+    /// Covariance of the horizontal components of each joint's overload, (N m)²: xx, xy, yy. Means something while
+    /// torques are published.
+    pub torque_covariance_nm2: [[f64; 3]; JOINTS],
+    /// The load that was detected.
+    pub(super) load: Load,
     /// Time of the newest suit sample in the history.
     pub(super) worked_ns: u64,
     /// The suit's session of that sample.
@@ -133,6 +146,11 @@ impl Memory {
             && self.ground_sigma.is_sound()
             && self.terms.is_sound()
             && self.unloaded.is_sound()
+            && self.load_place.is_sound()
+            && self.load_point_m.iter().all(|value| value.is_finite())
+            && self.stance_sigma.is_sound()
+            && self.torque_covariance_nm2.iter().flatten().all(|value| value.is_finite())
+            && self.load.is_sound()
             && self.build.is_sound()
             && self.identification.is_sound()
             && self.exposure.is_sound()

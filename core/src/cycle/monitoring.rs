@@ -22,14 +22,12 @@ use crate::static_pose::{Held, Stillness};
 
 /// Within this multiple of the stillness thresholds the static equations are good enough to publish torques.
 const NEARLY_STILL: f64 = 3.0;
-/// What a plate may show that is taken for a worker's mass, kg.
-const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
 /// A body that was not seen for so long may stand elsewhere, ns.
 const SIGHT_LOST_NS: u64 = 300_000_000;
 /// A still body's shear over its weight: more means that it leans on something.
 const SHEAR_SHARE_MAX: f64 = 0.02;
 /// The CoP may lie this far outside the modelled soles, m.
-const SUPPORT_MARGIN_M: f64 = 0.02;
+pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
 
 impl Memory {
     /// Takes in one aligned sample and works through every moment whose window it fills.
@@ -109,11 +107,10 @@ impl Memory {
         self.known.stance = moment.stance as u32;
         self.ground_sigma = GroundSigma::of(moment.ground(), settings);
         self.known.cop_measured_sigma_m = [self.ground_sigma.cop_m; 2];
-        self.known.segment_origin_m = moment.origin_m;
-        self.known.suit_com_m = moment.suit_com_m;
         self.does_not_give(NotGiven::SuitCom, moment.has_suit_com != 1);
         let mut found = Validity::default();
-        found.raise(Validity::CLOCK_UNSYNCHRONISED, moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS);
+        let unsynchronised = moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS || self.skew.is_off();
+        found.raise(Validity::CLOCK_UNSYNCHRONISED, unsynchronised);
         // Until the first moment with a body, what is told is of one without.
         found.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
 
@@ -160,18 +157,26 @@ impl Memory {
         let body = self.body_motion(&pose, moment, motion, step_s, settings);
         self.apply_terms(observation.as_mut(), &pose, &body, step_s, settings);
         self.noise.follow(&body, self.identification.mass_kg, step_s);
+        if motion.is_some() && standing.is_some() && self.identification.has_body() {
+            self.weigh(&pose, moment, &body, step_s, settings);
+        }
         self.estimate(&pose, &body, settings);
+        // What the filter says about where the body stands holds for everything that is placed on the plate.
+        let offset_m = self.identification.stance_offset_m();
+        let on_plate = pose.displaced(offset_m);
+        self.known.segment_origin_m = on_plate.origin.map(Into::into);
+        let [x, y, z] = moment.suit_com_m;
+        self.known.suit_com_m = [x + offset_m[0], y + offset_m[1], z];
         let without_terms = stillness.and_then(|window| self.terms.off(&window, &settings.model));
         if let Some(stillness) = without_terms.filter(|_| is_still) {
-            self.learn_from_stillness(&pose, moment, &stillness, settings);
+            self.learn_from_stillness(&on_plate, moment, &body, &stillness, settings);
         }
-        self.overload(&pose, &body, moment, settings, &mut found);
-        self.expose(&pose, &body, settings, found);
+        self.overload(&on_plate, &body, moment, step_s, settings, &mut found);
+        self.expose(&on_plate, &body, settings, found);
         if motion.is_some() && standing.is_some() && !found.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);
         } else {
             self.unloaded.forget();
-            self.skew.interrupt();
         }
         self.found = found.0;
     }
@@ -226,7 +231,9 @@ impl Memory {
         let still = self.identification.predict_cop_m(&rows);
         let known = self.identification.cop_variance_m2(&rows);
         let wander = self.identification.wander_variance_m2(pose, settings);
-        self.known.com_m = centre_of_mass(pose, &self.identification.phi()).into();
+        let [x, y] = self.identification.stance_offset_m();
+        self.known.com_m =
+            (centre_of_mass(pose, &self.identification.phi()) + Vector3::new(x, y, 0.0)).into();
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         // Where shear is not measured, the suit alone tells how the body accelerates; at rest that is nothing.
         let unfelt_m = if self.known.not_given & NotGiven::Shear as u32 == 0 {
@@ -234,32 +241,31 @@ impl Memory {
         } else {
             body.leaning_sigma_m(self.noise.moving_acceleration_sigma_m_per_s2())
         };
+        let mut variance_m2 = [0.0; 2];
         for axis in 0..2 {
             self.known.cop_estimated_m[axis] =
                 still[axis] + body.beside_the_rows_m(axis) + self.terms.cop_m[axis];
             let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            let variance = known[axis] + wander[axis] + floor + moving * moving + unfelt_m * unfelt_m;
-            self.known.cop_sigma_m[axis] = math::sqrt(variance);
+            variance_m2[axis] = known[axis] + wander[axis] + floor + moving * moving + unfelt_m * unfelt_m;
         }
+        self.known.cop_sigma_m = variance_m2.map(math::sqrt);
+        self.stance_sigma = self.identification.stance_sigma(&rows, variance_m2);
     }
 
-    /// A still worker shows the mass, if it is not known, and then one more pose.
+    /// One more pose, if it is held without a load.
     fn learn_from_stillness(
         &mut self,
         pose: &Pose<StationWorld>,
         moment: &Moment,
+        body: &BodyMotion,
         stillness: &Stillness,
         settings: &Settings,
     ) {
         let soles = sole::both(pose, self.build.body(), settings.height_m);
         let worker = &mut self.identification;
         let supported = support::is_supported(pose, stillness.cop_m, &soles, SUPPORT_MARGIN_M);
-        if !supported || moment.both_feet_stand != 1 {
+        if !supported || moment.both_feet_stand != 1 || worker.mass_kg <= 0.0 {
             return;
-        }
-        let shown_kg = stillness.vertical_n / GRAVITY_M_PER_S2;
-        if worker.mass_kg <= 0.0 && BODY_MASS_KG.contains(&shown_kg) {
-            worker.mass_kg = shown_kg;
         }
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
         // The paper has no threshold of the load.
@@ -276,7 +282,9 @@ impl Memory {
         let unloaded = (stillness.vertical_n - weight_n).abs() < nothing_n && !leans;
         let wanted = worker.has_body() && worker.learning == 1 && !worker.has_used(&self.window, settings);
         if wanted && unloaded {
-            worker.learn_pose(&self.window, stillness, self.ground_sigma.lasting_cop_m, settings);
+            let lasting_m =
+                [0, 1].map(|axis| math::hypot([self.ground_sigma.lasting_cop_m, body.shift_m(axis)]));
+            worker.learn_pose(&self.window, stillness, lasting_m, settings);
         }
     }
 
@@ -325,7 +333,7 @@ pub(super) fn blank_torques(state: &mut State) {
 /// Table I, without flicker.
 pub(super) fn colour(state: &mut State, settings: &Settings, levels: &mut Levels) {
     for joint in 0..JOINTS {
-        let (limit_nm, margin_share) = (settings.limits.0[joint], settings.level_margin_share);
+        let (limit_nm, margin_share) = (state.torque_limit_nm[joint], settings.level_margin_share);
         let magnitude_nm = Vector3::from(state.torque_nm[joint]).norm();
         let sigma_nm = state.torque_sigma_nm[joint];
         let level = levels.next(joint, magnitude_nm, sigma_nm, limit_nm, margin_share);

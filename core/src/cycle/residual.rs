@@ -3,19 +3,20 @@
 
 use super::body_motion::{ACCELERATION_AT_REST_M_PER_S2, BodyMotion};
 use super::memory::Memory;
+use super::monitoring::SUPPORT_MARGIN_M;
 use super::settings::{Method, Motion, Settings};
-use super::skew_watch::Shown;
+use super::{sole, support};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::Component;
-use crate::motion::Moment;
+use crate::motion::{ForceSigma, Moment};
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
 
 /// Moments in motion enter the filter at most so often, ns …
 const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
 /// … and so many of them say as much as one: errors of a motion last about half a second.
-const ROWS_PER_INDEPENDENT: f64 = 5.0;
+pub(super) const ROWS_PER_INDEPENDENT: f64 = 5.0;
 /// After a gap longer than this nothing is known of the hands, s.
 const GAP_MAX_S: f64 = 0.2;
 /// Two degrees of freedom exceed this once in a thousand times.
@@ -38,21 +39,46 @@ impl Memory {
         if step_s > GAP_MAX_S {
             self.unloaded.forget();
         }
-        let [delta_f_n, sigma_n] = [self.known.delta_f_n[2], self.known.delta_f_sigma_n];
-        if !self.unloaded.watch(delta_f_n, step_s, settings.load_threshold_n, sigma_n) {
-            self.skew.interrupt();
+        let sigma = ForceSigma {
+            at_rest_n: self.ground_sigma.force_n,
+            by_motion_n: self.noise.vertical.sigma(self.noise.vertical_activity_n.height()),
+        };
+        if !self.unloaded.watch(self.known.delta_f_n[2], step_s, settings.load_threshold_n, sigma) {
             return;
         }
         if self.noise.may_be_pushed() {
             return;
         }
         self.learn_errors(moment, body);
-        self.watch_the_skew(moment, body, settings);
         let steady = moment.both_feet_stand == 1 || !settings.suit_drifts;
         let due = moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS;
         if steady && due {
             self.learn_motion(pose, moment, body, settings);
         }
+    }
+
+    /// Weighs the body, unless its mass is known from elsewhere.
+    pub(super) fn weigh(
+        &mut self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        body: &BodyMotion,
+        step_s: f64,
+        settings: &Settings,
+    ) {
+        let soles = sole::both(pose, self.build.body(), settings.height_m);
+        let supported = support::is_supported(pose, self.known.cop_measured_m, &soles, SUPPORT_MARGIN_M);
+        let vertical_n = moment.ground.force_n[2] - self.terms.force_n[2];
+        let worker = &self.identification;
+        let loaded = worker.mass_kg > 0.0
+            && (vertical_n - worker.mass_kg * body.specific_force_m_per_s2).abs()
+                > self.load_limit_n(settings);
+        if loaded || !supported || moment.both_feet_stand != 1 || worker.learning != 1 {
+            return;
+        }
+        let inertia_n = vertical_n * body.suit_acceleration_m_per_s2[2] / body.specific_force_m_per_s2;
+        let sigma_n = self.noise.vertical.sigma(inertia_n.abs());
+        self.identification.weigh(vertical_n, body.specific_force_m_per_s2, sigma_n, step_s, settings);
     }
 
     /// The body's own horizontal acceleration as believed: without what the model's terms push, m/s².
@@ -80,35 +106,6 @@ impl Memory {
             let error_m = self.known.cop_measured_m[axis] - self.known.cop_estimated_m[axis];
             noise.cop[axis].learn(error_m, activity_m, at_rest_m);
         }
-    }
-
-    /// What the plate measures beside what the suit's motion alone predicts: the body's vertical acceleration, and the
-    /// centre of pressure. (Measured shear would bring the plate's own time into the prediction.)
-    fn watch_the_skew(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
-        if settings.motion == Motion::Paper {
-            return;
-        }
-        let mass_kg = self.identification.mass_kg;
-        let [_, _, vertical_n] = moment.ground.force_n;
-        let by_suit_m: [f64; 2] =
-            core::array::from_fn(|axis| self.known.cop_estimated_m[axis] + body.missed_by_suit_m(axis));
-        let cop_sigma_m: [f64; 2] = core::array::from_fn(|axis| {
-            let by_motion_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            math::hypot([self.ground_sigma.cop_m, by_motion_m])
-        });
-        let [measured_x_m, measured_y_m] = self.known.cop_measured_m;
-        self.skew.take_in(Shown {
-            time_s: moment.time_ns as f64 * 1e-9,
-            measured: [vertical_n / mass_kg, measured_x_m, measured_y_m],
-            predicted: [
-                body.specific_force_m_per_s2 + self.terms.force_n[2] / mass_kg,
-                by_suit_m[0],
-                by_suit_m[1],
-            ],
-            sigma: [self.known.delta_f_sigma_n / mass_kg, cop_sigma_m[0], cop_sigma_m[1]],
-        });
-        // What has faded is unknown again.
-        (self.known.suit_skew_s, self.known.suit_skew_sigma_s) = self.skew.estimate().unwrap_or_default();
     }
 
     /// Whether motion may teach the filter about the body: asked for, taken out by compensation, and not a pose that
@@ -141,11 +138,12 @@ impl Memory {
             self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis) - self.terms.cop_m[axis]
         });
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
-        let variance_m2 = core::array::from_fn(|axis| {
+        let one_m2: [f64; 2] = core::array::from_fn(|axis| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             let lasting_m = self.ground_sigma.lasting_cop_m;
-            ROWS_PER_INDEPENDENT * (wander[axis] + floor + moving_m * moving_m + lasting_m * lasting_m)
+            wander[axis] + floor + moving_m * moving_m + lasting_m * lasting_m
         });
+        let variance_m2 = one_m2.map(|variance_m2| ROWS_PER_INDEPENDENT * variance_m2);
         let predicted_m = self.identification.predict_cop_m(&rows);
         let known_m2 = self.identification.cop_variance_m2(&rows);
         let nis: f64 = (0..2)
@@ -154,6 +152,7 @@ impl Memory {
                 innovation_m * innovation_m / (known_m2[axis] + variance_m2[axis])
             })
             .sum();
+        self.identification.learn_misfit(&rows, cop_m, one_m2, 1.0);
         // A touch or a stumble is no news about this body.
         if nis >= NIS_OF_A_BLUNDER {
             return;
@@ -164,6 +163,9 @@ impl Memory {
         } else if self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
             self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
             self.learn_shear(moment, body, settings);
+            if self.identification.learning == 1 {
+                self.identification.finish_row(settings);
+            }
         }
         self.identification.update_predicted_cop_sigma(settings);
     }

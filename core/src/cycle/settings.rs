@@ -2,6 +2,7 @@
 
 use crate::body::Sex;
 use crate::effect::Model;
+use crate::math;
 pub use crate::motion::Accelerations;
 use crate::overload::TorqueLimits;
 use crate::pose_suggestion::Posture;
@@ -145,6 +146,8 @@ pub struct Settings {
     pub suit_latency_ns: u64,
     /// The same of the ground's adapter, ns.
     pub ground_latency_ns: u64,
+    /// Whether the skew between both streams is corrected where the motion shows it.
+    pub align_streams: bool,
     /// Whether the suit's position drifts, so that the standing feet must be held; optical markers do not.
     pub suit_drifts: bool,
     /// Whether identification starts by itself.
@@ -172,6 +175,11 @@ impl Settings {
         }
     }
 
+    /// 1-σ of a segment's orientation: what is constant and what wanders, rad.
+    pub(crate) fn suit_orientation_sigma_rad(&self) -> f64 {
+        math::hypot([self.suit_misalignment_rad, self.suit_wander_rad])
+    }
+
     /// Defaults for a worker of this stature.
     pub fn for_height(height_m: f64) -> Settings {
         Settings {
@@ -186,7 +194,7 @@ impl Settings {
             symmetry_sigma_m: 0.005,
             long_axis_sigma_m: 0.005,
             pose_choice: PoseChoice::IOptimal,
-            stop: StopRule::PredictedCop { sigma_m: 0.0025 },
+            stop: StopRule::PredictedCop { sigma_m: 0.0015 },
             poses_min: 6,
             process_variance_m2: 0.0,
             measurement_sigma_m: 0.002,
@@ -203,6 +211,7 @@ impl Settings {
             accelerations: Accelerations::Blend,
             suit_latency_ns: 0,
             ground_latency_ns: 0,
+            align_streams: true,
             suit_drifts: true,
             start_identifying: true,
             level_margin_share: 0.02,

@@ -1,76 +1,226 @@
-//! Feeds the skew between both streams with what motion shows of it, while nothing is carried.
+//! Estimates the skew between both streams, and sets the lag by which the alignment corrects it.
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::time::skew::{SkewEstimator, joint};
+use super::memory::Memory;
+use super::settings::{Motion, Settings};
+use crate::body::SEGMENTS;
+use crate::message::{GroundSample, SuitSample};
+use crate::static_pose::WINDOW;
+use crate::time::skew::{Skew, SkewEstimator};
 
-/// Vertical acceleration, and the centre of pressure forward and sideways.
-pub(super) const QUANTITIES: usize = 3;
-/// Moments farther apart than this have no slope between them, s.
-const STEP_MAX_S: f64 = 0.1;
+/// An estimate with a larger 1-σ is neither published nor applied, s: beyond it the alignment would be invalid.
+const SURE_SIGMA_S: f64 = OFF_MIN_S;
+/// The lag is set again where it is off by this many σ …
+const RESET_SIGMAS: f64 = 2.0;
+/// … and by this much, s: half a sample of the fastest suit.
+const RESET_MIN_S: f64 = 0.002;
+/// The alignment is invalid where the lag is off by this many σ …
+const OFF_SIGMAS: f64 = 3.0;
+/// … and by this much, s: at 0.3 m/s, a brisk shift of the weight, 10 ms move the centre of pressure by 3 mm.
+const OFF_MIN_S: f64 = 0.010;
+/// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting suit
+/// samples for each that arrives.
+const SLEW: f64 = 0.5;
 
-/// One moment: what the plate measured, what the suit's motion predicts, and 1-σ of their difference.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Shown {
-    pub(super) time_s: f64,
-    pub(super) measured: [f64; QUANTITIES],
-    pub(super) predicted: [f64; QUANTITIES],
-    pub(super) sigma: [f64; QUANTITIES],
-}
-
-/// An estimator for each quantity, and the last two moments: a slope needs neighbours on both sides.
+/// The estimator and the lag that is in use.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewWatch {
-    estimators: [SkewEstimator; QUANTITIES],
-    last: [Shown; 2],
-    /// How many of `last` follow each other, in [0, 2].
-    known: u64,
+    estimator: SkewEstimator,
+    /// The lag that the alignment is to use, and the one that it uses, s: positive where the suit is late.
+    target_s: f64,
+    applied_s: f64,
+    /// Time of the newest suit sample, ns.
+    time_ns: u64,
+    /// 1 while the evidence is against the lag in use.
+    is_off: u64,
 }
 
 impl SkewWatch {
-    /// Takes in the next moment; the one before it becomes a row of each estimator.
-    pub(super) fn take_in(&mut self, shown: Shown) {
-        let step_s = shown.time_s - self.last[1].time_s;
-        if self.known > 0 && !(step_s > 0.0 && step_s < STEP_MAX_S) {
-            self.known = 0;
+    /// Ingests a ground sample; one that reports a fault counts as a gap.
+    pub(super) fn ingest_ground(&mut self, ground: &GroundSample) {
+        if ground.device_status == 0 {
+            self.estimator.push_force(ground.sample_time_ns, ground.force_n[2]);
         }
-        if self.known == 2 {
-            let [before, here] = self.last;
-            for (quantity, estimator) in self.estimators.iter_mut().enumerate() {
-                let slope =
-                    (shown.predicted[quantity] - before.predicted[quantity]) / (shown.time_s - before.time_s);
-                let [measured, predicted] = [here.measured[quantity], here.predicted[quantity]];
-                estimator.update(
-                    measured,
-                    predicted,
-                    slope,
-                    here.sigma[quantity],
-                    here.time_s - before.time_s,
-                );
-            }
-        }
-        self.last = [self.last[1], shown];
-        self.known = (self.known + 1).min(2);
     }
 
-    /// Nothing follows what came before: a load, a gap.
-    pub(super) fn interrupt(&mut self) {
-        self.known = 0;
+    /// Ingests the height of the centre of mass, m, and sets the lag if that `is_wanted`. Returns whether this is the
+    /// first lag of the session and a large one: all motion so far was aligned wrongly.
+    fn ingest_suit(&mut self, time_ns: u64, height_m: f64, is_wanted: bool) -> bool {
+        self.estimator.push_height(time_ns, height_m);
+        let step_s = if self.time_ns == 0 { 0.0 } else { time_ns.saturating_sub(self.time_ns) as f64 * 1e-9 };
+        self.time_ns = time_ns;
+        if !is_wanted {
+            (self.target_s, self.applied_s, self.is_off) = (0.0, 0.0, 0);
+            return false;
+        }
+        let tracked = self.estimator.at(time_ns);
+        let is_first = self.target_s == 0.0;
+        if let Some(Skew { skew_s, sigma_s, .. }) = tracked.filter(Skew::is_sure)
+            && (skew_s - self.target_s).abs() > (RESET_SIGMAS * sigma_s).max(RESET_MIN_S)
+        {
+            self.target_s = skew_s;
+        }
+        let step_max_s = SLEW * step_s;
+        self.applied_s += (self.target_s - self.applied_s).clamp(-step_max_s, step_max_s);
+        let off_s = |skew_s: f64| (skew_s - self.applied_s).abs();
+        self.is_off = u64::from(match (tracked, self.estimator.tentative_s()) {
+            (Some(Skew { skew_s, sigma_s, .. }), _) => off_s(skew_s) > (OFF_SIGMAS * sigma_s).max(OFF_MIN_S),
+            (None, Some(skew_s)) => off_s(skew_s) > 2.0 * OFF_MIN_S,
+            (None, None) => false,
+        });
+        is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// How much later the suit's sample times are than the ground's, and its 1-σ, s; `None` while not shown.
-    pub(super) fn estimate(&self) -> Option<(f64, f64)> {
-        joint(&self.estimators)
+    /// Skew and drift at the newest suit sample; `None` until two windows of motion agree.
+    pub fn estimate(&self) -> Option<Skew> {
+        self.estimator.at(self.time_ns)
+    }
+
+    /// The lag in use, s: the suit's sample stamped t belongs to the ground's stamped t − lag.
+    pub fn lag_s(&self) -> f64 {
+        self.applied_s
+    }
+
+    /// The same, ns.
+    pub(super) fn lag_ns(&self) -> i64 {
+        (self.applied_s * 1e9) as i64
+    }
+
+    /// Whether the evidence is against the lag in use: what depends on both streams is invalid.
+    pub fn is_off(&self) -> bool {
+        self.is_off == 1
     }
 
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
-        let finite = |shown: &Shown| {
-            let numbers = shown.measured.iter().chain(&shown.predicted).chain(&shown.sigma);
-            numbers.chain([&shown.time_s]).all(|value| value.is_finite())
-        };
-        self.known <= 2 && self.last.iter().all(finite) && self.estimators.iter().all(SkewEstimator::is_sound)
+        self.estimator.is_sound()
+            && [self.target_s, self.applied_s].iter().all(|lag_s| lag_s.abs() < 1.0)
+            && self.is_off <= 1
+    }
+}
+
+impl Skew {
+    fn is_sure(&self) -> bool {
+        self.sigma_s < SURE_SIGMA_S
+    }
+}
+
+impl Memory {
+    /// Ingests a suit sample, sets the lag of the alignment, and publishes the skew.
+    pub(super) fn watch_the_skew(&mut self, suit: &SuitSample, settings: &Settings) {
+        if !self.identification.has_body() {
+            return;
+        }
+        let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
+        if self.skew.ingest_suit(suit.sample_time_ns, self.height_m(suit), is_wanted) {
+            self.noise = Zeroable::zeroed();
+            self.identification.forget_weighing();
+            // Beyond the window of a static pose, a static body was paired with the ground of another pose.
+            let window_s = WINDOW as f64 * self.alignment.suit_period_ns() as f64 * 1e-9;
+            if self.identification.identified == 0 && self.skew.target_s.abs() > window_s {
+                self.identification.return_to_prior(settings);
+                self.known.motion_samples_used = 0;
+            }
+        }
+        self.alignment.set_lag_ns(self.skew.lag_ns());
+        let sure = self.skew.estimate().filter(Skew::is_sure);
+        (self.known.suit_skew_s, self.known.suit_skew_sigma_s) =
+            sure.map_or((0.0, 0.0), |skew| (skew.skew_s, skew.sigma_s));
+    }
+
+    /// Height of the centre of mass with the table's masses and centres, suit's world, m.
+    fn height_m(&self, suit: &SuitSample) -> f64 {
+        let body = self.identification.anthropometry();
+        (0..SEGMENTS)
+            .map(|segment| {
+                let ([w, x, y, z], [cx, cy, cz]) = (suit.orientation_wxyz[segment], body.com_m[segment]);
+                let turned =
+                    2.0 * ((x * z - w * y) * cx + (y * z + w * x) * cy) + (1.0 - 2.0 * (x * x + y * y)) * cz;
+                body.mass_fraction[segment] * (suit.position_m[segment][2] + turned)
+            })
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::boxed::Box;
+
+    use super::*;
+
+    const MS_NS: u64 = 1_000_000;
+
+    /// A body that moves up and down irregularly: height, m, and its second derivative, m/s².
+    fn height(time_s: f64) -> [f64; 2] {
+        let mut sum = [1.0, 0.0];
+        for (amplitude_m, hertz) in [(0.10, 0.41), (0.05, 0.67), (0.02, 1.13)] {
+            let omega = hertz * core::f64::consts::TAU;
+            let offset_m = amplitude_m * (omega * time_s).sin();
+            sum[0] += offset_m;
+            sum[1] -= omega * omega * offset_m;
+        }
+        sum
+    }
+
+    /// A second of both streams at a time; the suit's stamps are late by `late_ms(t)`.
+    fn second(watch: &mut SkewWatch, from_ms: u64, is_wanted: bool, late_ms: impl Fn(u64) -> i64) {
+        for ms in from_ms..from_ms + 1000 {
+            let time_s = ms as f64 * 1e-3;
+            let force_n = [0.0, 0.0, 72.0 * (9.81 + height(time_s)[1])];
+            let sample_time_ns = (10_000 + ms) * MS_NS;
+            watch.ingest_ground(&GroundSample { sample_time_ns, force_n, ..Zeroable::zeroed() });
+            if ms.is_multiple_of(10) {
+                let before = watch.lag_s();
+                let stamp_ns = sample_time_ns.saturating_add_signed(late_ms(ms) * MS_NS as i64);
+                let step_s = stamp_ns.saturating_sub(watch.time_ns.max(1)) as f64 * 1e-9;
+                watch.ingest_suit(stamp_ns, height(time_s)[0], is_wanted);
+                assert!((watch.lag_s() - before).abs() <= SLEW * step_s + 1e-12, "a jump at {time_s} s");
+            }
+        }
+        assert!(watch.is_sound());
+    }
+
+    #[test]
+    fn a_large_lag_is_masked_until_it_is_corrected_and_again_after_a_change() {
+        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let late_ms = |ms: u64| if ms < 60_000 { -138 } else { 162 };
+        let mut was_off = [false; 2];
+        for index in 0..120 {
+            second(&mut watch, 1000 * index, true, late_ms);
+            was_off[usize::from(index >= 60)] |= watch.is_off();
+            if (20..60).contains(&index) {
+                assert!(
+                    !watch.is_off() && (watch.lag_s() + 0.138).abs() < 0.005,
+                    "{index} s: {}",
+                    watch.lag_s()
+                );
+            }
+        }
+        assert!(was_off[0] && was_off[1], "{was_off:?}");
+        assert!(!watch.is_off() && (watch.lag_s() - 0.162).abs() < 0.005, "{}", watch.lag_s());
+    }
+
+    #[test]
+    fn without_the_correction_nothing_is_shifted_or_masked() {
+        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        for index in 0..30 {
+            second(&mut watch, 1000 * index, false, |_| 80);
+            assert!(!watch.is_off() && watch.lag_ns() == 0);
+        }
+        assert!(
+            watch.estimate().is_some_and(|skew| (skew.skew_s - 0.08).abs() < 0.003),
+            "estimated all the same"
+        );
+    }
+
+    #[test]
+    fn a_ground_sample_with_a_fault_is_not_ingested() {
+        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let before = bytemuck::bytes_of(&*watch).to_vec();
+        watch.ingest_ground(&GroundSample { sample_time_ns: 5, device_status: 1, ..Zeroable::zeroed() });
+        assert_eq!(bytemuck::bytes_of(&*watch), before);
     }
 }

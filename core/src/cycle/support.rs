@@ -1,6 +1,7 @@
 //! Where the ground can push: the support polygon of the standing feet.
 
 use super::sole::FootShape;
+use crate::anchor::LIFTED_M;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
@@ -15,13 +16,39 @@ pub fn is_supported(
     soles: &[FootShape; 2],
     margin_m: f64,
 ) -> bool {
+    let [left, right] = Side::BOTH.map(|side| soles[side as usize].corners_m(pose, side));
+    is_in_hull(point_m, left.iter().chain(&right), margin_m)
+}
+
+/// Which feet bear weight while the ground pushes at `cop_m`, world x and y: left, right.
+///
+/// A foot whose ankle is higher than the other's may still press with its ball. It surely does where the centre of pressure
+/// lies outside the lower foot's sole, widened by `margin_m`.
+pub fn bearing_feet(
+    pose: &Pose<StationWorld>,
+    cop_m: [f64; 2],
+    soles: &[FootShape; 2],
+    margin_m: f64,
+) -> [bool; 2] {
+    let height_m = Side::BOTH.map(|side| pose.origin_of(side.foot()).z);
+    core::array::from_fn(|foot| {
+        let other = 1 - foot;
+        let corners = soles[other].corners_m(pose, Side::BOTH[other]);
+        height_m[foot] - height_m[other] <= LIFTED_M || !is_in_hull(cop_m, corners.iter(), margin_m)
+    })
+}
+
+fn is_in_hull<'a>(
+    point_m: [f64; 2],
+    corners: impl Iterator<Item = &'a [f64; 2]> + Clone,
+    margin_m: f64,
+) -> bool {
     const DIRECTIONS: usize = 32;
-    let corners = Side::BOTH.map(|side| soles[side as usize].corners_m(pose, side));
     (0..DIRECTIONS).all(|index| {
         let angle = core::f64::consts::TAU * index as f64 / DIRECTIONS as f64;
         let (sine, cosine) = math::sin_cos(angle);
         let along = |point: [f64; 2]| cosine * point[0] + sine * point[1];
-        let reach = corners.iter().flatten().map(|corner| along(*corner)).fold(f64::NEG_INFINITY, f64::max);
+        let reach = corners.clone().map(|corner| along(*corner)).fold(f64::NEG_INFINITY, f64::max);
         along(point_m) <= reach + margin_m
     })
 }
@@ -46,6 +73,21 @@ mod tests {
         for outside in [[0.4, 0.0], [-0.2, 0.0], [0.05, 0.4], [0.05, -0.4]] {
             assert!(!is_supported(&pose, outside, &soles, 0.02), "{outside:?}");
         }
+    }
+
+    #[test]
+    fn a_raised_heel_bears_weight_unless_the_other_sole_alone_explains_the_centre_of_pressure() {
+        let mut pose = standing();
+        let soles = Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77));
+        let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()));
+        let feet =
+            |pose: &Pose<StationWorld>, y_m: f64| bearing_feet(pose, [left.x + 0.05, y_m], &soles, 0.02);
+        for y_m in [left.y, 0.0, right.y] {
+            assert_eq!(feet(&pose, y_m), [true, true], "both stand flat");
+        }
+        pose.origin[Side::Right.foot().index()].z += 0.08;
+        assert_eq!(feet(&pose, left.y), [true, false]);
+        assert_eq!(feet(&pose, 0.0), [true, true], "between the feet");
     }
 
     #[test]

@@ -46,11 +46,12 @@ mod tests {
     use super::*;
     use crate::body::{JOINTS, SEGMENTS, Side, Skeleton};
     use crate::frame::{Pose, StationWorld};
-    use crate::overload::{Loading, LoadingSigma, Sharing, Swing, leverage, torques};
+    use crate::overload::{FootLoads, Loading, LoadingSigma, Swing, leverage, torques};
     use nalgebra::{UnitQuaternion, Vector3};
 
     const NO_SIGMA: LoadingSigma = LoadingSigma::EXACT;
-    const SHARING: Sharing = Sharing::of([0.4, 0.6], [0.3, 0.7]);
+    const ZETA: [f64; 2] = [0.4, 0.6];
+    const ETA: [f64; 2] = [0.3, 0.7];
 
     fn pose() -> Pose<StationWorld> {
         let origin = Skeleton::nominal(1.77).t_pose_m();
@@ -61,7 +62,7 @@ mod tests {
     fn loaded(pose: &Pose<StationWorld>, load_n: f64, moved: Vector3<f64>) -> Loading {
         let (weight_n, body) = (700.0, [0.05, 0.01]);
         let grip_m = Side::BOTH.map(|side| pose.origin_of(side.hand()) + Vector3::new(0.3, 0.1, 0.2) + moved);
-        let load = grip_m[0] * SHARING.eta[0] + grip_m[1] * SHARING.eta[1];
+        let load = grip_m[0] * ETA[0] + grip_m[1] * ETA[1];
         let vertical_n = weight_n + load_n;
         Loading {
             cop_measured_m: [0, 1].map(|axis| (body[axis] * weight_n + load[axis] * load_n) / vertical_n),
@@ -69,7 +70,8 @@ mod tests {
             vertical_n,
             delta_f_n: load_n,
             grip_m,
-            sharing: SHARING,
+            eta: ETA,
+            feet: FootLoads::Common { zeta: ZETA },
             swing: Swing::NONE,
         }
     }
@@ -89,7 +91,7 @@ mod tests {
             let mut advised = 0;
             for joint in Joint::ALL {
                 let index = joint.index();
-                let leverage = leverage(joint, SHARING.zeta, SHARING.eta);
+                let leverage = leverage(joint, ZETA, ETA);
                 let advice = Advice::of(leverage, load_n, told[index].torque_nm.into(), 0.0);
                 let slope = |along: Vector3<f64>| {
                     let moved = magnitudes(&pose, &loaded(&pose, load_n, along * step_m));

@@ -1,21 +1,29 @@
 //! Net moment about L5/S1 and the compression of its disc.
 //!
-//! **Moment**: what the back's muscles must hold against the weight of everything above L5/S1 and against the load.
-//! The body's part follows from the identified chain: `Σ_i R_i φ_i` over the segments distal of L5/S1 is the first
-//! moment of their mass about that joint, over the body mass (Fortini et al., Eq. 2), so this worker's own trunk
-//! counts, not a table's. The load's part is Eq. 15 at L5/S1. Gravity only: no inertia of trunk and arms.
+//! **Moment**: the moment that the pelvis exerts on the body above L5/S1, about the horizontal axes: the weight and the
+//! inertia of everything above the joint, and the load.
+//!
+//! - Weight: from the identified chain. `Σ_i R_i φ_i` over the segments distal of L5/S1 is the first moment of their mass
+//!   about that joint, over the body mass (Fortini et al., Eq. 2).
+//! - Inertia (Newton and Euler): `Σ_i m_i [(c_i − o) × c̈_i] + d/dt(I_i ω_i)` with the masses and radii of gyration of the
+//!   anthropometric table ([`crate::motion::UpperInertia`]). Zero in a static pose and with `motion = "paper"`.
+//! - Load: Eq. 15 at L5/S1.
+//!
+//! Its σ has the covariance of the chain's parameters, the random walk of the suit's orientations, the share by which
+//! compensated inertia is wrong, the place of the joint ([`JOINT_SIGMA_M`] times the vertical force on it), and the load's
+//! own σ.
 //!
 //! **Compression**: one equivalent extensor muscle on a lever of 60 mm balances the moment and presses on the disc, and
-//! so do the weights along the lumbar axis: `F = M / 0.06 + (W_above + ΔF) cos(inclination)` (the cantilever model of
-//! Chaffin, Andersson & Martin, *Occupational Biomechanics*; levers of 50 to 75 mm in McGill & Norman 1986 and
-//! Jorgensen et al. 2001; the figures quoted from memory). Its 1-σ has the moment's, 10 % of the lever, and 15 % of the
-//! whole for what one muscle leaves out: muscles that work against each other, sideways bending, the pressure of the
-//! belly. NIOSH's action limit for this compression is 3400 N (Waters et al., 1993).
+//! so does the part of the joint's force along the lumbar axis: `F = M / 0.06 + u · Σ m_i (c̈_i + g ẑ)`, load included
+//! (the cantilever model of Chaffin, Andersson & Martin, *Occupational Biomechanics*; levers of 50 to 75 mm in McGill &
+//! Norman 1986 and Jorgensen et al. 2001; the figures quoted from memory). Its 1-σ has the moment's, 10 % of the lever,
+//! and 15 % of the whole for what one muscle leaves out: muscles that work against each other, sideways bending, the
+//! pressure of the belly. NIOSH's action limit for this compression is 3400 N (Waters et al., 1993).
 
 use nalgebra::Vector3;
 
 use crate::math;
-use crate::overload::sigma_of_magnitude;
+use crate::overload::sigma_of_length;
 
 /// Lever of the back's extensors about L5/S1, m.
 pub const EXTENSOR_LEVER_M: f64 = 0.06;
@@ -24,17 +32,21 @@ const LEVER_SIGMA_SHARE: f64 = 0.10;
 /// 1-σ of what the model leaves out, as a share of the compression.
 const MODEL_SIGMA_SHARE: f64 = 0.15;
 
+/// 1-σ per axis of where the joint is, as seen from the body above it, m: measured segments change their length with
+/// posture by 3 to 19 mm (soft tissue, sensors that shift), and the null pose places L5/S1 by proportions.
+pub const JOINT_SIGMA_M: f64 = 0.010;
+
 /// The body above L5/S1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpperBody {
-    /// First moment of its weight about L5/S1, horizontal, N m: weight times arm, x and y.
-    pub weight_arm_nm: [f64; 2],
-    /// Variance of that per axis, (N m)².
+    /// Moment of its weight and its inertia about L5/S1, world's X and Y axes, N m.
+    pub moment_nm: [f64; 2],
+    /// Variance of that per axis, without the joint's place, (N m)².
     pub variance_nm2: [f64; 2],
-    /// Its weight, N.
-    pub weight_n: f64,
-    /// Cosine of the lumbar axis' inclination: 1 upright, 0 level.
-    pub upright: f64,
+    /// Force that carries and accelerates it, world axes, N.
+    pub force_n: Vector3<f64>,
+    /// Unit vector along the lumbar axis, upwards in standing, world axes.
+    pub lumbar_axis: Vector3<f64>,
 }
 
 /// The load at L5/S1; zeros without one.
@@ -44,17 +56,20 @@ pub struct LoadAtBack {
     pub torque_nm: Vector3<f64>,
     /// 1-σ of its magnitude, N m.
     pub torque_sigma_nm: f64,
-    /// ΔF, N.
-    pub delta_f_n: f64,
+    /// Force that carries and accelerates it, world axes, N.
+    pub force_n: Vector3<f64>,
 }
 
 impl LoadAtBack {
     /// Nothing is carried.
-    pub const NONE: LoadAtBack =
-        LoadAtBack { torque_nm: Vector3::new(0.0, 0.0, 0.0), torque_sigma_nm: 0.0, delta_f_n: 0.0 };
+    pub const NONE: LoadAtBack = LoadAtBack {
+        torque_nm: Vector3::new(0.0, 0.0, 0.0),
+        torque_sigma_nm: 0.0,
+        force_n: Vector3::new(0.0, 0.0, 0.0),
+    };
 }
 
-/// What the low back bears.
+/// Load of the low back.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Back {
     /// Net moment about the horizontal axes, N m.
@@ -67,23 +82,42 @@ pub struct Back {
     pub compression_sigma_n: f64,
 }
 
-/// Two axes, each with a doubt of its own.
-fn independent([x, y]: [f64; 2]) -> [[f64; 2]; 2] {
-    [[math::sqrt(x), 0.0], [0.0, math::sqrt(y)]]
+/// A horizontal arm, from L5/S1, at which the whole body's weight would make the moment of what is above the joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arm {
+    /// Along one axis, m.
+    pub arm_m: f64,
+    /// Its variance, m².
+    pub variance_m2: f64,
+}
+
+impl Arm {
+    /// Given that a quantity with an error of this variance was missed by `missed_m`, whose error has the covariance
+    /// `common_m2` with the arm's: the conditional normal distribution.
+    #[must_use]
+    pub fn given(self, missed_m: f64, variance_m2: f64, common_m2: f64) -> Arm {
+        let gain = common_m2 / variance_m2.max(f64::MIN_POSITIVE);
+        Arm {
+            arm_m: self.arm_m + gain * missed_m,
+            variance_m2: (self.variance_m2 - gain * common_m2).max(0.0),
+        }
+    }
 }
 
 impl Back {
     /// Body and load together. Their errors are taken to be independent.
     pub fn of(body: &UpperBody, load: &LoadAtBack) -> Back {
-        // r × W ẑ = (r_y W, −r_x W, 0): the torque back as an arm times a weight.
-        let arm_nm = [body.weight_arm_nm[0] - load.torque_nm.y, body.weight_arm_nm[1] + load.torque_nm.x];
-        let moment_nm = math::hypot(arm_nm);
-        let body_sigma_nm = sigma_of_magnitude(arm_nm, &independent(body.variance_nm2));
+        let axes_nm = [body.moment_nm[0] + load.torque_nm.x, body.moment_nm[1] + load.torque_nm.y];
+        let moment_nm = math::hypot(axes_nm);
+        let force_n = body.force_n + load.force_n;
+        let by_place_nm = JOINT_SIGMA_M * force_n.z;
+        let variance_nm2 = body.variance_nm2.map(|variance| variance + by_place_nm * by_place_nm);
+        let body_sigma_nm = sigma_of_length(axes_nm, [variance_nm2[0], 0.0, variance_nm2[1]]);
         let moment_sigma_nm = math::hypot([body_sigma_nm, load.torque_sigma_nm]);
 
         let muscle_n = moment_nm / EXTENSOR_LEVER_M;
-        let weights_n = (body.weight_n + load.delta_f_n).max(0.0) * body.upright.max(0.0);
-        let compression_n = muscle_n + weights_n;
+        // A trunk below the level hangs on its joint: the axial force is negative then, and relieves the disc.
+        let compression_n = (muscle_n + body.lumbar_axis.dot(&force_n)).max(0.0);
         let by_lever_n = LEVER_SIGMA_SHARE * muscle_n;
         let by_model_n = MODEL_SIGMA_SHARE * compression_n;
         let by_moment_n = moment_sigma_nm / EXTENSOR_LEVER_M;
@@ -96,14 +130,20 @@ impl Back {
 mod tests {
     use super::*;
 
+    /// 400 N at an arm, bent forward by 60°.
     fn leaning(arm_m: f64) -> UpperBody {
         let weight_n = 400.0;
-        UpperBody { weight_arm_nm: [weight_n * arm_m, 0.0], variance_nm2: [4.0, 4.0], weight_n, upright: 0.5 }
+        UpperBody {
+            moment_nm: [0.0, -weight_n * arm_m],
+            variance_nm2: [4.0, 4.0],
+            force_n: Vector3::new(0.0, 0.0, weight_n),
+            lumbar_axis: Vector3::new(0.75_f64.sqrt(), 0.0, 0.5),
+        }
     }
 
     #[test]
-    fn an_upright_back_without_a_load_bears_the_weight_above_it() {
-        let body = UpperBody { upright: 1.0, ..leaning(0.0) };
+    fn an_upright_back_without_a_load_carries_the_weight_above_it() {
+        let body = UpperBody { lumbar_axis: Vector3::z(), ..leaning(0.0) };
         let back = Back::of(&body, &LoadAtBack::NONE);
         assert_eq!((back.moment_nm, back.compression_n), (0.0, 400.0));
         assert!(back.compression_sigma_n > 0.0);
@@ -112,22 +152,53 @@ mod tests {
     #[test]
     fn a_load_in_front_adds_to_a_trunk_that_leans_forward() {
         // 100 N at 0.4 m in front: Eq. 15 gives (0, −40, 0).
-        let load =
-            LoadAtBack { torque_nm: Vector3::new(0.0, -40.0, 0.0), torque_sigma_nm: 1.5, delta_f_n: 100.0 };
+        let load = LoadAtBack {
+            torque_nm: Vector3::new(0.0, -40.0, 0.0),
+            torque_sigma_nm: 1.5,
+            force_n: Vector3::new(0.0, 0.0, 100.0),
+        };
         let back = Back::of(&leaning(0.15), &load);
         assert!((back.moment_nm - 100.0).abs() < 1e-12);
-        assert!((back.moment_sigma_nm - 2.5).abs() < 1e-12);
+        // Parameters 2 N m, the joint's place 10 mm of 500 N, the load's own; across the moment they count at second order.
+        let expected_nm = (2.0f64.powi(2) + 5.0f64.powi(2) + 1.5f64.powi(2)).sqrt();
+        assert!((back.moment_sigma_nm / expected_nm - 1.0).abs() < 2e-3);
         assert!((back.compression_n - (100.0 / 0.06 + 250.0)).abs() < 1e-9);
         let behind = LoadAtBack { torque_nm: -load.torque_nm, ..load };
         assert!((Back::of(&leaning(0.15), &behind).moment_nm - 20.0).abs() < 1e-12);
     }
 
     #[test]
+    fn an_arm_takes_of_what_was_missed_its_own_part() {
+        let arm = Arm { arm_m: 0.1, variance_m2: 16e-6 };
+        // A whole of 25 mm², of which the arm's error is 16: a gain of 0.64.
+        let known = arm.given(0.010, 25e-6, 16e-6);
+        assert!(
+            (known.arm_m - 0.1064).abs() < 1e-12 && (known.variance_m2 - 5.76e-6).abs() < 1e-15,
+            "{known:?}"
+        );
+        assert_eq!(arm.given(0.010, 25e-6, 0.0), arm, "nothing in common");
+        let exact = arm.given(0.010, 16e-6, 16e-6);
+        assert!((exact.arm_m - 0.11).abs() < 1e-12 && exact.variance_m2 < 1e-18, "all of it");
+    }
+
+    #[test]
+    fn a_trunk_that_is_accelerated_upwards_presses_more_and_one_that_hangs_less() {
+        let still = Back::of(&leaning(0.15), &LoadAtBack::NONE);
+        let raised = UpperBody { force_n: Vector3::new(0.0, 0.0, 500.0), ..leaning(0.15) };
+        let raised = Back::of(&raised, &LoadAtBack::NONE);
+        assert!((raised.compression_n - still.compression_n - 50.0).abs() < 1e-9);
+        let hanging = UpperBody { lumbar_axis: Vector3::new(0.6, 0.0, -0.8), ..leaning(0.15) };
+        let hanging = Back::of(&hanging, &LoadAtBack::NONE);
+        assert!((hanging.compression_n - (1000.0 - 320.0)).abs() < 1e-9);
+    }
+
+    #[test]
     fn the_sigma_of_the_compression_has_all_its_parts() {
         let body = UpperBody { variance_nm2: [0.0; 2], ..leaning(0.15) };
         let sure = Back::of(&body, &LoadAtBack::NONE);
-        let expected = ((0.1 * 1000.0f64).powi(2) + (0.15 * 1200.0f64).powi(2)).sqrt();
-        assert!((sure.compression_sigma_n - expected).abs() < 1e-9);
+        let by_place_n = JOINT_SIGMA_M * 400.0 / EXTENSOR_LEVER_M;
+        let expected = ((0.1 * 1000.0f64).powi(2) + (0.15 * 1200.0f64).powi(2) + by_place_n.powi(2)).sqrt();
+        assert!((sure.compression_sigma_n / expected - 1.0).abs() < 2e-3);
         let unsure = Back::of(&leaning(0.15), &LoadAtBack::NONE);
         assert!(unsure.compression_sigma_n > sure.compression_sigma_n);
     }

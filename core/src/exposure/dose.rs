@@ -3,17 +3,22 @@
 //! Gallagher, Sesek, Schall & Huangfu, "Development and validation of an easy-to-use risk assessment tool for
 //! cumulative low back loading: The Lifting Fatigue Failure Tool (LiFFT)", Applied Ergonomics 63 (2017) 142–150. A
 //! spine fails after `n = 902416 e^(−0.162 S)` cycles at S per cent of its ultimate strength (10 kN); a lift with the
-//! peak moment M of its load about the low back has `0.162 S = 0.038 M + 0.32`, so it does the damage
-//! `e^(0.038 M + 0.32) / 902416`; the damages of the day add up to D, and a job is a high-risk one (12 or more injuries
-//! in 200 000 hours) with the probability `1 / (1 + e^−(1.72 + 1.03 log10 D))`.
+//! peak load moment M has `0.162 S = 0.038 M + 0.32`, so it does the damage `e^(0.038 M + 0.32) / 902416`; the damages
+//! of the day add up to D, and a job is a high-risk one (12 or more injuries in 200 000 hours) with the probability
+//! `1 / (1 + e^−(1.72 + 1.03 log10 D))`.
 //!
-//! M is the load's moment alone, since the tool was calibrated so: here Eq. 15 at L5/S1, measured rather than a weight
-//! times a taped distance. The tool's authors advise care beyond 100 N m.
+//! **M** is what the tool's users enter: the weight of the load times "the greatest horizontal distance from the hip
+//! joint to the center of the load during the lift", taken with a measuring tape (the authors' guidance, version 1.4.1 of
+//! 2019-08-26, lifft.pythonanywhere.com/instruction). So M has no dynamics and no weight of the body. Here it is the
+//! lifted mass times g times the horizontal distance from the middle of the hip joints to the load; of its course in a
+//! lift, the largest value that was reached for [`super::held_peak::PEAK_SPAN_S`] in total, so that no single sample
+//! decides. The tool's authors advise care beyond 100 N m.
 //!
-//! The paper itself was not at hand. The curve, 0.162 and 10 kN stand so in the published package pyergo; 0.038, 0.32 and
-//! the logistic in another implementation that quotes Zelik et al. (Applied Ergonomics 99, 2022), where 30 N m of relief
-//! spare 70 % of the damage, as they do here. That second one prints the divisor as 1 902 416; if it were right, damages
-//! would be half of ours and probabilities up to 0.08 lower.
+//! Not verified: the paper itself was not at hand (its abstract says "from the spine to the load"). The curve, 0.162 and
+//! 10 kN stand so in the published package pyergo; 0.038, 0.32 and the logistic in another implementation that quotes
+//! Zelik et al. (Applied Ergonomics 99, 2022), where 30 N m of relief save 70 % of the damage, as they do here. That
+//! second one prints the divisor as 1 902 416; if it were right, damages would be half of ours and probabilities up to
+//! 0.08 lower.
 //!
 //! A **lift** is an episode of at least half a second in which a load is known to be carried. It ends, and counts, when
 //! nothing has been known to be carried for half a second too, or when a gap hides what happened. Where the torques are
@@ -22,6 +27,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::Load;
+use super::held_peak::HeldPeak;
 use crate::math;
 
 /// Shorter episodes are touches, not lifts, and shorter rests do not end one, s.
@@ -37,8 +43,8 @@ pub struct Dose {
     pub lifts: u64,
     /// How long a load has been known to be carried in the episode under way, s; 0 between episodes.
     carried_s: f64,
-    /// Largest moment of its load, N m.
-    peak_nm: f64,
+    /// Largest load moment of that episode, N m.
+    peak_nm: HeldPeak,
     /// How long nothing has been known to be carried since, s.
     empty_s: f64,
 }
@@ -65,7 +71,7 @@ impl Dose {
             Load::Known { lift_moment_nm, is_lift: true, .. } => {
                 self.carried_s += step_s;
                 self.empty_s = 0.0;
-                self.peak_nm = self.peak_nm.max(lift_moment_nm);
+                self.peak_nm.add(lift_moment_nm, step_s);
             }
             Load::None | Load::Known { .. } => {
                 self.empty_s += step_s;
@@ -79,17 +85,16 @@ impl Dose {
     /// The episode is over; a lift counts.
     pub(super) fn end_lift(&mut self) {
         if self.carried_s >= LIFT_MIN_S {
-            self.damage += damage_of_lift(self.peak_nm);
+            self.damage += damage_of_lift(self.peak_nm.value());
             self.lifts = self.lifts.saturating_add(1);
         }
-        (self.carried_s, self.peak_nm, self.empty_s) = (0.0, 0.0, 0.0);
+        (self.carried_s, self.peak_nm, self.empty_s) = (0.0, HeldPeak::zeroed(), 0.0);
     }
 
     /// Whether every number is in range.
     pub fn is_sound(&self) -> bool {
-        [self.damage, self.carried_s, self.peak_nm, self.empty_s]
-            .iter()
-            .all(|value| value.is_finite() && *value >= 0.0)
+        [self.damage, self.carried_s, self.empty_s].iter().all(|value| value.is_finite() && *value >= 0.0)
+            && self.peak_nm.is_sound()
     }
 }
 
@@ -141,6 +146,21 @@ mod tests {
         dose.advance(&Load::None, 0.6);
         assert_eq!((dose.lifts, dose.damage), (1, damage_of_lift(55.0)));
         assert!(dose.is_sound());
+    }
+
+    #[test]
+    fn a_fault_of_20_ms_changes_no_dose_and_a_peak_of_200_ms_does() {
+        // Moments at 100 Hz; a plate's fault of 20 ms doubles two of them.
+        let dose_with = |count: u32, moment_nm: f64| {
+            let mut dose: Dose = Zeroable::zeroed();
+            (0..200).for_each(|_| dose.advance(&lift(40.0), 0.01));
+            (0..count).for_each(|_| dose.advance(&lift(moment_nm), 0.01));
+            (0..200).for_each(|_| dose.advance(&lift(40.0), 0.01));
+            dose.advance(&Load::None, 0.6);
+            dose.damage
+        };
+        assert_eq!(dose_with(2, 80.0), damage_of_lift(40.0));
+        assert_eq!(dose_with(20, 80.0), damage_of_lift(80.0));
     }
 
     #[test]

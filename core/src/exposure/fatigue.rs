@@ -27,7 +27,6 @@ use bytemuck::{Pod, Zeroable};
 use super::Load;
 use crate::body::JOINTS;
 use crate::math;
-use crate::overload::TorqueLimits;
 
 /// The share of τ_max for which the endurance is matched.
 const MATCHED_SHARE: f64 = 0.3;
@@ -60,14 +59,14 @@ pub fn capacity_s() -> f64 {
 
 impl Fatigue {
     /// One step of time under a load.
-    pub(super) fn advance(&mut self, load: &Load, limits: &TorqueLimits, step_s: f64) {
+    pub(super) fn advance(&mut self, load: &Load, limit_nm: &[f64; JOINTS], step_s: f64) {
         let rested = math::exp(-RECOVERY_PER_S * step_s);
         match load {
             Load::Unknown => {}
             Load::None => self.share.iter_mut().for_each(|share| *share *= rested),
             Load::Known { torque_nm, .. } => {
                 let per_capacity = step_s / capacity_s();
-                for ((share, torque_nm), limit_nm) in self.share.iter_mut().zip(torque_nm).zip(&limits.0) {
+                for ((share, torque_nm), limit_nm) in self.share.iter_mut().zip(torque_nm).zip(limit_nm) {
                     let effort = torque_nm / limit_nm;
                     *share = if effort <= REST_SHARE {
                         *share * rested
@@ -89,9 +88,7 @@ impl Fatigue {
 mod tests {
     use super::*;
 
-    fn limits() -> TorqueLimits {
-        TorqueLimits([100.0; JOINTS])
-    }
+    const LIMIT_NM: [f64; JOINTS] = [100.0; JOINTS];
 
     fn carrying(torque_nm: f64) -> Load {
         Load::Known { torque_nm: [torque_nm; JOINTS], lift_moment_nm: 0.0, is_lift: false }
@@ -100,7 +97,7 @@ mod tests {
     fn after(load: Load, from: f64, seconds: f64, steps: u32) -> f64 {
         let mut fatigue = Fatigue { share: [from; JOINTS] };
         for _ in 0..steps {
-            fatigue.advance(&load, &limits(), seconds / f64::from(steps));
+            fatigue.advance(&load, &LIMIT_NM, seconds / f64::from(steps));
         }
         assert!(fatigue.is_sound());
         fatigue.share[0]

@@ -67,8 +67,10 @@ impl Validity {
         .and(Validity::MODEL_CHANGED)
         .and(Validity::CLOCK_UNSYNCHRONISED);
     /// What spoils the mass in the hands.
-    pub const SPOILS_LIFTED_MASS: Validity =
-        Validity::SPOILS_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD).and(Validity::MOVING);
+    pub const SPOILS_LIFTED_MASS: Validity = Validity::SPOILS_DELTA_F
+        .and(Validity::BELOW_LOAD_THRESHOLD)
+        .and(Validity::MOVING)
+        .and(Validity::CLOCK_UNSYNCHRONISED);
     /// What spoils moment and compression of the low back: they exist without a load, too.
     pub const SPOILS_BACK: Validity =
         Validity(Validity::SPOILS_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0);

@@ -3,7 +3,7 @@
 use nalgebra::{Quaternion, Vector3};
 
 use super::history::{Moment, Motion};
-use crate::body::{Anthropometry, SEGMENTS, Side};
+use crate::body::{Anthropometry, SEGMENTS, Segment, Side};
 use crate::frame::rotation;
 
 /// Standard gravity as the paper rounds it, m/s².
@@ -25,6 +25,35 @@ pub struct Build<'a> {
     pub gyration_m2: &'a [[f64; 3]; SEGMENTS],
 }
 
+/// What it takes to accelerate the body above L5/S1, by the table's masses, over the mass of the whole body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UpperInertia {
+    /// `Σ μ_i c̈_i` over the segments above the joint, m/s².
+    pub force_m_per_s2: [f64; 3],
+    /// `Σ μ_i [(c_i − o) × c̈_i + d/dt(R_i k_i² R_iᵀ ω_i)]` about the joint o, world axes, m²/s².
+    pub moment_m2_per_s2: [f64; 3],
+}
+
+impl UpperInertia {
+    /// A body at rest.
+    pub const REST: UpperInertia = UpperInertia { force_m_per_s2: [0.0; 3], moment_m2_per_s2: [0.0; 3] };
+
+    /// From the rates of each segment's angular momentum about the whole body's centre of mass.
+    fn of(moment: &Moment, motion: &Motion, worker: &Build, rates: &[[f64; 3]; SEGMENTS]) -> UpperInertia {
+        let (mut force, mut rate) = (Vector3::zeros(), Vector3::zeros());
+        for segment in Segment::ALL.into_iter().filter(|segment| segment.is_distal_to(Segment::L5)) {
+            let index = segment.index();
+            force += worker.body.mass_fraction[index] * Vector3::from(motion.acceleration_m_per_s2[index]);
+            rate += Vector3::from(rates[index]);
+        }
+        // (c_i − o) = (c_i − C) + (C − o).
+        let l5 = Segment::L5.index();
+        let joint = moment.centre(l5) - moment.arm(l5);
+        let moment_about_joint = rate + (centre_of_mass(moment, worker) - joint).cross(&force);
+        UpperInertia { force_m_per_s2: force.into(), moment_m2_per_s2: moment_about_joint.into() }
+    }
+}
+
 /// The motion of the whole body at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia {
@@ -34,6 +63,8 @@ pub struct Inertia {
     pub momentum_rate_m2_per_s2: [f64; 3],
     /// Acceleration of the left and the right hand's centre, m/s².
     pub hand_acceleration_m_per_s2: [[f64; 3]; 2],
+    /// What it takes to accelerate the body above L5/S1.
+    pub upper: UpperInertia,
     /// Whether the suit's own accelerations are in it.
     pub is_by_suit: bool,
 }
@@ -44,15 +75,14 @@ impl Inertia {
         acceleration_m_per_s2: [0.0; 3],
         momentum_rate_m2_per_s2: [0.0; 3],
         hand_acceleration_m_per_s2: [[0.0; 3]; 2],
+        upper: UpperInertia::REST,
         is_by_suit: false,
     };
 
     /// Sums over the segments: masses and centres by the table laid on this worker's bones.
     pub(super) fn of(moment: &Moment, motion: &Motion, worker: &Build) -> Inertia {
-        let mut momentum_rate = Vector3::zeros();
-        for rate in momentum_rate_by_segment(moment, motion, worker) {
-            momentum_rate += Vector3::from(rate);
-        }
+        let rates = momentum_rate_by_segment(moment, motion, worker);
+        let momentum_rate: Vector3<f64> = rates.iter().map(|rate| Vector3::from(*rate)).sum();
         let mut whole = Vector3::zeros();
         for (mass, acceleration) in worker.body.mass_fraction.iter().zip(&motion.acceleration_m_per_s2) {
             whole += *mass * Vector3::from(*acceleration);
@@ -62,6 +92,7 @@ impl Inertia {
             momentum_rate_m2_per_s2: momentum_rate.into(),
             hand_acceleration_m_per_s2: Side::BOTH
                 .map(|side| motion.acceleration_m_per_s2[side.hand().index()]),
+            upper: UpperInertia::of(moment, motion, worker, &rates),
             is_by_suit: false,
         }
     }
@@ -93,10 +124,7 @@ impl Inertia {
 /// `α = 2 q̈ q̄` (vector parts).
 pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build) -> [[f64; 3]; SEGMENTS] {
     let mass = &worker.body.mass_fraction;
-    let mut centre = Vector3::zeros();
-    for (segment, &mass) in mass.iter().enumerate() {
-        centre += mass * moment.centre(segment);
-    }
+    let centre = centre_of_mass(moment, worker);
     core::array::from_fn(|segment| {
         let arm = moment.centre(segment) - centre;
         let acceleration = Vector3::from(motion.acceleration_m_per_s2[segment]);
@@ -107,6 +135,12 @@ pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build
         );
         (mass[segment] * (arm.cross(&acceleration) + spin)).into()
     })
+}
+
+/// Centre of mass by the table, suit's world, m.
+fn centre_of_mass(moment: &Moment, worker: &Build) -> Vector3<f64> {
+    let weighed = worker.body.mass_fraction.iter().enumerate();
+    weighed.map(|(segment, mass)| *mass * moment.centre(segment)).sum()
 }
 
 /// Angular velocity and acceleration, world, from an orientation's quaternion and its derivatives, rad/s and rad/s²:
@@ -134,6 +168,72 @@ fn spin_rate(orientation: &[f64; 4], turning: &[[f64; 4]; 2], gyration_m2: &[f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::{Sex, Skeleton, gyration_m2};
+    use crate::frame::{Pose, SuitWorld};
+    use crate::motion::{Accelerations, Build, History};
+    use nalgebra::UnitQuaternion;
+
+    extern crate std;
+    use std::boxed::Box;
+
+    #[test]
+    fn a_stiff_trunk_that_pitches_about_l5s1_has_the_moment_of_a_physical_pendulum() {
+        let skeleton = Skeleton::nominal(1.77);
+        let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
+        let gyration_m2 = gyration_m2(&skeleton, 1.77);
+        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let (omega, amplitude_rad) = (core::f64::consts::TAU * 0.7, 0.4);
+        let joint = Vector3::new(0.02, 0.01, 1.05);
+        let rest = skeleton.t_pose_m().map(Vector3::from);
+        let above = |segment: usize| Segment::ALL[segment].is_distal_to(Segment::L5);
+        let arm =
+            |segment: usize| rest[segment] + Vector3::from(body.com_m[segment]) - rest[Segment::L5.index()];
+        // Moment of inertia about the lateral axis through the joint, and first moment, over the body's mass.
+        let (mut inertia_m2, mut first) = (0.0, Vector3::zeros());
+        for segment in (0..SEGMENTS).filter(|segment| above(*segment)) {
+            let (mass, arm) = (body.mass_fraction[segment], arm(segment));
+            inertia_m2 += mass * (arm.x * arm.x + arm.z * arm.z + gyration_m2[segment][1]);
+            first += mass * arm;
+        }
+        let mut history: Box<History> = bytemuck::zeroed_box();
+        let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+        for index in 1..=200u64 {
+            let time_ns = index * 10_000_000;
+            let angle = amplitude_rad * (omega * time_ns as f64 * 1e-9).sin();
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle);
+            let l5 = rest[Segment::L5.index()];
+            let origin = core::array::from_fn(|segment| {
+                let from_joint = rest[segment] - l5;
+                joint + if above(segment) { turn * from_joint } else { from_joint }
+            });
+            let rotation =
+                core::array::from_fn(
+                    |segment| if above(segment) { turn } else { UnitQuaternion::identity() },
+                );
+            let pose = Pose::<SuitWorld>::new(origin, rotation);
+            // The anchor's shift must not matter.
+            let shifted = pose.shifted(Vector3::new(0.4, -0.3, 0.0));
+            history.push(Moment::new(time_ns, &pose, &shifted, &body));
+            while let Some((moment, inertia)) = history.next(40_000_000, Accelerations::Positions, &build) {
+                let Some(Inertia { upper, .. }) = inertia else { continue };
+                let time_s = moment.time_ns as f64 * 1e-9;
+                if time_s < 0.05 {
+                    // A window that lies to one side.
+                    continue;
+                }
+                let (sin, cos) = (omega * time_s).sin_cos();
+                let rate = amplitude_rad * omega * cos;
+                let acceleration = -amplitude_rad * omega * omega * sin;
+                let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), amplitude_rad * sin);
+                let force = Vector3::y().cross(&(turn * first)) * acceleration
+                    - turn * Vector3::new(first.x, 0.0, first.z) * (rate * rate);
+                worst = worst.max((upper.moment_m2_per_s2[1] - inertia_m2 * acceleration).abs());
+                worst = worst.max((Vector3::from(upper.force_m_per_s2) - force).norm());
+                largest = largest.max((inertia_m2 * acceleration).abs());
+            }
+        }
+        assert!(largest > 0.5 && worst < 0.02 * largest, "{worst} of {largest} m²/s²");
+    }
 
     #[test]
     fn leaps_impacts_and_impossible_turns_are_not_the_motion_of_work() {

@@ -1,48 +1,150 @@
-//! Whether the worker is known to carry nothing: then residuals are the model's, and motion may teach it.
+//! Whether the subject carries nothing, and whether a load that was detected is still there.
 
 use bytemuck::{Pod, Zeroable};
 
-/// The external force is averaged over about this time, s.
-const MEAN_OVER_S: f64 = 2.0;
-/// The mean must have stayed small for this long, s.
-const QUIET_FOR_S: f64 = 2.0;
-/// A mean force below this share of the load threshold is none.
-const NOTHING_SHARE: f64 = 0.4;
+use crate::math;
 
-/// Watches the external force over seconds. A force that comes and goes with the motion averages out; a load stays.
+/// The external force must have averaged to nothing over the last 2 s: a period of natural work, so that errors of the
+/// compensation, which go with the acceleration, cancel. Blocks of the window …
+const BLOCKS: usize = 8;
+/// … and the length of one, s.
+const BLOCK_S: f64 = 0.25;
+/// A mean within so many σ is none.
+const SIGMAS: f64 = 2.0;
+/// A force that swings with the motion averages out as an acceleration does: to a difference of velocities over the
+/// length of the window. For `a sin ωt` that is at most `2/(ω T)` of its amplitude, 1/4 at 0.5 Hz and 2 s.
+const SWING_LEFT: f64 = 0.25;
+/// A load is detected so many σ from nothing.
+pub const SIGMAS_OF_A_LOAD: f64 = 2.5;
+/// Errors of a motion last about so long: samples within it are one, s.
+pub const CORRELATION_S: f64 = 0.5;
+
+/// 1-σ of the external force, N.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForceSigma {
+    /// Of the plate and the body weight.
+    pub at_rest_n: f64,
+    /// Of the compensated inertia in this motion.
+    pub by_motion_n: f64,
+}
+
+/// The mean external force over a window of 2 s. A force that swings with the motion averages out; a load stays.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Unloaded {
-    mean_n: f64,
-    quiet_s: f64,
+    /// Impulses of the last complete blocks, N s, the oldest at `next` once all are filled.
+    block_n_s: [f64; BLOCKS],
+    next: u64,
+    /// Blocks that are filled, in [0, 8].
+    filled: u64,
+    /// Impulse of the block under way, N s, and its length so far, s.
+    impulse_n_s: f64,
+    length_s: f64,
+    /// 1 while nothing is carried.
+    quiet: u64,
 }
 
 impl Unloaded {
     /// Takes in the external vertical force, N, `step_s` after the one before; whether nothing is carried.
     ///
-    /// `threshold_n`: from which force on something is a load. `sigma_n`: of the force, in this motion.
-    pub fn watch(&mut self, delta_f_n: f64, step_s: f64, threshold_n: f64, sigma_n: f64) -> bool {
-        let step_s = step_s.clamp(0.0, MEAN_OVER_S);
-        self.mean_n += (delta_f_n - self.mean_n) * step_s / (MEAN_OVER_S + step_s);
-        let small = self.mean_n.abs() < NOTHING_SHARE * threshold_n;
-        let sudden = delta_f_n.abs() > threshold_n + 3.0 * sigma_n;
-        self.quiet_s = if small && !sudden { (self.quiet_s + step_s).min(60.0) } else { 0.0 };
-        self.quiet_s >= QUIET_FOR_S
+    /// `threshold_n`: a load from this on; a mean of half of it is none of a compensation's errors.
+    pub fn watch(&mut self, delta_f_n: f64, step_s: f64, threshold_n: f64, sigma: ForceSigma) -> bool {
+        let sudden_n = threshold_n + 3.0 * math::hypot([sigma.at_rest_n, sigma.by_motion_n]);
+        if !delta_f_n.is_finite() || delta_f_n.abs() > sudden_n {
+            self.forget();
+            return false;
+        }
+        let step_s = step_s.clamp(0.0, BLOCK_S);
+        self.impulse_n_s += delta_f_n * step_s;
+        self.length_s += step_s;
+        if self.length_s >= BLOCK_S * (1.0 - 1e-9) {
+            // Scaled to the length of a block: samples do not end where it does.
+            self.block_n_s[self.next as usize % BLOCKS] = self.impulse_n_s * BLOCK_S / self.length_s;
+            self.next = (self.next + 1) % BLOCKS as u64;
+            self.filled = (self.filled + 1).min(BLOCKS as u64);
+            (self.impulse_n_s, self.length_s) = (0.0, 0.0);
+            let mean_n = self.block_n_s.iter().sum::<f64>() / (BLOCKS as f64 * BLOCK_S);
+            let sigma_n = math::hypot([sigma.at_rest_n, SWING_LEFT * sigma.by_motion_n]);
+            let gate_n = (SIGMAS * sigma_n).min(0.5 * threshold_n);
+            self.quiet = u64::from(self.filled == BLOCKS as u64 && mean_n.abs() < gate_n);
+        }
+        self.is_quiet()
     }
 
-    /// Whether nothing was carried for a while, by the last moment watched.
+    /// Whether nothing was carried over the window, by the last moment watched.
     pub fn is_quiet(&self) -> bool {
-        self.quiet_s >= QUIET_FOR_S
+        self.quiet == 1
     }
 
-    /// Starts over: nothing is known.
+    /// Empties the window.
     pub fn forget(&mut self) {
         *self = Zeroable::zeroed();
     }
 
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.mean_n.is_finite() && (0.0..=60.0).contains(&self.quiet_s)
+        self.block_n_s.iter().chain([&self.impulse_n_s]).all(|impulse| impulse.is_finite())
+            && self.next < BLOCKS as u64
+            && self.filled <= BLOCKS as u64
+            && (0.0..=2.0 * BLOCK_S).contains(&self.length_s)
+            && self.quiet <= 1
+    }
+}
+
+/// A load that was detected stays detected until the evidence is against it (Page 1954, cumulative sum of log-likelihood
+/// ratios): the force is that of the load, by its mean since detection but at least the threshold, or nothing. Evidence is bounded by what a single
+/// force at the limit of detection would be worth, so that as much speaks against a load as is asked for one.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Load {
+    /// Log-likelihood ratio of the load against nothing; 0 while none is detected.
+    evidence: f64,
+    /// Mean force since detection, N, over so long, s: of samples that are nearer to it than to nothing.
+    mean_n: f64,
+    length_s: f64,
+    /// Time of the sample before, ns.
+    last_ns: u64,
+}
+
+/// Evidence that a force [`SIGMAS_OF_A_LOAD`] from nothing gives for a load of that size.
+const EVIDENCE_MAX: f64 = 0.5 * SIGMAS_OF_A_LOAD * SIGMAS_OF_A_LOAD;
+/// The mean of a load looks back on about so long, s; only after it a load is kept. Errors of a motion turn over sooner.
+const MEAN_OVER_S: f64 = 1.0;
+/// Longer gaps say nothing of the time in them, s.
+const STEP_MAX_S: f64 = 0.1;
+
+impl Load {
+    /// Takes in the external vertical force, N, with its 1-σ; whether a load is there. One is detected beyond
+    /// `threshold_n` and [`SIGMAS_OF_A_LOAD`] σ, whatever was before.
+    pub fn follow(&mut self, delta_f_n: f64, sigma_n: f64, threshold_n: f64, time_ns: u64) -> bool {
+        let step_s = (time_ns.saturating_sub(self.last_ns) as f64 * 1e-9).min(STEP_MAX_S);
+        let detected = delta_f_n.abs() >= threshold_n.max(SIGMAS_OF_A_LOAD * sigma_n);
+        if self.evidence <= 0.0 {
+            *self = Zeroable::zeroed();
+        }
+        self.last_ns = time_ns;
+        if !detected && self.evidence <= 0.0 {
+            return false;
+        }
+        if self.evidence <= 0.0 {
+            self.mean_n = delta_f_n;
+        }
+        let load_n = self.mean_n.signum() * self.mean_n.abs().max(threshold_n);
+        let nearness = load_n * (delta_f_n - 0.5 * load_n);
+        if nearness > 0.0 {
+            self.length_s = (self.length_s + step_s).min(MEAN_OVER_S);
+            self.mean_n += (delta_f_n - self.mean_n) * step_s / self.length_s.max(1e-9);
+        }
+        let ratio = nearness / (sigma_n * sigma_n).max(1e-12);
+        self.evidence = (self.evidence + ratio * step_s / CORRELATION_S).clamp(0.0, EVIDENCE_MAX);
+        detected || (self.evidence > 0.0 && self.length_s >= MEAN_OVER_S)
+    }
+
+    /// Whether every number is in range; a stored one is checked before use.
+    pub fn is_sound(&self) -> bool {
+        (0.0..=EVIDENCE_MAX).contains(&self.evidence)
+            && self.mean_n.is_finite()
+            && (0.0..=MEAN_OVER_S).contains(&self.length_s)
     }
 }
 
@@ -50,10 +152,15 @@ impl Unloaded {
 mod tests {
     use super::*;
 
+    extern crate std;
+    use std::vec::Vec;
+
+    const REST: ForceSigma = ForceSigma { at_rest_n: 2.0, by_motion_n: 5.0 };
+
     fn watch(seconds: f64, unloaded: &mut Unloaded, force_n: impl Fn(f64) -> f64) -> bool {
         let mut last = false;
-        for step in 0..(seconds * 100.0) as u32 {
-            last = unloaded.watch(force_n(f64::from(step) * 0.01), 0.01, 15.0, 5.0);
+        for step in 0..(seconds * 100.0).round() as u32 {
+            last = unloaded.watch(force_n(f64::from(step) * 0.01), 0.01, 15.0, REST);
         }
         last
     }
@@ -61,17 +168,82 @@ mod tests {
     #[test]
     fn a_force_that_swings_about_nothing_is_no_load_and_one_that_stays_is() {
         let mut unloaded = Unloaded::zeroed();
-        assert!(!watch(1.0, &mut unloaded, |_| 0.0), "two seconds are not over");
+        assert!(!watch(1.9, &mut unloaded, |_| 0.0), "two seconds are not over");
         assert!(watch(5.0, &mut unloaded, |time_s| 12.0 * (6.0 * time_s).sin()));
-        assert!(!watch(6.0, &mut unloaded, |_| 10.0), "a kilogram in the hand");
-        assert!(watch(9.0, &mut unloaded, |_| 0.5));
+        assert!(!watch(6.0, &mut unloaded, |_| 9.81), "a kilogram in the hand");
+        assert!(watch(2.3, &mut unloaded, |_| 0.5));
     }
 
     #[test]
     fn a_sudden_force_ends_it_at_once() {
         let mut unloaded = Unloaded::zeroed();
         assert!(watch(4.0, &mut unloaded, |_| 0.0));
-        assert!(!unloaded.watch(60.0, 0.01, 15.0, 5.0));
+        assert!(!unloaded.watch(60.0, 0.01, 15.0, REST));
         assert!(!watch(1.5, &mut unloaded, |_| 0.0));
+        assert!(!unloaded.watch(f64::NAN, 0.01, 15.0, REST) && unloaded.is_sound());
+    }
+
+    #[test]
+    fn two_seconds_after_a_load_was_put_down_nothing_is_carried() {
+        let mut unloaded = Unloaded::zeroed();
+        assert!(!watch(20.0, &mut unloaded, |_| 110.0));
+        assert!(!watch(1.9, &mut unloaded, |_| 1.0));
+        assert!(watch(0.1, &mut unloaded, |_| 1.0));
+    }
+
+    #[test]
+    fn a_kilogram_is_a_load_in_quick_motion_too_and_the_swing_of_a_squat_is_none() {
+        let quick = ForceSigma { at_rest_n: 2.0, by_motion_n: 20.0 };
+        let last = |force_n: &dyn Fn(f64) -> f64| {
+            let mut unloaded = Unloaded::zeroed();
+            (0..1000)
+                .map(|step| unloaded.watch(force_n(f64::from(step) * 0.01), 0.01, 15.0, quick))
+                .fold(false, |_, now| now)
+        };
+        // A squat of 3 s whose inertia is compensated to within 30 N.
+        let swing = |time_s: f64| 30.0 * (core::f64::consts::TAU * time_s / 3.0).sin();
+        assert!(!last(&|time_s| 9.81 + 0.1 * swing(time_s)));
+        assert!(last(&|time_s| 0.3 * swing(time_s)));
+    }
+
+    fn follow(
+        load: &mut Load,
+        from_ns: &mut u64,
+        seconds: f64,
+        sigma_n: f64,
+        force_n: impl Fn(f64) -> f64,
+    ) -> Vec<bool> {
+        (0..(seconds * 100.0).round() as u32)
+            .map(|step| {
+                *from_ns += 10_000_000;
+                load.follow(force_n(f64::from(step) * 0.01), sigma_n, 15.0, *from_ns)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_load_does_not_vanish_because_sigma_rises_and_is_gone_when_it_is_put_down() {
+        let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
+        assert!(follow(&mut load, &mut now_ns, 1.0, 10.0, |_| 110.0).iter().all(|loaded| *loaded));
+        // The limit of detection is 150 N now.
+        let swinging = |time_s: f64| 110.0 + 60.0 * (4.0 * time_s).sin();
+        assert!(follow(&mut load, &mut now_ns, 5.0, 60.0, swinging).iter().all(|loaded| *loaded));
+        assert!(follow(&mut load, &mut now_ns, 0.05, 2.0, |_| 0.0).iter().skip(1).all(|loaded| !*loaded));
+        let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
+        follow(&mut load, &mut now_ns, 1.0, 20.0, |_| 110.0);
+        let gone = follow(&mut load, &mut now_ns, 1.0, 20.0, |_| 0.0);
+        assert!(!gone[50] && load.is_sound(), "half a second in motion");
+    }
+
+    #[test]
+    fn one_force_by_chance_is_no_load_for_long() {
+        let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
+        follow(&mut load, &mut now_ns, 0.1, 10.0, |_| 0.0);
+        let spike =
+            follow(&mut load, &mut now_ns, 1.0, 10.0, |time_s| if time_s < 0.015 { 30.0 } else { 0.0 });
+        assert!(spike[0] && spike[4..].iter().all(|loaded| !*loaded), "{spike:?}");
+        let fading = |time_s: f64| 30.0 * (1.0 - 2.0 * time_s).max(0.0);
+        let faded = follow(&mut load, &mut now_ns, 3.0, 10.0, fading);
+        assert!(faded[0] && faded[200..].iter().all(|loaded| !*loaded), "{faded:?}");
     }
 }

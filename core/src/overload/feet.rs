@@ -1,138 +1,224 @@
-//! What the ground does to each foot, with the load and as it would be without it.
+//! Vertical ground reaction on each foot, with the load and as it would be without it.
 //!
-//! With one plate only the common centre of pressure is known. Both feet's forces are then taken to act there. Eq. 15
-//! gives both the same shares ζ before and after; [`Sharing::zeta_without_load`] may hold others, for a load to one side
-//! moves weight from foot to foot.
+//! Each foot's force acts under that foot. With one plate only the common centre of pressure is known: each foot then
+//! presses at its ankle, both moved alike so that their forces act together at the centre of pressure,
+//! `c_k = ankle_k + (C − Σ ζ ankle)`, and ζ is the projection of the centre of pressure on the line between the ankles.
 //!
-//! Where each foot is measured by itself, its force acts at its own centre of pressure: a common one, between the
-//! feet, would give every joint of a leg a moment about the walking direction that is not there. What each foot would
-//! bear *without* the load cannot be measured, but the sums are known: weight W, acting at Ĉ_wo. Of the displacement
-//! from C_wt back to Ĉ_wo the part along the line between the two centres is a shift of weight from foot to foot, for
-//! soles are narrow and legs are what shifts weight sideways; what is left (across that line, or once a foot is
-//! empty) moves both feet's centres alike, as ankles do it. So Σ f_k = W and Σ f_k c_k = W Ĉ_wo hold by construction,
-//! and with both centres in one place the rule is Eq. 15 again.
+//! The forces *without* the load cannot be measured, but their sums are known: weight W, acting at Ĉ_wo. Of the
+//! displacement from C_wt back to Ĉ_wo the part along the line between the two centres shifts weight from foot to foot;
+//! the rest (across that line, or once a foot is empty) moves both feet's centres alike. So Σ f_k = W and
+//! Σ f_k c_k = W Ĉ_wo hold by construction, and with both centres in one place the rule is Eq. 15.
 
 use super::Loading;
-use super::sharing::TOO_CLOSE_M;
+use super::sharing::{TOO_CLOSE_M, project};
+use crate::math;
 
-/// The ground's vertical force on one foot.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FootReaction {
-    /// ζ_k: share of the ground reaction with the load.
-    pub(super) share: f64,
-    /// Where it acts with the load, m.
-    pub(super) with_m: [f64; 2],
-    /// Force without the load, N, and where it acts, m.
-    pub(super) without_n: f64,
-    pub(super) without_m: [f64; 2],
-    /// How both follow the estimated centre of pressure: N/m by its axis, and m/m by own axis and its axis.
-    without_n_slope: [f64; 2],
-    without_m_slope: [[f64; 2]; 2],
+/// What is known of how the feet share the ground reaction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FootLoads {
+    /// Foot load fractions ζ that hold with and without the load, and both forces at the common centre of pressure: Eq. 15
+    /// as published.
+    Common {
+        /// ζ: left, right.
+        zeta: [f64; 2],
+    },
+    /// Only the common centre of pressure is known.
+    Geometry {
+        /// Where each foot presses, from its ankle, world x and y, m.
+        press_m: [[f64; 2]; 2],
+        /// Which feet are on the floor: left, right.
+        stands: [bool; 2],
+    },
+    /// ζ was measured, the centres of pressure of the feet were not.
+    Fractions {
+        /// ζ: left, right.
+        zeta: [f64; 2],
+        /// As in [`FootLoads::Geometry`], m.
+        press_m: [[f64; 2]; 2],
+    },
+    /// Both were measured.
+    Measured {
+        /// ζ: left, right.
+        zeta: [f64; 2],
+        /// Centres of pressure of the feet, world x and y, m.
+        cop_m: [[f64; 2]; 2],
+    },
+}
+
+/// Feet's centres of pressure that miss the common one by more than this are not of this plate, m.
+const FEET_OFF_MAX_M: f64 = 0.03;
+
+impl FootLoads {
+    /// Fractions and centres of pressure that were measured under each foot.
+    ///
+    /// Both centres are moved alike until their sum is the common one, which a tare may have moved; if they miss it by more
+    /// than 30 mm only the fractions are used.
+    pub fn measured(feet: &crate::message::ground::Feet, cop_measured_m: [f64; 2]) -> FootLoads {
+        let zeta = feet.shares();
+        let moved = feet.cop_m.and_then(|cop_m| {
+            let off = rest_of(cop_measured_m, zeta, cop_m);
+            (math::hypot(off) <= FEET_OFF_MAX_M)
+                .then(|| cop_m.map(|cop_m| [cop_m[0] + off[0], cop_m[1] + off[1]]))
+        });
+        match moved {
+            Some(cop_m) => FootLoads::Measured { zeta, cop_m },
+            None => FootLoads::Fractions { zeta, press_m: [[0.0; 2]; 2] },
+        }
+    }
+
+    /// The same seen from a body that is moved by `by_m`: what is fixed to the plate moves the other way.
+    pub(super) fn seen_from(self, by_m: [f64; 2]) -> FootLoads {
+        match self {
+            FootLoads::Measured { zeta, cop_m } => FootLoads::Measured {
+                zeta,
+                cop_m: cop_m.map(|cop_m| [cop_m[0] - by_m[0], cop_m[1] - by_m[1]]),
+            },
+            other => other,
+        }
+    }
+}
+
+/// Vertical force of the ground on one foot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FootReaction {
+    /// Force with the load, N.
+    pub with_n: f64,
+    /// Where it acts, m.
+    pub with_m: [f64; 2],
+    /// Force without the load, N.
+    pub without_n: f64,
+    /// Where it acts, m.
+    pub without_m: [f64; 2],
 }
 
 impl FootReaction {
-    /// Moment arm times force that the load adds, about a joint at `origin`, along one axis, N m.
-    pub(super) fn added(&self, axis: usize, origin: f64, vertical_n: f64) -> f64 {
-        self.share * vertical_n * (self.with_m[axis] - origin)
-            - self.without_n * (self.without_m[axis] - origin)
-    }
-
-    /// Change of [`Self::added`] with the estimated centre of pressure along `by`, N.
-    pub(super) fn by_estimate(&self, axis: usize, origin: f64, by: usize) -> f64 {
-        -(self.without_n_slope[by] * (self.without_m[axis] - origin)
-            + self.without_n * self.without_m_slope[axis][by])
-    }
-
-    /// Change of [`Self::added`] with this foot's share, N m.
-    pub(super) fn by_share(&self, axis: usize, origin: f64, loading: &Loading) -> f64 {
-        loading.vertical_n * (self.with_m[axis] - origin)
-            - loading.weight_n() * (self.without_m[axis] - origin)
+    /// Moment arm times force that the load adds about a point, along one axis, N m.
+    pub(super) fn added_nm(&self, axis: usize, origin_m: f64) -> f64 {
+        self.with_n * (self.with_m[axis] - origin_m) - self.without_n * (self.without_m[axis] - origin_m)
     }
 }
 
-/// Left and right foot.
-pub(super) fn reactions(loading: &Loading) -> [FootReaction; 2] {
-    let zeta = loading.sharing.zeta;
-    match loading.sharing.foot_cop_m {
-        None => core::array::from_fn(|foot| FootReaction {
-            share: zeta[foot],
-            with_m: loading.cop_measured_m,
-            without_n: loading.sharing.zeta_without_load[foot] * loading.weight_n(),
+/// Left and right foot; `ankle_m`: left and right ankle, world x and y, m.
+pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2] {
+    let (cop_m, weight_n) = (loading.cop_measured_m, loading.weight_n());
+    let pressed_m = |press_m: [[f64; 2]; 2]| -> [[f64; 2]; 2] {
+        core::array::from_fn(|foot| [0, 1].map(|axis| ankle_m[foot][axis] + press_m[foot][axis]))
+    };
+    let under_feet = |zeta: [f64; 2], at_m: [[f64; 2]; 2]| {
+        let off = rest_of(cop_m, zeta, at_m);
+        under_each(loading, zeta, at_m.map(|at_m| [at_m[0] + off[0], at_m[1] + off[1]]))
+    };
+    match loading.feet {
+        FootLoads::Common { zeta } => zeta.map(|zeta| FootReaction {
+            with_n: zeta * loading.vertical_n,
+            with_m: cop_m,
+            without_n: zeta * weight_n,
             without_m: loading.cop_estimated_m,
-            without_n_slope: loading.sharing.zeta_slope_per_m[foot].map(|slope| slope * loading.weight_n()),
-            without_m_slope: IDENTITY,
         }),
-        Some(foot_cop_m) => measured(loading, foot_cop_m),
+        FootLoads::Geometry { press_m, stands: [true, true] } => {
+            let at_m = pressed_m(press_m);
+            let (right, _) = project(cop_m, at_m);
+            under_feet([1.0 - right, right], at_m)
+        }
+        FootLoads::Geometry { stands: [left, _], .. } => {
+            let all_on = |stands: bool| if stands { 1.0 } else { 0.0 };
+            [left, !left].map(|stands| FootReaction {
+                with_n: all_on(stands) * loading.vertical_n,
+                with_m: cop_m,
+                without_n: all_on(stands) * weight_n,
+                without_m: loading.cop_estimated_m,
+            })
+        }
+        FootLoads::Fractions { zeta, press_m } => under_feet(zeta, pressed_m(press_m)),
+        FootLoads::Measured { zeta, cop_m } => under_each(loading, zeta, cop_m),
     }
 }
 
-const IDENTITY: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
+/// From the centre of both feet's forces to a point, m.
+fn rest_of(point_m: [f64; 2], zeta: [f64; 2], [left, right]: [[f64; 2]; 2]) -> [f64; 2] {
+    [0, 1].map(|axis| point_m[axis] - zeta[0] * left[axis] - zeta[1] * right[axis])
+}
 
-fn measured(loading: &Loading, foot_cop_m: [[f64; 2]; 2]) -> [FootReaction; 2] {
-    let Loading { cop_measured_m, cop_estimated_m, sharing, .. } = loading;
-    let weight_n = loading.weight_n();
+fn under_each(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) -> [FootReaction; 2] {
+    let Loading { cop_measured_m, cop_estimated_m, .. } = loading;
     let [left, right] = foot_cop_m;
     let along = [right[0] - left[0], right[1] - left[1]];
     let square = along[0] * along[0] + along[1] * along[1];
-    // Share of the right foot by metre of displacement, by axis.
-    let share_slope = if square > TOO_CLOSE_M * TOO_CLOSE_M { along.map(|a| a / square) } else { [0.0; 2] };
-    let moved: f64 =
-        (0..2).map(|axis| share_slope[axis] * (cop_estimated_m[axis] - cop_measured_m[axis])).sum();
-    let wanted = sharing.zeta[1] + moved;
-    let right_share = wanted.clamp(0.0, 1.0);
-    let share_slope = if right_share == wanted { share_slope } else { [0.0; 2] };
-    let without_share = [1.0 - right_share, right_share];
-    let rest = [0, 1]
-        .map(|axis| cop_estimated_m[axis] - without_share[0] * left[axis] - without_share[1] * right[axis]);
+    let moved: f64 = (0..2).map(|axis| along[axis] * (cop_estimated_m[axis] - cop_measured_m[axis])).sum();
+    let moved = if square > TOO_CLOSE_M * TOO_CLOSE_M { moved / square } else { 0.0 };
+    let right_without = (zeta[1] + moved).clamp(0.0, 1.0);
+    let without = [1.0 - right_without, right_without];
+    let rest = rest_of(*cop_estimated_m, without, foot_cop_m);
     core::array::from_fn(|foot| FootReaction {
-        share: sharing.zeta[foot],
+        with_n: zeta[foot] * loading.vertical_n,
         with_m: foot_cop_m[foot],
-        without_n: without_share[foot] * weight_n,
+        without_n: without[foot] * loading.weight_n(),
         without_m: [0, 1].map(|axis| foot_cop_m[foot][axis] + rest[axis]),
-        without_n_slope: share_slope
-            .map(|slope| if foot == 1 { slope * weight_n } else { -slope * weight_n }),
-        without_m_slope: [0, 1]
-            .map(|axis| [0, 1].map(|by| IDENTITY[axis][by] - along[axis] * share_slope[by])),
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::overload::{Sharing, Swing};
+    use crate::overload::Swing;
     use nalgebra::Vector3;
 
-    fn loading(foot_cop_m: Option<[[f64; 2]; 2]>, right_share: f64, estimated_m: [f64; 2]) -> Loading {
-        let zeta = [1.0 - right_share, right_share];
-        let [left, right] = foot_cop_m.unwrap_or([[0.05, 0.0]; 2]);
+    const ANKLE_M: [[f64; 2]; 2] = [[0.0, 0.13], [0.01, -0.13]];
+    const NO_PRESS: [[f64; 2]; 2] = [[0.0; 2]; 2];
+    const APART: [[f64; 2]; 2] = [[0.02, 0.14], [0.09, -0.12]];
+
+    fn loading(feet: FootLoads, cop_measured_m: [f64; 2], cop_estimated_m: [f64; 2]) -> Loading {
         Loading {
-            cop_measured_m: [0, 1].map(|axis| zeta[0] * left[axis] + zeta[1] * right[axis]),
-            cop_estimated_m: estimated_m,
+            cop_measured_m,
+            cop_estimated_m,
             vertical_n: 800.0,
             delta_f_n: 100.0,
             grip_m: [Vector3::zeros(); 2],
-            sharing: Sharing { foot_cop_m, ..Sharing::of(zeta, [0.5; 2]) },
+            eta: [0.5; 2],
+            feet,
             swing: Swing::NONE,
         }
     }
 
-    const APART: [[f64; 2]; 2] = [[0.02, 0.14], [0.09, -0.12]];
+    fn measured(zeta: [f64; 2], cop_m: [[f64; 2]; 2], estimated_m: [f64; 2]) -> Loading {
+        let common = [0, 1].map(|axis| zeta[0] * cop_m[0][axis] + zeta[1] * cop_m[1][axis]);
+        loading(FootLoads::Measured { zeta, cop_m }, common, estimated_m)
+    }
 
     #[test]
     fn the_sums_agree_with_and_without_the_load() {
-        for right_share in [0.0, 0.02, 0.3, 0.5, 0.9, 1.0] {
+        for right in [0.0, 0.02, 0.3, 0.5, 0.9, 1.0] {
+            let zeta = [1.0 - right, right];
             for estimated_m in [[0.05, 0.0], [0.01, 0.1], [-0.03, -0.3], [0.05, 0.2]] {
-                for feet in [Some(APART), Some([[0.03, 0.01], [0.03, -0.01]]), None] {
-                    let loading = loading(feet, right_share, estimated_m);
-                    let feet = reactions(&loading);
-                    let without_n: f64 = feet.iter().map(|foot| foot.without_n).sum();
-                    assert!((without_n - loading.weight_n()).abs() < 1e-9);
-                    assert!(feet.iter().all(|foot| foot.without_n >= 0.0));
-                    for (axis, estimated_m) in estimated_m.into_iter().enumerate() {
-                        let with: f64 = feet.iter().map(|foot| foot.share * foot.with_m[axis]).sum();
-                        assert!((with - loading.cop_measured_m[axis]).abs() < 1e-12);
-                        let moment: f64 = feet.iter().map(|foot| foot.without_n * foot.without_m[axis]).sum();
-                        assert!((moment - loading.weight_n() * estimated_m).abs() < 1e-9);
+                let common = [0.05, 0.13 - 0.26 * right];
+                for loading in [
+                    measured(zeta, APART, estimated_m),
+                    measured(zeta, [[0.03, 0.01], [0.03, -0.01]], estimated_m),
+                    loading(FootLoads::Common { zeta }, common, estimated_m),
+                    loading(FootLoads::Fractions { zeta, press_m: NO_PRESS }, common, estimated_m),
+                    loading(
+                        FootLoads::Geometry { press_m: NO_PRESS, stands: [true; 2] },
+                        common,
+                        estimated_m,
+                    ),
+                    loading(FootLoads::Geometry { press_m: APART, stands: [true; 2] }, common, estimated_m),
+                    loading(
+                        FootLoads::Geometry { press_m: NO_PRESS, stands: [false, true] },
+                        common,
+                        estimated_m,
+                    ),
+                ] {
+                    let feet = reactions(&loading, ANKLE_M);
+                    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b} {loading:?}");
+                    near(feet.iter().map(|foot| foot.with_n).sum(), loading.vertical_n);
+                    near(feet.iter().map(|foot| foot.without_n).sum(), loading.weight_n());
+                    assert!(feet.iter().all(|foot| foot.with_n >= 0.0 && foot.without_n >= 0.0));
+                    for axis in 0..2 {
+                        let with: f64 = feet.iter().map(|foot| foot.with_n * foot.with_m[axis]).sum();
+                        near(with, loading.vertical_n * loading.cop_measured_m[axis]);
+                        let without: f64 =
+                            feet.iter().map(|foot| foot.without_n * foot.without_m[axis]).sum();
+                        near(without, loading.weight_n() * loading.cop_estimated_m[axis]);
                     }
                 }
             }
@@ -140,10 +226,10 @@ mod tests {
     }
 
     #[test]
-    fn weight_that_shifts_sideways_changes_shares_and_leaves_the_soles() {
+    fn weight_that_shifts_sideways_changes_fractions_and_not_the_places_of_the_feet() {
         let side_by_side = [[0.04, 0.13], [0.04, -0.13]];
         // With the load 0.6 on the right; without it even, and 2 cm farther back.
-        let feet = reactions(&loading(Some(side_by_side), 0.6, [0.02, 0.0]));
+        let feet = reactions(&measured([0.4, 0.6], side_by_side, [0.02, 0.0]), ANKLE_M);
         for (foot, y) in feet.iter().zip([0.13, -0.13]) {
             assert!((foot.without_n - 350.0).abs() < 1e-9);
             assert!((foot.without_m[0] - 0.02).abs() < 1e-12 && (foot.without_m[1] - y).abs() < 1e-12);
@@ -151,21 +237,35 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_the_differences() {
-        const STEP: f64 = 1e-6;
-        for (feet, right_share) in [(Some(APART), 0.4), (Some(APART), 0.98), (None, 0.4)] {
-            let base = loading(feet, right_share, [0.03, -0.01]);
-            for by in 0..2 {
-                let mut moved = base;
-                moved.cop_estimated_m[by] += STEP;
-                for (before, after) in reactions(&base).iter().zip(reactions(&moved)) {
-                    for axis in 0..2 {
-                        let change = after.added(axis, 0.07, 800.0) - before.added(axis, 0.07, 800.0);
-                        let told = before.by_estimate(axis, 0.07, by) * STEP;
-                        assert!((change - told).abs() < 1e-6 * STEP.sqrt(), "{change} {told}");
-                    }
-                }
-            }
-        }
+    fn with_one_plate_each_force_acts_next_to_its_own_ankle() {
+        let feet = FootLoads::Geometry { press_m: NO_PRESS, stands: [true; 2] };
+        let [left, right] = reactions(&loading(feet, [0.06, 0.065], [0.05, 0.0]), ANKLE_M);
+        assert!((left.with_n / 800.0 - 0.75).abs() < 0.01, "{left:?}");
+        assert!((left.with_m[1] - 0.13).abs() < 0.005 && (right.with_m[1] + 0.13).abs() < 0.005);
+        assert!((left.with_m[0] - 0.06).abs() < 0.01 && (right.with_m[0] - 0.06).abs() < 0.015);
+    }
+
+    #[test]
+    fn a_foot_in_the_air_carries_nothing() {
+        let feet = FootLoads::Geometry { press_m: NO_PRESS, stands: [true, false] };
+        let [left, right] = reactions(&loading(feet, [0.06, 0.10], [0.05, 0.09]), ANKLE_M);
+        assert_eq!((left.with_n, left.with_m, left.without_n), (800.0, [0.06, 0.10], 700.0));
+        assert_eq!((right.with_n, right.without_n), (0.0, 0.0));
+    }
+
+    #[test]
+    fn measured_centres_are_moved_to_the_common_one_and_wrong_ones_are_not_used() {
+        let feet = crate::message::ground::Feet {
+            vertical_n: [200.0, 600.0],
+            cop_m: Some([[0.02, 0.12], [0.06, -0.12]]),
+        };
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        let FootLoads::Measured { zeta, cop_m } = FootLoads::measured(&feet, [0.055, -0.06]) else {
+            panic!()
+        };
+        assert_eq!(zeta, [0.25, 0.75]);
+        near(cop_m[0][0], 0.025);
+        let wrong = FootLoads::measured(&feet, [0.15, -0.06]);
+        assert_eq!(wrong, FootLoads::Fractions { zeta: [0.25, 0.75], press_m: NO_PRESS });
     }
 }

@@ -1,14 +1,34 @@
-//! What each joint is allowed: τ_max, by default a share of published strength.
+//! What each joint is allowed: τ_max, by default a share of published strength, by direction where it is published.
 //!
 //! The paper finds τ_max by experiment on each subject, compares it with the literature (Snook & Ciriello, 1991) and
-//! publishes no numbers. Until a worker's own limits are configured (`[subject] tau_max_nm`), this table stands in.
-//! It sets colours, the worst joint and the fatigue; no torque depends on it.
+//! publishes no numbers. Until a worker's own limits are configured (`[subject] tau_max_nm`), these tables stand in.
+//! They set colours, the worst joint and the fatigue; no torque depends on them.
+//!
+//! **Direction.** Muscles of one side extend, those of the other flex, and they are not equally strong. With the
+//! components τ_a of a torque along the axes of the parent segment (T-pose: X forward, Y left, Z up) and the limit L of each
+//! axis and sign, the share of the limits that it takes is `√Σ (τ_a / L_a)²`: of one component its own, and with equal
+//! limits `|τ| / L`. What is published as the joint's limit is `|τ|` over that share: the limit in the direction of this
+//! torque. A configured limit holds for all directions.
+//!
+//! The sign is that of the overload, not of the whole torque: where a load relieves the muscles that hold the body, as it
+//! can the extensors of a squatting knee, it is compared with the strength of their antagonists, which is on the safe side.
+
+use nalgebra::Vector3;
 
 use crate::body::{JOINTS, Joint, Sex};
+use crate::frame::{Pose, StationWorld};
 
-/// τ_max of every joint, N m.
+/// Limits about the three axes of the parent segment, each against torques of negative and of positive sign.
+type ByDirection = [[f64; 2]; 3];
+
+/// τ_max of every joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TorqueLimits(pub [f64; JOINTS]);
+pub struct TorqueLimits {
+    /// One number per joint, N m: against a load that pulls down in front, and wherever no strength is published.
+    nm: [f64; JOINTS],
+    /// The limit of each direction over that number.
+    by_direction: [ByDirection; JOINTS],
+}
 
 /// Three workers in four reach this share of the mean strength: 1 − 0.674 · 0.25, since strengths spread by a
 /// quarter of their mean (Anderson et al. 2007, table 3: 21 to 33 %; Benfica et al. 2018: 20 to 30 %).
@@ -23,7 +43,7 @@ pub const STRENGTH_SHARE: f64 = THREE_IN_FOUR * LEFT_FOR_THE_LOAD;
 /// Weight times stature of the people of the table, N m: 62 kg and 1.63 m, 75 kg and 1.76 m.
 const BODY_NM: [f64; 2] = [62.0 * 9.81 * 1.63, 75.0 * 9.81 * 1.76];
 
-/// Mean maximal static strengths of women and men against a load that pulls down, N m; both sides alike.
+/// Mean maximal static strengths of women and men against a load that pulls down in front, N m; both sides alike.
 ///
 /// - Hip and knee extension, plantar flexion: Anderson, Madigan & Nussbaum, J. Biomechanics 40 (2007) 3105–3113,
 ///   table 3, c1 (strength over weight times stature), mean of the groups 18–25 and 55–65 years; read from the copy
@@ -62,24 +82,121 @@ const fn of_body([female, male]: [f64; 2]) -> [f64; 2] {
     [female * BODY_NM[0], male * BODY_NM[1]]
 }
 
+/// Axes of the parent segment.
+const X: usize = 0;
+const Y: usize = 1;
+const Z: usize = 2;
+/// Signs of a torque.
+const NEGATIVE: usize = 0;
+const POSITIVE: usize = 1;
+
+/// Mean maximal static strengths of women and men in the other directions, N m, of the trunk and of the left side: the
+/// right side's are about the mirrored axes (X and Z change their sign). A torque is the one that the parent exerts on the
+/// segment.
+///
+/// - Hip and knee flexion, dorsiflexion: Anderson et al. 2007 as above.
+/// - Trunk flexion and lateral flexion, vertical ab- and adduction of the shoulder, elbow extension: Chaffin, Andersson &
+///   Martin, 50th percentiles after Stobbe (1982); quoted from memory.
+/// - Wrist: Delp et al. 1996, men's flexion 12.2, extension 7.1, ulnar deviation 9.5 N m, quoted from memory; women by the
+///   55 % of the shoulder.
+const OTHER_STRENGTH_NM: [(&str, usize, usize, [f64; 2]); 21] = [
+    ("L5S1", Y, POSITIVE, TRUNK_FLEXION_NM),
+    ("L5S1", X, NEGATIVE, TRUNK_ASIDE_NM),
+    ("L5S1", X, POSITIVE, TRUNK_ASIDE_NM),
+    ("L4L3", Y, POSITIVE, TRUNK_FLEXION_NM),
+    ("L4L3", X, NEGATIVE, TRUNK_ASIDE_NM),
+    ("L4L3", X, POSITIVE, TRUNK_ASIDE_NM),
+    ("L1T12", Y, POSITIVE, TRUNK_FLEXION_NM),
+    ("L1T12", X, NEGATIVE, TRUNK_ASIDE_NM),
+    ("L1T12", X, POSITIVE, TRUNK_ASIDE_NM),
+    ("T9T8", Y, POSITIVE, TRUNK_FLEXION_NM),
+    ("T9T8", X, NEGATIVE, TRUNK_ASIDE_NM),
+    ("T9T8", X, POSITIVE, TRUNK_ASIDE_NM),
+    ("Shoulder", X, NEGATIVE, [30.0, 67.0]),
+    ("Shoulder", X, POSITIVE, [37.0, 71.0]),
+    ("Elbow", Z, POSITIVE, [27.0, 46.0]),
+    ("Wrist", X, NEGATIVE, [6.7, 12.2]),
+    ("Wrist", X, POSITIVE, [3.9, 7.1]),
+    ("Wrist", Z, POSITIVE, [5.2, 9.5]),
+    ("Hip", Y, NEGATIVE, of_body([0.109, 0.110])),
+    ("Knee", Y, POSITIVE, of_body([0.070, 0.084])),
+    ("Ankle", Y, NEGATIVE, of_body([0.0255, 0.0305])),
+];
+const TRUNK_FLEXION_NM: [f64; 2] = [75.0, 143.0];
+const TRUNK_ASIDE_NM: [f64; 2] = [94.0, 159.0];
+
+/// A joint's name without its side, and whether it is on the right.
+fn without_side(joint: Joint) -> (&'static str, bool) {
+    let name = joint.name();
+    match name.strip_prefix("Right") {
+        Some(of_right) => (of_right, true),
+        None => (name.strip_prefix("Left").unwrap_or(name), false),
+    }
+}
+
 impl TorqueLimits {
-    /// The table's limits: [`STRENGTH_SHARE`] of the mean strength; the mean of both sexes where it is not stated.
+    /// The tables' limits: [`STRENGTH_SHARE`] of the mean strength; the mean of both sexes where it is not stated.
     pub fn of(sex: Sex) -> TorqueLimits {
-        TorqueLimits(Joint::ALL.map(|joint| {
-            let name = joint.name();
-            let name = name.strip_prefix("Left").or_else(|| name.strip_prefix("Right")).unwrap_or(name);
+        let of_sex = |[female, male]: [f64; 2]| match sex {
+            Sex::Female => female,
+            Sex::Male => male,
+            Sex::Unstated => 0.5 * (female + male),
+        };
+        let main_nm = |joint: Joint| {
+            let (name, _) = without_side(joint);
             // Every joint has a row, as a test holds; the weakest stands for one that had none.
-            let [female, male] = STRENGTH_NM
-                .iter()
-                .find(|(row, _)| *row == name)
-                .map_or([STRENGTH_NM[9].1[0]; 2], |(_, strength_nm)| *strength_nm);
-            STRENGTH_SHARE
-                * match sex {
-                    Sex::Female => female,
-                    Sex::Male => male,
-                    Sex::Unstated => 0.5 * (female + male),
+            let row = STRENGTH_NM.iter().find(|(row, _)| *row == name);
+            of_sex(row.map_or([STRENGTH_NM[9].1[0]; 2], |(_, strength_nm)| *strength_nm))
+        };
+        TorqueLimits {
+            nm: Joint::ALL.map(|joint| STRENGTH_SHARE * main_nm(joint)),
+            by_direction: Joint::ALL.map(|joint| {
+                let (name, is_right) = without_side(joint);
+                let mut shares = [[1.0; 2]; 3];
+                for (_, axis, sign, strength_nm) in OTHER_STRENGTH_NM.iter().filter(|row| row.0 == name) {
+                    let is_mirrored = is_right && *axis != Y;
+                    let sign = if is_mirrored { 1 - sign } else { *sign };
+                    shares[*axis][sign] = of_sex(*strength_nm) / main_nm(joint);
                 }
-        }))
+                shares
+            }),
+        }
+    }
+
+    /// The same limit for every joint and direction, N m.
+    pub fn uniform(limit_nm: f64) -> TorqueLimits {
+        TorqueLimits { nm: [limit_nm; JOINTS], by_direction: [[[1.0; 2]; 3]; JOINTS] }
+    }
+
+    /// Sets the limit of a joint in all directions, N m.
+    pub fn set(&mut self, joint: Joint, limit_nm: f64) {
+        self.nm[joint.index()] = limit_nm;
+        self.by_direction[joint.index()] = [[1.0; 2]; 3];
+    }
+
+    /// One number per joint, N m, while there is no torque: against a load that pulls down in front.
+    pub fn without_torque_nm(&self) -> &[f64; JOINTS] {
+        &self.nm
+    }
+
+    /// Limit of each joint in the direction of its torque (world axes, N m), N m.
+    pub fn along_nm(&self, pose: &Pose<StationWorld>, torque_nm: &[[f64; 3]; JOINTS]) -> [f64; JOINTS] {
+        Joint::ALL.map(|joint| {
+            let parent = joint.segment().parent().unwrap_or(joint.segment());
+            let to_parent = pose.world_from_segment[parent.index()].conjugate();
+            self.in_direction_nm(joint, to_parent * Vector3::from(torque_nm[joint.index()]))
+        })
+    }
+
+    /// Limit of a joint in the direction of a torque in the axes of the parent segment, N m.
+    fn in_direction_nm(&self, joint: Joint, torque: Vector3<f64>) -> f64 {
+        let index = joint.index();
+        let mut weighted = torque;
+        for (value, [negative, positive]) in weighted.iter_mut().zip(self.by_direction[index]) {
+            *value /= if *value < 0.0 { negative } else { positive };
+        }
+        let (magnitude, share) = (torque.norm(), weighted.norm());
+        if share > 0.0 { self.nm[index] * magnitude / share } else { self.nm[index] }
     }
 }
 
@@ -92,20 +209,26 @@ impl Default for TorqueLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::{SEGMENTS, Skeleton};
+    use nalgebra::UnitQuaternion;
+
+    fn joint(name: &str) -> Joint {
+        Joint::named(name).unwrap()
+    }
 
     #[test]
-    fn every_joint_has_a_row_and_both_sides_the_same_limits() {
-        let limits = TorqueLimits::default();
+    fn every_joint_has_a_row_and_every_row_a_joint() {
         for joint in Joint::ALL {
-            assert!(STRENGTH_NM.iter().any(|(row, _)| joint.name().ends_with(row)), "{}", joint.name());
-            let mirrored = joint.segment().mirrored().proximal_joint().unwrap();
-            assert_eq!(limits.0[joint.index()], limits.0[mirrored.index()]);
+            assert!(STRENGTH_NM.iter().any(|(row, _)| *row == without_side(joint).0), "{}", joint.name());
+        }
+        for (name, ..) in OTHER_STRENGTH_NM {
+            assert!(Joint::ALL.into_iter().any(|joint| without_side(joint).0 == name), "{name}");
         }
     }
 
     #[test]
     fn the_limits_of_the_table_are_these() {
-        let at = |sex, name| TorqueLimits::of(sex).0[Joint::named(name).unwrap().index()];
+        let at = |sex, name| TorqueLimits::of(sex).without_torque_nm()[joint(name).index()];
         for (name, female_nm, male_nm) in [
             ("L5S1", 77.9, 136.0),
             ("RightShoulder", 19.9, 39.9),
@@ -118,6 +241,69 @@ mod tests {
             assert!((at(Sex::Male, name) - male_nm).abs() < 0.1, "{name} {}", at(Sex::Male, name));
             let mean = 0.5 * (at(Sex::Female, name) + at(Sex::Male, name));
             assert!((at(Sex::Unstated, name) - mean).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn each_direction_has_its_own_limit() {
+        let limits = TorqueLimits::of(Sex::Male);
+        for (name, torque, expected_nm) in [
+            ("L5S1", -Vector3::y(), 136.0),
+            ("L5S1", Vector3::y(), 83.1),
+            ("L4L3", -Vector3::x(), 92.4),
+            ("LeftHip", Vector3::y(), 124.9),
+            ("LeftHip", -Vector3::y(), 82.7),
+            ("RightKnee", Vector3::y(), 63.2),
+            ("LeftAnkle", -Vector3::y(), 22.9),
+            ("LeftElbow", -Vector3::z(), 44.7),
+            ("LeftElbow", Vector3::z(), 26.7),
+            ("RightElbow", Vector3::z(), 44.7),
+            ("RightShoulder", -Vector3::x(), 41.3),
+        ] {
+            for size_nm in [1e-3, 1.0, 80.0] {
+                let limit_nm = limits.in_direction_nm(joint(name), torque * size_nm);
+                assert!((limit_nm - expected_nm).abs() < 0.1, "{name} {torque:?}: {limit_nm}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_share_of_the_limits_is_that_of_an_ellipsoid() {
+        let limits = TorqueLimits::of(Sex::Male);
+        let (l5s1, torque) = (joint("L5S1"), Vector3::new(30.0, -60.0, 0.0));
+        let of = |part: Vector3<f64>| part.norm() / limits.in_direction_nm(l5s1, part);
+        let apart = of(Vector3::x() * 30.0).hypot(of(Vector3::y() * -60.0));
+        assert!((of(torque) - apart).abs() < 1e-12);
+        assert_eq!(limits.in_direction_nm(l5s1, Vector3::zeros()), limits.nm[l5s1.index()]);
+    }
+
+    #[test]
+    fn a_configured_limit_holds_in_all_directions() {
+        let mut limits = TorqueLimits::of(Sex::Female);
+        limits.set(joint("LeftKnee"), 70.0);
+        for torque in [Vector3::x(), -Vector3::y(), Vector3::new(3.0, 4.0, -5.0)] {
+            assert!((limits.in_direction_nm(joint("LeftKnee"), torque) - 70.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn both_sides_have_the_same_limits_and_a_turned_body_too() {
+        let limits = TorqueLimits::of(Sex::Female);
+        let origin = Skeleton::nominal(1.77).t_pose_m().map(Vector3::from);
+        let pose_of = |turn| Pose::<StationWorld>::new(origin, [turn; SEGMENTS]);
+        let upright = pose_of(UnitQuaternion::identity());
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.1, 0.7));
+        let torque = Vector3::new(3.0, -5.0, 2.0);
+        // A torque is a pseudovector: mirrored left to right, X and Z change their sign.
+        let mirrored = Vector3::new(-3.0, -5.0, -2.0);
+        let along =
+            |pose: &Pose<StationWorld>, torque: Vector3<f64>| limits.along_nm(pose, &[torque.into(); JOINTS]);
+        let (straight, mirrored) = (along(&upright, torque), along(&upright, mirrored));
+        let turned = along(&pose_of(turn), turn * torque);
+        for joint in Joint::ALL {
+            let other = joint.segment().mirrored().proximal_joint().unwrap();
+            assert!((straight[joint.index()] - mirrored[other.index()]).abs() < 1e-9, "{}", joint.name());
+            assert!((straight[joint.index()] - turned[joint.index()]).abs() < 1e-9, "{}", joint.name());
         }
     }
 }

@@ -1,304 +1,396 @@
-//! How much later than the ground's the suit's sample times are: the part of the delays that no clock fit can see.
+//! Skew and drift between the suit's and the ground's sample times, from the vertical motion of the body.
 //!
-//! A clock fit lays each stream's device counter on the host's clock but leaves the constant part of the delay in.
-//! If the suit's stamps are late by τ, the pose stamped t is the body's at t − τ. So for a quantity q that the plate
-//! measures and the suit's motion predicts,
+//! A clock fit maps each device counter to the host clock but leaves constant delays in the sample times, and a
+//! recording may hold clocks that drift apart. If the suit's stamps are late by τ relative to the ground's, the
+//! ground's sample stamped t belongs to the suit's sample stamped t + τ. **Positive τ: the suit is late.**
 //!
-//! `measured(t) = q(t)`, `predicted(t) = q(t − τ)`, hence `measured − predicted = τ·dq/dt + noise`.
+//! # Model
+//! Vertical force over time, `F(t) = c + s·z̈(t + τ) + e(t)`, where z is the height of the centre of mass by the suit's
+//! stamps (m) and c, s are unknown: body mass, a constant load and the force's unit do not matter.
+//! Both streams pass the same filter: means over cells of `CELL_NS`; the weighted mean of the acceleration over a triangle of
+//! half-width h, for the suit by the identity `(z(t+h) − 2z(t) + z(t−h))/h² = ∫ z̈(t+u) (1 − |u|/h)/h du`, which needs no
+//! derivative; and a symmetric second difference over ±`SPAN` cells, which removes constants and trends.
 //!
-//! **Positive τ: the suit is late**, and `[suit] latency_ms` larger by τ puts it right.
-//!
-//! # How to feed it
-//! One [`SkewEstimator`] per quantity, one [`SkewEstimator::update`] per aligned suit sample; [`joint`] puts them
-//! together. Quantities that show τ:
-//! - vertical force over mass, `F_z/m − g` (m/s²), against the vertical acceleration of the centre of mass;
-//! - centre of pressure x and y (m), against what inertia compensation predicts of it.
-//!
-//! Both sides must go through the **same** filter: if the suit's acceleration is smoothed over a window, smooth the
-//! plate's force over that window too, else the difference of the filters is taken for skew. The slope must come from
-//! the smoothed prediction: noise in the slope draws the estimate towards zero. Leave out samples while nobody stands
-//! on the plate, or while a load is being taken up or put down. A constant offset between the two sides (a mass that
-//! is a little wrong) does no harm: both are high-passed.
-//!
-//! # How it works
-//! Least squares of the high-passed rows with slow forgetting and a prior (σ 50 ms). A row waits until predictions on
-//! both sides of it are known, and is then linearised at the newest estimate (`measured(t)` against
-//! `predicted(t + τ̂)`), so that a large skew is not underestimated. The σ is that of the scores `slope × residual` as
-//! they really scatter, with their correlation from sample to sample, and never below the caller's σ: neither
-//! coloured noise nor noise that grows with motion makes it too sure.
+//! # Estimate
+//! Over each window of [`WINDOW_S`] the profile likelihood of the lag under Gaussian noise of unknown size is
+//! `−2 ln L(τ) = N ln(1 − r²(τ))`, with the correlation r and N independent samples (maximum likelihood of a delay
+//! with unknown gain: Knapp and Carter 1976). Its minimum is the lag, its curvature gives the variance `2/(−2 ln L)″`. A
+//! window counts only if no lag outside the minimum's own valley is within `EVIDENCE` of it.
+//! Windows update a Kalman filter with the state (τ, drift).
+
+mod track;
 
 use bytemuck::{Pod, Zeroable};
 
-/// What is believed before any motion, s.
-const PRIOR_SIGMA_S: f64 = 0.05;
-/// An estimate less sure than this is not told, s.
-const TOLD_SIGMA_S: f64 = 0.005;
-/// Old rows fade with this time constant, so that the skew may drift, s.
-const MEMORY_S: f64 = 180.0;
-/// Both sides lose their mean over this time constant, s.
-const HIGH_PASS_S: f64 = 2.0;
-/// How long noise is believed to stay alike before it was seen, s …
-const CORRELATION_S: f64 = 0.3;
-/// … and how much of rows it takes to believe what is seen instead, s.
-const CORRELATION_BELIEF_S: f64 = 5.0;
-/// Rows are linearised at most this far from zero skew, s; a row waits as long for its prediction.
-const REACH_S: f64 = 0.1;
-/// Samples closer than this to the one before are passed over, s: the ring must span twice the reach.
-const STEP_MIN_S: f64 = 0.003;
-/// After a gap longer than this the rows start anew, s.
-const GAP_MAX_S: f64 = 0.1;
-/// Samples kept for the rows that wait.
-const RING: usize = 80;
-/// No quantity is larger, and none is known better, in any unit.
-const VALUE_MAX: f64 = 1e9;
-const SIGMA_MIN: f64 = 1e-9;
-/// Fewer independent rows than this tell nothing.
-const ROWS_MIN: f64 = 8.0;
+use crate::math;
+use track::Track;
 
-/// One sample as it came.
+/// Length of a cell, ns.
+const CELL_NS: u64 = 20_000_000;
+const CELL_S: f64 = CELL_NS as f64 * 1e-9;
+/// Half-width of the triangle, cells.
+const HALF: u64 = 8;
+/// Half-span of the second difference, cells.
+const SPAN: u64 = 25;
+/// Cells on each side of a filtered one.
+const AROUND: u64 = HALF + SPAN;
+/// Cells kept of each stream: twice the filter's width and the lags, and over a second for a stream that arrives late.
+const RING: usize = 192;
+/// Lags from −0.5 to 0.5 s.
+const LAGS: usize = 51;
+const LAG_MAX: u64 = LAGS as u64 / 2;
+/// Cells of a block, and blocks of a window.
+const BLOCK: u64 = 64;
+const BLOCKS: usize = 4;
+/// Length of a window, s.
+pub const WINDOW_S: f64 = (BLOCK * BLOCKS as u64) as f64 * CELL_S;
+/// Samples farther apart than this are not interpolated between, ns.
+const GAP_MAX_NS: u64 = 120_000_000;
+/// Blocks that suffice to contradict the track.
+const BLOCKS_AGAINST: usize = 2;
+/// Independent samples of noise in a block: its length over the integral of the squared autocorrelation (0.333 s) of white
+/// noise after the filter.
+const INDEPENDENT: f64 = 3.84;
+/// Difference of −2 ln L that excludes another lag.
+const EVIDENCE: f64 = 12.0;
+/// A correlation of 1 would be no noise at all.
+const UNEXPLAINED_MIN: f64 = 1e-4;
+/// A window this far from the prediction, in σ and in s, contradicts it: the delay has changed.
+const CONTRADICTION: (f64, f64) = (4.0, 3.0 * CELL_S);
+
+/// What a stream's samples are: both sides of the model take the same filter by different sums.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Height of the centre of mass, m.
+    Height,
+    /// Vertical force, N.
+    Force,
+}
+
+/// One stream on the grid of cells.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Sample {
-    time_s: f64,
-    measured: f64,
-    predicted: f64,
-    slope_per_s: f64,
-    sigma: f64,
+struct Stream {
+    /// Mean of each cell.
+    mean: [f64; RING],
+    /// Acceleration, or force, averaged over the triangle around each cell.
+    smooth: [f64; RING],
+    /// The same without constants and trends.
+    band: [f64; RING],
+    /// The newest sample; a time of 0 before the first.
+    newest_ns: u64,
+    newest: f64,
+    /// Integral over the cell that is being filled.
+    partial: f64,
+    /// The cell that is being filled, counted from time 0, and the first complete one since the last gap.
+    cell: u64,
+    first: u64,
 }
 
-/// `c0 + c1 τ + c2 τ²`: a sum of products of residuals, for whatever τ they are taken at in the end.
+impl Stream {
+    /// Integrates the line from the newest sample to this one into cells: at most seven, for longer gaps restart.
+    fn push(&mut self, time_ns: u64, value: f64, kind: Kind) {
+        let span_ns = time_ns.saturating_sub(self.newest_ns);
+        if self.newest_ns == 0 || span_ns > GAP_MAX_NS {
+            self.cell = time_ns / CELL_NS;
+            (self.first, self.partial) = (self.cell + 1, 0.0);
+        } else if span_ns == 0 {
+            return;
+        } else {
+            let slope = (value - self.newest) / span_ns as f64;
+            let mut from_ns = self.newest_ns;
+            while from_ns < time_ns {
+                let end_ns = (self.cell + 1) * CELL_NS;
+                let to_ns = time_ns.min(end_ns);
+                let middle_ns = 0.5 * ((from_ns - self.newest_ns) + (to_ns - self.newest_ns)) as f64;
+                self.partial += (self.newest + slope * middle_ns) * (to_ns - from_ns) as f64;
+                from_ns = to_ns;
+                if to_ns == end_ns {
+                    self.complete(kind);
+                }
+            }
+        }
+        (self.newest_ns, self.newest) = (time_ns, value);
+    }
+
+    /// Ends the cell that is being filled, and filters as far as cells reach.
+    fn complete(&mut self, kind: Kind) {
+        let slot = |cell: u64| (cell % RING as u64) as usize;
+        self.mean[slot(self.cell)] = self.partial / CELL_NS as f64;
+        (self.partial, self.cell) = (0.0, self.cell + 1);
+        let half_s = HALF as f64 * CELL_S;
+        let Some(centre) = self.cell.checked_sub(1 + HALF).filter(|centre| *centre >= self.first + HALF)
+        else {
+            return;
+        };
+        let mean = |cell: u64| self.mean[slot(cell)];
+        self.smooth[slot(centre)] = match kind {
+            Kind::Height => {
+                (mean(centre - HALF) - 2.0 * mean(centre) + mean(centre + HALF)) / (half_s * half_s)
+            }
+            Kind::Force => {
+                let weighted = |cell: u64| (HALF - centre.abs_diff(cell)) as f64 * mean(cell);
+                (centre - HALF..=centre + HALF).map(weighted).sum::<f64>() / (HALF * HALF) as f64
+            }
+        };
+        if centre >= self.first + AROUND + SPAN {
+            let [before, here, after] = [2 * SPAN, SPAN, 0].map(|back| self.smooth[slot(centre - back)]);
+            self.band[slot(centre - SPAN)] = here - 0.5 * (before + after);
+        }
+    }
+
+    /// The filtered cells that can be read: from the first, up to but without the second.
+    fn range(&self) -> [u64; 2] {
+        let end = self.cell.saturating_sub(AROUND);
+        [(self.first + AROUND).max(end.saturating_sub(RING as u64)), end]
+    }
+
+    fn at(&self, cell: u64) -> f64 {
+        self.band[(cell % RING as u64) as usize]
+    }
+
+    fn is_sound(&self) -> bool {
+        let mut numbers = self.mean.iter().chain(&self.smooth).chain(&self.band);
+        numbers.all(|value| value.abs() < 1e100)
+            && self.newest.abs() < 1e100
+            && self.partial.abs() < 1e100
+            && self.newest_ns < u64::MAX / 2
+            && self.cell == self.newest_ns / CELL_NS
+            && self.first <= self.cell + 1
+    }
+}
+
+/// Sums over a block: of the suit's filtered values squared and times the ground's, for each lag; of the ground's squared.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Quadratic {
-    c: [f64; 3],
+struct Block {
+    square: [f64; LAGS],
+    product: [f64; LAGS],
+    ground_square: f64,
 }
 
-impl Quadratic {
-    fn at(self, tau_s: f64) -> f64 {
-        self.c[0] + tau_s * (self.c[1] + tau_s * self.c[2])
-    }
-
-    /// Adds `(a0 − a1 τ)(b0 − b1 τ)`.
-    fn add(&mut self, [a0, a1]: [f64; 2], [b0, b1]: [f64; 2]) {
-        self.c[0] += a0 * b0;
-        self.c[1] -= a0 * b1 + a1 * b0;
-        self.c[2] += a1 * b1;
-    }
+/// What a window shows.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Window {
+    /// Middle of the window by the ground's stamps, ns.
+    time_ns: u64,
+    lag_s: f64,
+    variance_s2: f64,
 }
 
-/// The skew as one quantity shows it. All zero is the estimator that has seen nothing.
+/// The lag at a time, and its drift.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Skew {
+    /// How much later than the ground's the suit's stamps are, s.
+    pub skew_s: f64,
+    /// Its 1-σ, s.
+    pub sigma_s: f64,
+    /// Rate of change of `skew_s`, s/s.
+    pub drift: f64,
+    /// Its 1-σ, s/s.
+    pub drift_sigma: f64,
+}
+
+/// Skew and drift between both streams. All zero is the estimator without samples. About 15 kB.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewEstimator {
-    ring: [Sample; RING],
-    /// Samples taken in since the last start; the newest is at `(taken − 1) % RING`.
-    taken: u64,
-    /// Of these, how many became rows or were passed over.
-    rows: u64,
-    /// Time since the last sample that was taken in, s.
-    pending_s: f64,
-    /// Slow means of slope and of `measured − predicted + slope τ̂`.
-    mean: [f64; 2],
-    /// Rows that entered the means since the last start.
-    averaged: f64,
-    /// Score of the row before, as `s0 − s1 τ`.
-    before: [f64; 2],
-    /// Faded sums over the rows, in units of σ: x², x y, x⁴, and the time that they cover, s.
-    xx: f64,
-    xy: f64,
-    xxxx: f64,
-    covered_s: f64,
-    /// Faded number of rows.
-    count: f64,
-    /// Sums of squared scores, and of products of neighbouring ones.
-    square: Quadratic,
-    neighbour: Quadratic,
+    suit: Stream,
+    ground: Stream,
+    /// The ground's cell that is correlated next.
+    next: u64,
+    /// Cells in the block that is being filled; complete blocks since the last gap.
+    cells: u64,
+    complete: u64,
+    blocks: [Block; BLOCKS],
+    track: Track,
+    /// A window that awaits a second that agrees; a time of 0 for none.
+    candidate: Window,
 }
 
 impl SkewEstimator {
-    /// Takes in one sample: the quantity measured by the plate and predicted by the suit's motion at one stamp, the
-    /// prediction's rate of change, and the 1-σ of their difference (all in the quantity's own unit, per second).
-    ///
-    /// `dt_s` is the time since the sample before. What is not plausible (NaN, a σ of zero) is passed over; a gap only starts
-    /// the waiting rows anew.
-    pub fn update(&mut self, measured: f64, predicted: f64, slope_per_s: f64, sigma: f64, dt_s: f64) {
-        // Comparisons are false for NaN.
-        let is_plausible = |value: &f64| value.abs() < VALUE_MAX;
-        let is_sound = [measured, predicted, slope_per_s, dt_s].iter().all(is_plausible);
-        if !is_sound || !(SIGMA_MIN..VALUE_MAX).contains(&sigma) || dt_s <= 0.0 {
-            return;
-        }
-        self.pending_s += dt_s;
-        if self.pending_s > GAP_MAX_S {
-            self.start_rows();
-        } else if self.taken > 0 && self.pending_s < STEP_MIN_S {
-            return;
-        }
-        let time_s = if self.taken > 0 { self.newest().time_s + self.pending_s } else { 0.0 };
-        self.fade(self.pending_s);
-        self.pending_s = 0.0;
-        self.ring[self.taken as usize % RING] = Sample { time_s, measured, predicted, slope_per_s, sigma };
-        self.taken += 1;
-        // Bounded by the ring.
-        self.rows = self.rows.max(self.taken.saturating_sub(RING as u64));
-        while self.rows < self.taken && self.at(self.rows).time_s + REACH_S <= time_s {
-            self.row(*self.at(self.rows));
-            self.rows += 1;
-        }
+    /// Ingests the height of the centre of mass, m, up to a constant and a scale, at the suit's stamp.
+    pub fn push_height(&mut self, time_ns: u64, height_m: f64) {
+        self.suit.push(time_ns, height_m, Kind::Height);
+        self.correlate();
     }
 
-    /// How much later than the ground's the suit's sample times are, with its 1-σ, s; `None` until σ < 5 ms.
-    pub fn estimate(&self) -> Option<(f64, f64)> {
-        told(self.posterior())
+    /// Ingests the vertical force, N, up to a constant and a scale, at the ground's stamp.
+    pub fn push_force(&mut self, time_ns: u64, force_n: f64) {
+        self.ground.push(time_ns, force_n, Kind::Force);
+        self.correlate();
+    }
+
+    /// Skew and drift at a time, however large the σ; `None` until two windows agree, and after a contradiction.
+    pub fn at(&self, time_ns: u64) -> Option<Skew> {
+        if self.track.time_ns == 0 {
+            return None;
+        }
+        let Track { state: [skew_s, drift], covariance: [v00, _, v11], .. } = self.track.predict(time_ns);
+        Some(Skew { skew_s, sigma_s: math::sqrt(v00), drift, drift_sigma: math::sqrt(v11) })
+    }
+
+    /// The lag of the only window while nothing is tracked, s.
+    pub fn tentative_s(&self) -> Option<f64> {
+        (self.track.time_ns == 0 && self.candidate.time_ns > 0).then_some(self.candidate.lag_s)
     }
 
     /// Whether every number is in range; a stored estimator is checked before use.
     pub fn is_sound(&self) -> bool {
-        let ring = self.ring.iter().flat_map(|sample| {
-            [sample.time_s, sample.measured, sample.predicted, sample.slope_per_s, sample.sigma]
-        });
-        let sums = [self.pending_s, self.averaged, self.xx, self.xy, self.xxxx, self.covered_s, self.count];
-        let products = self.square.c.into_iter().chain(self.neighbour.c);
-        let mut numbers = ring.chain(self.mean).chain(self.before).chain(sums).chain(products);
-        self.rows <= self.taken
-            && self.taken < 1 << 48
-            && numbers.all(|value| value.is_finite() && value.abs() < 1e100)
-            && [self.xx, self.xxxx, self.covered_s, self.count].iter().all(|sum| *sum >= 0.0)
+        let sums = |block: &Block| {
+            block
+                .square
+                .iter()
+                .chain(&block.product)
+                .chain([&block.ground_square])
+                .all(|sum| sum.abs() < 1e200)
+        };
+        self.suit.is_sound()
+            && self.ground.is_sound()
+            && self.next < u64::MAX / 2 / CELL_NS
+            && self.cells < BLOCK
+            && self.complete < u64::MAX / 2
+            && self.blocks.iter().all(sums)
+            && self.track.is_sound()
+            && self.candidate.lag_s.abs() < 1.0
+            && (0.0..1.0).contains(&self.candidate.variance_s2)
     }
 
-    /// Mean and variance by data and prior, s and s².
-    fn posterior(&self) -> [f64; 2] {
-        let prior = PRIOR_SIGMA_S * PRIOR_SIGMA_S;
-        let Some([tau_s, variance]) = self.by_data() else { return [0.0, prior] };
-        [tau_s * prior / (prior + variance), prior * variance / (prior + variance)]
+    /// Correlates every cell that both streams reach; bounded by the ring.
+    fn correlate(&mut self) {
+        let ([suit_from, suit_end], [ground_from, ground_end]) = (self.suit.range(), self.ground.range());
+        let first = ground_from.max(suit_from + LAG_MAX);
+        if self.suit.newest_ns == 0 || self.ground.newest_ns == 0 {
+            return;
+        }
+        if self.next < first {
+            (self.next, self.cells, self.complete) = (first, 0, 0);
+        }
+        while self.next < ground_end && self.next + LAG_MAX < suit_end {
+            self.add_cell();
+        }
     }
 
-    /// Mean and variance by the rows alone, s and s²; `None` where they are too few.
-    fn by_data(&self) -> Option<[f64; 2]> {
-        if self.count < ROWS_MIN || self.xx * self.xx <= f64::MIN_POSITIVE {
+    fn add_cell(&mut self) {
+        let block = &mut self.blocks[(self.complete % BLOCKS as u64) as usize];
+        if self.cells == 0 {
+            *block = Zeroable::zeroed();
+        }
+        let force = self.ground.at(self.next);
+        block.ground_square += force * force;
+        for lag in 0..LAGS {
+            let value = self.suit.at(self.next + lag as u64 - LAG_MAX);
+            block.square[lag] += value * value;
+            block.product[lag] += value * force;
+        }
+        (self.next, self.cells) = (self.next + 1, self.cells + 1);
+        if self.cells == BLOCK {
+            (self.cells, self.complete) = (0, self.complete + 1);
+            if self.complete >= BLOCKS_AGAINST as u64 {
+                self.evaluate();
+            }
+        }
+    }
+
+    /// The newest blocks as a window; `None` if it leaves more than one lag possible.
+    fn window(&self, blocks: usize) -> Option<Window> {
+        let newest = (self.complete.saturating_sub(blocks as u64)..self.complete)
+            .map(|block| &self.blocks[(block % BLOCKS as u64) as usize]);
+        let sum = |of: &dyn Fn(&Block) -> f64| newest.clone().map(of).sum::<f64>();
+        let independent = INDEPENDENT * blocks as f64;
+        let ground_square = sum(&|block| block.ground_square);
+        let mut explained = [0.0; LAGS];
+        for (lag, explained) in explained.iter_mut().enumerate() {
+            let [product, square] = [sum(&|block| block.product[lag]), sum(&|block| block.square[lag])];
+            let scale = square * ground_square;
+            if product > 0.0 && scale > 0.0 {
+                *explained = (product * product / scale).min(1.0 - UNEXPLAINED_MIN);
+            }
+        }
+        let best = (1..LAGS - 1).max_by(|a, b| explained[*a].total_cmp(&explained[*b]))?;
+        // The valley of the likelihood: as far as it falls on both sides.
+        let (mut from, mut to) = (best, best);
+        while from > 0 && explained[from - 1] <= explained[from] {
+            from -= 1;
+        }
+        while to + 1 < LAGS && explained[to + 1] <= explained[to] {
+            to += 1;
+        }
+        let others = explained[..from].iter().chain(&explained[to + 1..]);
+        let second = others.fold(0.0, |largest: f64, value| largest.max(*value));
+        let [before, here, after] = [best - 1, best, best + 1].map(|lag| explained[lag]);
+        let curvature = 2.0 * here - before - after;
+        if curvature <= 0.0 || here < before || here < after {
             return None;
         }
-        let tau_s = self.xy / self.xx;
-        // The scores of noise as the caller states it have a mean square of x²; no less is believed.
-        let square = self.square.at(tau_s).max(self.xx);
-        let seen = self.neighbour.at(tau_s) / square;
-        let step_s = self.covered_s / self.count;
-        let belief = self.covered_s / (self.covered_s + CORRELATION_BELIEF_S);
-        let expected = (1.0 - step_s / CORRELATION_S).max(0.0);
-        let rho = (belief * seen + (1.0 - belief) * expected).clamp(0.0, 0.998);
-        let colour = (1.0 + rho) / (1.0 - rho);
-        let independent = self.xx * self.xx / self.xxxx / colour;
-        if !(ROWS_MIN..f64::INFINITY).contains(&independent) {
+        let share = 0.5 * (after - before) / curvature;
+        let unexplained = (1.0 - here - 0.25 * (after - before) * share).max(UNEXPLAINED_MIN);
+        if independent * math::ln((1.0 - second) / unexplained) < EVIDENCE {
             return None;
         }
-        // The residuals are smaller than the noise by what the fit took up.
-        let taken_up = independent / (independent - 2.0);
-        Some([tau_s, square * colour * taken_up / (self.xx * self.xx)])
+        Some(Window {
+            time_ns: self.next.saturating_sub(BLOCK * blocks as u64 / 2) * CELL_NS,
+            lag_s: (best as f64 - LAG_MAX as f64 + share) * CELL_S,
+            variance_s2: CELL_S * CELL_S * unexplained / (independent * 0.5 * curvature),
+        })
     }
 
-    /// One row, linearised at the newest estimate.
-    fn row(&mut self, sample: Sample) {
-        let shift_s = self.posterior()[0].clamp(-REACH_S, REACH_S);
-        let Some([predicted, slope]) = self.prediction_at(sample.time_s + shift_s) else { return };
-        let row = [slope, sample.measured - predicted + slope * shift_s];
-        let step_s = self.step_s(&sample);
-        self.averaged += 1.0;
-        let gain = (step_s / HIGH_PASS_S).max(1.0 / self.averaged).min(1.0);
-        for (mean, value) in self.mean.iter_mut().zip(row) {
-            *mean += gain * (value - *mean);
+    /// Starts, updates or drops the track by the newest windows.
+    fn evaluate(&mut self) {
+        if self.track.time_ns > 0 && self.is_contradicted_now() {
+            return;
         }
-        let [x, y] = [0, 1].map(|side| (row[side] - self.mean[side]) / sample.sigma);
-        let score = [x * y, x * x];
-        self.xx += x * x;
-        self.xy += x * y;
-        self.xxxx += x * x * x * x;
-        self.covered_s += step_s;
-        self.count += 1.0;
-        self.square.add(score, score);
-        self.neighbour.add(score, self.before);
-        self.before = score;
-    }
-
-    /// Prediction and slope at a time within the ring: a cubic through the predictions with their slopes.
-    fn prediction_at(&self, time_s: f64) -> Option<[f64; 2]> {
-        let oldest = self.taken.saturating_sub(RING as u64);
-        let mut later = self.taken.checked_sub(1)?;
-        if self.at(later).time_s < time_s {
-            return None;
-        }
-        while later > oldest + 1 && self.at(later - 1).time_s > time_s {
-            later -= 1;
-        }
-        let (from, to) = (self.at(later.checked_sub(1).filter(|index| *index >= oldest)?), self.at(later));
-        if from.time_s > time_s {
-            return None;
-        }
-        let span_s = to.time_s - from.time_s;
-        if span_s <= 0.0 {
-            return None;
-        }
-        let t = (time_s - from.time_s) / span_s;
-        let rise = to.predicted - from.predicted;
-        let (a, b) = (from.slope_per_s * span_s - rise, rise - to.slope_per_s * span_s);
-        let predicted = from.predicted + t * (rise + (1.0 - t) * ((1.0 - t) * a + t * b));
-        Some([predicted, from.slope_per_s + t * (to.slope_per_s - from.slope_per_s)])
-    }
-
-    /// Time from the sample before a row's to the row's, s.
-    fn step_s(&self, sample: &Sample) -> f64 {
-        match self.rows.checked_sub(1) {
-            Some(before) if before + RING as u64 >= self.taken => sample.time_s - self.at(before).time_s,
-            _ => 0.0,
+        let tracked = self.track.time_ns > 0;
+        // Two short windows that agree begin a track, as they end one.
+        let blocks = if tracked { BLOCKS } else { BLOCKS_AGAINST };
+        let Some(window) = self.window(blocks).filter(|_| self.complete >= blocks as u64) else { return };
+        let before = match (tracked, self.candidate.time_ns) {
+            (true, _) => self.track,
+            (false, 0) => {
+                self.candidate = window;
+                return;
+            }
+            (false, _) => Track::start(&self.candidate),
+        };
+        let mut track = before.predict(window.time_ns);
+        if is_contradicted(&track, &window) {
+            if !tracked {
+                self.candidate = window;
+            }
+        } else if window.time_ns.saturating_sub(before.time_ns) >= BLOCK * blocks as u64 * CELL_NS {
+            track.update(&window);
+            (self.track, self.candidate) = (track, Zeroable::zeroed());
         }
     }
 
-    fn start_rows(&mut self) {
-        (self.taken, self.rows, self.averaged) = (0, 0, 0.0);
-        (self.mean, self.before) = ([0.0; 2], [0.0; 2]);
-        self.pending_s = self.pending_s.min(MEMORY_S);
-    }
-
-    fn fade(&mut self, span_s: f64) {
-        let keep = 1.0 - span_s / (span_s + MEMORY_S);
-        let sums = [&mut self.xx, &mut self.xy, &mut self.xxxx, &mut self.covered_s, &mut self.count];
-        for sum in sums.into_iter().chain(&mut self.square.c).chain(&mut self.neighbour.c) {
-            *sum *= keep;
+    /// Whether the newest short window contradicts the track. Two in a row without a common sample, which agree on another
+    /// lag, end the track: a load that is taken up changes the force without any motion, but not twice alike. Such a window
+    /// still fits some lag, badly; only one that knows its lag to half of the least contradiction counts.
+    fn is_contradicted_now(&mut self) -> bool {
+        let sure = |short: &Window| math::sqrt(short.variance_s2) < 0.5 * CONTRADICTION.1;
+        let Some(short) = self.window(BLOCKS_AGAINST).filter(sure) else { return false };
+        if !is_contradicted(&self.track.predict(short.time_ns), &short) {
+            self.candidate = Zeroable::zeroed();
+            return false;
         }
-    }
-
-    fn at(&self, index: u64) -> &Sample {
-        &self.ring[index as usize % RING]
-    }
-
-    fn newest(&self) -> &Sample {
-        self.at(self.taken.saturating_sub(1))
+        let apart_ns = short.time_ns.saturating_sub(self.candidate.time_ns);
+        if self.candidate.time_ns == 0 {
+            self.candidate = short;
+        } else if apart_ns >= BLOCK * BLOCKS_AGAINST as u64 * CELL_NS {
+            if !is_contradicted(&Track::start(&self.candidate).predict(short.time_ns), &short) {
+                self.track = Zeroable::zeroed();
+            }
+            self.candidate = short;
+        }
+        true
     }
 }
 
-/// What several quantities say together, as [`SkewEstimator::estimate`].
-///
-/// Each is weighted by what it knows beyond the prior, which counts once. If they contradict each other by more than
-/// their σ, the joint σ grows by as much (the Birge ratio).
-pub fn joint(estimators: &[SkewEstimator]) -> Option<(f64, f64)> {
-    let known = || estimators.iter().filter_map(SkewEstimator::by_data);
-    let (mut weight, mut sum) = (0.0, 0.0);
-    for [tau_s, variance] in known() {
-        weight += 1.0 / variance;
-        sum += tau_s / variance;
-    }
-    if weight <= 0.0 {
-        return None;
-    }
-    let (mean_s, freedom) = (sum / weight, (known().count() - 1).max(1) as f64);
-    let chi_square: f64 = known().map(|[tau_s, v]| (tau_s - mean_s) * (tau_s - mean_s) / v).sum();
-    let variance = (chi_square / freedom).max(1.0) / weight;
-    let prior = PRIOR_SIGMA_S * PRIOR_SIGMA_S;
-    told([mean_s * prior / (prior + variance), prior * variance / (prior + variance)])
-}
-
-fn told([skew_s, variance]: [f64; 2]) -> Option<(f64, f64)> {
-    let sigma_s = crate::math::sqrt(variance);
-    (sigma_s < TOLD_SIGMA_S).then_some((skew_s, sigma_s))
+fn is_contradicted(predicted: &Track, window: &Window) -> bool {
+    let [innovation_s, variance] = predicted.innovation(window);
+    let (sigmas, least_s) = CONTRADICTION;
+    innovation_s.abs() > least_s && innovation_s * innovation_s > sigmas * sigmas * variance
 }
 
 #[cfg(test)]

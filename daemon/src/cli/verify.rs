@@ -1,5 +1,6 @@
 //! `equipoise verify`: a known mass on the plate, or a rod that leans: does the plate say what is so?
 
+mod load;
 mod told;
 
 use std::sync::atomic::Ordering;
@@ -27,11 +28,13 @@ const ZERO_BLOCKS: usize = 20;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise verify --mass 20.0\n  equipoise verify --mass 20.0 --at 0.2,0.15 --at 0.2,-0.15 --at \
-                  -0.2,-0.15 --at -0.2,0.15\n  equipoise verify --rod\n\nExit code 1: the plate is off by more than \
+                  -0.2,-0.15 --at -0.2,0.15\n  equipoise verify --rod\n  equipoise verify load --mass 10 --at 0.35,0 --at 0.5,0\n\nExit code 1: the plate is off by more than \
                   --tolerance, or it could not be told."
 )]
-#[command(group = clap::ArgGroup::new("what").required(true))]
+#[command(group = clap::ArgGroup::new("what").required(true), subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
+    #[command(subcommand)]
+    other: Option<Other>,
     /// The mass, kg
     #[arg(long = "mass", value_name = "KG", value_parser = super::seconds, group = "what")]
     mass_kg: Option<f64>,
@@ -63,6 +66,12 @@ pub(super) struct Arguments {
     json: bool,
 }
 
+/// What is checked beside the plate alone.
+#[derive(Debug, clap::Subcommand)]
+enum Other {
+    Load(load::Arguments),
+}
+
 /// `0.2,-0.15`
 fn place(text: &str) -> Result<[f64; 2], String> {
     let (x, y) = text.split_once(',').ok_or("give two numbers with a comma between them")?;
@@ -74,9 +83,10 @@ fn place(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    match arguments.mass_kg {
-        Some(mass_kg) => weigh(arguments, mass_kg),
-        None => lean(arguments),
+    match (&arguments.other, arguments.mass_kg) {
+        (Some(Other::Load(arguments)), _) => load::run(arguments),
+        (None, Some(mass_kg)) => weigh(arguments, mass_kg),
+        (None, None) => lean(arguments),
     }
 }
 

@@ -8,11 +8,12 @@ use super::suit::SuitConfig;
 pub(super) const LATENCY_MAX_MS: f64 = 1000.0;
 /// The loop keeps so many of the plate's last samples for a suit that is late (`core::cycle::alignment`), of which a fifth
 /// is left for what the network adds …
-const GROUND_SAMPLES_KEPT: f64 = 512.0 * 0.8;
+const GROUND_SAMPLES_KEPT: f64 = 640.0 * 0.8;
 /// … of a plate that does not say how fast it is, this rate is assumed, Hz …
 const USUAL_HZ: f64 = 1000.0;
-/// … and some 60 ms of the suit (at 240 Hz) for a plate that is.
-const GROUND_LATER_MAX_MS: f64 = 50.0;
+/// The streams may be this far apart, either way, ms: the loop keeps 128 suit samples (0.53 s at 240 Hz) for a plate that is
+/// late.
+const APART_MAX_MS: f64 = 500.0;
 
 /// Milliseconds as a span; a value that was checked is neither negative nor too large.
 pub(super) fn span_ns(milliseconds: f64) -> u64 {
@@ -23,7 +24,7 @@ pub(super) fn span_ns(milliseconds: f64) -> u64 {
 pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
     let suit_later_ms = suit.latency_ms - ground.latency_ms;
     let suit_later_max_ms =
-        (GROUND_SAMPLES_KEPT / ground.told_rate_hz().unwrap_or(USUAL_HZ) * 1e3).min(400.0);
+        (GROUND_SAMPLES_KEPT / ground.told_rate_hz().unwrap_or(USUAL_HZ) * 1e3).min(APART_MAX_MS);
     if suit_later_ms > suit_later_max_ms {
         return Err((
             "suit.latency_ms",
@@ -34,7 +35,7 @@ pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
         ));
     }
     let ground_later_ms = ground.latest_ms() - suit.latency_ms;
-    if ground_later_ms > GROUND_LATER_MAX_MS {
+    if ground_later_ms > APART_MAX_MS {
         let (key, why) = match ground.gathers() {
             Some(key) => (key, ", since it gathers its samples into blocks: a higher rate has shorter ones"),
             None => ("ground.latency_ms", ""),
@@ -42,7 +43,7 @@ pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
         return Err((
             key,
             format!(
-                "the streams are {ground_later_ms:.0} ms apart{why}; the ground may be {GROUND_LATER_MAX_MS:.0} ms later \
+                "the streams are {ground_later_ms:.0} ms apart{why}; the ground may be {APART_MAX_MS:.0} ms later \
                  than the suit"
             ),
         ));

@@ -73,7 +73,7 @@ impl SubjectConfig {
         settings.limits = TorqueLimits::of(settings.sex);
         for (name, limit_nm) in &self.tau_max_nm {
             if let Some(joint) = Joint::named(name) {
-                settings.limits.0[joint.index()] = *limit_nm;
+                settings.limits.set(joint, *limit_nm);
             }
         }
     }
@@ -147,7 +147,7 @@ impl Default for IdentificationConfig {
             long_axis_sigma_mm: 5.0,
             stop: StopConfig::PredictedCop,
             stop_variance_m2: 0.002,
-            stop_cop_sigma_mm: 2.5,
+            stop_cop_sigma_mm: 1.5,
             poses_min: 6,
             measurement_sigma_mm: 2.0,
             process_sigma_mm: 0.0,

@@ -72,19 +72,33 @@ pub(super) struct JointSums {
 pub(super) struct CopSums {
     pub(super) samples: f64,
     pub(super) error_m2: [f64; 2],
-    pub(super) measured_m: [f64; 2],
-    pub(super) measured_m2: [f64; 2],
 }
 
 impl CopSums {
     fn add(&mut self, state: &State) {
         self.samples += 1.0;
         for axis in 0..2 {
-            let measured = state.cop_measured_m[axis];
-            self.error_m2[axis] += (measured - state.cop_estimated_m[axis]).powi(2);
-            self.measured_m[axis] += measured;
-            self.measured_m2[axis] += measured * measured;
+            self.error_m2[axis] += (state.cop_measured_m[axis] - state.cop_estimated_m[axis]).powi(2);
         }
+    }
+}
+
+/// Smallest and largest measured centre of pressure per axis, m; `None` before the first.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct CopRange(Option<[[f64; 2]; 2]>);
+
+impl CopRange {
+    fn add(&mut self, cop_m: [f64; 2]) {
+        let [low, high] = self.0.unwrap_or([cop_m; 2]);
+        self.0 = Some([
+            [0, 1].map(|axis: usize| low[axis].min(cop_m[axis])),
+            [0, 1].map(|axis: usize| high[axis].max(cop_m[axis])),
+        ]);
+    }
+
+    /// From the smallest to the largest value, forward and sideways, m.
+    pub(super) fn extent_m(&self) -> [f64; 2] {
+        self.0.map_or([0.0; 2], |[low, high]| [0, 1].map(|axis: usize| high[axis] - low[axis]))
     }
 }
 
@@ -103,6 +117,8 @@ pub(super) struct Script {
     pub(super) identified_after_s: f64,
     pub(super) predicted_sigma_m: f64,
     pub(super) unloaded: CopSums,
+    /// Over the whole session.
+    pub(super) cop_range: CopRange,
     pub(super) loaded_samples: f64,
     pub(super) delta_f_n: f64,
     pub(super) joints: [JointSums; JOINTS_SHOWN.len()],
@@ -123,6 +139,7 @@ impl Script {
             identified_after_s: 0.0,
             predicted_sigma_m: 0.0,
             unloaded: CopSums::default(),
+            cop_range: CopRange::default(),
             loaded_samples: 0.0,
             delta_f_n: 0.0,
             joints: [JointSums::default(); JOINTS_SHOWN.len()],
@@ -143,6 +160,9 @@ impl Script {
         let fresh = state.suit_sample_time_ns != self.last_sample_ns;
         self.last_sample_ns = state.suit_sample_time_ns;
         self.poses_used = state.poses_used;
+        if fresh && !state.validity().any_of(Validity::SPOILS_COP_MEASURED) {
+            self.cop_range.add(state.cop_measured_m);
+        }
         match self.scene {
             Scene::Begin => {
                 if state.phase == Phase::Identifying as u32 {
@@ -235,5 +255,21 @@ impl Script {
         if now_s - self.scene_since_s > LIFT_S || now_s > self.duration_s - 0.5 {
             self.enter(Scene::Over, now_s);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_range_of_the_cop_is_that_of_all_values_and_of_one_it_is_nothing() {
+        let mut range = CopRange::default();
+        assert_eq!(range.extent_m(), [0.0; 2]);
+        range.add([0.5, 0.25]);
+        assert_eq!(range.extent_m(), [0.0; 2]);
+        range.add([0.75, -0.25]);
+        range.add([0.625, 0.0]);
+        assert_eq!(range.extent_m(), [0.25, 0.5]);
     }
 }

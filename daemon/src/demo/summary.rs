@@ -49,7 +49,9 @@ pub struct CopError {
     pub sideways_mm: f64,
     /// Root mean square of the distance, mm.
     pub distance_mm: f64,
-    /// The same over the root mean square excursion of the measured CoP from its mean, per cent.
+    /// Range of the measured CoP over the whole session, forward and sideways, mm.
+    pub cop_range_mm: [f64; 2],
+    /// `distance_mm` over the diagonal of that range, per cent.
     ///
     /// The paper states 16.17 % without its formula; this is one reading of it, and no comparison.
     pub percent: f64,
@@ -137,16 +139,16 @@ fn cop_error(script: &Script) -> CopError {
     let sums = &script.unloaded;
     let samples = sums.samples.max(1.0);
     let square = |axis: usize| sums.error_m2[axis] / samples;
-    let excursion =
-        |axis: usize| sums.measured_m2[axis] / samples - (sums.measured_m[axis] / samples).powi(2);
     let distance = (square(0) + square(1)).sqrt();
-    let spread = (excursion(0) + excursion(1)).max(0.0).sqrt();
+    let [range_x, range_y] = script.cop_range.extent_m();
+    let range = range_x.hypot(range_y);
     CopError {
         samples: sums.samples as u64,
         forward_mm: square(0).sqrt() * 1e3,
         sideways_mm: square(1).sqrt() * 1e3,
         distance_mm: distance * 1e3,
-        percent: if spread > 0.0 { 100.0 * distance / spread } else { 0.0 },
+        cop_range_mm: [range_x * 1e3, range_y * 1e3],
+        percent: if range > 0.0 { 100.0 * distance / range } else { 0.0 },
     }
 }
 
@@ -160,8 +162,15 @@ impl fmt::Display for DemoSummary {
         )?;
         writeln!(
             f,
-            "unloaded CoP error in new poses: {:.1} mm forward, {:.1} mm sideways, {:.1} mm = {:.0} % of its excursion",
-            cop.forward_mm, cop.sideways_mm, cop.distance_mm, cop.percent
+            "unloaded CoP error in new poses: {:.1} mm forward, {:.1} mm sideways, {:.1} mm",
+            cop.forward_mm, cop.sideways_mm, cop.distance_mm
+        )?;
+        let [forward_mm, sideways_mm] = cop.cop_range_mm;
+        writeln!(
+            f,
+            "range of the CoP in this session: {forward_mm:.0} mm forward, {sideways_mm:.0} mm sideways; the error is {:.0} % of its \
+             diagonal",
+            cop.percent
         )?;
         writeln!(
             f,

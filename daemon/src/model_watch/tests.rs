@@ -108,17 +108,19 @@ fn a_worker_whom_the_model_fits_is_not_suspected() {
     assert!(session.watch.seen.len() > 2 * MOMENTS_MIN, "it has looked: {}", session.watch.seen.len());
 }
 
-/// A kilogram is below the threshold of a load: nobody is told of an overload, and the model is wrong.
+/// Below half the threshold, so that no peak of it is kept as a load: no overload is published, and the model is wrong.
+const HIDDEN_KG: f64 = 0.7;
+
 #[test]
 fn a_hidden_mass_is_told_once_in_five_minutes_and_where_it_shows() {
     let mut session = Session::identified();
     let at_s = session.now_s() + 0.1;
-    session.worker.lift(1.2, at_s);
+    session.worker.lift(HIDDEN_KG, at_s);
     session.poses(3, 40);
     let [(first_ns, told)] = session.told[..] else { panic!("told once: {:?}", session.told) };
     assert_eq!(told.signal, Signal::Force);
     // The first minute that shows it still has moments from before.
-    assert!((0.6..1.1).contains(&(told.size / (1.2 * 9.81))), "{told:?}");
+    assert!((0.6..1.1).contains(&(told.size / (HIDDEN_KG * 9.81))), "{told:?}");
     assert!(session.watch.suspected().is_some(), "and the status goes on saying so");
     session.poses(3, 110);
     assert!(session.told.len() >= 2, "and again later");

@@ -31,12 +31,12 @@ impl Records {
 
     /// Whether another worker was put in place after one state and until the next, both ns.
     pub fn has_load(&self, after_ns: u64, until_ns: u64) -> bool {
-        self.loads_ns.iter().any(|load_ns| (after_ns + 1..=until_ns).contains(load_ns))
+        any_within(&self.loads_ns, after_ns, until_ns)
     }
 
     /// Whether somebody ended the learning after one state and until the next, both ns.
     pub fn has_stop(&self, after_ns: u64, until_ns: u64) -> bool {
-        self.stops_ns.iter().any(|stop_ns| (after_ns + 1..=until_ns).contains(stop_ns))
+        any_within(&self.stops_ns, after_ns, until_ns)
     }
 
     /// Length of a period at a time, ns; `None` without records.
@@ -44,6 +44,10 @@ impl Records {
         let last = self.periods_ns.iter().rev().find(|[from_ns, _]| *from_ns <= time_ns);
         last.or(self.periods_ns.first()).map(|[_, period_ns]| *period_ns)
     }
+}
+
+fn any_within(times_ns: &[u64], after_ns: u64, until_ns: u64) -> bool {
+    times_ns.iter().any(|time_ns| (after_ns + 1..=until_ns).contains(time_ns))
 }
 
 #[cfg(test)]

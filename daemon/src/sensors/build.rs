@@ -26,6 +26,10 @@ impl Build {
             None => Ok(()),
         }
     }
+
+    pub(super) fn update_connections(&self) -> Result<(), BusError> {
+        self.publisher.update_connections()
+    }
 }
 
 /// When a build is told.

@@ -185,6 +185,8 @@ impl Link {
             }
             Said::Health(health) => {
                 self.health.send(&health)?;
+                self.samples.update_connections()?;
+                self.bodies.update_connections()?;
             }
         }
         Ok(())

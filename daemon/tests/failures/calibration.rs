@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use equipoise_simulator::plate::Plate;
+use equipoise_simulator::repertoire::LIFTING;
 use equipoise_simulator::settings::{SecondPlateSettings, SimulationSettings};
 use equipoise_simulator::simulation::{OnPlates, Simulation, SimulationHandle};
 use equipoise_simulator::walk::Place;
@@ -117,6 +118,59 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
 }
 
 #[test]
+fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma() {
+    let station = Station::new();
+    let person = station.person();
+    let _daemon = station.daemon(&station.configuration());
+    let mut eyes = Eyes::open(&station);
+    eyes.until_poses(&person, 6);
+    station.run(&["identify", "stop"]).done();
+    eyes.until("the monitoring", |eyes| eyes.state.phase_name() == "monitoring");
+    let postures = [&LIFTING[1], &LIFTING[2]];
+    // A body leans back under the load: the marks are below it where it is held.
+    let marks = postures.map(|posture| {
+        person.intend(posture, 0.5);
+        person.lift(10.0);
+        std::thread::sleep(std::time::Duration::from_millis(2500));
+        let load_m = person.truth().load_m;
+        person.put_down();
+        format!("{:.4},{:.4}", load_m.x, load_m.y)
+    });
+    let act = |line: &str| {
+        if let Some((number, _)) = line.split_once(" of ")
+            && line.contains("with both hands")
+        {
+            person.intend(postures[number.parse::<usize>().expect("a number") - 1], 0.5);
+            person.lift(10.0);
+        } else if line.contains("put it down") {
+            person.put_down();
+        }
+    };
+    let command = ["verify", "load", "--for", "2", "--json", "--at", &marks[0]];
+    let (code, result, said) =
+        obey(station.spawn(&[&command[..], &["--at", &marks[1], "--mass", "10"]].concat()), act);
+    assert_eq!(code, Some(0), "{said} {result}");
+    for trial in 0..2 {
+        let of = |pointer: &str| number(&result, &format!("/trials/{trial}/{pointer}"));
+        assert!((of("mass_kg") - 10.0).abs() < 3.0 * of("mass_sigma_kg"), "{result}");
+        let [expected_nm, error_nm] =
+            ["expected_nm", "error_nm"].map(|key| of(&format!("torques/L5S1/{key}")));
+        assert!(expected_nm > 20.0 && error_nm.abs() < 0.25 * expected_nm, "{result}");
+    }
+    let [near_nm, far_nm] =
+        [0, 1].map(|trial| number(&result, &format!("/trials/{trial}/torques/shoulders/expected_nm")));
+    assert!(far_nm > 1.3 * near_nm, "{result}");
+    let stored =
+        std::fs::read_to_string(station.state_directory().join("load-checks.jsonl")).expect("a file");
+    let lines: Vec<Value> = stored.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert_eq!(lines, [result]);
+
+    person.put_down();
+    let (code, _, said) = obey(station.spawn(&[&command[..], &["--mass", "14"]].concat()), act);
+    assert!(code == Some(1) && said.contains("sigma: check the plate"), "{code:?} {said}");
+}
+
+#[test]
 fn a_rod_tells_how_high_the_surface_is() {
     let station = Station::new();
     let mut settings = station.sensors();
@@ -181,7 +235,7 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right() {
     // From the feet, for the suit wanders.
     let feet = [17, 21].map(|foot| [0, 1].map(|axis| state.segment_origin_m[foot][axis]));
     let middle = [0, 1].map(|axis| 0.5 * (feet[0][axis] + feet[1][axis]));
-    let true_feet = equipoise_simulator::truth::ankles_m(&truth.body.origin_m);
+    let true_feet = [17, 21].map(|foot| truth.body.origin_m[foot].xy());
     let true_middle = (true_feet[0] + true_feet[1]) * 0.5;
     for axis in 0..2 {
         let (told_m, true_m) =

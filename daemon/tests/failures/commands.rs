@@ -87,10 +87,9 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
         let saved = saved("anon-1");
         whole.iter().all(|line| saved.contains(line)).then_some(())
     });
-    let first = saved("anon-1");
 
     // Another worker, with other poses to the name.
-    let mut second: toml::Table = first.parse().expect("a profile");
+    let mut second: toml::Table = saved("anon-1").parse().expect("a profile");
     second.insert("subject".to_owned(), "anon-2".into());
     second.insert("poses_used".to_owned(), 77.into());
     let second = toml::to_string(&second).expect("TOML");
@@ -100,6 +99,9 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     assert!(said.done().contains("anon-2 is in use: 77 poses"), "{}", said.stdout);
     eyes.until("the second worker", |eyes| eyes.state.poses_used == 77);
     assert!(station.run(&["subject", "save"]).done().contains("anon-2"));
+    // Until now its date was still kept up to date.
+    let first = saved("anon-1");
+    assert!(whole.iter().all(|line| first.contains(line)) && first.contains("\"anon-1\""), "{first}");
     station.run(&["identify", "start"]).done();
     eyes.until_poses(&person, 78);
     wait_for("the second one's new pose", || saved("anon-2").contains("poses_used = 78").then_some(()));

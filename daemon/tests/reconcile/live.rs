@@ -174,8 +174,8 @@ fn a_live_daemon_with_the_model_shrinks_the_gap() {
     }
 }
 
-/// Below the threshold of a load, so nobody is told of an overload: the model is wrong.
-const UNNOTICED_KG: f64 = 1.2;
+/// Below half the threshold of a load, so that no overload is published: the model is wrong.
+const UNNOTICED_KG: f64 = 0.7;
 
 #[test]
 fn a_live_daemon_notices_that_its_model_no_longer_explains_the_worker() {

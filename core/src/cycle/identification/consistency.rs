@@ -1,8 +1,8 @@
 //! Whether what is measured agrees with what was believed: the sum of normalised innovations squared against χ².
 //!
 //! Over the first poses a prior that does not fit this worker shows in innovations larger than predicted. Then P is
-//! inflated to what they say, and the poses count for more than the prior. Later, innovations that stay too large keep
-//! identification from being called finished.
+//! inflated to what they say, and the poses count for more than the prior. Innovations that stay too large later are the
+//! model's misfit (`misfit`), which widens σ.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 const CHI2_99: [f64; POSES_TESTED] = [9.210, 13.277, 16.812, 20.090, 23.209, 26.217];
 /// The prior answers for this many poses.
 const POSES_TESTED: usize = 6;
-/// Poses that the stop rule looks back on.
+/// Poses whose NIS is kept, to show how an identification went.
 const RECENT: usize = 5;
 /// P is never inflated by more than this in all.
 const INFLATION_MAX: f64 = 100.0;
@@ -107,13 +107,6 @@ impl Consistency {
         self.recent_count += 1;
     }
 
-    /// Whether the last poses, up to five, were as well predicted as the filter says: their sum below its 99 % bound.
-    pub(super) fn is_consistent(&self) -> bool {
-        let count = (self.recent_count as usize).min(RECENT);
-        let sum: f64 = self.recent[..count].iter().sum();
-        count == 0 || sum <= CHI2_99[count - 1]
-    }
-
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
         let sums = [self.nis, self.square_m2, self.theta_m2, self.rest_m2, self.inflation];
@@ -140,7 +133,7 @@ mod tests {
             consistency.push(2.0);
         }
         assert_eq!(consistency.inflation(), 1.0);
-        assert!(consistency.is_consistent() && consistency.is_sound());
+        assert!(consistency.is_sound());
     }
 
     #[test]
@@ -165,18 +158,5 @@ mod tests {
             Some(1.0)
         );
         assert_eq!(consistency.inflation(), 1.0);
-    }
-
-    #[test]
-    fn badly_predicted_poses_are_remembered_for_five() {
-        let mut consistency = Consistency::start();
-        consistency.push(40.0);
-        for _ in 0..4 {
-            assert!(!consistency.is_consistent());
-            consistency.push(1.0);
-        }
-        assert!(!consistency.is_consistent());
-        consistency.push(1.0);
-        assert!(consistency.is_consistent());
     }
 }

@@ -3,15 +3,18 @@
 //! `CoP = offset + h θ + s + noise`: s is where the anchor put this stance, less where it is. It is the same in all
 //! poses of a stance, so it is a state of the filter and not noise that many poses would average away.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::{Identification, pose_of};
 use crate::anchor::STANCE_SIGMA_M;
 use crate::cycle::settings::Settings;
 use crate::frame::{Pose, StationWorld};
 use crate::kalman::STATES;
+use crate::math;
 use crate::sesc::reduction::Rows;
 use crate::sesc::suit_error::{effective_vectors, wander_variance_m2};
 use crate::sesc::{PARAMETERS, Phi};
-use crate::static_pose::{Stillness, WINDOW, Window};
+use crate::static_pose::{Stillness, Window};
 
 /// 1-σ of how far the plate's configured place in the suit's world is off at first, m: told by hand, and the suit has
 /// drifted since.
@@ -19,6 +22,23 @@ const REGISTRATION_SIGMA_M: f64 = 0.03;
 
 /// One degree of freedom exceeds this once in a thousand times.
 const BLUNDER_SQUARE: f64 = 10.8;
+
+/// Uncertainty of the stance's offset at one instant, split into the part that the predicted CoP shares and the rest.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct StanceSigma {
+    /// Expected error of the offset per metre of error of the predicted CoP, per axis.
+    pub by_estimate: [f64; 2],
+    /// 1-σ of the rest, per axis, m.
+    pub rest_m: [f64; 2],
+}
+
+impl StanceSigma {
+    /// Whether every number is in range; a stored one is checked before use.
+    pub(in crate::cycle) fn is_sound(&self) -> bool {
+        self.by_estimate.iter().chain(&self.rest_m).all(|value| value.is_finite())
+    }
+}
 
 impl Identification {
     /// Begins a new stance if this is one: the anchor carries its shift over a step, so the offset on the floor is that
@@ -50,6 +70,23 @@ impl Identification {
         [0, 1].map(|axis| rows.offset_m[axis] + self.filter.project(&self.with_stance(rows, axis)))
     }
 
+    /// The stance's offset: from where the anchor put the body on the plate to where it is, world x and y, m.
+    pub fn stance_offset_m(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.filter.theta_m()[self.reduction.count() + axis])
+    }
+
+    /// Uncertainty of the stance's offset, given the error of a predicted CoP whose variance is `cop_variance_m2`, m².
+    pub fn stance_sigma(&self, rows: &Rows, cop_variance_m2: [f64; 2]) -> StanceSigma {
+        let mut sigma = StanceSigma { by_estimate: [0.0; 2], rest_m: [0.0; 2] };
+        for (axis, cop_variance_m2) in cop_variance_m2.into_iter().enumerate() {
+            let [_, with_cop, offset] =
+                self.filter.projected_with_nuisance_m2(&self.with_stance(rows, axis), axis);
+            sigma.by_estimate[axis] = with_cop / cop_variance_m2.max(f64::MIN_POSITIVE);
+            sigma.rest_m[axis] = math::sqrt((offset - sigma.by_estimate[axis] * with_cop).max(0.0));
+        }
+        sigma
+    }
+
     /// Variance of [`Identification::predict_cop_m`] from P, m²; the suit's and the body's own is not in it.
     pub fn cop_variance_m2(&self, rows: &Rows) -> [f64; 2] {
         [0, 1].map(|axis| self.filter.projected_variance_m2(&self.with_stance(rows, axis)))
@@ -65,10 +102,34 @@ impl Identification {
         })
     }
 
-    /// Variance of the predicted CoP from the wander of the suit's orientations in a pose, m².
+    /// Variance of the predicted CoP from the wander of the suit's orientations in a pose, and from what the model
+    /// misses, m².
     pub fn wander_variance_m2(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [f64; 2] {
         let psi = effective_vectors(&self.phi(), &self.skeleton(), settings.suit_drifts);
-        wander_variance_m2(pose, &psi, settings.suit_wander_rad)
+        let wander_m2 = wander_variance_m2(pose, &psi, settings.suit_wander_rad);
+        let misfit_m2 = self.misfit_variance_m2();
+        [0, 1].map(|axis| wander_m2[axis] + misfit_m2[axis])
+    }
+
+    /// Variance of the predicted CoP by what the model misses of this worker, m².
+    pub fn misfit_variance_m2(&self) -> [f64; 2] {
+        self.misfit.variance_m2()
+    }
+
+    /// Holds a measured CoP against the prediction, before it is learnt: what of the difference neither P nor
+    /// `variance_m2` explains, the model misses. `rows`: what it is worth in rows in motion.
+    pub(in crate::cycle) fn learn_misfit(
+        &mut self,
+        rows: &Rows,
+        cop_m: [f64; 2],
+        variance_m2: [f64; 2],
+        worth: f64,
+    ) {
+        let (predicted_m, known_m2) = (self.predict_cop_m(rows), self.cop_variance_m2(rows));
+        let innovation_m = [0, 1].map(|axis| cop_m[axis] - predicted_m[axis]);
+        if innovation_m.iter().chain(&variance_m2).all(|value| value.is_finite()) {
+            self.misfit.learn(innovation_m, [0, 1].map(|axis| known_m2[axis] + variance_m2[axis]), worth);
+        }
     }
 
     /// Takes in one measured CoP as two scalar measurements. Gives back the normalised innovation squared of both
@@ -122,25 +183,27 @@ impl Identification {
     /// The rows of a still window, averaged; `None` while it fills.
     pub(super) fn mean_rows(&self, window: &Window) -> Option<Rows> {
         let mut mean = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
+        let count = window.samples().count() as f64;
         for held in window.samples() {
             let rows = self.reduction.rows(&pose_of(held), [0.0; 2]);
             for axis in 0..2 {
-                mean.offset_m[axis] += rows.offset_m[axis] / WINDOW as f64;
+                mean.offset_m[axis] += rows.offset_m[axis] / count;
                 for (mean, value) in mean.h[axis].iter_mut().zip(rows.h[axis]) {
-                    *mean += value / WINDOW as f64;
+                    *mean += value / count;
                 }
             }
         }
-        (!window.samples().is_empty()).then_some(mean)
+        window.is_full().then_some(mean)
     }
 
-    /// R of a held pose, m²: the suit's wander, which a window is too short to average; the body's own; the plate's
-    /// noise, averaged; and what of the ground's lasts, 1-σ in m.
+    /// R of a held pose, m²: the suit's wander, which a window is too short to average; the body's own; the spread of the
+    /// CoP over the window, most of which is slow drift and does not average away; and what lasts, 1-σ in m: of the
+    /// ground, and of the motion that is left.
     pub(super) fn pose_variance_m2(
         &self,
         pose: &Pose<StationWorld>,
         stillness: &Stillness,
-        lasting_m: f64,
+        lasting_m: [f64; 2],
         settings: &Settings,
     ) -> [f64; 2] {
         let suit_m2 = self.wander_variance_m2(pose, settings);
@@ -148,8 +211,8 @@ impl Identification {
             let noise_m = stillness.cop_sigma_m[axis];
             suit_m2[axis]
                 + settings.measurement_sigma_m * settings.measurement_sigma_m
-                + noise_m * noise_m / WINDOW as f64
-                + lasting_m * lasting_m
+                + noise_m * noise_m
+                + lasting_m[axis] * lasting_m[axis]
         })
     }
 

@@ -64,14 +64,20 @@ impl Identification {
         self.planner.begin_sweep();
     }
 
-    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes in this stance, m; 0 while
-    /// nothing can be said.
+    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes in this stance, with what the
+    /// model misses, m; 0 while nothing can be said.
     pub(in crate::cycle) fn update_predicted_cop_sigma(&mut self, settings: &Settings) {
+        let [forward_m2, sideways_m2] = self.misfit_variance_m2();
         self.predicted_cop_sigma_m = if self.knows_the_work(settings) {
-            math::sqrt(self.filter.mean_variance_m2(self.planner.weight(), self.planner.mean_row()))
+            math::hypot([self.parameter_sigma_m(), math::sqrt(0.5 * (forward_m2 + sideways_m2))])
         } else {
             0.0
         };
+    }
+
+    /// The part of it that P says, m.
+    pub(super) fn parameter_sigma_m(&self) -> f64 {
+        math::sqrt(self.filter.mean_variance_m2(self.planner.weight(), self.planner.mean_row()))
     }
 
     /// Whether the poses of the work were all weighed.

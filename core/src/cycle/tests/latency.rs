@@ -13,7 +13,7 @@ fn late(suit_ms: u64, ground_ms: u64) -> Bench {
 #[test]
 fn a_stream_that_is_late_by_what_it_should_be_is_not_stale() {
     let person = Person::real();
-    for (suit_ms, ground_ms) in [(0, 0), (200, 0), (400, 0), (0, 50), (700, 600)] {
+    for (suit_ms, ground_ms) in [(0, 0), (200, 0), (500, 0), (0, 50), (0, 138), (0, 500), (700, 600)] {
         let mut bench = late(suit_ms, ground_ms);
         bench.identify(&person);
         let state = bench.state();

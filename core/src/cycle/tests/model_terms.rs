@@ -224,7 +224,7 @@ fn what_a_term_explains_is_not_learnt_into_the_body() {
 fn a_worker_who_wears_something_known_weighs_less_than_the_plate_shows() {
     let worn = [term(Effect::WornMass, Place::Segment(Segment::Pelvis), 0.0, [2.0, 0.0, 0.0, 0.0])];
     let mut bench = bench(&worn, |settings| settings.mass_kg = None);
-    bench.hold(&Person::real(), &postures()[0], None, 600);
+    bench.hold(&Person::real(), &postures()[0], None, 1500);
     assert!((bench.state().mass_kg - (MASS_KG - 2.0)).abs() < 1e-9, "{}", bench.state().mass_kg);
 }
 

@@ -100,11 +100,10 @@ fn what_a_pose_teaches_chooses_better_than_how_far_it_lies() {
 fn more_parameters_cost_no_poses_and_keep_the_promise() {
     let [hard, merged, full] = [ReductionKind::Symmetric, ReductionKind::Merged, ReductionKind::Full]
         .map(|kind| over_people(kind, PoseChoice::DOptimal, 60));
-    for free in [&merged, &full] {
-        assert!(free.error_m < 1.1 * free.promised_m, "{} {}", free.error_m, free.promised_m);
-        assert!(free.poses * 20 < hard.poses * 21);
+    for one in [&hard, &merged, &full] {
+        assert!(one.error_m < 1.1 * one.promised_m, "{} {}", one.error_m, one.promised_m);
+        assert!(one.poses * 20 < hard.poses * 21);
     }
-    assert!(hard.error_m > 1.1 * hard.promised_m, "who is not symmetric is promised too much");
 }
 
 #[test]

@@ -34,6 +34,7 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
     for right_share in [0.0, 0.25, 0.5, 1.0] {
         for load_kg in [6.0, 12.0] {
             let at = left + right_share * (right - left);
+            bench.hold(&person, &carrying(), None, 300);
             bench.hold(&person, &carrying(), Some((load_kg, at)), 600);
             let state = bench.state();
             assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
@@ -73,6 +74,11 @@ fn a_load_on_the_back_is_not_in_the_hands() {
 fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
     let (person, mut bench) = learnt();
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
+    // Twice, so that all that follow have the same past.
+    for _ in 0..2 {
+        bench.hold(&person, &carrying(), Some((8.0, at)), 600);
+        bench.hold(&person, &carrying(), None, 300);
+    }
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     let by_geometry = *bench.state();
     assert_eq!(by_geometry.sharing_source, SharingSource::Geometry as u32);
@@ -85,6 +91,7 @@ fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
     };
     let feet_m = [under(Side::Left, -0.02, -0.02), under(Side::Right, 0.1, -0.02)];
     bench.feet_m = Some(feet_m);
+    bench.hold(&person, &carrying(), None, 300);
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     let measured = *bench.state();
     let feet = bench.memory.alignment.newest_ground().unwrap().feet().unwrap();
@@ -101,10 +108,24 @@ fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
     assert!(measured.torque_sigma_nm[knee] < by_geometry.torque_sigma_nm[knee], "no assumption, less doubt");
 
     bench.feet_m = None;
+    bench.hold(&person, &carrying(), None, 300);
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     assert_eq!(bench.state().sharing_source, SharingSource::Geometry as u32);
     for (again, before) in bench.state().torque_nm.iter().zip(&by_geometry.torque_nm) {
         // What was learnt about noise in between may move the hands' shares by a hair.
         assert!((Vector3::from(*again) - Vector3::from(*before)).norm() < 0.1, "{again:?} {before:?}");
+    }
+}
+
+#[test]
+fn the_offset_of_the_stance_moves_the_whole_body() {
+    let (_, bench) = learnt();
+    let offset_m = bench.memory.identification.stance_offset_m();
+    assert!(offset_m[0].hypot(offset_m[1]) > 1e-5, "there is an offset to apply: {offset_m:?}");
+    let state = bench.state();
+    let newest = bench.memory.history.since(state.suit_sample_time_ns - 1).next().unwrap();
+    for axis in 0..2 {
+        let moved_m = state.segment_origin_m[0][axis] - newest.origin_m[0][axis];
+        assert!((moved_m - offset_m[axis]).abs() < 1e-9, "{moved_m} {offset_m:?}");
     }
 }

@@ -76,29 +76,27 @@ fn sections_and_keys_of_other_sources_are_refused() {
 /// A device that gathers its samples is as old as a block before the next comes; that is no silence.
 #[test]
 fn a_block_is_waited_for_and_one_that_is_too_long_is_refused() {
-    let with = |rate_hz: u32, more: &str| {
+    let with = |rate_hz: u32, suit: &str, ground: &str| {
         let text = format!(
-            "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n{more}[ground]\nsource = \"tec-gihan\"\n[ground.frame]\n\
+            "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n{suit}[ground]\nsource = \"tec-gihan\"\n{ground}[ground.frame]\n\
              axes = \"z-down\"\n[ground.serial]\nport = \"/dev/ttyUSB0\"\n[ground.tec_gihan]\nrate_hz = {rate_hz}\n\
              [subject]\nid = \"a\"\nheight_m = 1.7\n"
         );
         Config::parse(&text, "c.toml").map_err(|error| error.to_string())
     };
-    let config = with(2500, "").unwrap();
+    let config = with(2500, "", "").unwrap();
     assert_eq!(config.settings().ground_latency_ns, 40_000_000);
     assert_eq!(config.ground.settings().latency_ns, 0, "sample times are as they are");
-    let said = with(1000, "").unwrap_err();
+    let (late, later) = ("latency_ms = 60.0\n", "latency_ms = 120.0\n");
+    assert!(with(250, "", late).is_ok(), "460 ms");
+    let said = with(250, "", later).unwrap_err();
     assert!(
-        said.contains("ground.tec_gihan.rate_hz: the streams are 100 ms apart, since it gathers"),
+        said.contains("ground.tec_gihan.rate_hz: the streams are 520 ms apart, since it gathers"),
         "{said}"
     );
-    assert!(with(1000, "latency_ms = 60.0\n").is_ok(), "the suit is late as well");
-    // The loop keeps a number of samples, which at this rate are 41 ms.
-    assert!(
-        with(10_000, "latency_ms = 60.0\n")
-            .unwrap_err()
-            .contains("suit.latency_ms: the streams are 60 ms apart")
-    );
+    assert!(with(250, late, later).is_ok(), "the suit is late as well");
+    // The loop keeps a number of samples, which at this rate are 51 ms.
+    assert!(with(10_000, late, "").unwrap_err().contains("suit.latency_ms: the streams are 60 ms apart"));
 }
 
 #[test]

@@ -1,0 +1,60 @@
+//! What the model misses of the centre of pressure: bones that change their length with the posture, tissue, shoes.
+//!
+//! Innovations larger than P and R let expect are error that no number of poses averages away. Their excess variance is
+//! added to R and to every σ of the estimated centre of pressure (the random effect of DerSimonian and Laird 1986), so
+//! that inconsistency widens what is said of accuracy, and prevents nothing.
+
+use bytemuck::{Pod, Zeroable};
+
+/// The excess looks back on about so many rows in motion.
+const ROWS_KEPT: f64 = 300.0;
+/// A single innovation counts as no more than so many variances: contacts and stumbles are no misfit.
+const SQUARE_MAX: f64 = 10.8;
+
+/// Excess variance of the centre of pressure per axis, forward and sideways.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Misfit {
+    excess_m2: [f64; 2],
+}
+
+impl Misfit {
+    /// Variance, m².
+    pub(super) fn variance_m2(&self) -> [f64; 2] {
+        self.excess_m2
+    }
+
+    /// Takes in innovations with the variances that were expected of them, m², misfit included; `rows`: how many rows
+    /// in motion they are worth.
+    pub(super) fn learn(&mut self, innovation_m: [f64; 2], variance_m2: [f64; 2], rows: f64) {
+        for axis in 0..2 {
+            let square_m2 = (innovation_m[axis] * innovation_m[axis]).min(SQUARE_MAX * variance_m2[axis]);
+            let excess_m2 = &mut self.excess_m2[axis];
+            *excess_m2 = (*excess_m2 + (square_m2 - variance_m2[axis]) * rows / ROWS_KEPT).max(0.0);
+        }
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        self.excess_m2.iter().all(|excess| (0.0..1e6).contains(excess))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn excess_is_found_and_innovations_as_expected_leave_none() {
+        let mut misfit = Misfit::zeroed();
+        for index in 0..5000 {
+            let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
+            let variance_m2 = misfit.variance_m2().map(|excess| excess + 4e-6);
+            misfit.learn([sign * 0.005, sign * 0.002], variance_m2, 1.0);
+        }
+        let [forward, sideways] = misfit.variance_m2();
+        assert!((forward - 21e-6).abs() < 1e-7 && sideways < 1e-9, "{forward} {sideways}");
+        let one = misfit.variance_m2()[1];
+        misfit.learn([0.0, 1.0], [25e-6, 4e-6], 1.0);
+        assert!(misfit.variance_m2()[1] < one + 1e-6 && misfit.is_sound());
+    }
+}

@@ -1,0 +1,99 @@
+//! Body mass from the plate, standing or in motion: `M = ∫F_z dt / ∫(g + C̈_z) dt`. Over some seconds the impulse of the
+//! body's own motion vanishes, and with it what its compensation misses.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Identification;
+use crate::cycle::settings::Settings;
+use crate::math;
+use crate::motion::unloaded::{CORRELATION_S, SIGMAS_OF_A_LOAD};
+use crate::overload::GRAVITY_M_PER_S2;
+
+/// What a plate may show that is taken for a body mass, kg.
+const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
+/// The spread of a shorter time says nothing of the mean's error, s.
+const SHORTEST_S: f64 = 2.0 * CORRELATION_S;
+
+/// Sums over moments without a load.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Weighing {
+    length_s: f64,
+    /// ∫F_z dt, N s.
+    impulse_n_s: f64,
+    /// ∫(g + C̈_z) dt, m/s.
+    velocity_m_per_s: f64,
+    /// ∫(F_z/(g + C̈_z))² dt, kg² s.
+    square_kg2_s: f64,
+    /// ∫σ² dt of each moment's mass by its motion, kg² s.
+    expected_kg2_s: f64,
+    /// The mass that was put in use, kg; 0 before.
+    in_use_kg: f64,
+}
+
+impl Weighing {
+    fn mass_kg(&self) -> f64 {
+        self.impulse_n_s / self.velocity_m_per_s
+    }
+
+    /// 1-σ of the mass, kg: the spread of the moments and what their motion lets expect, samples within
+    /// [`CORRELATION_S`] being one.
+    fn sigma_kg(&self) -> f64 {
+        let spread_kg2 = (self.square_kg2_s / self.length_s - self.mass_kg() * self.mass_kg()).max(0.0);
+        let expected_kg2 = self.expected_kg2_s / self.length_s;
+        math::sqrt((spread_kg2 + expected_kg2) * CORRELATION_S / self.length_s)
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        let sums = [self.length_s, self.velocity_m_per_s, self.square_kg2_s, self.expected_kg2_s];
+        sums.iter().all(|sum| sum.is_finite() && *sum >= 0.0)
+            && self.impulse_n_s.is_finite()
+            && (0.0..1000.0).contains(&self.in_use_kg)
+    }
+}
+
+impl Identification {
+    /// Forgets a mass that was weighed while force and motion were not of the same instants.
+    pub(in crate::cycle) fn forget_weighing(&mut self) {
+        if self.mass_kg == self.weighing.in_use_kg {
+            self.mass_kg = 0.0;
+        }
+        self.weighing = Zeroable::zeroed();
+    }
+
+    /// Takes in the vertical force of a moment without a load, N, and the force per kilogram that the motion needs,
+    /// m/s². `sigma_n`: of the force by the motion. The mass is used as soon as its error is no load, and made better
+    /// until it is as well known as [`Settings::force_sigma_n`] says. A mass from elsewhere stays.
+    pub(in crate::cycle) fn weigh(
+        &mut self,
+        vertical_n: f64,
+        specific_force_m_per_s2: f64,
+        sigma_n: f64,
+        step_s: f64,
+        settings: &Settings,
+    ) {
+        if self.mass_kg <= 0.0 && self.weighing.in_use_kg > 0.0 {
+            self.weighing = Zeroable::zeroed();
+        }
+        let weighing = &mut self.weighing;
+        let known_n = GRAVITY_M_PER_S2 * weighing.sigma_kg();
+        if self.mass_kg != weighing.in_use_kg || (self.mass_kg > 0.0 && known_n < settings.force_sigma_n) {
+            return;
+        }
+        let shown_kg = vertical_n / specific_force_m_per_s2;
+        if !BODY_MASS_KG.contains(&shown_kg) || !(0.0..CORRELATION_S).contains(&step_s) {
+            return;
+        }
+        let expected_kg = sigma_n / specific_force_m_per_s2;
+        weighing.length_s += step_s;
+        weighing.impulse_n_s += vertical_n * step_s;
+        weighing.velocity_m_per_s += specific_force_m_per_s2 * step_s;
+        weighing.square_kg2_s += shown_kg * shown_kg * step_s;
+        weighing.expected_kg2_s += expected_kg * expected_kg * step_s;
+        let sigma_n = GRAVITY_M_PER_S2 * weighing.sigma_kg();
+        if weighing.length_s >= SHORTEST_S && sigma_n < settings.load_threshold_n / SIGMAS_OF_A_LOAD {
+            weighing.in_use_kg = weighing.mass_kg();
+            self.mass_kg = weighing.in_use_kg;
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! Laws of the overload torques and their covariance.
+
+extern crate std;
+
+use super::*;
+use crate::body::{SEGMENTS, Segment, Skeleton};
+use nalgebra::UnitQuaternion;
+
+const NO_SIGMA: LoadingSigma = LoadingSigma::EXACT;
+
+fn t_pose() -> Pose<StationWorld> {
+    let origin = Skeleton::nominal(1.77).t_pose_m();
+    Pose::new(
+        origin.map(|origin| Vector3::from(origin) + Vector3::new(0.0, 0.0, 0.96)),
+        [UnitQuaternion::identity(); SEGMENTS],
+    )
+}
+
+fn loaded(pose: &Pose<StationWorld>, load_n: f64) -> Loading {
+    let weight_n = 700.0;
+    let body = [0.05, 0.0];
+    let grip_m = Side::BOTH.map(|side| pose.origin_of(side.hand()) + Vector3::new(0.3, 0.0, 0.0));
+    let load = 0.5 * (grip_m[0] + grip_m[1]);
+    let vertical_n = weight_n + load_n;
+    let cop = |axis: usize| (body[axis] * weight_n + load[axis] * load_n) / vertical_n;
+    let cop_measured_m = [cop(0), cop(1)];
+    Loading {
+        cop_measured_m,
+        cop_estimated_m: body,
+        vertical_n,
+        delta_f_n: load_n,
+        grip_m,
+        eta: [0.5; 2],
+        feet: FootLoads::Common { zeta: [0.5; 2] },
+        swing: Swing::NONE,
+    }
+}
+
+#[test]
+fn no_load_no_overload() {
+    let pose = t_pose();
+    for torque in torques(&pose, &loaded(&pose, 0.0), &NO_SIGMA) {
+        assert_eq!((torque.torque_nm, torque.sigma_nm), (Vector3::zeros(), 0.0));
+    }
+}
+
+#[test]
+fn a_wrist_carries_its_share_of_the_load_on_its_arm() {
+    let pose = t_pose();
+    let torque = torques(&pose, &loaded(&pose, 40.0), &NO_SIGMA);
+    let wrist = torque[Joint::named("LeftWrist").unwrap().index()].torque_nm;
+    // 20 N at 0.3 m in front of the joint.
+    assert!((wrist - Vector3::new(0.0, -6.0, 0.0)).norm() < 1e-12, "{wrist}");
+    assert_eq!(torque[Joint::named("C1Head").unwrap().index()].torque_nm, Vector3::zeros());
+}
+
+#[test]
+fn the_pelvis_is_in_balance() {
+    // Seen from the pelvis, the moments of trunk and both legs must cancel about any one point: shift the three
+    // joints' torques to the pelvis' origin and add them.
+    let pose = t_pose();
+    let loading = loaded(&pose, 60.0);
+    let torque = torques(&pose, &loading, &NO_SIGMA);
+    let at = |name: &str| Joint::named(name).unwrap();
+    let arm = |name: &str| pose.origin_of(at(name).segment()) - pose.origin_of(Segment::Pelvis);
+    let up = Vector3::new(0.0, 0.0, loading.delta_f_n);
+    let spine = torque[at("L5S1").index()].torque_nm + arm("L5S1").cross(&up);
+    let legs: Vector3<f64> = ["LeftHip", "RightHip"]
+        .map(|name| torque[at(name).index()].torque_nm - arm(name).cross(&(0.5 * up)))
+        .iter()
+        .sum();
+    assert!((spine + legs).norm() < 1e-9, "{spine} {legs}");
+}
+
+#[test]
+fn the_pelvis_is_in_balance_while_load_and_body_accelerate() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    loading.grip_m[1].y += 0.4;
+    loading.feet = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
+    loading.swing = Swing { force_n: [7.0, -4.0], body_n: [-30.0, 45.0], surface_z_m: 0.0 };
+    let load_m = 0.5 * (loading.grip_m[0] + loading.grip_m[1]);
+    let weight_n = loading.weight_n();
+    for axis in 0..2 {
+        let moment = loading.cop_estimated_m[axis] * weight_n + load_m[axis] * loading.delta_f_n
+            - load_m.z * loading.swing.force_n[axis];
+        loading.cop_measured_m[axis] = moment / loading.vertical_n;
+    }
+    let torque = torques(&pose, &loading, &NO_SIGMA);
+    let at = |name: &str| Joint::named(name).unwrap();
+    let arm = |name: &str| pose.origin_of(at(name).segment()) - pose.origin_of(Segment::Pelvis);
+    let [load_x, load_y] = loading.swing.force_n;
+    let [body_x, body_y] = loading.swing.body_n;
+    let load_n = Vector3::new(load_x, load_y, loading.delta_f_n);
+    let body_n = Vector3::new(body_x, body_y, weight_n);
+    let feet = loading.foot_reactions(&pose);
+    assert!((feet[0].with_n / loading.vertical_n - feet[0].without_n / weight_n).abs() > 0.02, "{feet:?}");
+    let spine = torque[at("L5S1").index()].torque_nm + arm("L5S1").cross(&load_n);
+    let legs: Vector3<f64> = [("LeftHip", &feet[0]), ("RightHip", &feet[1])]
+        .map(|(name, foot)| {
+            let with_n = (load_n + body_n) * (foot.with_n / loading.vertical_n);
+            let more_n = with_n - body_n * (foot.without_n / weight_n);
+            torque[at(name).index()].torque_nm - arm(name).cross(&more_n)
+        })
+        .iter()
+        .sum();
+    assert!((spine + legs).norm() < 1e-9, "{spine} {legs}");
+}
+
+#[test]
+fn an_unsure_share_makes_arms_unsure_and_leaves_legs_alone() {
+    let pose = t_pose();
+    let loading = loaded(&pose, 60.0);
+    let torque = torques(&pose, &loading, &LoadingSigma { eta: 0.1, ..NO_SIGMA });
+    let sigma_nm = |name: &str| torque[Joint::named(name).unwrap().index()].sigma_nm;
+    // A tenth of 60 N at 0.3 m in front of the wrist.
+    assert!((sigma_nm("RightWrist") - 1.8).abs() < 1e-9, "{}", sigma_nm("RightWrist"));
+    assert_eq!(sigma_nm("RightHip"), 0.0);
+}
+
+/// Root of the sum of both axes' variances of a joint's torque, N m.
+fn spread_nm(torque: &[Torque; JOINTS], name: &str) -> f64 {
+    let [xx, _, yy] = torque[Joint::named(name).unwrap().index()].covariance_nm2;
+    math::sqrt(xx + yy)
+}
+
+#[test]
+fn an_unsure_foot_makes_its_leg_unsure_and_leaves_the_rest_alone() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    loading.feet = FootLoads::Fractions { zeta: [0.5; 2], press_m: [[0.0; 2]; 2] };
+    let sigma = LoadingSigma { zeta: 0.05, ..NO_SIGMA };
+    let spread_nm = |name: &str| spread_nm(&torques(&pose, &loading, &sigma), name);
+    assert_eq!((spread_nm("RightWrist"), spread_nm("L5S1")), (0.0, 0.0));
+    let mut shifted = loading;
+    shifted.feet = FootLoads::Fractions { zeta: [0.45, 0.55], press_m: [[0.0; 2]; 2] };
+    let hip = Joint::named("RightHip").unwrap().index();
+    let at_hip = |loading| torques(&pose, loading, &NO_SIGMA)[hip].torque_nm;
+    let change = (at_hip(&shifted) - at_hip(&loading)).norm();
+    assert!((spread_nm("RightHip") - change).abs() < 1e-9, "{change}");
+}
+
+#[test]
+fn a_body_that_stands_elsewhere_than_thought_has_other_legs_and_the_same_arms() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    loading.feet = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
+    let sigma = LoadingSigma { place_m: [0.01, 0.0], ..NO_SIGMA };
+    let at = |name: &str| spread_nm(&torques(&pose, &loading, &sigma), name);
+    // Half of the load's 60 N on each foot, one centimetre aside.
+    assert!((at("LeftKnee") - 0.3).abs() < 1e-9, "{}", at("LeftKnee"));
+    assert_eq!((at("RightElbow"), at("L5S1")), (0.0, 0.0));
+    // A stance that is off moves the estimate with the body: then only the measured force acts elsewhere.
+    let along = LoadingSigma { cop_estimated_m: [0.01, 0.0], place_by_estimate: [1.0, 0.0], ..NO_SIGMA };
+    let knee_nm = spread_nm(&torques(&pose, &loading, &along), "LeftKnee");
+    assert!((knee_nm - 0.5 * 760.0 * 0.01).abs() < 1e-9, "{knee_nm}");
+}
+
+#[test]
+fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvis() {
+    let pose = t_pose();
+    let sigma = LoadingSigma { orientation_rad: 0.01, ..NO_SIGMA };
+    // Both axes alike.
+    let at = |name: &str| {
+        spread_nm(&torques(&pose, &loaded(&pose, 60.0), &sigma), name) * core::f64::consts::FRAC_1_SQRT_2
+    };
+    let length_m = |from: Segment, to: Segment| (pose.origin_of(to) - pose.origin_of(from)).norm();
+    let forearm_m = length_m(Segment::RightForearm, Segment::RightHand);
+    let upper_arm_m = length_m(Segment::RightUpperArm, Segment::RightForearm);
+    let leg_m = math::hypot([
+        length_m(Segment::LeftUpperLeg, Segment::LeftLowerLeg),
+        length_m(Segment::LeftLowerLeg, Segment::LeftFoot),
+    ]);
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+    // Half of the load's 60 N, a hundredth of each length aside.
+    assert_eq!((at("RightWrist"), at("RightAnkle")), (0.0, 0.0));
+    near(at("RightElbow"), 0.3 * forearm_m);
+    near(at("RightShoulder"), 0.3 * math::hypot([forearm_m, upper_arm_m]));
+    near(at("LeftHip"), 0.3 * leg_m);
+}
+
+#[test]
+fn sigma_is_the_spread_of_the_magnitude() {
+    let pose = t_pose();
+    let loading = loaded(&pose, 60.0);
+    let sigma = LoadingSigma { cop_measured_m: 0.0, cop_estimated_m: [1e-7, 0.0], ..NO_SIGMA };
+    let base = torques(&pose, &loading, &sigma);
+    let mut moved = loading;
+    moved.cop_estimated_m[0] += 1e-7;
+    let shifted = torques(&pose, &moved, &sigma);
+    for joint in Joint::ALL {
+        let change = shifted[joint.index()].torque_nm.norm() - base[joint.index()].torque_nm.norm();
+        assert!((change.abs() - base[joint.index()].sigma_nm).abs() < 1e-9, "{}", joint.name());
+    }
+}
+
+#[test]
+fn sigma_of_a_length_is_the_spread_of_many_lengths() {
+    // Evenly spaced quantiles of a normal error, by its distribution's inverse on both axes of an ellipse.
+    let quantiles: std::vec::Vec<f64> =
+        (0..200).map(|index| normal_quantile((f64::from(index) + 0.5) / 200.0)).collect();
+    let [along_nm, across_nm] = [2.0, 12.0];
+    for length_nm in [0.0, 1.0, 5.0, 12.0, 30.0, 100.0] {
+        let squares = quantiles.iter().flat_map(|x| {
+            quantiles.iter().map(move |y| {
+                let error = math::hypot([length_nm + along_nm * x, across_nm * y]) - length_nm;
+                error * error
+            })
+        });
+        let spread_nm = math::sqrt(squares.sum::<f64>() / (200.0 * 200.0));
+        let sigma_nm = sigma_of_length([length_nm, 0.0], [along_nm * along_nm, 0.0, across_nm * across_nm]);
+        assert!((0.9..1.12).contains(&(sigma_nm / spread_nm)), "{length_nm}: {sigma_nm} for {spread_nm}");
+    }
+    assert_eq!(sigma_of_length([0.0; 2], [0.0; 3]), 0.0);
+}
+
+/// By bisection of the distribution, which is summed in steps of a thousandth.
+fn normal_quantile(share: f64) -> f64 {
+    let (mut value, mut below) = (-6.0_f64, 0.0);
+    while below < share {
+        below += 1e-3 * (-0.5 * value * value).exp() / math::sqrt(core::f64::consts::TAU);
+        value += 1e-3;
+    }
+    value
+}

@@ -1,0 +1,397 @@
+//! Natural work without a single held pose: whether it identifies a worker, and what follows for an unloaded worker and
+//! for a carry at the same pace.
+
+use equipoise_core::cycle::Settings;
+use equipoise_core::message::Validity;
+use equipoise_core::message::command::CommandKind;
+use equipoise_simulator::intention::{Arm, Intention};
+use equipoise_simulator::random::Random;
+
+use crate::clocks::{self, Reading};
+use crate::lifting::Telling;
+use crate::sensors::Rig;
+use crate::session::Session;
+use crate::subject::{Crowd, Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::{Coverage, Sums, percent, quartiles};
+use crate::tasks::CopErrors;
+
+/// Suit samples per second, and other rates of the second table.
+const SUIT_HZ: u32 = 100;
+const OTHER_RATES_HZ: [u32; 4] = [30, 60, 120, 240];
+/// From one end of a movement to the next, s.
+const PHASE_S: [f64; 2] = [1.0, 2.0];
+/// A movement takes this much longer than the phase: the next one begins before it has come to rest.
+const OVERLAP: f64 = 1.4;
+/// How late the plate's samples are stamped, s, and how much its clock gains on the suit's, ppm.
+const PLATE_LATE_S: f64 = 0.138;
+const PLATE_DRIFT_PPM: f64 = -400.0;
+/// When the estimates of the clocks are compared with the truth, s.
+const READ_S: [f64; 2] = [60.0, 300.0];
+/// Identification is ended by hand after this, s.
+const LEARNING_MAX_S: f64 = 120.0;
+/// Unloaded work that is held out, s.
+const HELD_OUT_S: f64 = 30.0;
+/// The box, kg.
+const BOX_KG: f64 = 11.0;
+/// Carries of one subject.
+const CARRIES: usize = 2;
+/// After the box was put down learning must resume within this, s.
+const RESUME_MAX_S: f64 = 20.0;
+/// From here on a box counts as lifted, share of its mass.
+const LIFTED: f64 = 0.999;
+
+/// What one subject gives.
+#[derive(Debug, Clone, Default)]
+pub struct Shift {
+    /// From the first sample to the end of identification, s; `None` if it was ended by hand.
+    identified_s: Option<f64>,
+    /// Error of the body mass that was measured, kg.
+    mass_error_kg: f64,
+    /// Predicted standard deviation of the CoP when identification ended, m.
+    predicted_cop_sigma_m: f64,
+    held_out: CopErrors,
+    coverage: [Coverage; 2],
+    unloaded: Telling,
+    carry: Telling,
+    /// Estimated less true mass of the box, kg, over samples that publish it.
+    box_error_kg: Sums,
+    /// From letting go of the box until motion teaches the filter again, s.
+    resumed_s: Vec<f64>,
+    /// Held poses that were used, and rows in motion.
+    rows: [u32; 2],
+    /// Skew and drift of the clocks at [`READ_S`].
+    clocks: [Option<Reading>; 2],
+}
+
+/// Draws natural movements: each has its own depth, and none comes to rest.
+struct Movements {
+    random: Random,
+}
+
+impl Movements {
+    fn arm(&mut self, elevation_deg: f64, elbow_deg: f64) -> Arm {
+        Arm {
+            elevation_deg: elevation_deg + self.random.between(-10.0, 10.0),
+            forward_deg: 85.0,
+            outward_deg: 40.0,
+            elbow_deg: elbow_deg + self.random.between(0.0, 15.0),
+        }
+    }
+
+    fn twist_deg(&mut self) -> f64 {
+        self.random.between(-25.0, 25.0)
+    }
+
+    /// The lower end of a squat lift.
+    fn squat(&mut self) -> Intention {
+        let tilt_deg = self.random.between(25.0, 38.0);
+        Intention {
+            pelvis_drop: self.random.between(0.22, 0.34),
+            pelvis_deg: [tilt_deg, 0.0, 0.0],
+            trunk_flex_deg: self.random.between(5.0, 25.0),
+            ..Intention::STAND.arms(self.arm(50.0, 10.0))
+        }
+    }
+
+    /// The lower end of a bend, perhaps to a side.
+    fn bend(&mut self) -> Intention {
+        let (tilt_deg, twist_deg) = (self.random.between(20.0, 35.0), self.twist_deg());
+        Intention {
+            pelvis_deg: [tilt_deg, 0.0, 0.3 * twist_deg],
+            trunk_flex_deg: self.random.between(20.0, 35.0),
+            trunk_twist_deg: twist_deg,
+            ..Intention::STAND.arms(self.arm(50.0, 10.0))
+        }
+    }
+
+    /// The upper end: hands in front of the belly, or farther out, perhaps turned.
+    fn upright(&mut self) -> Intention {
+        let (twist_deg, out) = (self.twist_deg(), self.random.unit());
+        Intention {
+            pelvis_deg: [0.0, 0.0, 0.3 * twist_deg],
+            trunk_twist_deg: twist_deg,
+            ..Intention::STAND.arms(self.arm(20.0 + 55.0 * out, 80.0 * (1.0 - out)))
+        }
+    }
+
+    /// Begins a movement; returns its phase, s.
+    fn begin(&mut self, session: &mut Session, intention: &Intention) -> f64 {
+        let phase_s = self.random.between(PHASE_S[0], PHASE_S[1]);
+        session.order(|worker, at_s| worker.intend(intention, at_s, OVERLAP * phase_s));
+        phase_s
+    }
+
+    /// Lower and upper end in turn.
+    fn next(&mut self, index: usize) -> Intention {
+        match index % 4 {
+            0 => self.squat(),
+            2 => self.bend(),
+            _ => self.upright(),
+        }
+    }
+}
+
+/// The subject's sensors with a suit of this rate, and a plate that is late and drifts.
+pub fn rig(subject: &Subject, suit_hz: u32) -> Rig {
+    Rig { suit_hz, ground_late_s: PLATE_LATE_S, ground_drift_ppm: PLATE_DRIFT_PPM, ..subject.rig() }
+}
+
+/// Works without a load until identification ends, goes on working, carries a box, and goes on working until `end_s`.
+pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shift {
+    let mut session = Session::with(subject, settings, rig, subject.habits());
+    let mut movements = Movements { random: Random::new(subject.seed, "natural work") };
+    let mut shift = Shift::default();
+    let mut index = 0;
+    while session.now_s() < LEARNING_MAX_S && shift.identified_s.is_none() {
+        let intention = movements.next(index);
+        let phase_s = movements.begin(&mut session, &intention);
+        if session.run_until(phase_s, |moment| moment.state.converged == 1) {
+            shift.identified_s = Some(session.now_s());
+        }
+        index += 1;
+        shift.read_clocks(&session, &rig);
+    }
+    if shift.identified_s.is_none() {
+        session.command(CommandKind::IdentifyStop);
+    }
+    session.run(2.0, |_| {});
+    let state = session.state();
+    shift.mass_error_kg = state.mass_kg - subject.mass_kg;
+    shift.predicted_cop_sigma_m = state.predicted_cop_sigma_m;
+    shift.rows = [state.poses_used, state.motion_samples_used];
+    let held_out_until_s = session.now_s() + HELD_OUT_S;
+    while session.now_s() < held_out_until_s {
+        let intention = movements.next(index);
+        let phase_s = movements.begin(&mut session, &intention);
+        session.run(phase_s, |moment| {
+            shift.held_out.add(moment);
+            shift.unloaded.add(moment.state);
+            if crate::tasks::tells_cop(moment.state) {
+                for axis in 0..2 {
+                    let measured_m = moment.truth().cop_without_load_in_motion_m[axis];
+                    let error_m = moment.state.cop_estimated_m[axis] - measured_m;
+                    shift.coverage[axis].add(error_m, moment.state.cop_sigma_m[axis]);
+                }
+            }
+        });
+        index += 1;
+        shift.read_clocks(&session, &rig);
+    }
+    for _ in 0..CARRIES {
+        carry(&mut session, &mut movements, &mut shift);
+    }
+    while session.now_s() < end_s {
+        let intention = movements.next(index);
+        let phase_s = movements.begin(&mut session, &intention);
+        session.run(phase_s, |_| {});
+        index += 1;
+        shift.read_clocks(&session, &rig);
+    }
+    shift
+}
+
+impl Shift {
+    fn read_clocks(&mut self, session: &Session, rig: &Rig) {
+        for (at_s, kept) in READ_S.iter().zip(&mut self.clocks) {
+            if kept.is_none() && session.now_s() >= *at_s {
+                *kept = clocks::read(session, rig);
+            }
+        }
+    }
+}
+
+/// Squats to the box, carries it round and puts it down in a squat, and goes on without it.
+fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
+    let first = movements.squat();
+    let mut phase_s = movements.begin(session, &first);
+    session.run(phase_s, |_| {});
+    session.order(|worker, at_s| worker.lift(BOX_KG, at_s));
+    for step in 0..8 {
+        let intention = if step == 7 { movements.squat() } else { movements.upright() };
+        phase_s = movements.begin(session, &intention);
+        session.run(phase_s, |moment| {
+            if moment.worker.sample(moment.time_s).load_kg < LIFTED * BOX_KG {
+                return;
+            }
+            shift.carry.add(moment.state);
+            if !moment.state.validity().any_of(Validity::SPOILS_LIFTED_MASS) {
+                shift.box_error_kg.add(moment.state.lifted_mass_kg - BOX_KG);
+            }
+        });
+    }
+    session.order(equipoise_simulator::motion::Worker::put_down);
+    let let_go_s = session.now_s();
+    // Learning again shows when rows in motion are accepted again.
+    session.command(CommandKind::IdentifyStart);
+    let mut resumed_s = None;
+    for step in 0.. {
+        let used = session.state().motion_samples_used;
+        let intention = movements.next(1 + step);
+        phase_s = movements.begin(session, &intention);
+        let resumed = session.run_until(phase_s, |moment| {
+            let more = moment.state.motion_samples_used > used;
+            if more && resumed_s.is_none() {
+                resumed_s = Some(moment.time_s - let_go_s);
+            }
+            more
+        });
+        if resumed || session.now_s() - let_go_s > RESUME_MAX_S {
+            break;
+        }
+    }
+    session.command(CommandKind::IdentifyStop);
+    shift.resumed_s.push(resumed_s.unwrap_or(RESUME_MAX_S));
+    session.run(2.0, |_| {});
+}
+
+/// What the subjects give together.
+#[derive(Debug, Default)]
+struct Together {
+    identified_s: Vec<f64>,
+    resumed_s: Vec<f64>,
+    sum: Shift,
+}
+
+impl Together {
+    fn of(shifts: &[Shift]) -> Together {
+        let mut all = Together::default();
+        for shift in shifts {
+            all.identified_s.extend(shift.identified_s);
+            all.resumed_s.extend(&shift.resumed_s);
+            all.sum.box_error_kg.merge(&shift.box_error_kg);
+            all.sum.held_out.merge(&shift.held_out);
+            all.sum.unloaded.merge(&shift.unloaded);
+            all.sum.carry.merge(&shift.carry);
+            for (sum, coverage) in all.sum.coverage.iter_mut().zip(&shift.coverage) {
+                sum.merge(coverage);
+            }
+        }
+        all
+    }
+
+    fn row(&self, rate_hz: u32) -> Vec<Cell> {
+        let slowest = |seconds: &[f64]| seconds.iter().copied().reduce(f64::max);
+        let [forward, sideways] = self.sum.coverage.map(|coverage| coverage.percent());
+        vec![
+            u64::from(rate_hz).into(),
+            (self.identified_s.len() as u64).into(),
+            quartiles(self.identified_s.clone()).map(|[_, median, _]| median).into(),
+            slowest(&self.identified_s).into(),
+            (1e3 * self.sum.held_out.distance_rms_m()).into(),
+            forward[0].into(),
+            sideways[0].into(),
+            forward[1].into(),
+            sideways[1].into(),
+            percent(self.sum.unloaded.told, self.sum.unloaded.samples).into(),
+            percent(self.sum.unloaded.coloured, self.sum.unloaded.samples).into(),
+            withheld_percent(&self.sum.carry).into(),
+            self.sum.carry.reasons().as_str().into(),
+            self.sum.box_error_kg.mean().into(),
+            self.sum.box_error_kg.rms().into(),
+            slowest(&self.resumed_s).into(),
+        ]
+    }
+}
+
+fn withheld_percent(carry: &Telling) -> Option<f64> {
+    percent(carry.samples - carry.told, carry.samples)
+}
+
+/// The tables.
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let count = crowd.count;
+    let crowd = crowd.subjects();
+    let ask = |suit_hz: u32, end_s: f64| {
+        ask_all(&crowd, |subject| shift(subject, subject.settings(), rig(subject, suit_hz), end_s))
+    };
+    let shifts = ask(SUIT_HZ, READ_S[1]);
+    let mut each = Table::new(
+        format!("Natural work without a held pose ({count} subjects, suit at {SUIT_HZ} Hz)"),
+        &[
+            "seed",
+            "identified s",
+            "poses",
+            "rows in motion",
+            "mass error kg",
+            "predicted CoP sigma mm",
+            "CoP error mm",
+            "box error kg",
+            "carry withheld %",
+            "resumed s",
+            "60 s: lag error ms",
+            "60 s: drift error ppm",
+            "300 s: lag error ms",
+            "300 s: drift error ppm",
+        ],
+    );
+    for (subject, shift) in crowd.iter().zip(&shifts) {
+        let mut row: Vec<Cell> = vec![
+            subject.seed.into(),
+            shift.identified_s.into(),
+            u64::from(shift.rows[0]).into(),
+            u64::from(shift.rows[1]).into(),
+            shift.mass_error_kg.into(),
+            (1e3 * shift.predicted_cop_sigma_m).into(),
+            (1e3 * shift.held_out.distance_rms_m()).into(),
+            shift.box_error_kg.mean().into(),
+            withheld_percent(&shift.carry).into(),
+            shift.resumed_s.iter().copied().reduce(f64::max).into(),
+        ];
+        for reading in shift.clocks {
+            row.push(reading.map(|reading| 1e3 * reading.error_s).into());
+            row.push(reading.map(|reading| 1e6 * reading.drift_error).into());
+        }
+        each.push(row);
+    }
+    let mut rates = Table::new(
+        format!("The same by the suit's rate, all {count} subjects together"),
+        &[
+            "suit Hz",
+            "identified",
+            "median s",
+            "slowest s",
+            "CoP error mm",
+            "forward 1-sigma %",
+            "sideways 1-sigma %",
+            "forward 2-sigma %",
+            "sideways 2-sigma %",
+            "unloaded: torques %",
+            "unloaded: above green %",
+            "carry withheld %",
+            "withheld for",
+            "box bias kg",
+            "box RMS kg",
+            "resumed s",
+        ],
+    );
+    rates.push(Together::of(&shifts).row(SUIT_HZ));
+    for rate_hz in OTHER_RATES_HZ {
+        rates.push(Together::of(&ask(rate_hz, 0.0)).row(rate_hz));
+    }
+    each.note("squats and bends of 1 to 2 s a phase, each begun before the last has come to rest; soft tissue, the suit's world off, plate 138 ms late, drifting by -400 ppm");
+    each.note(
+        "identified: from the first sample until the stop rule holds; empty: ended by hand after 120 s",
+    );
+    each.note("CoP error: estimated from measured, 30 s of other movements; sigma: how often the true CoP lies within");
+    each.note(
+        "resumed: from letting go of 11 kg until rows in motion are accepted, the slower of two carries",
+    );
+    vec![each, rates]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn natural_work_without_a_held_pose_identifies_by_default() {
+        let subject = Subject::somebody(5);
+        let shift = shift(&subject, subject.settings(), rig(&subject, SUIT_HZ), 0.0);
+        assert!(shift.identified_s.is_some_and(|seconds| seconds < 60.0), "{:?}", shift.identified_s);
+        assert!(shift.mass_error_kg.abs() < 0.4, "{}", shift.mass_error_kg);
+        assert!(shift.held_out.distance_rms_m() < 0.009, "{}", shift.held_out.distance_rms_m());
+        assert!(withheld_percent(&shift.carry).is_some_and(|percent| percent < 2.0), "{:?}", shift.carry);
+        assert!(shift.resumed_s.iter().all(|seconds| *seconds < 3.0), "{:?}", shift.resumed_s);
+    }
+}
