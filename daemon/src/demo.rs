@@ -15,6 +15,7 @@ use anyhow::{Context, bail};
 use equipoise_bus::{Bus, BusSettings, Channel, Subscriber};
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::realism::Realism;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use equipoise_view::terminal::live_line;
@@ -61,6 +62,7 @@ pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSum
     let mut simulated = SimulationSettings { seed: settings.seed, ..SimulationSettings::default() };
     simulated.suit.target = suit_port;
     simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    simulated.plate.latency_s = Realism::REALISTIC.clocks(settings.seed).plate_late_s;
     let person = Simulation::start(simulated).context("the simulated person")?;
     let config = config(settings, suit_port, person.plate_address())?;
     let page = config.page.as_ref().map(|page| ServedPage::start(&config, page, Path::new("")));

@@ -59,6 +59,8 @@ pub struct PlateSettings {
     pub address: SocketAddr,
     /// Samples per second.
     pub rate_hz: f64,
+    /// From a sample's time to its sending, s: the second plate's, too.
+    pub latency_s: f64,
     /// Where it stands and what it counts.
     pub plate: Plate,
     /// Its errors.
@@ -104,6 +106,7 @@ impl Default for SimulationSettings {
             plate: PlateSettings {
                 address: loopback(wires::ati_rdt::DEFAULT_PORT),
                 rate_hz: 1000.0,
+                latency_s: 0.0,
                 plate: Plate::default(),
                 noise: PlateNoise::ORDINARY,
                 faults: Faults::default(),

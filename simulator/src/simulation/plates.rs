@@ -67,7 +67,7 @@ impl Shared {
         let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
         let mut before = self.trouble();
         let mut number = 0_u32;
-        self.pace(1, rate_hz, 0.0, |clock| {
+        self.pace(1, rate_hz, settings.latency_s, |clock| {
             let trouble = self.trouble();
             if trouble.restarts[1] != before.restarts[1] {
                 clock.restart();

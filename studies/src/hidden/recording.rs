@@ -9,7 +9,8 @@ use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_simulator::colour::{PlateColour, SuitColour, SuitColours};
 use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::kinematics::centre_m;
-use equipoise_simulator::noise::{PlateNoise, Suit, SuitNoise};
+use equipoise_simulator::noise::{PlateNoise, Suit};
+use equipoise_simulator::realism::Realism;
 use equipoise_simulator::scene::{Hidden, Scene, SensedPlate};
 use nalgebra::Vector2;
 
@@ -55,7 +56,8 @@ impl Station {
     pub fn new(script: &Script, hidden: Hidden, noise: Noise, seed: u64) -> Station {
         let colours = SuitColours::ORDINARY.times(noise.factor);
         let length_s = script.length_s + 1.0;
-        let suit = Suit::new(SuitNoise::ORDINARY, seed).with_colour(SuitColour::new(colours, seed, length_s));
+        let suit = Suit::new(Realism::REALISTIC.suit_noise(), seed)
+            .with_colour(SuitColour::new(colours, seed, length_s));
         let colour = PlateColour::new(noise.factor, seed, length_s);
         let plate = SensedPlate::new(&hidden, colour, PlateNoise::ORDINARY, seed);
         Station {
