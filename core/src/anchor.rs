@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
 use crate::body::Side;
-use crate::frame::{Pose, StationWorld, SuitWorld};
+use crate::frame::{Pose, StationWorld, SuitWorld, Turn};
 
 /// 1-σ of a stance's place on the floor, m.
 pub const STANCE_SIGMA_M: f64 = 0.005;
@@ -67,6 +67,17 @@ impl Anchor {
     /// The body was lost from sight: where the feet are seen next is a new stance.
     pub fn lose(&mut self) {
         self.lost = self.started;
+    }
+
+    /// The suit's world was found to lie elsewhere in the station's: turned about the station's origin, then moved, m.
+    /// The suit's samples must come turned alike from now on.
+    pub fn move_world(&mut self, turn: Turn, by_m: [f64; 2]) {
+        let moved = |place_m: [f64; 2]| {
+            let [x, y] = turn.of(place_m);
+            [x + by_m[0], y + by_m[1]]
+        };
+        self.standing_at_m = self.standing_at_m.map(moved);
+        self.station_from_suit_m = moved(self.station_from_suit_m);
     }
 
     /// The pose in the station's world, the standing feet held.

@@ -17,6 +17,7 @@ mod loading;
 pub mod memory;
 mod model_terms;
 pub mod monitoring;
+mod placing;
 mod residual;
 pub mod settings;
 pub mod skew_watch;
@@ -216,6 +217,7 @@ impl Memory {
         let changed =
             self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
         valid.raise(Validity::MODEL_CHANGED, changed);
+        valid.raise(Validity::PLACE_UNKNOWN, self.placing.is_lost());
 
         let ready = !valid.any_of(Validity::BODY_UNKNOWN) && identification.mass_kg > 0.0;
         let phase = match (ready && !suit_stale && !ground_stale, identification) {

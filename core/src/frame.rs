@@ -15,6 +15,7 @@ use core::marker::PhantomData;
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use crate::body::{SEGMENTS, Segment};
+use crate::math;
 
 /// The world of the suit: Z up, but its origin wanders.
 #[derive(Debug, Clone, Copy)]
@@ -86,6 +87,38 @@ impl Pose<StationWorld> {
     pub fn displaced(&self, [x, y]: [f64; 2]) -> Pose<StationWorld> {
         let by = Vector3::new(x, y, 0.0);
         Pose::new(self.origin.map(|origin| origin + by), self.world_from_segment)
+    }
+}
+
+/// A turn about the vertical.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turn {
+    cos: f64,
+    sin: f64,
+}
+
+impl Turn {
+    /// A turn to the left, rad.
+    pub fn by(angle_rad: f64) -> Turn {
+        let (sin, cos) = math::sin_cos(angle_rad);
+        Turn { cos, sin }
+    }
+
+    /// A horizontal vector turned.
+    pub fn of(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
+    }
+
+    /// A vector turned.
+    pub fn of_vector(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let [x, y] = self.of([x, y]);
+        [x, y, z]
+    }
+
+    /// Where a turned body's axes point: of a unit quaternion, scalar first.
+    pub fn of_wxyz(self, orientation_wxyz: [f64; 4]) -> [f64; 4] {
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), math::atan2(self.sin, self.cos));
+        wxyz(&(turn * rotation(orientation_wxyz)))
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! No clock, no file, no thread, no heap, no unsafe: samples and a time go in, a state comes out. Floors, ground
 //! first, each resting only on those before it:
-//! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`], [`static_pose`] →
+//! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`], [`registration`], [`static_pose`] →
 //! [`pose_suggestion`] → [`overload`] → [`exposure`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
@@ -20,6 +20,7 @@ pub mod message;
 pub mod motion;
 pub mod overload;
 pub mod pose_suggestion;
+pub mod registration;
 pub mod sesc;
 pub mod static_pose;
 pub mod time;

@@ -22,6 +22,17 @@ pub(crate) fn acos(cosine: f64) -> f64 {
     ComplexField::acos(cosine)
 }
 
+/// Angle of a vector whose parts are these, rad.
+pub(crate) fn atan2(y: f64, x: f64) -> f64 {
+    nalgebra::RealField::atan2(y, x)
+}
+
+/// The same angle in (−π, π], rad.
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
+    let (sin, cos) = sin_cos(angle_rad);
+    atan2(sin, cos)
+}
+
 /// e to a power; infinite where that is too large.
 pub(crate) fn exp(power: f64) -> f64 {
     ComplexField::exp(power)

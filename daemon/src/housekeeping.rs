@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
-use equipoise_core::message::{Incident, Incidents, State};
+use equipoise_core::message::{Incident, Incidents, State, Validity};
 use tracing::warn;
 
 use crate::config::Config;
@@ -94,6 +94,7 @@ impl Housekeeping {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
+        self.watch_the_place();
         let looked = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
         if let Err(error) = looked
             && !std::mem::replace(&mut self.blind_told, true)
@@ -131,6 +132,20 @@ impl Housekeeping {
             self.board.end(Incident::ModelNoLongerExplains);
         }
         self.status.suspect(suspected);
+    }
+
+    /// A place that is sought is no failure, but the worker must move for it, and a person may help.
+    fn watch_the_place(&self) {
+        let Some(state) = &self.newest else { return };
+        if state.validity().any_of(Validity::PLACE_UNKNOWN) {
+            self.board.begin(
+                Incident::PlaceUnknown,
+                "the suit was started anew or was silent for long; where the worker stands is found while they move \
+                 without a load",
+            );
+        } else {
+            self.board.end(Incident::PlaceUnknown);
+        }
     }
 
     fn tidy(&mut self) {

@@ -103,6 +103,11 @@ pub struct RegistrationPart {
     /// before it was kept.
     #[serde(default)]
     frames: String,
+    /// Turn about the vertical and its 1-σ, rad. Not in files of before they were kept.
+    #[serde(default)]
+    station_from_suit_rad: f64,
+    #[serde(default)]
+    station_from_suit_sigma_rad: f64,
     station_from_suit_m: [f64; 2],
     /// CLOCK_MONOTONIC.
     suit_time_ns: u64,
@@ -234,16 +239,29 @@ impl TarePart {
 impl RegistrationPart {
     /// A registration that was found; nothing while none was, or where the machine's start cannot be told.
     pub fn of(kept: &Kept, config: &Config) -> Option<RegistrationPart> {
-        let Registration { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns } =
-            kept.registration;
+        let Registration {
+            station_from_suit_rad,
+            station_from_suit_sigma_rad,
+            station_from_suit_m,
+            suit_time_ns,
+            suit_counter,
+            suit_period_ns,
+        } = kept.registration;
         (suit_time_ns > 0).then_some(RegistrationPart {
             boot: boot()?,
             frames: frames_of(config),
+            station_from_suit_rad,
+            station_from_suit_sigma_rad,
             station_from_suit_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
         })
+    }
+
+    /// Whether it was found with the configured frames of the ground's devices.
+    pub fn is_in_frames_of(&self, config: &Config) -> bool {
+        self.frames.is_empty() || self.frames == frames_of(config)
     }
 
     /// The registration, for the loop to hold against the first suit sample.
@@ -254,15 +272,30 @@ impl RegistrationPart {
         if boot().as_deref() != Some(&self.boot) {
             return Err("the machine was started anew".to_owned());
         }
-        if !self.frames.is_empty() && self.frames != frames_of(config) {
+        if !self.is_in_frames_of(config) {
             return Err("[ground.frame] is another than it was".to_owned());
         }
         let age_ns = now_ns.saturating_sub(self.suit_time_ns);
         if age_ns > SHIFT_HOLDS_NS {
             return Err(format!("the worker was last seen {:.0} s ago", age_ns as f64 * 1e-9));
         }
-        let &RegistrationPart { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns, .. } = self;
-        Ok(Registration { station_from_suit_m, suit_time_ns, suit_counter, suit_period_ns })
+        let &RegistrationPart {
+            station_from_suit_rad,
+            station_from_suit_sigma_rad,
+            station_from_suit_m,
+            suit_time_ns,
+            suit_counter,
+            suit_period_ns,
+            ..
+        } = self;
+        Ok(Registration {
+            station_from_suit_rad,
+            station_from_suit_sigma_rad,
+            station_from_suit_m,
+            suit_time_ns,
+            suit_counter,
+            suit_period_ns,
+        })
     }
 }
 
@@ -303,6 +336,8 @@ mod tests {
         let mut kept = bytemuck::zeroed_box::<Kept>();
         kept.tare.force_n = [0.5, -0.25, 41.0];
         kept.registration = Registration {
+            station_from_suit_rad: 0.7,
+            station_from_suit_sigma_rad: 0.1,
             station_from_suit_m: [0.1, -0.2],
             suit_time_ns: now_ns(),
             suit_counter: 77,

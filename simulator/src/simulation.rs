@@ -28,7 +28,7 @@ use crate::person::Person;
 use crate::plate_server::PlateServer;
 use crate::random::Random;
 use crate::settings::{SimulationSettings, SuitSettings};
-use crate::suit_sender::{SuitSender, frame_at};
+use crate::suit_sender::{SuitSender, SuitWorld, frame_at};
 use crate::truth::Truth;
 use crate::walk::Place;
 
@@ -74,6 +74,8 @@ pub struct Trouble {
     pub plate_faults: Faults,
     /// How often each device was switched off and on: suit, plate.
     pub restarts: [u32; 2],
+    /// The suit's world in the station's: another after each new calibration.
+    pub suit_world: SuitWorld,
     /// By how much the suit's counter has leapt in all.
     pub suit_leapt: i32,
 }
@@ -146,7 +148,7 @@ impl Shared {
             let device_ms = (f64::from(clock.counter()) / clock.rate_hz() * 1000.0) as u32;
             let device = (clock.counter(), device_ms);
             let mut seen = self.with_worker(|worker| {
-                frame_at(worker, &suit, settings.world, settings.streams, settings.avatar, time_s, device)
+                frame_at(worker, &suit, trouble.suit_world, settings.streams, settings.avatar, time_s, device)
             });
             if luck.happens(trouble.suit_nan) {
                 let sound = seen.position_m[0];
@@ -191,6 +193,7 @@ impl Simulation {
             suit_nan: 0.0,
             plate_faults: settings.plate.faults,
             restarts: [0; 2],
+            suit_world: settings.suit.world,
             suit_leapt: 0,
         };
         let shared = Arc::new(Shared {

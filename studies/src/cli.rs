@@ -8,7 +8,7 @@ use equipoise_simulator::realism::Realism;
 
 use crate::subject::Crowd;
 use crate::table::Table;
-use crate::{back, clocks, coverage, hidden, lifting, natural, paper, poses, sources};
+use crate::{back, clocks, coverage, hidden, lifting, natural, paper, poses, restarts, sources};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -48,6 +48,9 @@ enum Question {
     /// Skew and drift between the clocks of suit and plate, injected and estimated
     #[command(after_help = "Example: equipoise-study clocks --subjects 6")]
     Clocks(Choices),
+    /// Suit, plate and daemon started again in the middle of work
+    #[command(after_help = "Example: equipoise-study restarts --subjects 10")]
+    Restarts(Choices),
     /// The blind bench of the discrepancy workflow: sessions with something hidden in them
     Hidden {
         #[command(subcommand)]
@@ -97,6 +100,7 @@ pub fn main() -> ExitCode {
         Question::Back(choices) => choices.answer(back::study),
         Question::Sources(choices) => choices.answer(sources::study),
         Question::Clocks(choices) => choices.answer(clocks::study),
+        Question::Restarts(choices) => choices.answer(restarts::study),
         Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS
@@ -108,7 +112,9 @@ mod tests {
 
     #[test]
     fn every_question_takes_the_same_choices() {
-        for question in ["paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks"] {
+        for question in
+            ["paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks", "restarts"]
+        {
             let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
             assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");
             assert!(

@@ -2,7 +2,7 @@
 //!
 //! Floors, ground first, each resting only on those before it: [`subject`] → [`sensors`] → [`mixtures`] → [`session`] → [`tasks`],
 //! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`natural`], [`coverage`], [`back`],
-//! [`sources`], [`clocks`], [`hidden`] → [`cli`].
+//! [`sources`], [`clocks`], [`restarts`], [`hidden`] → [`cli`].
 //! Everything follows from a seed: the same question gives the same answer, however many threads ask it.
 #![forbid(unsafe_code)]
 
@@ -16,6 +16,7 @@ pub mod mixtures;
 pub mod natural;
 pub mod paper;
 pub mod poses;
+pub mod restarts;
 pub mod sensors;
 pub mod session;
 pub mod sources;

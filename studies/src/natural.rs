@@ -10,7 +10,7 @@ use equipoise_simulator::random::Random;
 use crate::clocks::{self, Reading};
 use crate::lifting::Telling;
 use crate::sensors::Rig;
-use crate::session::Session;
+use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{Coverage, Sums, percent, quartiles};
@@ -65,11 +65,32 @@ pub struct Shift {
 }
 
 /// Draws natural movements: each has its own depth, and none comes to rest.
-struct Movements {
+pub struct Movements {
     random: Random,
+    index: usize,
 }
 
 impl Movements {
+    /// Those of a subject.
+    pub fn of(subject: &Subject) -> Movements {
+        Movements { random: Random::new(subject.seed, "natural work"), index: 0 }
+    }
+
+    /// Works on for so long, s, or until `done` says so. Returns whether it did.
+    pub fn work(&mut self, session: &mut Session, for_s: f64, mut done: impl FnMut(&Moment) -> bool) -> bool {
+        let mut left_s = for_s;
+        while left_s > 0.0 {
+            let intention = self.next(self.index);
+            self.index += 1;
+            let phase_s = self.begin(session, &intention);
+            if session.run_until(phase_s.min(left_s), &mut done) {
+                return true;
+            }
+            left_s -= phase_s;
+        }
+        false
+    }
+
     fn arm(&mut self, elevation_deg: f64, elbow_deg: f64) -> Arm {
         Arm {
             elevation_deg: elevation_deg + self.random.between(-10.0, 10.0),
@@ -140,7 +161,7 @@ pub fn rig(subject: &Subject, suit_hz: u32) -> Rig {
 /// Works without a load until identification ends, goes on working, carries a box, and goes on working until `end_s`.
 pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shift {
     let mut session = Session::with(subject, settings, rig, subject.habits());
-    let mut movements = Movements { random: Random::new(subject.seed, "natural work") };
+    let mut movements = Movements::of(subject);
     let mut shift = Shift::default();
     let mut index = 0;
     while session.now_s() < LEARNING_MAX_S && shift.identified_s.is_none() {

@@ -66,6 +66,8 @@ pub struct Rig {
     pub ground: Ground,
     /// The errors of the accelerations that the suit sends; `None`: it sends none.
     pub accelerations: Option<AccelerationNoise>,
+    /// The suit's world in the station's.
+    pub suit_world: SuitWorld,
     /// How much too late the suit stamps its samples, ns.
     pub suit_late_ns: u64,
     /// How much too late the ground stamps its samples at time 0, s; negative: too early.
@@ -87,6 +89,7 @@ impl Rig {
         plate_noise: PlateNoise::ORDINARY,
         ground: Ground::Plate,
         accelerations: None,
+        suit_world: SuitWorld { origin_m: [0.0; 3], yaw_rad: 0.0 },
         suit_late_ns: 0,
         ground_late_s: 0.0,
         ground_drift_ppm: 0.0,
@@ -157,7 +160,7 @@ pub fn simulated_s(time_ns: u64) -> f64 {
 /// The suit's sample of that number; errors of the accelerations follow from the seed.
 pub fn suit_sample(worker: &Worker, suit: &Suit, rig: &Rig, seed: u64, number: u32) -> SuitSample {
     let streams = Streams { linear_kinematics: rig.accelerations.is_some(), ..Streams::NONE };
-    let seen = frame(worker, suit, SuitWorld::default(), streams, 0, (number, rig.true_suit_hz()));
+    let seen = frame(worker, suit, rig.suit_world, streams, 0, (number, rig.true_suit_hz()));
     let time_ns = rig.suit_stamp_ns(number);
     let mut sample = SuitSample {
         sample_time_ns: time_ns,

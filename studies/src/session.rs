@@ -1,12 +1,13 @@
 //! One subject before one estimator: time goes on, samples go in, every new state is seen beside the truth.
 
 use equipoise_core::body::JOINTS;
-use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Inputs, Kept, Memory, Settings, Tick, step};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{GroundSample, State, SuitSample};
 use equipoise_core::pose_suggestion::Posture;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
+use equipoise_simulator::suit_sender::SuitWorld;
 use equipoise_simulator::truth::Truth;
 
 use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
@@ -53,6 +54,17 @@ pub struct Session {
     suit_next: u32,
     ground_next: u32,
     seen_ns: u64,
+    suit_start: SuitStart,
+    /// Until when nothing comes of each device, ns: suit, ground.
+    silent_until_ns: [u64; 2],
+}
+
+/// When the suit's software was started.
+#[derive(Debug, Clone, Copy, Default)]
+struct SuitStart {
+    /// Number of the sample that counts as the first.
+    number: u32,
+    session: u32,
 }
 
 impl Session {
@@ -77,6 +89,8 @@ impl Session {
             suit_next: 0,
             ground_next: 0,
             seen_ns: 0,
+            suit_start: SuitStart::default(),
+            silent_until_ns: [0; 2],
         }
     }
 
@@ -128,6 +142,35 @@ impl Session {
         self.tick(Some(command));
     }
 
+    /// The suit's software is started again, which takes so long, s: it counts from zero, and its world is another.
+    pub fn restart_suit(&mut self, silent_s: f64, world: SuitWorld) {
+        self.silent_until_ns[0] = self.now_ns + (silent_s * 1e9) as u64;
+        let number = self.rig.suit_number_at(self.silent_until_ns[0]);
+        self.suit_start = SuitStart { number, session: self.suit_start.session + 1 };
+        self.rig.suit_world = world;
+    }
+
+    /// The ground's device is started again, which takes so long, s.
+    pub fn restart_ground(&mut self, silent_s: f64) {
+        self.silent_until_ns[1] = self.now_ns + (silent_s * 1e9) as u64;
+    }
+
+    /// The daemon is killed and comes back after so long, s, with what it has kept; its adapters count sessions from zero.
+    /// Whether what was kept could be used.
+    pub fn restart_daemon(&mut self, down_s: f64) -> bool {
+        let mut kept = bytemuck::zeroed_box::<Kept>();
+        kept.take(&self.memory);
+        self.memory.start(&self.settings);
+        let comes_back = self.memory.identification.restore(&kept.worker, &self.settings)
+            && self.memory.resume_tare(&kept.tare)
+            && self.memory.resume_registration(&kept.registration, &self.settings);
+        self.now_ns += (down_s * 1e9) as u64 / TICK_NS * TICK_NS;
+        self.suit_next = self.rig.suit_number_at(self.now_ns) + 1;
+        self.ground_next = (self.now_s() * f64::from(self.rig.plate_hz)) as u32 + 1;
+        self.suit_start.session = 0;
+        comes_back
+    }
+
     /// Lets time pass; `see` is shown every new state once.
     pub fn run(&mut self, for_s: f64, mut see: impl FnMut(&Moment)) {
         self.run_until(for_s, |moment| {
@@ -174,13 +217,23 @@ impl Session {
         let (now_ns, rig) = (self.now_ns, &self.rig);
         let mut suit: Vec<SuitSample> = Vec::new();
         while rig.suit_stamp_ns(self.suit_next) <= now_ns {
-            suit.push(suit_sample(&self.worker, &self.suit, rig, self.subject.seed, self.suit_next));
+            let sample = suit_sample(&self.worker, &self.suit, rig, self.subject.seed, self.suit_next);
+            let SuitStart { number, session } = self.suit_start;
+            let device_counter = self.suit_next.saturating_sub(number);
+            suit.push(SuitSample { device_counter, session, ..sample });
             self.suit_next += 1;
         }
         let mut ground: Vec<GroundSample> = Vec::new();
         while rig.ground_stamp_ns(self.ground_next) <= now_ns {
             ground.push(ground_sample(&self.worker, rig, self.subject.seed, self.ground_next));
             self.ground_next += 1;
+        }
+        let [suit_is_silent, ground_is_silent] = self.silent_until_ns.map(|until_ns| now_ns < until_ns);
+        if suit_is_silent {
+            suit.clear();
+        }
+        if ground_is_silent {
+            ground.clear();
         }
         let tick = Tick { cycle: self.cycle, due_ns: now_ns };
         step(

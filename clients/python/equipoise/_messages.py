@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x8c632e58efa5dc7d",
+    schema="0x1c57ef2b52401285",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -258,17 +258,18 @@ class Reason(enum.IntFlag):
     PLATE_FAULT = 2048
     COP_NOT_MEASURED = 4096
     LOAD_MAY_HIDE = 8192
+    PLACE_UNKNOWN = 16384
 
 
 SPOILS_GROUND_FORCE = Reason(2050)
 SPOILS_COP_MEASURED = Reason(6162)
-SPOILS_COM = Reason(1025)
-SPOILS_COP_ESTIMATED = Reason(1033)
+SPOILS_COM = Reason(17409)
+SPOILS_COP_ESTIMATED = Reason(17417)
 SPOILS_DELTA_F = Reason(6682)
-SPOILS_RESIDUAL = Reason(7903)
+SPOILS_RESIDUAL = Reason(24287)
 SPOILS_LIFTED_MASS = Reason(6842)
-SPOILS_BACK = Reason(16351)
-SPOILS_TORQUES = Reason(16383)
+SPOILS_BACK = Reason(32735)
+SPOILS_TORQUES = Reason(32767)
 
 
 class Phase(enum.IntEnum):

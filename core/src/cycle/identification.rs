@@ -23,6 +23,7 @@ mod weighing;
 
 pub use consistency::Consistency;
 pub use kept::KeptWorker;
+pub(super) use measurement::REGISTRATION_SIGMA_M;
 pub use measurement::StanceSigma;
 use misfit::Misfit;
 use progress::{Progress, ROWS_PER_POSE};

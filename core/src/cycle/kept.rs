@@ -28,7 +28,11 @@ const SHIFT_MAX_M: f64 = 1e4;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Registration {
-    /// Shift from the suit's to the station's world, m.
+    /// Turn about the vertical from the suit's to the station's world, rad …
+    pub station_from_suit_rad: f64,
+    /// … its 1-σ beyond what was configured, rad: π if place and heading were not known …
+    pub station_from_suit_sigma_rad: f64,
+    /// … and the shift after it, m.
     pub station_from_suit_m: [f64; 2],
     /// Time of the suit sample, CLOCK_MONOTONIC; 0 before the first: then nothing is known.
     pub suit_time_ns: u64,
@@ -59,6 +63,8 @@ impl Kept {
         self.shift = memory.exposure.shift();
         self.tare = memory.tare;
         self.registration = Registration {
+            station_from_suit_rad: memory.placing.station_from_suit_rad(),
+            station_from_suit_sigma_rad: memory.placing.sigma_rad(),
             station_from_suit_m: memory.anchor.station_from_suit_m(),
             suit_time_ns: memory.worked_ns,
             suit_counter: memory.suit_counter,
@@ -84,11 +90,14 @@ impl Memory {
         let shift_m = registration.station_from_suit_m;
         let sound = registration.suit_time_ns > 0
             && registration.suit_period_ns > 0
+            && registration.station_from_suit_rad.is_finite()
+            && (0.0..=core::f64::consts::PI).contains(&registration.station_from_suit_sigma_rad)
             && shift_m.iter().all(|metres| metres.is_finite() && metres.abs() < SHIFT_MAX_M);
         if !sound || !settings.suit_drifts {
             return false;
         }
         self.anchor.resume(shift_m);
+        self.placing.resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
         self.worked_ns = registration.suit_time_ns;
         self.suit_counter = registration.suit_counter;
         self.alignment.expect_suit_period(registration.suit_period_ns);
@@ -96,22 +105,50 @@ impl Memory {
         true
     }
 
+    /// Where the suit's world lies is not known: nothing that was kept says so, or the suit is another.
+    pub fn lose_the_place(&mut self) {
+        self.placing.lose(core::f64::consts::PI);
+    }
+
     /// Drops a shift from before the start unless this sample shows that the same suit went on, and not too long.
-    pub(super) fn confirm_shift(&mut self, suit: &SuitSample) {
+    pub(super) fn confirm_shift(&mut self, suit: &SuitSample, settings: &Settings) {
         if self.shift_unconfirmed == 0 {
             return;
         }
         self.shift_unconfirmed = 0;
         let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
-        let counted = u64::from(suit.device_counter).checked_sub(self.suit_counter);
-        let period_s = self.alignment.suit_period_ns() as f64 * 1e-9;
-        let (gap_s, counted_s) = (gap_ns as f64 * 1e-9, counted.map(|count| count as f64 * period_s));
-        let went_on = counted_s.is_some_and(|counted_s| {
-            (counted_s - gap_s).abs() <= COUNTER_SLACK_S + COUNTER_TOLERANCE * gap_s
-        });
+        let went_on = self.went_on(suit);
         if !went_on || gap_ns > SHIFT_HOLDS_NS {
             self.anchor = Zeroable::zeroed();
             self.worked_ns = 0;
+            let heading_sigma_rad =
+                if went_on { settings.suit_orientation_sigma_rad() } else { core::f64::consts::PI };
+            self.placing.lose(heading_sigma_rad);
         }
+    }
+
+    /// Whether the suit's counter went on since the last sample as its time did.
+    fn went_on(&self, suit: &SuitSample) -> bool {
+        let (gap_s, period_s) = self.since_last_s(suit);
+        let counted = u64::from(suit.device_counter).checked_sub(self.suit_counter);
+        counted.is_some_and(|counted| {
+            (counted as f64 * period_s - gap_s).abs() <= COUNTER_SLACK_S + COUNTER_TOLERANCE * gap_s
+        })
+    }
+
+    /// Whether the suit was started anew since the last sample: it counts from the beginning, and no farther than it had
+    /// time for. A counter that leaps elsewhere is the same suit's.
+    pub(super) fn started_anew(&self, suit: &SuitSample) -> bool {
+        let (gap_s, period_s) = self.since_last_s(suit);
+        let counted_s = f64::from(suit.device_counter) * period_s;
+        u64::from(suit.session) != self.session
+            && !self.went_on(suit)
+            && counted_s <= COUNTER_SLACK_S + (1.0 + COUNTER_TOLERANCE) * gap_s
+    }
+
+    /// Time since the last sample, and the suit's period, s.
+    fn since_last_s(&self, suit: &SuitSample) -> (f64, f64) {
+        let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
+        (gap_ns as f64 * 1e-9, self.alignment.suit_period_ns() as f64 * 1e-9)
     }
 }

@@ -78,7 +78,8 @@ impl Memory {
         }
         if !loaded
             || !worker.has_body()
-            || found.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED))
+            || found
+                .any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED).and(Validity::PLACE_UNKNOWN))
         {
             return;
         }
@@ -110,7 +111,7 @@ impl Memory {
             load_ahead_m: hands.ahead_sigma_m,
             zeta: if is_measured { (self.ground_sigma.force_n / vertical_n).min(0.5) } else { 0.0 },
             press_m: PRESS_SIGMA_M,
-            orientation_rad: settings.suit_orientation_sigma_rad(),
+            orientation_rad: self.orientation_sigma_rad(settings),
             grip_m: GRIP_SIGMA_M,
         };
         found.raise(
@@ -183,7 +184,7 @@ impl Memory {
         let between: [[f64; 2]; 2] = grip_m.map(|grip| [grip.x, grip.y]);
         let (right_hand, distance_m) = project(load_m, between);
         // The load's place is known as well as the two centres of pressure, magnified by weight over load, and the hands.
-        let chain_m = settings.suit_orientation_sigma_rad() * settings.height_m;
+        let chain_m = self.orientation_sigma_rad(settings) * settings.height_m;
         let sigma_m: [f64; 2] = core::array::from_fn(|axis| {
             let by_estimate_m = self.known.cop_sigma_m[axis] * weight_n / delta_f_n;
             let by_measurement_m = self.ground_sigma.cop_m * vertical_n / delta_f_n;

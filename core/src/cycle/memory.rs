@@ -9,6 +9,7 @@ use super::build::Build;
 use super::identification::{Identification, StanceSigma};
 use super::insoles::GroundSigma;
 use super::model_terms::ModelTerms;
+use super::placing::Placing;
 use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
@@ -21,7 +22,7 @@ use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 7;
+pub const MEMORY_VERSION: u64 = 8;
 
 /// What the loop remembers from one step to the next. About 933 kB: keep it in a box.
 #[repr(C)]
@@ -33,6 +34,8 @@ pub struct Memory {
     pub alignment: Alignment,
     /// Where the feet stand.
     pub anchor: Anchor,
+    /// How the suit's world lies on the plate.
+    pub(super) placing: Placing,
     /// The last suit samples with the wrench at their times; moments come out of it when their future is known.
     pub history: History,
     /// The last moments.
@@ -139,6 +142,7 @@ impl Memory {
         self.version == MEMORY_VERSION
             && self.alignment.is_sound()
             && self.anchor.is_sound()
+            && self.placing.is_sound()
             && self.history.is_sound()
             && self.window.is_sound()
             && self.noise.is_sound()

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::alignment::Aligned;
 use super::body_motion::BodyMotion;
 use super::insoles::GroundSigma;
+use super::kept::SHIFT_HOLDS_NS;
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
 use super::{CLOCK_SIGMA_MAX_NS, insoles, sole, support};
@@ -32,10 +33,10 @@ pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
 impl Memory {
     /// Takes in one aligned sample and works through every moment whose window it fills.
     pub(super) fn take_in(&mut self, settings: &Settings, aligned: &Aligned) {
-        let suit = &aligned.suit;
+        self.confirm_shift(&aligned.suit, settings);
+        self.lose_sight_after_a_gap(&aligned.suit, settings);
+        let suit = &self.placing.headed(&aligned.suit);
         let in_suit_world = suit.pose();
-        self.confirm_shift(suit);
-        self.lose_sight_after_a_gap(suit, settings);
         self.worked_ns = suit.sample_time_ns;
         let had_body = self.identification.has_body();
         self.follow_build(&in_suit_world, suit, settings);
@@ -81,7 +82,9 @@ impl Memory {
     /// Who was out of sight for a while, or whose suit began anew, may stand elsewhere.
     fn lose_sight_after_a_gap(&mut self, suit: &SuitSample, settings: &Settings) {
         let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
-        let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || u64::from(suit.session) != self.session);
+        let is_another = self.started_anew(suit);
+        let is_session = u64::from(suit.session) != self.session;
+        let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || is_session);
         self.session = u64::from(suit.session);
         self.suit_counter = u64::from(suit.device_counter);
         if !anew {
@@ -94,6 +97,11 @@ impl Memory {
             self.anchor.lose();
             if self.identification.has_body() {
                 self.identification.new_stance(settings);
+            }
+            if is_another {
+                self.placing.lose(core::f64::consts::PI);
+            } else if gap_ns > SHIFT_HOLDS_NS {
+                self.placing.lose(settings.suit_orientation_sigma_rad());
             }
         }
     }
@@ -113,6 +121,7 @@ impl Memory {
         found.raise(Validity::CLOCK_UNSYNCHRONISED, unsynchronised);
         // Until the first moment with a body, what is told is of one without.
         found.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
+        found.raise(Validity::PLACE_UNKNOWN, self.placing.is_lost());
 
         let standing = moment.ground().copied().and_then(|ground| self.stand_on(&ground, &mut found));
         let is_off = standing.is_none() && !found.any_of(Validity::COP_NOT_MEASURED);
@@ -204,7 +213,8 @@ impl Memory {
             let [terms_x_n, terms_y_n, terms_z_n] = self.terms.force_n;
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2 - terms_z_n;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
-            let has_shear = ground.measures(Component::Shear);
+            // Shear of an unknown heading tells nothing.
+            let has_shear = ground.measures(Component::Shear) && !self.placing.is_lost();
             if !has_shear {
                 self.noise.forget_push();
             }
@@ -264,7 +274,7 @@ impl Memory {
         let soles = sole::both(pose, self.build.body(), settings.height_m);
         let worker = &mut self.identification;
         let supported = support::is_supported(pose, stillness.cop_m, &soles, SUPPORT_MARGIN_M);
-        if !supported || moment.both_feet_stand != 1 || worker.mass_kg <= 0.0 {
+        if self.placing.is_lost() || !supported || moment.both_feet_stand != 1 || worker.mass_kg <= 0.0 {
             return;
         }
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;

@@ -14,7 +14,7 @@ use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
 
 /// Moments in motion enter the filter at most so often, ns …
-const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
+pub(super) const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
 /// … and so many of them say as much as one: errors of a motion last about half a second.
 pub(super) const ROWS_PER_INDEPENDENT: f64 = 5.0;
 /// After a gap longer than this nothing is known of the hands, s.
@@ -46,10 +46,15 @@ impl Memory {
         if !self.unloaded.watch(self.known.delta_f_n[2], step_s, settings.load_threshold_n, sigma) {
             return;
         }
+        if self.placing.is_lost() {
+            self.seek_the_place(pose, moment, body, settings);
+            return;
+        }
         if self.noise.may_be_pushed() {
             return;
         }
         self.learn_errors(moment, body);
+        self.seek_the_place(pose, moment, body, settings);
         let steady = moment.both_feet_stand == 1 || !settings.suit_drifts;
         let due = moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS;
         if steady && due {
@@ -67,13 +72,16 @@ impl Memory {
         settings: &Settings,
     ) {
         let soles = sole::both(pose, self.build.body(), settings.height_m);
-        let supported = support::is_supported(pose, self.known.cop_measured_m, &soles, SUPPORT_MARGIN_M);
+        let supported = self.placing.is_lost()
+            || support::is_supported(pose, self.known.cop_measured_m, &soles, SUPPORT_MARGIN_M);
         let vertical_n = moment.ground.force_n[2] - self.terms.force_n[2];
         let worker = &self.identification;
         let loaded = worker.mass_kg > 0.0
             && (vertical_n - worker.mass_kg * body.specific_force_m_per_s2).abs()
                 > self.load_limit_n(settings);
-        if loaded || !supported || moment.both_feet_stand != 1 || worker.learning != 1 {
+        // A mass that was forgotten after the learning is needed still.
+        let is_wanted = worker.learning == 1 || worker.mass_kg <= 0.0;
+        if loaded || !supported || moment.both_feet_stand != 1 || !is_wanted {
             return;
         }
         let inertia_n = vertical_n * body.suit_acceleration_m_per_s2[2] / body.specific_force_m_per_s2;

@@ -82,6 +82,8 @@ kinds! {
     LatencyNotLogged = 16, "latency_not_logged";
     /// The configuration was read again and refused; the one before stays in force.
     ReloadRefused = 17, "reload_refused";
+    /// Where the worker stands on the plate is not known.
+    PlaceUnknown = 18, "place_unknown";
 }
 
 impl Incidents {

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::layout::{ZeroCopySend, message};
 use crate::body::SEGMENTS;
-use crate::frame::{Pose, SuitWorld, rotation};
+use crate::frame::{Pose, SuitWorld, Turn, rotation};
 
 message! {
     /// One sample of a motion-capture suit, in the suit's own world (X forward, Y left, Z up, metres).
@@ -72,6 +72,21 @@ impl SuitSample {
     /// Where the body is, in the suit's own world. The adapter has normalised the quaternions.
     pub fn pose(&self) -> Pose<SuitWorld> {
         Pose::new(self.position_m.map(Vector3::from), self.orientation_wxyz.map(rotation))
+    }
+
+    /// The same sample, its world turned about the vertical through its origin.
+    #[must_use]
+    pub fn turned(&self, turn: Turn) -> SuitSample {
+        let vectors = |vectors: &[[f64; 3]; SEGMENTS]| vectors.map(|vector| turn.of_vector(vector));
+        SuitSample {
+            position_m: vectors(&self.position_m),
+            orientation_wxyz: self.orientation_wxyz.map(|orientation| turn.of_wxyz(orientation)),
+            velocity_m_per_s: vectors(&self.velocity_m_per_s),
+            acceleration_m_per_s2: vectors(&self.acceleration_m_per_s2),
+            angular_velocity_rad_per_s: vectors(&self.angular_velocity_rad_per_s),
+            com_m: turn.of_vector(self.com_m),
+            ..*self
+        }
     }
 
     /// Whether an optional block was sent with this sample.

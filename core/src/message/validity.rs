@@ -44,6 +44,8 @@ reasons! {
     /// The external force is below what can be told in quick motion, and a load may hide there: nobody knows whether
     /// something is carried.
     LOAD_MAY_HIDE = 13, "load_may_hide";
+    /// Where the worker stands on the plate is not known: the suit was started anew, or was silent for long.
+    PLACE_UNKNOWN = 14, "place_unknown";
 }
 
 impl Validity {
@@ -53,7 +55,8 @@ impl Validity {
     /// What spoils the measured ground reaction.
     pub const SPOILS_GROUND_FORCE: Validity = Validity::GROUND_STALE.and(Validity::PLATE_FAULT);
     /// What spoils the estimated centre of mass.
-    pub const SPOILS_COM: Validity = Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN);
+    pub const SPOILS_COM: Validity =
+        Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN).and(Validity::PLACE_UNKNOWN);
     /// What spoils the estimated centre of pressure.
     pub const SPOILS_COP_ESTIMATED: Validity = Validity::SPOILS_COM.and(Validity::MOVING);
     /// What spoils the external force.

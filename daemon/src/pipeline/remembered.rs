@@ -143,7 +143,15 @@ impl Remembered {
                 );
             }
             Some(Ok(_)) => self.tell("where the suit's world lay is not used".to_owned()),
-            Some(Err(why)) => self.tell(format!("where the suit's world lies is found anew: {why}")),
+            Some(Err(why)) => {
+                // Frames that were told anew are where the suit's world lies now.
+                let told_anew =
+                    station.registration.as_ref().is_some_and(|part| !part.is_in_frames_of(config));
+                if settings.suit_drifts && self.memory.identification.has_body() && !told_anew {
+                    self.memory.lose_the_place();
+                }
+                self.tell(format!("where the suit's world lies is found anew: {why}"));
+            }
         }
     }
 

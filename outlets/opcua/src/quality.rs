@@ -33,6 +33,7 @@ const GROUPS: [(Validity, StatusCode); 4] = [
             .and(Validity::BODY_UNKNOWN)
             .and(Validity::MASS_UNKNOWN)
             .and(Validity::NOT_IDENTIFIED)
+            .and(Validity::PLACE_UNKNOWN)
             .and(Validity::MODEL_CHANGED),
         StatusCode::BadWaitingForInitialData,
     ),

@@ -18,7 +18,7 @@ use crate::static_pose::{Stillness, Window};
 
 /// 1-σ of how far the plate's configured place in the suit's world is off at first, m: told by hand, and the suit has
 /// drifted since.
-const REGISTRATION_SIGMA_M: f64 = 0.03;
+pub(in crate::cycle) const REGISTRATION_SIGMA_M: f64 = 0.03;
 
 /// One degree of freedom exceeds this once in a thousand times.
 const BLUNDER_SQUARE: f64 = 10.8;
@@ -60,7 +60,12 @@ impl Identification {
     pub fn new_stance(&mut self, settings: &Settings) {
         let variance_m2 =
             if settings.suit_drifts { REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M } else { 0.0 };
-        for axis in 0..2 {
+        self.stand_within([variance_m2; 2]);
+    }
+
+    /// The stance's offset is zero, give or take this variance per axis, m². θ stays.
+    pub(in crate::cycle) fn stand_within(&mut self, variance_m2: [f64; 2]) {
+        for (axis, variance_m2) in variance_m2.into_iter().enumerate() {
             self.filter.forget(self.reduction.count() + axis, variance_m2);
         }
     }

@@ -1,0 +1,239 @@
+//! Suit, plate and daemon started again in the middle of work, the suit with another origin and heading: how long until it is
+//! known again where the worker stands, and how well.
+
+use std::f64::consts::PI;
+
+use equipoise_core::message::Validity;
+use equipoise_simulator::random::Random;
+use equipoise_simulator::suit_sender::SuitWorld;
+use nalgebra::Vector2;
+
+use crate::natural::Movements;
+use crate::session::{Moment, Session};
+use crate::subject::{Crowd, Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::{percent, quartiles};
+
+/// Poses that identify the worker before anything is started again.
+const POSES_MAX: u32 = 20;
+/// How long a device or the daemon is away, s.
+const AWAY_S: [f64; 2] = [0.4, 4.0];
+/// How far the suit's new origin lies from the old one, at most, along each axis, m.
+const ORIGIN_M: f64 = 1.0;
+/// From one restart to the next, s.
+const WORK_S: [f64; 2] = [1.0, 8.0];
+/// The place must be known again within this, s.
+const PATIENCE_S: f64 = 60.0;
+/// After that the place is held against the truth for so long, s.
+const JUDGED_S: f64 = 8.0;
+/// What is carried in some of the restarts, kg.
+const BOX_KG: f64 = 8.0;
+/// Restarts of each subject.
+const RESTARTS: usize = 6;
+
+/// What is started again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Restart {
+    /// The suit's software: it counts from zero, with another origin and heading.
+    Suit,
+    /// The plate's device.
+    Ground,
+    /// The daemon, which comes back with what it has kept.
+    Daemon,
+    /// The suit while the daemon is away.
+    SuitBehindTheDaemon,
+}
+
+impl Restart {
+    /// All, in the order of the table.
+    pub const ALL: [Restart; 4] =
+        [Restart::Suit, Restart::Ground, Restart::Daemon, Restart::SuitBehindTheDaemon];
+
+    fn name(self) -> &'static str {
+        match self {
+            Restart::Suit => "suit",
+            Restart::Ground => "plate",
+            Restart::Daemon => "daemon",
+            Restart::SuitBehindTheDaemon => "suit while the daemon is away",
+        }
+    }
+}
+
+/// How far the estimate is from the truth, of the values that are told.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Errors {
+    /// States that tell a centre of pressure.
+    pub told: u64,
+    square_m2: f64,
+    /// The largest error of the centre of pressure, m.
+    pub cop_max_m: f64,
+    /// The largest error of the pelvis' place, m.
+    pub pelvis_max_m: f64,
+    /// States whose centre of pressure is more than three of its σ off on an axis.
+    pub beyond_three_sigma: u64,
+}
+
+impl Errors {
+    fn add(&mut self, moment: &Moment) {
+        let state = moment.state;
+        if state.validity().any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED)) {
+            return;
+        }
+        let truth = moment.truth();
+        let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
+        let [x, y, _] = state.segment_origin_m[0];
+        let pelvis = truth.body.origin_m[0];
+        self.told += 1;
+        self.square_m2 += off_m.norm_squared();
+        self.cop_max_m = self.cop_max_m.max(off_m.norm());
+        self.pelvis_max_m = self.pelvis_max_m.max((Vector2::new(x, y) - pelvis.xy()).norm());
+        let is_beyond = (0..2).any(|axis| off_m[axis].abs() > 3.0 * state.cop_sigma_m[axis]);
+        self.beyond_three_sigma += u64::from(is_beyond);
+    }
+
+    fn merge(&mut self, other: &Errors) {
+        self.told += other.told;
+        self.square_m2 += other.square_m2;
+        self.cop_max_m = self.cop_max_m.max(other.cop_max_m);
+        self.pelvis_max_m = self.pelvis_max_m.max(other.pelvis_max_m);
+        self.beyond_three_sigma += other.beyond_three_sigma;
+    }
+
+    /// Root mean square error of the centre of pressure, m.
+    pub fn cop_rms_m(&self) -> f64 {
+        (self.square_m2 / self.told.max(1) as f64).sqrt()
+    }
+}
+
+/// One restart and what came of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Outcome {
+    /// What was started again.
+    pub restart: Restart,
+    /// Whether a box was carried then; it is put down afterwards.
+    pub carrying: bool,
+    /// From then until a centre of pressure is told again, s; `None`: not within a minute.
+    pub found_s: Option<f64>,
+    /// Everything told from the restart to the end of the judged time.
+    pub errors: Errors,
+}
+
+/// Identifies the subject, who then works on while one thing after the other is started again.
+pub fn restarts(subject: &Subject, of: impl Fn(&mut Random) -> Restart) -> Vec<Outcome> {
+    let mut session = Session::new(subject, subject.settings());
+    session.identify(POSES_MAX);
+    let mut movements = Movements::of(subject);
+    let mut random = Random::new(subject.seed, "restarts");
+    (0..RESTARTS).map(|_| one(&mut session, &mut movements, of(&mut random), &mut random)).collect()
+}
+
+fn one(session: &mut Session, movements: &mut Movements, restart: Restart, random: &mut Random) -> Outcome {
+    let carrying = random.happens(0.3);
+    if carrying {
+        session.order(|worker, at_s| worker.lift(BOX_KG, at_s));
+    }
+    movements.work(session, random.between(WORK_S[0], WORK_S[1]), |_| false);
+    let away_s = random.between(AWAY_S[0], AWAY_S[1]);
+    let origin_m = [random.between(-ORIGIN_M, ORIGIN_M), random.between(-ORIGIN_M, ORIGIN_M), 0.0];
+    let world = SuitWorld { origin_m, yaw_rad: random.between(-PI, PI) };
+    match restart {
+        Restart::Suit => session.restart_suit(away_s, world),
+        Restart::Ground => session.restart_ground(away_s),
+        Restart::Daemon => assert!(session.restart_daemon(away_s), "what was kept is not used"),
+        Restart::SuitBehindTheDaemon => {
+            session.restart_suit(0.5 * away_s, world);
+            assert!(session.restart_daemon(away_s), "what was kept is not used");
+        }
+    }
+    let mut errors = Errors::default();
+    let begun_s = session.now_s();
+    // What waits for its future at a restart still comes out of it.
+    movements.work(session, AWAY_S[1], |moment| {
+        errors.add(moment);
+        false
+    });
+    if carrying {
+        session.order(equipoise_simulator::motion::Worker::put_down);
+    }
+    let is_told = |moment: &Moment| {
+        !moment.state.validity().any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
+    };
+    let found = movements.work(session, PATIENCE_S, is_told);
+    let found_s = found.then(|| session.now_s() - begun_s);
+    movements.work(session, JUDGED_S, |moment| {
+        errors.add(moment);
+        false
+    });
+    Outcome { restart, carrying, found_s, errors }
+}
+
+/// The table.
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let subjects = crowd.subjects();
+    let outcomes: Vec<Outcome> = ask_all(&subjects, |subject| {
+        restarts(subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
+    })
+    .into_iter()
+    .flatten()
+    .collect();
+    let mut table = Table::new(
+        format!("Started again in the middle of work ({} subjects, {RESTARTS} restarts each)", crowd.count),
+        &[
+            "started again",
+            "carrying",
+            "times",
+            "place found",
+            "median s",
+            "slowest s",
+            "CoP error mm",
+            "largest mm",
+            "pelvis largest mm",
+            "beyond 3 sigma %",
+        ],
+    );
+    for restart in Restart::ALL {
+        for carrying in [false, true] {
+            let of: Vec<&Outcome> = outcomes
+                .iter()
+                .filter(|outcome| outcome.restart == restart && outcome.carrying == carrying)
+                .collect();
+            let seconds: Vec<f64> = of.iter().filter_map(|outcome| outcome.found_s).collect();
+            let mut errors = Errors::default();
+            of.iter().for_each(|outcome| errors.merge(&outcome.errors));
+            let row: Vec<Cell> = vec![
+                restart.name().into(),
+                if carrying { "yes" } else { "no" }.into(),
+                (of.len() as u64).into(),
+                (seconds.len() as u64).into(),
+                quartiles(seconds.clone()).map(|[_, median, _]| median).into(),
+                seconds.iter().copied().reduce(f64::max).into(),
+                (1e3 * errors.cop_rms_m()).into(),
+                (1e3 * errors.cop_max_m).into(),
+                (1e3 * errors.pelvis_max_m).into(),
+                percent(errors.beyond_three_sigma, errors.told).into(),
+            ];
+            table.push(row);
+        }
+    }
+    table.note("squats and bends at natural speed; the suit's new origin up to 1 m off on each axis, its heading any");
+    table.note("errors: of every value told from the restart on, against the simulated person");
+    vec![table]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_is_started_again_no_centre_of_pressure_is_told_at_another_place() {
+        for seed in 0..3 {
+            let subject = Subject::somebody(seed);
+            for outcome in restarts(&subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4]) {
+                assert!(outcome.found_s.is_some(), "{seed}: {outcome:?}");
+                let Errors { told, cop_max_m, beyond_three_sigma, .. } = outcome.errors;
+                assert!(told > 300 && beyond_three_sigma * 20 < told, "{seed}: {outcome:?}");
+                assert!(cop_max_m < 0.15 && outcome.errors.cop_rms_m() < 0.03, "{seed}: {outcome:?}");
+            }
+        }
+    }
+}
