@@ -7,7 +7,7 @@
 #[path = "counting_alloc.rs"]
 mod counting_alloc;
 
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -21,6 +21,7 @@ use equipoise_daemon::config::Config;
 use equipoise_daemon::model::LoadedModel;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::tick::Observer;
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 
@@ -47,10 +48,6 @@ impl Observer for Arm {
             self.seen.fetch_add(1, Ordering::Relaxed);
         }
     }
-}
-
-fn free_port() -> SocketAddr {
-    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).expect("a free port")
 }
 
 fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
@@ -195,7 +192,7 @@ fn keep_busy(
 #[test]
 fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
     let station = format!("no-alloc-{}", std::process::id());
-    let suit = free_port();
+    let suit = free_address().unwrap();
     let mut simulated = SimulationSettings::default();
     simulated.suit.target = suit;
     simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));

@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::io::{ErrorKind, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
 use equipoise_adapters::ground::channels::{Direct, ForceUnit, MomentUnit};
@@ -15,6 +15,7 @@ use equipoise_adapters::source::{GroundSource, TcpLine, Transport, UdpLine};
 use equipoise_adapters::wire::frame::{Endian, FrameForm, Length, Number, Place};
 use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_core::message::GroundSample;
+use equipoise_simulator::ports::free_address;
 
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -59,13 +60,9 @@ fn until(source: &mut GroundSource, count: usize, samples: &mut Vec<GroundSample
     assert_eq!(samples.len(), count, "{:?} {:?}", source.counts(), source.trouble());
 }
 
-fn free() -> SocketAddr {
-    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
-}
-
 #[test]
 fn lines_over_udp_are_samples() {
-    let address = free();
+    let address = free_address().unwrap();
     let mut source =
         open(UdpLine::listening(address, Senders::Loopback, "ground.listen"), text(Framing::Datagrams));
     let device = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -165,7 +162,7 @@ fn a_described_device_is_asked_answers_and_is_told_the_end() {
 
 #[test]
 fn insoles_over_udp_are_two_feet() {
-    let address = free();
+    let address = free_address().unwrap();
     let settings = MoticonSettings {
         fields: all_fields(),
         length_m: 0.25,

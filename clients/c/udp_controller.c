@@ -123,7 +123,12 @@ int main(int argc, char **argv) {
     const int each = argc > 4 && strcmp(argv[4], "each") == 0;
     const uint64_t end_ns = now_ns() + (uint64_t)(atof(argv[3]) * 1e9);
     uint64_t print_ns = now_ns() + UINT64_C(1000000000);
-    printf("listening\n");
+    socklen_t length = sizeof address;
+    if (getsockname(receiver, (struct sockaddr *)&address, &length) != 0) {
+        perror("cannot learn the port");
+        return 1;
+    }
+    printf("listening on %u\n", (unsigned)ntohs(address.sin_port));
     fflush(stdout);
     while (now_ns() < end_ns) {
         struct pollfd ready = {.fd = receiver, .events = POLLIN};

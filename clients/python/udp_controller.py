@@ -60,7 +60,7 @@ def main() -> None:
     end_ns = time.monotonic_ns() + int(1e9 * float(sys.argv[3]))
     print_ns = time.monotonic_ns() + PRINT_EVERY_NS
     with udp.listen(int(sys.argv[1]), sys.argv[2]) as receiver:
-        print("listening", flush=True)
+        print(f"listening on {receiver.port}", flush=True)
         while time.monotonic_ns() < end_ns:
             if each:
                 outcome = receiver.next_or_refused(0.01)

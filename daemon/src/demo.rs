@@ -6,7 +6,7 @@
 mod scene;
 pub mod summary;
 
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -15,6 +15,7 @@ use anyhow::{Context, bail};
 use equipoise_bus::{Bus, BusSettings, Channel, Subscriber};
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::realism::Realism;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
@@ -58,7 +59,7 @@ pub fn default_page() -> SocketAddr {
 /// # Errors
 /// A sentence: what could not be started, or what the demonstration failed to show.
 pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSummary> {
-    let suit_port = free_udp_port()?;
+    let suit_port = free_address().context("a port for the suit")?;
     let mut simulated = SimulationSettings { seed: settings.seed, ..SimulationSettings::default() };
     simulated.suit.target = suit_port;
     simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
@@ -124,11 +125,6 @@ fn show(
         }
     }
     Ok(script)
-}
-
-/// A port that is free now. Between here and its use another process could take it; then the daemon says so.
-fn free_udp_port() -> anyhow::Result<SocketAddr> {
-    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).context("a free port")
 }
 
 /// The configuration of the demonstration: a plain one, written as a person would write it.

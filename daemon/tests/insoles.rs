@@ -5,7 +5,7 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{Station, free_address, said};
+use common::{Station, said};
 use equipoise_simulator::devices::felt::{Ground, Mounting};
 use equipoise_simulator::devices::line::Line;
 use equipoise_simulator::devices::moticon::Moticon;
@@ -13,6 +13,7 @@ use equipoise_simulator::devices::running::{Pace, Running};
 use equipoise_simulator::devices::udp::UdpPort;
 use equipoise_simulator::noise::SuitNoise;
 use equipoise_simulator::person::Person;
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
 use equipoise_simulator::wires::moticon::ALL;
@@ -42,7 +43,7 @@ fn names(state: &Value, key: &str) -> Vec<String> {
 
 #[test]
 fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
-    let (suit, insoles) = (free_address(), free_address());
+    let (suit, insoles) = (free_address().unwrap(), free_address().unwrap());
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
     // The worker is where the suit says: what is left is the person's sway between two looks.

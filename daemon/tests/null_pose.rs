@@ -5,7 +5,7 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{Station, equipoise, free_address, said};
+use common::{Station, equipoise, said};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::Side;
 use equipoise_core::cycle::{BodyRefusal, BodySource};
@@ -13,6 +13,7 @@ use equipoise_core::message::suit_body::FootPoint;
 use equipoise_daemon::replay::Replay;
 use equipoise_daemon::replay::input::Input;
 use equipoise_simulator::person::Person;
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
 
@@ -50,7 +51,7 @@ fn state_of(station: &Station) -> serde_json::Value {
 
 #[test]
 fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
-    let suit = free_address();
+    let suit = free_address().unwrap();
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
     settings.plate.address = "127.0.0.1:0".parse().unwrap();

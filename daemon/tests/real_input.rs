@@ -16,7 +16,7 @@ mod common;
 
 use std::collections::HashMap;
 
-use common::{Station, free_address, human_motion, said};
+use common::{Station, human_motion, said};
 use equipoise_adapters::capture::CsvCapture;
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
@@ -27,6 +27,7 @@ use equipoise_daemon::replay::input::Input;
 use equipoise_simulator::faults::Faults;
 use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{PlayerSettings, Recorded, play};
+use equipoise_simulator::ports::free_address;
 
 /// So much of the file is streamed, s.
 const LENGTH_S: f64 = 25.0;
@@ -75,7 +76,7 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
         .unwrap()
         .take_while(|(suit, _)| suit.sample_time_ns < 1_000_000_000 + (LENGTH_S * 1e9) as u64)
         .collect();
-    let suit = free_address();
+    let suit = free_address().unwrap();
     let settings = PlayerSettings {
         suit_target: suit,
         plate_address: "127.0.0.1:0".parse().unwrap(),

@@ -2,7 +2,7 @@
 //!
 //! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
 //! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] → [`realism`], [`dynamics`] → [`truth`] →
-//! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wires`] → [`wire`], [`plate`] →
+//! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] →
 //! [`suit_sender`], [`plate_server`] (through [`faults`]), [`device`] → [`devices`] → [`simulation`], [`player`].
 //! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
 //! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
@@ -30,6 +30,7 @@ pub mod plate;
 pub mod plate_fault;
 pub mod plate_server;
 pub mod player;
+pub mod ports;
 pub mod pose;
 pub mod random;
 pub mod realism;

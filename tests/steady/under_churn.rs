@@ -16,8 +16,9 @@ use equipoise_daemon::roster::{MemoryUse, TaskFacts};
 use crate::churn::Churn;
 use crate::consumers::Storm;
 use crate::process::{PATIENCE, Process, wait_for};
-use crate::station::{NAME, Station, free_tcp_port, free_udp_port};
+use crate::station::{NAME, Station};
 use crate::{Watch, number};
+use equipoise_simulator::ports::free_address;
 
 /// Where the suite's files are; set for [`inside`] only.
 const DIRECTORY: &str = "STEADY_DIRECTORY";
@@ -64,8 +65,8 @@ fn config(page: std::net::SocketAddr) -> Config {
          source = \"ati-rdt\"\naddress = \"{}\"\ncounts_per_newton = 1e6\ncounts_per_newton_metre = 1e6\n[subject]\n\
          id = \"t\"\nheight_m = 1.77\n[identification]\nposes_min = 2\nstop_cop_sigma_mm = 20\n[page]\nlisten = \
          \"{page}\"\n",
-        free_udp_port(),
-        free_udp_port()
+        free_address().expect("a free port"),
+        free_address().expect("a free port")
     );
     Config::parse(&text, "the suite's configuration").expect("a good configuration")
 }
@@ -116,7 +117,7 @@ fn inside() {
         panic!("run the_loop_is_steady_while_everything_around_it_comes_and_goes");
     };
     let watch = Watch::after(WARM_CYCLES);
-    let config = config(free_tcp_port());
+    let config = config(free_address().expect("a free port"));
     let pipeline = Pipeline::start_observed(&config, Box::new(watch.clone())).expect("a pipeline");
     let the_loop = pipeline.threads().iter().find(|thread| thread.thread == "loop").expect("a loop").clone();
     println!("loop: {:?}, asked {:?}; memory: {:?}", the_loop.granted, the_loop.asked, MemoryUse::now());

@@ -171,6 +171,8 @@ class Receiver:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((address, port))
         self._socket.setblocking(False)
+        # The kernel's choice where it was asked for port 0.
+        self.port: int = self._socket.getsockname()[1]
 
     def next(self, timeout_s: float) -> Optional[Datagram]:
         """Takes all that waits in the socket, and hands out the newest; None if nothing was taken in time."""

@@ -6,11 +6,11 @@
     reason = "each test file uses a part of it; helpers of tests fail as tests do"
 )]
 
-use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 
@@ -51,14 +51,9 @@ pub(crate) fn said(output: &Output) -> String {
     )
 }
 
-/// A UDP port of loopback that was free a moment ago.
-pub(crate) fn free_address() -> SocketAddr {
-    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
-}
-
 /// A simulated person on ports of their own, and the configuration of a daemon that hears them. It ends within `[subject]`.
 pub(crate) fn person() -> (SimulationHandle, String) {
-    let suit = free_address();
+    let suit = free_address().unwrap();
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
     settings.plate.address = "127.0.0.1:0".parse().unwrap();

@@ -1,6 +1,6 @@
 //! The adapters that are asked, each with its device, and what cannot be asked of it.
 
-use std::net::{SocketAddr, UdpSocket};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -25,6 +25,7 @@ use equipoise_simulator::devices::text::Text;
 use equipoise_simulator::devices::udp::UdpPort;
 use equipoise_simulator::faults::Faults;
 use equipoise_simulator::plate::Plate;
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::suit_sender::Streams;
 use equipoise_simulator::wires::ati_rdt::Family;
 use equipoise_simulator::wires::moticon::ALL;
@@ -280,7 +281,7 @@ fn tcp(seed: u64) -> Line {
 }
 
 fn udp(seed: u64) -> Line {
-    Line::new(Box::new(UdpPort::to(free()).unwrap()), seed)
+    Line::new(Box::new(UdpPort::to(free_address().unwrap()).unwrap()), seed)
 }
 
 fn amti(folder: &Path, _: &Arc<Person>) -> Built {
@@ -355,11 +356,6 @@ fn loopback() -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 0))
 }
 
-/// A port of loopback that was free a moment ago, for hosts that listen.
-fn free() -> SocketAddr {
-    UdpSocket::bind(loopback()).unwrap().local_addr().unwrap()
-}
-
 /// Somewhere in the room, turned, its sensor below its surface.
 fn plate() -> Plate {
     Plate { origin_m: [0.15, -0.08, -0.04], yaw_rad: 0.35, surface_height_m: 0.04, ..Plate::default() }
@@ -401,7 +397,7 @@ fn mvn_udp(_: &Path, person: &Arc<Person>) -> Built {
 }
 
 fn mvn_tcp(_: &Path, person: &Arc<Person>) -> Built {
-    mvn(Line::new(Box::new(TcpOutPort::to(free())), 4), Streams::NONE, person)
+    mvn(Line::new(Box::new(TcpOutPort::to(free_address().unwrap())), 4), Streams::NONE, person)
 }
 
 fn mvn_everything(_: &Path, person: &Arc<Person>) -> Built {
@@ -411,7 +407,7 @@ fn mvn_everything(_: &Path, person: &Arc<Person>) -> Built {
 
 fn mvn_euler(_: &Path, person: &Arc<Person>) -> Built {
     let streams = Streams { without_quaternions: true, euler: true, ..Streams::NONE };
-    mvn(Line::new(Box::new(TcpOutPort::to(free())), 22), streams, person)
+    mvn(Line::new(Box::new(TcpOutPort::to(free_address().unwrap())), 22), streams, person)
 }
 
 fn mvn_unity(_: &Path, person: &Arc<Person>) -> Built {

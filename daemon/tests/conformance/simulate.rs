@@ -1,11 +1,11 @@
 //! `equipoise simulate --ground` of the real program: what it prints is a configuration, and what it sends fits it.
 
 use std::io::{BufRead, BufReader};
-use std::net::UdpSocket;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use equipoise_simulator::GRAVITY_M_PER_S2;
+use equipoise_simulator::ports::free_address;
 
 use crate::host::{Host, Sample};
 
@@ -23,15 +23,20 @@ impl Drop for Program {
     }
 }
 
-fn free() -> String {
-    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
-}
-
 /// Starts the program; the section that it prints.
 fn started(arguments: &[&str]) -> (Program, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
     command
-        .args(["simulate", "--suit", &free(), "--mass-kg", "72", "--for", "60", "--ground"])
+        .args([
+            "simulate",
+            "--suit",
+            &free_address().unwrap().to_string(),
+            "--mass-kg",
+            "72",
+            "--for",
+            "60",
+            "--ground",
+        ])
         .args(arguments);
     let mut child =
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::inherit()).spawn().unwrap();
@@ -71,10 +76,10 @@ fn every_device_can_be_simulated_from_the_command_line() {
         vec!["bota-serial".into(), name("bota")],
         vec!["kistler-labamp".into(), any()],
         vec!["tec-gihan".into(), name("tec-gihan")],
-        vec!["moticon-udp".into(), free()],
+        vec!["moticon-udp".into(), free_address().unwrap().to_string()],
         vec!["qtm".into(), any()],
         vec!["lsl".into(), any()],
-        vec!["text".into(), format!("udp:{}", free())],
+        vec!["text".into(), format!("udp:{}", free_address().unwrap())],
         vec!["binary".into(), name("binary")],
     ]
     .into();

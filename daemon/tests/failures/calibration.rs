@@ -12,7 +12,8 @@ use serde_json::Value;
 
 use crate::eyes::Eyes;
 use crate::process::{PATIENCE, Process, wait_for};
-use crate::station::{Station, free_udp_port};
+use crate::station::Station;
+use equipoise_simulator::ports::free_address;
 
 /// Where the plate really stands.
 const PLATE: Plate = Plate {
@@ -271,7 +272,7 @@ fn stomps_tell_how_much_later_the_suit_is() {
 #[test]
 fn two_plates_are_tared_together_and_not_while_somebody_stands_there() {
     let station = Station::new();
-    let second = free_udp_port();
+    let second = free_address().expect("a free port");
     let mut settings = station.sensors();
     let plate = Plate { origin_m: [0.0, -0.2, 0.0], ..Plate::default() };
     settings.second_plate =

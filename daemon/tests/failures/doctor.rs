@@ -6,8 +6,9 @@ use serde_json::Value;
 
 use crate::eyes::Eyes;
 use crate::process::wait_for;
-use crate::station::{Ended, Station, free_tcp_port};
+use crate::station::{Ended, Station};
 use crate::streams;
+use equipoise_simulator::ports::free_address;
 
 fn check<'a>(report: &'a Value, name: &str) -> &'a Value {
     let checks = report["checks"].as_array().expect("a list of checks");
@@ -21,7 +22,7 @@ fn report(ended: &Ended) -> Value {
 #[test]
 fn a_port_of_somebody_else_fails_with_what_to_do_and_a_free_one_is_listened_on() {
     let station = Station::new();
-    let metrics = free_tcp_port();
+    let metrics = free_address().expect("a free port");
     let text = format!("{}[metrics]\nlisten = \"{metrics}\"\n", station.configuration());
     let path = station.write("doctor.toml", &text).display().to_string();
     let command = ["doctor", "--json", "--config", &path];
@@ -80,7 +81,7 @@ fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
 #[test]
 fn the_ports_of_page_and_metrics_are_the_stations_only_while_page_and_daemon_hold_them() {
     let station = Station::new();
-    let (page, metrics) = (free_tcp_port(), free_tcp_port());
+    let (page, metrics) = (free_address().expect("a free port"), free_address().expect("a free port"));
     let text = format!(
         "{}[page]\nlisten = \"{page}\"\n[metrics]\nlisten = \"{metrics}\"\n",
         station.configuration()

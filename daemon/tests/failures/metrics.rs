@@ -8,7 +8,8 @@ use rustix::process::Signal;
 
 use crate::eyes::Eyes;
 use crate::process::wait_for;
-use crate::station::{Station, free_tcp_port};
+use crate::station::Station;
+use equipoise_simulator::ports::free_address;
 
 /// Head and body of an answer.
 fn ask(address: SocketAddr, head: &str) -> Option<(String, String)> {
@@ -35,7 +36,7 @@ fn value(body: &str, begins: &str) -> Option<f64> {
 fn a_scrape_shows_counts_that_grow_incidents_by_name_and_no_motion() {
     let station = Station::new();
     let person = station.person();
-    let address = free_tcp_port();
+    let address = free_address().expect("a free port");
     let configuration = format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
     let mut daemon = station.daemon(&configuration);
     let mut eyes = Eyes::open(&station);

@@ -9,7 +9,8 @@ use rustix::process::Signal;
 
 use crate::ending::assert_nothing_left;
 use crate::process::{Process, wait_for};
-use crate::station::{NAME, Station, free_tcp_port};
+use crate::station::{NAME, Station};
+use equipoise_simulator::ports::free_address;
 
 const SECRET: &str = "0123456789abcdefghijklmnopqrstuv";
 
@@ -70,7 +71,7 @@ fn until_silent(address: SocketAddr) {
 #[test]
 fn it_waits_for_a_daemon_and_outlives_it() {
     let station = Station::new();
-    let address = free_tcp_port();
+    let address = free_address().expect("a free port");
     let mut view = view(&station, &format!("listen = \"{address}\"\n"));
     until_silent(address);
     assert_eq!(get(address, "/healthz", "").expect("the page").0, 200);
@@ -107,7 +108,7 @@ fn it_waits_for_a_daemon_and_outlives_it() {
 #[test]
 fn it_tells_how_late_states_come_to_it() {
     let station = Station::new();
-    let address = free_tcp_port();
+    let address = free_address().expect("a free port");
     let _daemon = station.daemon(&station.configuration());
     let _view = view(&station, &format!("listen = \"{address}\"\n"));
     until_live(address);
@@ -123,7 +124,7 @@ fn it_tells_how_late_states_come_to_it() {
 #[test]
 fn a_page_that_was_killed_is_not_told_as_living() {
     let station = Station::new();
-    let address = free_tcp_port();
+    let address = free_address().expect("a free port");
     let _daemon = station.daemon(&station.configuration());
     let mut view = view(&station, &format!("listen = \"{address}\"\n"));
     wait_for("the page in the status", || station.status().filter(|status| status["page"].is_object()));
@@ -134,7 +135,7 @@ fn a_page_that_was_killed_is_not_told_as_living() {
 #[test]
 fn a_bus_that_was_removed_and_made_anew_is_found_again() {
     let station = Station::new();
-    let address = free_tcp_port();
+    let address = free_address().expect("a free port");
     let mut daemon = station.daemon(&station.configuration());
     let mut view = view(&station, &format!("listen = \"{address}\"\n"));
     let old = wait_for("some cycles", || Some(until_live(address)).filter(|cycle| *cycle > 300));
@@ -149,7 +150,7 @@ fn a_bus_that_was_removed_and_made_anew_is_found_again() {
 #[test]
 fn the_daemon_itself_listens_on_no_page() {
     let station = Station::new();
-    let address = free_tcp_port();
+    let address = free_address().expect("a free port");
     let daemon = station.daemon(&format!("{}[page]\nlisten = \"{address}\"\n", station.configuration()));
     let _ours = TcpListener::bind(address).expect("a port that nobody else has");
     assert!(!daemon.stderr().contains(&address.to_string()));
@@ -158,7 +159,7 @@ fn the_daemon_itself_listens_on_no_page() {
 #[test]
 fn what_it_cannot_serve_is_told_with_its_key() {
     let station = Station::new();
-    let taken = TcpListener::bind(free_tcp_port()).expect("the port");
+    let taken = TcpListener::bind(free_address().expect("a free port")).expect("the port");
     let address = taken.local_addr().expect("its address").to_string();
     let refused = |page: &str, parts: &[&str]| {
         let mut view = try_view(&station, page);
@@ -214,7 +215,7 @@ fn the_token_opens_the_page_and_is_told_nowhere() {
     station.run(&["token", "--out", &token.display().to_string()]).failed_with(1, &["page.token", "exists"]);
     assert_ne!(station.run(&["token"]).done(), station.run(&["token"]).done());
 
-    let port = free_tcp_port().port();
+    let port = free_address().expect("a free port").port();
     let page = format!("listen = \"0.0.0.0:{port}\"\ntoken_file = \"page.token\"\n");
     let mut daemon = station.daemon(&format!("{}[page]\n{page}", station.configuration()));
     let mut view = view(&station, &page);

@@ -1,10 +1,11 @@
 //! A station of its own for each test: bus, state directory, ports, configuration.
 
 use std::cell::Cell;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use tempfile::TempDir;
@@ -51,7 +52,12 @@ impl Station {
     pub(crate) fn new() -> Station {
         // Short: the root of a bus has at most 46 bytes.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").expect("a directory");
-        Station { directory, suit: free_udp_port(), plate: free_udp_port(), processes: Cell::new(0) }
+        Station {
+            directory,
+            suit: free_address().expect("a free port"),
+            plate: free_address().expect("a free port"),
+            processes: Cell::new(0),
+        }
     }
 
     /// Where the bus keeps its files.
@@ -230,14 +236,4 @@ fn collect(directory: &Path, files: &mut Vec<PathBuf>) {
             files.push(entry.path());
         }
     }
-}
-
-/// A port that was free a moment ago.
-pub(crate) fn free_udp_port() -> SocketAddr {
-    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).expect("a free port")
-}
-
-/// As [`free_udp_port`].
-pub(crate) fn free_tcp_port() -> SocketAddr {
-    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr()).expect("a free port")
 }

@@ -13,8 +13,9 @@ use crate::adapters::adapter;
 use crate::ending::assert_nothing_left;
 use crate::eyes::Eyes;
 use crate::process::{PATIENCE, Process, wait_for};
-use crate::station::{NAME, Station, free_tcp_port, free_udp_port};
+use crate::station::{NAME, Station};
 use crate::streams::{self, FakePlate};
+use equipoise_simulator::ports::free_address;
 
 /// The other worker's station.
 const OTHER: &str = "other";
@@ -102,7 +103,7 @@ fn said(process: &Process, words: &str) {
 #[test]
 fn a_suit_over_tcp_is_a_suit_and_damage_or_a_new_connection_do_not_end_it() {
     let station = Station::new();
-    let port = free_tcp_port();
+    let port = free_address().expect("a free port");
     let _plate = FakePlate::start(station.plate);
     let daemon = station.daemon(&over_tcp(&station, port));
     let suit = streams::suits_over_tcp(port, &[0]);
@@ -139,7 +140,7 @@ fn two_workers_on_one_port_each_get_a_station_and_the_death_of_one_disturbs_no_o
     own.health(|health| health.refused[SuitRefusal::OtherAvatar.index()] > 10);
 
     // The other station's daemon, with a plate of its own, takes what it is given.
-    let plate = free_udp_port();
+    let plate = free_address().expect("a free port");
     let _plate = FakePlate::start(plate);
     let text = station.configuration().replace("\"mvn-udp\"", "\"external\"");
     let text = text.replace(&station.plate.to_string(), &plate.to_string());
@@ -175,7 +176,7 @@ fn two_workers_on_one_port_each_get_a_station_and_the_death_of_one_disturbs_no_o
 #[test]
 fn a_station_whose_suit_somebody_else_publishes_is_tried_again_and_the_own_goes_on() {
     let station = Station::new();
-    let elsewhere = free_udp_port();
+    let elsewhere = free_address().expect("a free port");
     let others = with(&station, &format!("others = [{{ avatar = 1, station = \"{OTHER}\" }}]"));
     let theirs = station.configuration().replace(&station.suit.to_string(), &elsewhere.to_string());
     let theirs = theirs.replace(&format!("station = \"{NAME}\""), &format!("station = \"{OTHER}\""));
@@ -223,7 +224,7 @@ fn doctor_suit_tells_what_comes_and_who_has_the_port() {
     drop(suits);
 
     // Over TCP the suit connects to the doctor itself.
-    let port = free_tcp_port();
+    let port = free_address().expect("a free port");
     let _suits = streams::suits_over_tcp(port, &[0, 1]);
     let (report, code) = doctor(&station, &over_tcp(&station, port));
     assert_eq!(code, Some(0), "{report}");

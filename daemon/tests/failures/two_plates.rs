@@ -18,7 +18,8 @@ use equipoise_simulator::wires::moticon::ALL;
 use nalgebra::Vector3;
 
 use crate::eyes::Eyes;
-use crate::station::{NAME, Station, free_udp_port};
+use crate::station::{NAME, Station};
+use equipoise_simulator::ports::free_address;
 
 /// Where both plates stand: origin (m), turn (degrees), height of the surface above the origin (m).
 const PLACES: [([f64; 3], f64, f64); 2] =
@@ -34,7 +35,7 @@ struct TwoPlates {
 
 impl TwoPlates {
     fn new() -> TwoPlates {
-        TwoPlates { station: Station::new(), second: free_udp_port() }
+        TwoPlates { station: Station::new(), second: free_address().expect("a free port") }
     }
 
     fn person(&self) -> SimulationHandle {
@@ -152,7 +153,7 @@ fn two_plates_tell_each_foot_and_the_legs_better_than_one() {
 fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
     let station = Station::new();
     let person = station.person();
-    let listen = free_udp_port();
+    let listen = free_address().expect("a free port");
     let port = UdpPort::to(listen).expect("the insoles' end");
     let insoles = Moticon::new(Line::new(Box::new(port), 1), &ALL, 100.0, [0.28, 0.095]);
     let pace = Pace { start_ns: person.start_ns(), ..Pace::default() };

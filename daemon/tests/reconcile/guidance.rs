@@ -6,10 +6,11 @@ use equipoise_bus::{Bus, BusSettings, Subscriber};
 use equipoise_core::message::State;
 use equipoise_core::message::state::Phase;
 use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
 
-use crate::common::{Station, free_address, said};
+use crate::common::{Station, said};
 
 const WANTED: usize = 1;
 const BETWEEN: &str = "to tell hand_load right from worn_mass T8";
@@ -28,7 +29,7 @@ fn until(states: &mut Subscriber<State>, what: &str, is_so: impl Fn(&State) -> b
 
 #[test]
 fn a_daemon_asks_for_the_pose_of_its_model_file_until_it_was_held() {
-    let suit = free_address();
+    let suit = free_address().unwrap();
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
     settings.plate.address = "127.0.0.1:0".parse().unwrap();

@@ -16,9 +16,10 @@ use equipoise_simulator::faults::Faults;
 use equipoise_simulator::motion::Habits;
 use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{PlayerHandle, PlayerSettings, Recorded, play};
+use equipoise_simulator::ports::free_address;
 use equipoise_studies::sensors::simulated_s;
 
-use crate::common::{Station, free_address};
+use crate::common::Station;
 use crate::make::{Samples, Script};
 use crate::shows::shown;
 
@@ -60,7 +61,7 @@ impl Live {
         let ground = ground.map(|sample| (simulated_s(sample.sample_time_ns), Recorded::Ground(*sample)));
         let mut played: Vec<(f64, Recorded)> = suit.chain(ground).collect();
         played.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let listen = free_address();
+        let listen = free_address().unwrap();
         let settings = PlayerSettings {
             suit_target: listen,
             plate_address: "127.0.0.1:0".parse().unwrap(),

@@ -11,6 +11,7 @@ use equipoise_core::body::Skeleton;
 use equipoise_core::message::State;
 use equipoise_outlet_foxglove::{BACKLOG, FoxgloveOutlet};
 use equipoise_outlets::{Outlet, Seen};
+use equipoise_simulator::ports::free_address;
 use serde_json::Value;
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -238,9 +239,7 @@ impl Drop for Program {
 #[test]
 fn a_program_that_serves_nobody_any_more_ends_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = free.local_addr().unwrap();
-    drop(free);
+    let address = free_address().unwrap();
     let config = folder.path().join("station.toml");
     std::fs::write(&config, format!("station = \"end\"\n[outlets.foxglove]\nlisten = \"{address}\"\n"))
         .unwrap();

@@ -1,8 +1,6 @@
 //! The outlet and a subscriber, each with a Zenoh session of its own, over TCP on loopback.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-use std::net::TcpListener;
-use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
@@ -12,6 +10,7 @@ use equipoise_outlet_zenoh::ZenohOutlet;
 use equipoise_outlet_zenoh::ros::{RosNames, attachment};
 use equipoise_outlets::config::ZenohConfig;
 use equipoise_outlets::{Outlet, Seen};
+use equipoise_simulator::ports::free_address;
 use serde_json::Value;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
@@ -20,14 +19,6 @@ use zenoh::{Config, Session, Wait};
 
 /// What is awaited comes within this, or the test has failed.
 const PATIENCE: Duration = Duration::from_secs(20);
-
-/// A free port below those that the kernel gives to whoever asks for any.
-fn free_port() -> u16 {
-    static NEXT: AtomicU16 = AtomicU16::new(0);
-    let start = 20_000 + (std::process::id() % 5_000) as u16;
-    let mut ports = std::iter::repeat_with(|| start + NEXT.fetch_add(1, Ordering::Relaxed));
-    ports.find(|port| TcpListener::bind(("127.0.0.1", *port)).is_ok()).unwrap()
-}
 
 fn config(port: u16) -> ZenohConfig {
     ZenohConfig {
@@ -91,7 +82,7 @@ fn json(sample: &Sample) -> Value {
 
 #[test]
 fn a_dashboard_reads_states_by_wildcard_in_their_order_and_hears_of_silence() {
-    let port = free_port();
+    let port = free_address().unwrap().port();
     let mut outlet = ZenohOutlet::open("north", &config(port)).unwrap();
     let session = subscriber_session(port);
     let states = session.declare_subscriber("equipoise/*/state").wait().unwrap();
@@ -117,7 +108,7 @@ fn a_dashboard_reads_states_by_wildcard_in_their_order_and_hears_of_silence() {
 #[test]
 fn mass_and_centre_of_mass_are_told_only_if_it_is_asked_for() {
     for body in [false, true] {
-        let port = free_port();
+        let port = free_address().unwrap().port();
         let mut outlet = ZenohOutlet::open("north", &ZenohConfig { body, ..config(port) }).unwrap();
         let session = subscriber_session(port);
         let states = session.declare_subscriber("equipoise/*/state").wait().unwrap();
@@ -136,7 +127,7 @@ fn with_a_file_only_what_was_asked_for_listens() {
     let file = folder.join("zenoh.json5");
     std::fs::write(&file, "{ transport: { link: { tx: { lease: 9000 } } } }").unwrap();
     std::fs::set_permissions(&file, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
-    let port = free_port();
+    let port = free_address().unwrap().port();
     let outlet = ZenohOutlet::open("south", &ZenohConfig { file: Some(file), ..config(port) }).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     let sockets: Vec<_> = std::fs::read_dir("/proc/self/fd").unwrap().flatten().collect();
@@ -160,7 +151,7 @@ fn with_a_file_only_what_was_asked_for_listens() {
 
 #[test]
 fn a_ros_subscriber_gets_the_attachment_that_rmw_zenoh_wants_and_the_publishers_own_gid() {
-    let port = free_port();
+    let port = free_address().unwrap().port();
     let mut outlet = ZenohOutlet::open("south-2", &config(port)).unwrap();
     let session = subscriber_session(port);
     let tokens = session.liveliness().get("@ros2_lv/5/**").wait().unwrap();
@@ -187,7 +178,7 @@ fn a_ros_subscriber_gets_the_attachment_that_rmw_zenoh_wants_and_the_publishers_
 
 #[test]
 fn the_end_of_an_outlet_is_heard() {
-    let port = free_port();
+    let port = free_address().unwrap().port();
     let outlet = ZenohOutlet::open("west", &config(port)).unwrap();
     let session = subscriber_session(port);
     let alive = session.liveliness().declare_subscriber("equipoise/*/alive").history(true).wait().unwrap();
