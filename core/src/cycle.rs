@@ -126,10 +126,7 @@ impl Memory {
 
     fn obey(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
         match command {
-            CommandKind::IdentifyStart => {
-                self.identification.learning = 1;
-                self.identification.identified = 0;
-            }
+            CommandKind::IdentifyStart => self.identification.go_on_learning(),
             CommandKind::IdentifyStop => {
                 self.identification.learning = 0;
                 self.identification.identified = u64::from(self.identification.has_body());

@@ -120,6 +120,13 @@ impl Identification {
         self.planner.start();
     }
 
+    /// Learns again, on top of what is known: for as many rows as one look takes, at least.
+    pub(super) fn go_on_learning(&mut self) {
+        self.learning = 1;
+        self.identified = 0;
+        self.progress = Zeroable::zeroed();
+    }
+
     /// Whether the bones are known and with them the prior.
     pub fn has_body(&self) -> bool {
         self.skeleton_samples >= SKELETON_SAMPLES
@@ -231,11 +238,11 @@ impl Identification {
         self.ask_again();
     }
 
-    /// After a row in motion. Rows alone do not meet the bound sooner than poses do: a worker who holds no pose is
-    /// identified once more of the same work would teach little.
+    /// After a row in motion: the bound holds, as after poses, or more of the same work would teach little.
     pub(super) fn finish_row(&mut self, settings: &Settings) {
         self.update_predicted_cop_sigma(settings);
-        self.finish(false, 1.0, settings);
+        let enough = self.progress.has_looked() && self.meets(settings);
+        self.finish(enough, 1.0, settings);
     }
 
     fn finish(&mut self, enough: bool, rows: f64, settings: &Settings) {

@@ -29,6 +29,11 @@ impl Progress {
         settled
     }
 
+    /// Whether there were as many rows as one look takes: what `poses_min` is for poses.
+    pub(super) fn has_looked(&self) -> bool {
+        self.sigma_m > 0.0
+    }
+
     pub(super) fn is_sound(&self) -> bool {
         (0.0..=ROWS_LOOKED_AT).contains(&self.rows) && self.sigma_m.is_finite()
     }
