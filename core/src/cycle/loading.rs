@@ -14,7 +14,7 @@ use crate::message::state::SharingSource;
 use crate::message::{GroundSample, State, Validity};
 use crate::motion::Moment;
 use crate::motion::unloaded::SIGMAS_OF_A_LOAD;
-use crate::overload::load_place::Measured;
+use crate::overload::load_place::{ANOTHER_GRIP_SIGMAS, Measured};
 use crate::overload::sharing::{TOO_CLOSE_M, project};
 use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 
@@ -85,9 +85,10 @@ impl Memory {
         }
         let feet = self.foot_loads(pose, moment, settings);
         let hands = self.place_load(pose, body, moment, step_s, settings);
+        let body_cop = self.given_the_load(hands.missed_m, vertical_n - delta_f_n, delta_f_n);
         let loading = Loading {
             cop_measured_m: self.known.cop_measured_m,
-            cop_estimated_m: self.known.cop_estimated_m,
+            cop_estimated_m: body_cop.map(|cop| cop.value),
             vertical_n,
             delta_f_n,
             grip_m: hands.grip_m,
@@ -103,7 +104,7 @@ impl Memory {
         let place = self.stance_sigma;
         let sigma = LoadingSigma {
             cop_measured_m: self.ground_sigma.cop_m,
-            cop_estimated_m: self.known.cop_sigma_m,
+            cop_estimated_m: body_cop.map(|cop| cop.sigma),
             place_by_estimate: place.by_estimate,
             place_m: place.rest_m,
             delta_f_n: self.known.delta_f_sigma_n,
@@ -130,6 +131,25 @@ impl Memory {
             self.known.torque_sigma_nm[joint] = torque.sigma_nm;
             self.torque_covariance_nm2[joint] = torque.covariance_nm2;
         }
+    }
+
+    /// Ĉ_wo, world x and y, m, given where the load is in the hands. The load's place by the two centres of pressure errs by
+    /// what Ĉ_wo errs times W/ΔF: what it misses the hands by is, in part, that (conditional normal distribution).
+    fn given_the_load(&self, missed_m: [Measured; 2], weight_n: f64, delta_f_n: f64) -> [Measured; 2] {
+        core::array::from_fn(|axis| {
+            let (value, sigma) = (self.known.cop_estimated_m[axis], self.known.cop_sigma_m[axis]);
+            let missed = missed_m[axis];
+            // So far from the hands, the load is held otherwise than it is thought to be.
+            if missed.value.abs() > ANOTHER_GRIP_SIGMAS * missed.sigma {
+                return Measured { value, sigma };
+            }
+            let by_cops = weight_n / delta_f_n;
+            let gain = by_cops * sigma * sigma / (missed.sigma * missed.sigma);
+            Measured {
+                value: value + gain * missed.value,
+                sigma: sigma * math::sqrt((1.0 - by_cops * gain).max(0.0)),
+            }
+        })
     }
 
     /// How the feet share the ground reaction: measured, or from the ankles.
@@ -198,7 +218,17 @@ impl Memory {
             let eta_sigma = (distance_sigma_m / apart_m.max(1e-3)).min(0.5);
             let eta = [1.0 - right_hand, right_hand];
             let (ahead_sigma_m, swing_n) = ([0.0; 2], [0.0; 2]);
-            return InHands { grip_m, eta, eta_sigma, ahead_sigma_m, swing_n, distance_m, distance_sigma_m };
+            let missed_m = [Measured { value: 0.0, sigma: f64::INFINITY }; 2];
+            return InHands {
+                grip_m,
+                eta,
+                eta_sigma,
+                ahead_sigma_m,
+                missed_m,
+                swing_n,
+                distance_m,
+                distance_sigma_m,
+            };
         }
         let are_together = apart_m < TOO_CLOSE_M;
         // From the left to the right hand; hands that are together have the direction of the pelvis.
@@ -220,12 +250,22 @@ impl Memory {
         self.load_place.update((!are_together).then_some(right), along(ahead), step_s);
         let [ahead_m, ahead_sigma_m] = self.load_place.ahead_m();
         let offset = Vector3::new(ahead[0] * ahead_m, ahead[1] * ahead_m, 0.0);
+        let (eta, eta_sigma) = (self.load_place.eta(), self.load_place.eta_sigma());
+        let ahead_sigma_m = ahead.map(|part| part * ahead_sigma_m);
+        let missed_m = core::array::from_fn(|axis| {
+            let in_hands_m = eta[0] * between[0][axis] + eta[1] * between[1][axis] + offset[axis];
+            let aside_sigma_m = aside[axis] * eta_sigma * apart_m;
+            let place_sigma_m =
+                math::hypot([math::hypot([aside_sigma_m, ahead_sigma_m[axis]]), GRIP_SIGMA_M]);
+            Measured { value: load_m[axis] - in_hands_m, sigma: math::hypot([sigma_m[axis], place_sigma_m]) }
+        });
         let load_kg = body.load_kg(delta_f_n);
         InHands {
             grip_m: grip_m.map(|grip_m| grip_m + offset),
-            eta: self.load_place.eta(),
-            eta_sigma: self.load_place.eta_sigma(),
-            ahead_sigma_m: ahead.map(|part| part * ahead_sigma_m),
+            eta,
+            eta_sigma,
+            ahead_sigma_m,
+            missed_m,
             swing_n: swing.map(|acceleration| load_kg * acceleration),
             distance_m,
             distance_sigma_m,
@@ -242,6 +282,8 @@ struct InHands {
     eta_sigma: f64,
     /// 1-σ of how far ahead of the grips the load is, a horizontal vector, m.
     ahead_sigma_m: [f64; 2],
+    /// Load's place by the two centres of pressure less that in the hands, world x and y, m.
+    missed_m: [Measured; 2],
     /// Force that swings the load, N.
     swing_n: [f64; 2],
     /// From the load to the line between the grips, by the two centres of pressure, and the 1-σ of that, m.

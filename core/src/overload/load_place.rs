@@ -21,7 +21,7 @@ const POSTURE_S: f64 = 2.0;
 /// Grips change: what was measured longer ago than this counts for less, s.
 const GRIP_S: f64 = 15.0;
 /// A place so many σ from the mean is another grip: the mean starts over.
-const ANOTHER_GRIP_SIGMAS: f64 = 3.0;
+pub const ANOTHER_GRIP_SIGMAS: f64 = 3.0;
 
 /// One coordinate as the centres of pressure give it.
 #[derive(Debug, Clone, Copy, PartialEq)]
