@@ -64,6 +64,24 @@ fn columns_go_by_name_and_unit_and_not_by_place() {
 }
 
 #[test]
+fn semicolons_between_columns_are_read_and_decimal_commas_are_refused() {
+    let text = text(&[head(), row("0.5", "0.25", "1"), row("0.6", "0.5", "1")]);
+    let semicolons = text.replace(',', ";");
+    let mut capture = CsvCapture::new(semicolons.as_bytes()).unwrap();
+    let samples: Vec<_> = capture.by_ref().collect();
+    assert!(capture.rejected().is_empty(), "{}", capture.rejected());
+    assert_eq!(samples, CsvCapture::new(text.as_bytes()).unwrap().collect::<Vec<_>>());
+
+    let error = CsvCapture::new(semicolons.replace('.', ",").as_bytes()).unwrap_err();
+    assert!(matches!(&error, CsvError::DecimalComma { field } if field == "0,5"), "{error}");
+    let said = error.to_string();
+    assert!(said.starts_with("line 2: 0,5 has a comma") && said.contains("with a point"), "{said}");
+    // A head line without rows, and a row that is not text, are no decimal commas.
+    let alone = head().join(";");
+    assert!(CsvCapture::new(alone.as_bytes()).unwrap().next().is_none());
+}
+
+#[test]
 fn a_missing_column_is_named_with_the_one_most_like_it() {
     let mut head = head();
     let at = head.iter().position(|name| name == "LeftFoot_qx").unwrap();

@@ -3,7 +3,9 @@
 
 use equipoise_adapters::ground::GroundSettings;
 use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
-use equipoise_adapters::source::{GroundSource, MvnSettings, SuitSource, UdpLine};
+use equipoise_adapters::source::udp::Senders;
+use equipoise_adapters::source::{GroundSource, MvnSettings, SuitSource, Transport, UdpLine};
+use equipoise_adapters::suit::{SuitRefusal, TypeSet};
 use equipoise_adapters::wire::ati_rdt::{Command, Record, Request};
 use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
 use std::net::UdpSocket;
@@ -44,6 +46,61 @@ fn a_suit_on_the_wire_becomes_samples() {
     let health = source.health();
     assert_eq!((health.stream, health.received, health.published, health.lost), (1, 40, 20, 0));
     assert_eq!(health.refused[0], 20, "noise is too short");
+}
+
+#[test]
+fn a_stray_byte_from_elsewhere_does_not_lock_the_suit_out() {
+    let mut settings = MvnSettings { listen: "127.0.0.1:0".parse().unwrap(), ..MvnSettings::default() };
+    settings.suit.required = Some(TypeSet::POSE_QUATERNION);
+    let mut source = SuitSource::open(&settings).unwrap();
+    let [suit, stray] = ["127.0.0.1:0", "127.0.0.2:0"].map(|address| UdpSocket::bind(address).unwrap());
+    let poses: Vec<_> = (1..=23)
+        .map(|segment_id| SegmentPose {
+            segment_id,
+            position_m: [0.0, 0.0, if segment_id == 7 { 1.6 } else { 0.1 }],
+            orientation_wxyz: [1.0, 0.0, 0.0, 0.0],
+        })
+        .collect();
+    let (mut bytes, mut counters, begun) = (Vec::new(), Vec::new(), Instant::now());
+    for counter in 0..10 {
+        stray.send_to(b"x", source.local_address()).unwrap();
+        pose_quaternion::encode(&Header::new(counter, counter * 4, 0), &poses, &mut bytes).unwrap();
+        suit.send_to(&bytes, source.local_address()).unwrap();
+        while counters.len() <= counter as usize && begun.elapsed() < PATIENCE {
+            counters.extend(source.receive().unwrap().map(|sample| sample.device_counter));
+        }
+    }
+    assert_eq!(counters, (0..10).collect::<Vec<_>>());
+    let refused = |refusal: SuitRefusal| source.counts().refused[refusal.index()];
+    assert_eq!(
+        (refused(SuitRefusal::ForeignSender), source.counts().refused[0]),
+        (9, 1),
+        "the first was read"
+    );
+}
+
+#[test]
+fn a_port_that_is_listened_to_is_held_by_what_was_accepted() {
+    let mut line = UdpLine::listening("127.0.0.1:0".parse().unwrap(), Senders::Loopback, "ground.listen");
+    line.open().unwrap();
+    let address = line.local_address().unwrap();
+    let [device, stray] = ["127.0.0.1:0", "127.0.0.2:0"].map(|address| UdpSocket::bind(address).unwrap());
+    let mut sent = |socket: &UdpSocket, is_sample: bool| {
+        socket.send_to(b"x", address).unwrap();
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            if let Some(incoming) = line.receive().unwrap() {
+                let admitted = incoming.admitted;
+                if is_sample {
+                    line.accepted();
+                }
+                return admitted;
+            }
+        }
+        panic!("nothing came");
+    };
+    assert!(sent(&stray, false) && sent(&device, false), "nobody holds it yet");
+    assert!(sent(&device, true) && !sent(&stray, true) && sent(&device, false));
 }
 
 /// A device that answers the second request only, streams, and ends at the request to stop.

@@ -157,6 +157,37 @@ fn a_second_client_is_turned_away_while_the_first_streams_and_takes_over_when_it
 }
 
 #[test]
+fn connections_that_are_idle_or_babble_do_not_keep_the_suit_away() {
+    let mut source = source(&[]);
+    let address = source.local_address();
+    let idle: Vec<_> = (0..3).map(|_| connect(address)).collect();
+    let mut babbling = connect(address);
+    // Sound by its form, and of a character that nobody asked for.
+    babbling.write_all(&[datagram(1, 7), b"GET / HTTP/1.1\r\n\r\n".repeat(50)].concat()).unwrap();
+    until(&mut source, "the babbling", |source| refused(source, SuitRefusal::OtherAvatar) == 1);
+    // Nobody has been silent for a second yet, and the suit need not wait for that.
+    let mut suit = connect(address);
+    for counter in 0..5 {
+        suit.write_all(&datagram(counter, 0)).unwrap();
+    }
+    assert_eq!(counters(&samples(&mut source, 5)), [0, 1, 2, 3, 4]);
+    assert_eq!(refused(&source, SuitRefusal::ForeignSender), 0, "the suit was not turned away");
+    for mut stranger in idle.into_iter().chain([babbling]) {
+        stranger.set_read_timeout(Some(PATIENCE)).unwrap();
+        // Closed with bytes unread, a connection is reset.
+        assert!(stranger.read(&mut [0; 1]).is_ok_and(|count| count == 0) || stranger.peek(&mut [0]).is_err());
+    }
+    // However many come, the newest is read, and the oldest gives way.
+    drop(suit);
+    let crowd: Vec<_> = (0..20).map(|_| connect(address)).collect();
+    until(&mut source, "most to be turned away", |source| refused(source, SuitRefusal::ForeignSender) >= 12);
+    let mut suit = connect(address);
+    suit.write_all(&datagram(5, 0)).unwrap();
+    assert_eq!(counters(&samples(&mut source, 1)), [5]);
+    drop(crowd);
+}
+
+#[test]
 fn several_workers_share_a_connection() {
     let mut source = source(&[1]);
     let mut suit = connect(source.local_address());

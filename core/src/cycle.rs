@@ -18,6 +18,7 @@ pub mod memory;
 mod model_terms;
 pub mod monitoring;
 mod placing;
+mod plausibility;
 mod residual;
 pub mod settings;
 pub mod skew_watch;
@@ -87,14 +88,18 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     for sample in inputs.ground {
         // Off first: a tare may know of more than this device measures.
         let sample = memory.tare.off(sample).without_what_was_not_measured();
-        if memory.alignment.push_ground(&sample, tick.due_ns) {
-            memory.skew.ingest_ground(&sample);
+        if memory.alignment.admits_ground(&sample, tick.due_ns) {
+            if memory.believes_ground(&sample) {
+                memory.skew.ingest_ground(&sample);
+            }
+            memory.alignment.push_ground(&sample);
         }
     }
     for sample in inputs.suit {
         let sample_time_ns = memory.terms.without_lag_ns(&settings.model, sample.sample_time_ns);
         let sample = SuitSample { sample_time_ns, ..*sample };
-        if memory.alignment.push_suit(&sample, tick.due_ns) {
+        if memory.alignment.admits_suit(&sample, tick.due_ns) && memory.believes_suit(&sample, settings) {
+            memory.alignment.push_suit(&sample);
             memory.watch_the_skew(&sample, settings);
         }
     }
@@ -157,6 +162,10 @@ impl Memory {
                     self.identification.skip_pose();
                 }
             }
+            CommandKind::UndoLift => {
+                self.exposure.dose.undo_lift();
+                self.tell_exposure();
+            }
             // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
             CommandKind::Reload => {
@@ -203,11 +212,15 @@ impl Memory {
         // The plate may be back, and the moment that is told of still one without it.
         let ground_stale = ground_stale || self.findings().any_of(Validity::GROUND_STALE);
 
+        // What is refused is in no moment, but what was told last is from before it.
+        let suit_suspect = self.plausibility.suit.touches(self.known.suit_sample_time_ns, u64::MAX);
+
         let suggested = self.suggested(settings);
         let identification = &self.identification;
         let mut valid = self.findings();
         valid.raise(Validity::SUIT_STALE, suit_stale);
         valid.raise(Validity::GROUND_STALE, ground_stale);
+        valid.raise(Validity::SUIT_IMPLAUSIBLE, suit_suspect);
         valid.raise(Validity::NOT_IDENTIFIED, identification.identified == 0);
         valid.raise(Validity::MASS_UNKNOWN, identification.mass_kg <= 0.0);
         valid.raise(Validity::BODY_UNKNOWN, !identification.has_body());
@@ -263,7 +276,7 @@ fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     if valid.any_of(Validity::SPOILS_GROUND_FORCE) {
         (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
-    if valid.any_of(Validity::SUIT_STALE) {
+    if valid.any_of(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) {
         state.segment_origin_m = bytemuck::Zeroable::zeroed();
         state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;

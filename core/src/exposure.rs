@@ -14,12 +14,12 @@ pub mod lift;
 use bytemuck::{Pod, Zeroable};
 
 use crate::body::JOINTS;
-use crate::overload::Levels;
+use crate::overload::{GRAVITY_M_PER_S2, Levels};
 use crate::time::{NS_PER_S, seconds};
 
 pub use advice::Advice;
 pub use back::Back;
-pub use dose::Dose;
+pub use dose::{Dose, LATEST_LIFTS, Lift};
 pub use fatigue::Fatigue;
 
 /// Between two samples farther apart than this nobody knows what happened, ns.
@@ -36,12 +36,25 @@ pub enum Load {
     Known {
         /// Magnitude of each joint's overload, N m.
         torque_nm: [f64; JOINTS],
-        /// Weight of the carried mass at rest times its horizontal distance from the hip joints, N m; 0 if the force does
-        /// not pull down.
-        lift_moment_nm: f64,
-        /// Whether a mass is carried, rather than the worker being held up or leaning.
-        is_lift: bool,
+        /// What is carried.
+        carried: Carried,
     },
+}
+
+/// A mass in the hands and where it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Carried {
+    /// The mass and its 1-σ, kg; not positive where the worker is held up or leans.
+    pub mass_kg: [f64; 2],
+    /// Its horizontal distance from the middle of the hip joints, m.
+    pub distance_m: f64,
+}
+
+impl Carried {
+    /// Its weight at rest times its distance, N m.
+    fn moment_nm(&self) -> f64 {
+        self.mass_kg[0] * GRAVITY_M_PER_S2 * self.distance_m
+    }
 }
 
 /// What adds up over the shift: plain old data in the loop's memory.
@@ -68,22 +81,25 @@ pub struct Shift {
     pub damage: f64,
     /// How many.
     pub lifts: u64,
+    /// How many have ended, those that were taken back included.
+    pub ended: u64,
+    /// The last of them; see [`Dose::latest`].
+    pub latest: [Lift; LATEST_LIFTS],
 }
 
 impl Exposure {
-    /// What is kept. A lift under way counts with what was seen of it, as before any gap.
+    /// What is kept. A lift under way is not: it goes on, and counts, once the load is seen again.
     pub fn shift(&self) -> Shift {
-        let mut dose = self.dose;
-        dose.end_lift();
-        Shift { fatigue: self.fatigue.share, damage: dose.damage, lifts: dose.lifts }
+        let Dose { damage, lifts, ended, latest, .. } = self.dose;
+        Shift { fatigue: self.fatigue.share, damage, lifts, ended, latest }
     }
 
     /// Goes on with a shift after a gap in which nothing is known: neither fatigue nor rest is invented.
     pub fn resume(&mut self, shift: &Shift) {
         self.start();
         self.fatigue.share = shift.fatigue;
-        self.dose.damage = shift.damage;
-        self.dose.lifts = shift.lifts;
+        let &Shift { damage, lifts, ended, latest, .. } = shift;
+        self.dose = Dose::resumed(damage, lifts, ended, latest);
     }
 
     /// Another worker: nothing has added up yet.
@@ -104,7 +120,7 @@ impl Exposure {
         self.last_sample_ns = sample_time_ns;
         if (1..=GAP_NS).contains(&step_ns) {
             self.fatigue.advance(load, limit_nm, seconds(step_ns));
-            self.dose.advance(load, seconds(step_ns));
+            self.dose.advance(load, seconds(step_ns), sample_time_ns);
         } else {
             self.dose.end_lift();
         }
@@ -121,7 +137,8 @@ mod tests {
     use super::*;
 
     fn carrying(torque_nm: f64) -> Load {
-        Load::Known { torque_nm: [torque_nm; JOINTS], lift_moment_nm: torque_nm, is_lift: true }
+        let carried = Carried { mass_kg: [8.0, 0.5], distance_m: 0.5 };
+        Load::Known { torque_nm: [torque_nm; JOINTS], carried }
     }
 
     #[test]

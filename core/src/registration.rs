@@ -131,7 +131,8 @@ impl PlanarFit {
     pub fn is_rigid(&self) -> bool {
         let [a, b, ..] = self.state;
         let scale = math::hypot([a, b]);
-        scale * SCALE_MAX >= 1.0 && scale <= SCALE_MAX
+        let sigma = math::sqrt(self.variance_along([a, b])) / scale.max(f64::MIN_POSITIVE);
+        scale > 0.0 && (scale + sigma) * SCALE_MAX >= 1.0 && scale - sigma <= SCALE_MAX
     }
 
     /// Where a point of the plane is in the other, m.

@@ -84,6 +84,12 @@ fn answer(
         Some(CommandKind::Tare) => tare(rings, latest, empty_ns),
         Some(CommandKind::SubjectLoad) => subjects::load(command, rings, in_force, workers),
         Some(CommandKind::SubjectSave) => subjects::save(rings, workers, latest),
+        Some(kind @ CommandKind::UndoLift) => match latest.map_or(0, |state| state.lifts) {
+            0 => Err("no lift of this shift counts".to_owned()),
+            lifts => hand_over(rings, kind).map(|()| {
+                format!("the last of {lifts} lifts is taken back, if it is among the last 16 that ended")
+            }),
+        },
         Some(CommandKind::SubjectForget) => subjects::forget(command, rings, in_force, workers),
         Some(CommandKind::Reload) => {
             Err("send the daemon SIGHUP (`systemctl reload`): it reads its own configuration".to_owned())

@@ -151,13 +151,10 @@ impl Deletion {
     }
 
     fn clear_profiles(&mut self, id: &str, directory: &StateDirectory) -> anyhow::Result<()> {
-        let own = format!("{id}.toml");
-        let is_own = |path: &Path| {
-            path.file_name().is_some_and(|name| {
-                let name = name.to_string_lossy();
-                name == own || name.strip_prefix(&own).is_some_and(|rest| rest.starts_with('.'))
-            })
-        };
+        // No id has a dot.
+        let own = format!("{id}.");
+        let is_own =
+            |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&own));
         for path in files_in(&directory.profiles())?.into_iter().filter(|path| is_own(path)) {
             remove(&path)?;
             self.deleted.push(path);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{CycleRecord, PickUp, State};
-use tracing::info;
+use tracing::debug;
 
 use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
@@ -104,7 +104,8 @@ impl Egress {
         // One awakening per cycle; what else happened is said with it, and before the record, which nobody waits for.
         if state.phase != self.phase {
             self.phase = state.phase;
-            info!(phase = state.phase_name(), cycle = state.cycle, "phase");
+            // Not of the journal: a sensor with short gaps changes it several times a second. Incidents are.
+            debug!(phase = state.phase_name(), cycle = state.cycle, "phase");
             self.events.notify(Event::PhaseChanged)?;
         }
         if record.deadlines_missed != self.deadlines_missed {

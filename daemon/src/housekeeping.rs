@@ -2,7 +2,7 @@
 //! whether the model still explains what is measured. Nothing here waits for a disk: saving has a thread of its own.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
 use equipoise_core::message::{Incident, Incidents, State, Validity};
@@ -20,6 +20,52 @@ use crate::supervision::Supervision;
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// All else is done once in so many looks: once a second.
 const LOOKS_PER_TIDYING: u32 = 20;
+
+/// A reason for which values are withheld, and the incident that it becomes.
+struct Watched {
+    reason: Validity,
+    incident: Incident,
+    /// So long it must last: work has moments of its own.
+    after: Duration,
+    sentence: &'static str,
+}
+
+const WATCHED: [Watched; 5] = [
+    Watched {
+        reason: Validity::PLACE_UNKNOWN,
+        incident: Incident::PlaceUnknown,
+        after: Duration::ZERO,
+        sentence: "the suit was started anew or was silent for long; where the worker stands is found while they move \
+                   without a load",
+    },
+    Watched {
+        reason: Validity::GROUND_IMPLAUSIBLE,
+        incident: Incident::GroundImplausible,
+        after: Duration::ZERO,
+        sentence: "what the plate shows leaps, repeats or pulls as under no person; it is believed again once it shows the \
+                   worker's weight alone, or after the worker has stepped off",
+    },
+    Watched {
+        reason: Validity::SUIT_IMPLAUSIBLE,
+        incident: Incident::SuitImplausible,
+        after: Duration::ZERO,
+        sentence: "poses of the suit repeat, leap or come apart at the joints, and are not used",
+    },
+    Watched {
+        reason: Validity::WEIGHT_MISSING,
+        incident: Incident::WeightMissing,
+        after: Duration::from_secs(3),
+        sentence: "the ground carries less than the worker weighs: a foot beside the plate, a hand that leans on something, \
+                   or a plate whose gain or zero has changed (tare it while nobody stands on it)",
+    },
+    Watched {
+        reason: Validity::LOAD_NOT_AT_HANDS,
+        incident: Incident::LoadElsewhere,
+        after: Duration::from_secs(10),
+        sentence: "the ground carries more than the worker weighs, and not where the hands are: something lies on the plate \
+                   or is worn, or the plate's zero or gain, its place, or the worker's identification is wrong",
+    },
+];
 
 /// Housekeeping, with its place on the bus.
 pub struct Housekeeping {
@@ -39,6 +85,8 @@ pub struct Housekeeping {
     blind_told: bool,
     status: StatusFile,
     last_cycle: u64,
+    /// Since when each of [`WATCHED`] holds.
+    told_since: [Option<Instant>; WATCHED.len()],
     // Ports die before the node they hang on.
     bus: Bus,
 }
@@ -70,6 +118,7 @@ impl Housekeeping {
             blind_told: false,
             status,
             last_cycle: 0,
+            told_since: [None; WATCHED.len()],
             bus,
         })
     }
@@ -94,7 +143,7 @@ impl Housekeeping {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
-        self.watch_the_place();
+        self.watch_what_is_told();
         let looked = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
         if let Err(error) = looked
             && !std::mem::replace(&mut self.blind_told, true)
@@ -134,17 +183,21 @@ impl Housekeeping {
         self.status.suspect(suspected);
     }
 
-    /// A place that is sought is no failure, but the worker must move for it, and a person may help.
-    fn watch_the_place(&self) {
+    /// What the loop finds wrong with what it is told: no failure of the daemon, but a person must help, or at least know.
+    fn watch_what_is_told(&mut self) {
         let Some(state) = &self.newest else { return };
-        if state.validity().any_of(Validity::PLACE_UNKNOWN) {
-            self.board.begin(
-                Incident::PlaceUnknown,
-                "the suit was started anew or was silent for long; where the worker stands is found while they move \
-                 without a load",
-            );
-        } else {
-            self.board.end(Incident::PlaceUnknown);
+        let valid = state.validity();
+        for (index, watched) in WATCHED.iter().enumerate() {
+            let holds = valid.any_of(watched.reason);
+            let since = &mut self.told_since[index];
+            *since = if holds { Some(since.unwrap_or_else(Instant::now)) } else { None };
+            match *since {
+                Some(since) if since.elapsed() >= watched.after => {
+                    self.board.begin(watched.incident, watched.sentence);
+                }
+                Some(_) => {}
+                None => self.board.end(watched.incident),
+            }
         }
     }
 
@@ -165,6 +218,7 @@ impl Housekeeping {
         }
         self.watch_the_model();
         self.status.note_threads(&self.roster, cycle);
+        self.status.tell_incidents(self.board.sentences());
         self.write_status();
     }
 

@@ -13,6 +13,58 @@ use tracing::{info, warn};
 
 use crate::realtime::now_ns;
 
+/// The journal has a sentence about a kind once in so long; repetitions are counted in the next line. As `RESTS_AFTER_NS`
+/// of `supervision/growth.rs`: a fault that comes every second is a few lines a minute.
+const JOURNAL_EVERY_NS: u64 = 10_000_000_000;
+/// Different sentences about a kind in that time: which of two devices, then the other, and back. One that changes all the
+/// time quotes a device that babbles.
+const SENTENCES_MAX: u32 = 4;
+
+/// What the journal has of one kind.
+#[derive(Debug, Default)]
+struct Written {
+    /// When the first of `lines` was written.
+    since_ns: u64,
+    /// Lines within [`JOURNAL_EVERY_NS`] of it.
+    lines: u32,
+    /// The last of them.
+    what: String,
+    /// Whether the last begin was written.
+    is_told: bool,
+    /// Sentences that were not written since the last line.
+    repeated: u32,
+}
+
+impl Written {
+    /// The end of the line that is to be written at `now_ns`; `None` if the journal has enough.
+    fn due(&mut self, now_ns: u64, what: &str) -> Option<String> {
+        if self.lines > 0 && now_ns.saturating_sub(self.since_ns) >= JOURNAL_EVERY_NS {
+            self.lines = 0;
+        }
+        self.is_told = self.lines == 0 || (self.lines < SENTENCES_MAX && self.what != what);
+        if !self.is_told {
+            return None;
+        }
+        if self.lines == 0 {
+            self.since_ns = now_ns;
+        }
+        self.lines += 1;
+        what.clone_into(&mut self.what);
+        Some(match std::mem::take(&mut self.repeated) {
+            0 => String::new(),
+            1 => " (and once more since the last line)".to_owned(),
+            times => format!(" (and {times} times more since the last line)"),
+        })
+    }
+
+    /// The same of a new sentence, which is counted if it is not written.
+    fn due_or_counted(&mut self, now_ns: u64, what: &str) -> Option<String> {
+        let due = self.due(now_ns, what);
+        self.repeated += u32::from(due.is_none());
+        due
+    }
+}
+
 /// What goes on, and what went on.
 #[derive(Debug, Default)]
 pub struct IncidentBoard {
@@ -24,6 +76,7 @@ pub struct IncidentBoard {
     changes: AtomicU64,
     /// What was said of those that go on, by name.
     said: Mutex<BTreeMap<&'static str, String>>,
+    written: Mutex<BTreeMap<&'static str, Written>>,
 }
 
 impl IncidentBoard {
@@ -35,7 +88,12 @@ impl IncidentBoard {
             self.enter(kind, what);
         } else if before.as_deref() != Some(what) {
             self.changes.fetch_add(1, Ordering::Relaxed);
-            warn!(incident = kind.name(), "still: {what}");
+            if let Some(repeated) = self.with_written(kind, |written| written.due_or_counted(now_ns(), what))
+            {
+                warn!(incident = kind.name(), "still: {what}{repeated}");
+            }
+        } else {
+            self.catch_up(kind, what);
         }
     }
 
@@ -45,7 +103,9 @@ impl IncidentBoard {
             self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
             self.changes.fetch_add(1, Ordering::Relaxed);
             self.with_said(|said| said.remove(kind.name()));
-            info!(incident = kind.name(), "ended");
+            if self.with_written(kind, |written| std::mem::take(&mut written.is_told)) {
+                info!(incident = kind.name(), "ended");
+            }
         }
     }
 
@@ -55,12 +115,25 @@ impl IncidentBoard {
         self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
     }
 
-    /// Begins or ends, as `goes_on` says.
+    /// Begins or ends, as `goes_on` says. While it goes on, its counts and times are those of `what` now; the journal has
+    /// those of its begin.
     pub fn set(&self, kind: Incident, goes_on: bool, what: impl FnOnce() -> String) {
         if !goes_on {
             self.end(kind);
-        } else if !self.is_active(kind) {
+        } else if self.is_active(kind) {
+            let what = what();
+            self.catch_up(kind, &what);
+            self.with_said(|said| said.insert(kind.name(), what));
+        } else {
             self.begin(kind, &what());
+        }
+    }
+
+    /// Writes the line of an incident that goes on and began too soon after another line.
+    fn catch_up(&self, kind: Incident, what: &str) {
+        let due = |written: &mut Written| if written.is_told { None } else { written.due(now_ns(), what) };
+        if let Some(repeated) = self.with_written(kind, due) {
+            warn!(incident = kind.name(), "still: {what}{repeated}");
         }
     }
 
@@ -99,11 +172,18 @@ impl IncidentBoard {
         look(&mut self.said.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
+    fn with_written<T>(&self, kind: Incident, look: impl FnOnce(&mut Written) -> T) -> T {
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        look(written.entry(kind.name()).or_default())
+    }
+
     fn enter(&self, kind: Incident, what: &str) {
         self.begun[kind as usize].fetch_add(1, Ordering::Relaxed);
         self.last_begun_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
         self.changes.fetch_add(1, Ordering::Relaxed);
-        warn!(incident = kind.name(), "{what}");
+        if let Some(repeated) = self.with_written(kind, |written| written.due_or_counted(now_ns(), what)) {
+            warn!(incident = kind.name(), "{what}{repeated}");
+        }
     }
 }
 
@@ -114,6 +194,37 @@ fn bit(kind: Incident) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn repetitions_are_counted_in_the_journal_and_not_written() {
+        let mut written = Written::default();
+        let mut due = |at_ns: u64, what: &str| written.due_or_counted(at_ns, what);
+        assert_eq!(due(5, "a").as_deref(), Some(""));
+        assert_eq!((due(6, "a"), due(JOURNAL_EVERY_NS, "a")), (None, None));
+        assert_eq!(
+            due(JOURNAL_EVERY_NS + 5, "a").as_deref(),
+            Some(" (and 2 times more since the last line)")
+        );
+        // Another device is another sentence, and one that changes all the time is none.
+        let lines = (0..100).filter(|number| due(2 * JOURNAL_EVERY_NS + 5, &number.to_string()).is_some());
+        assert_eq!(lines.count(), SENTENCES_MAX as usize);
+        assert_eq!(
+            due(3 * JOURNAL_EVERY_NS + 5, "a").as_deref(),
+            Some(" (and 96 times more since the last line)")
+        );
+    }
+
+    #[test]
+    fn the_sentence_of_an_incident_that_goes_on_has_the_counts_of_now() {
+        let board = IncidentBoard::default();
+        for count in 1..=3 {
+            board.set(Incident::DeadlineMissed, true, || format!("{count} so far"));
+        }
+        assert_eq!(board.sentences()["deadline_missed"], "3 so far");
+        assert_eq!(board.message().begun[Incident::DeadlineMissed as usize], 1);
+        board.set(Incident::DeadlineMissed, false, String::new);
+        assert!(board.sentences().is_empty());
+    }
 
     #[test]
     fn an_incident_is_told_once_until_it_ends() {

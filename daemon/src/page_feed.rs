@@ -4,7 +4,7 @@
 mod history;
 mod station;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
@@ -14,7 +14,7 @@ use anyhow::{Context, anyhow};
 use equipoise_bus::{Bus, BusError, BusSettings, Publisher, Subscriber};
 use equipoise_core::message::{PickUp, State};
 use equipoise_core::pose_suggestion::library::LIBRARY;
-use equipoise_view::page::{Engineer, Page, PageFrame, Token};
+use equipoise_view::page::{Engineer, Page, PageFrame};
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
 
@@ -22,6 +22,7 @@ use crate::config::method::StopConfig;
 use crate::config::{Config, PageConfig};
 use crate::joined::Joined;
 use crate::model::suggestion;
+use crate::page_tokens::PageTokens;
 use crate::picked_up::PickedUp;
 use crate::realtime::now_ns;
 use crate::status::PageFile;
@@ -56,16 +57,7 @@ impl ServedPage {
     /// # Errors
     /// The port is taken, the token cannot be used, or the bus cannot be joined.
     pub fn start(config: &Config, page: &PageConfig, base: &Path) -> anyhow::Result<ServedPage> {
-        let read = |file: &Option<PathBuf>, key: &'static str| {
-            file.as_ref().map(|file| Token::read(&base.join(file))).transpose().context(key)
-        };
-        let token = read(&page.token_file, "page.token_file")?;
-        let command_token = read(&page.command_token_file, "page.command_token_file")?;
-        anyhow::ensure!(
-            !matches!((&token, &command_token), (Some(a), Some(b)) if a.is_the_same_as(b)),
-            "page.command_token_file: holds the token of page.token_file, so that whoever may look may command; make \
-             another with `equipoise token --out FILE`"
-        );
+        let PageTokens { page: token, command: command_token } = PageTokens::read(page, base)?;
         let report = page.report.as_ref().map(|file| base.join(file));
         let desk = Arc::new(station::Desk::new(&config.station, report));
         let engineer = Engineer { station: Arc::clone(&desk) as _, command_token };

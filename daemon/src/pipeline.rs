@@ -22,6 +22,7 @@ use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
+use crate::process_state::is_stopped;
 use crate::realtime::{self, Asked, ThreadReport};
 use crate::rings::{Rings, Waiting};
 use crate::roster::{MemoryUse, Roster};
@@ -298,11 +299,18 @@ fn second_daemon(bus: &Bus, error: BusError) -> anyhow::Error {
         .ok()
         .and_then(|all| all.into_iter().find(|one| one.role == DAEMON_ROLE && one.process_id != own));
     match (&error, other) {
-        (BusError::Full { .. }, Some(other)) => anyhow!(
-            "station {} already has a daemon: process {}; stop it, or give this one another `station`",
-            bus.station(),
-            other.process_id
-        ),
+        (BusError::Full { .. }, Some(other)) => {
+            let process = other.process_id;
+            let remedy = if is_stopped(process) {
+                format!("which is stopped: let it continue with `kill -CONT {process}`")
+            } else {
+                "stop it".to_owned()
+            };
+            anyhow!(
+                "station {} already has a daemon: process {process}; {remedy}, or give this one another `station`",
+                bus.station()
+            )
+        }
         _ => error.into(),
     }
 }

@@ -21,8 +21,8 @@ use crate::config::method::SexConfig;
 use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
 
 /// Grows with every change of the file's layout or meaning. Format 2 was without the poses themselves, how consistent
-/// they were, and the shift; what such files hold is read.
-const FORMAT: u32 = 3;
+/// they were, and the shift; format 3 without its lifts one by one. What such files hold is read.
+const FORMAT: u32 = 4;
 /// Files from before stature and sex were kept; read, but of no use as a similar worker.
 const FORMAT_WITHOUT_BUILD: u32 = 1;
 /// How a worker is built, beside the mass.
@@ -287,6 +287,8 @@ pub fn is_plain(name: &str) -> bool {
 mod tests {
     use std::fs;
 
+    use bytemuck::Zeroable;
+
     use super::*;
     use equipoise_core::body::Skeleton;
     use equipoise_core::frame::{Pose, rotation};
@@ -314,8 +316,8 @@ mod tests {
         fs::write(&path, &new).unwrap();
         let build = Build { height_m: 1.7, sex: SexConfig::Female };
         assert_eq!(Profile::read(&path).unwrap().unwrap().build(), Some(build));
-        fs::write(&path, new.replace("format = 2", "format = 4")).unwrap();
-        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 3"));
+        fs::write(&path, new.replace("format = 2", "format = 5")).unwrap();
+        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 4"));
     }
 
     #[test]
@@ -335,7 +337,7 @@ mod tests {
         (kept.asked, kept.unholdable, kept.suggested, kept.learning) = (0b101, 0b10, 2, 0);
         kept.poses_used = 70;
         kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
-        let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3 };
+        let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
         let written = Profile::of("a", None, &kept, &shift, 1_000_000).unwrap();
         let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);

@@ -3,6 +3,8 @@
 //! The loop hands out a copy twice a second; what differs from the file is written, what cannot be written is tried again
 //! with the next copy. So a full disk costs nothing but the time it is full.
 
+mod lifts;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,6 +24,8 @@ use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart,
 use crate::status::StatusFile;
 use crate::whole_file::write_whole;
 use crate::workers::Workers;
+
+use lifts::LiftLog;
 
 /// How often the loop's copies are looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -61,6 +65,7 @@ pub fn run(saver: Saver) {
         station_written: None,
         profiles: BTreeMap::new(),
         station_text: None,
+        lifts: LiftLog::default(),
         unencoded: None,
     };
     loop {
@@ -69,7 +74,7 @@ pub fn run(saver: Saver) {
         if ended {
             // What could not be written with the last copy.
             keeper.write();
-            if !(keeper.profiles.is_empty() && keeper.station_text.is_none()) {
+            if !(keeper.profiles.is_empty() && keeper.station_text.is_none() && keeper.lifts.is_written()) {
                 warn!("what was learnt last is lost: it could not be written");
             }
             return;
@@ -89,6 +94,8 @@ struct Keeper {
     /// What is to be written of each worker.
     profiles: BTreeMap<u64, String>,
     station_text: Option<String>,
+    /// The lists of lifts.
+    lifts: LiftLog,
     /// What cannot be put into words, and so not be written.
     unencoded: Option<String>,
 }
@@ -123,6 +130,7 @@ impl Keeper {
             self.profile = None;
             return;
         };
+        self.lifts.take(number, &kept.shift, now_ns(), unix_s());
         let of = |saved_unix_s| {
             Profile::of(&saving.subject, saving.build, &kept.worker, &kept.shift, saved_unix_s)
         };
@@ -196,6 +204,9 @@ impl Keeper {
             });
             written.is_err()
         });
+        if let Err((path, error)) = self.lifts.write(workers) {
+            failed = Some(format!("cannot write the list of lifts {}: {error}", path.display()));
+        }
         if let Some(text) = &self.station_text {
             let station = self.saver.in_force.look(|forced| forced.config.station.clone());
             let path = workers.state().station(&station);

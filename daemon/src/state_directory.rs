@@ -85,6 +85,11 @@ impl StateDirectory {
         self.0.join("subjects")
     }
 
+    /// The list of a subject's lifts.
+    pub fn lifts(&self, subject: &str) -> PathBuf {
+        self.profiles().join(format!("{subject}.lifts.csv"))
+    }
+
     /// The file of a subject; the id is checked by the configuration.
     pub fn profile(&self, subject: &str) -> PathBuf {
         self.profiles().join(format!("{subject}.toml"))

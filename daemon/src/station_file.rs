@@ -113,6 +113,9 @@ pub struct RegistrationPart {
     suit_time_ns: u64,
     suit_counter: u64,
     suit_period_ns: u64,
+    /// How much later than the ground's the suit's stamps are, s. Not in files of before it was kept.
+    #[serde(default)]
+    suit_lag_s: f64,
 }
 
 /// Why a station's file cannot be used.
@@ -246,6 +249,7 @@ impl RegistrationPart {
             suit_time_ns,
             suit_counter,
             suit_period_ns,
+            suit_lag_s,
         } = kept.registration;
         (suit_time_ns > 0).then_some(RegistrationPart {
             boot: boot()?,
@@ -256,6 +260,7 @@ impl RegistrationPart {
             suit_time_ns,
             suit_counter,
             suit_period_ns,
+            suit_lag_s,
         })
     }
 
@@ -286,6 +291,7 @@ impl RegistrationPart {
             suit_time_ns,
             suit_counter,
             suit_period_ns,
+            suit_lag_s,
             ..
         } = self;
         Ok(Registration {
@@ -295,6 +301,7 @@ impl RegistrationPart {
             suit_time_ns,
             suit_counter,
             suit_period_ns,
+            suit_lag_s,
         })
     }
 }
@@ -342,6 +349,7 @@ mod tests {
             suit_time_ns: now_ns(),
             suit_counter: 77,
             suit_period_ns: 10_000_000,
+            suit_lag_s: -0.04,
         };
         kept
     }

@@ -209,24 +209,26 @@ impl Supervision {
         let missed = self.deadlines.goes_on(record.deadlines_missed, gap_ns);
         board.set(Incident::DeadlineMissed, missed, || {
             format!(
-                "a cycle was ready only after the next was due: {} so far, now at cycle {}; see `equipoise latency` and \
-                 `equipoise doctor`",
-                record.deadlines_missed, record.cycle
+                "a cycle was ready only after the next was due: {} so far, {}; see `equipoise latency` and `equipoise doctor`",
+                record.deadlines_missed,
+                self.deadlines.last()
             )
         });
         let lost = self.input_overflow.goes_on(record.input_dropped, gap_ns);
         board.set(Incident::InputOverflow, lost, || {
             format!(
-                "{} samples so far were lost before the loop, whose ring was full: it stood still, or a sensor sends \
+                "{} samples so far were lost before the loop, {}, whose ring was full: it stood still, or a sensor sends \
                  faster than a cycle may take in",
-                record.input_dropped
+                record.input_dropped,
+                self.input_overflow.last()
             )
         });
         let lost = self.output_overflow.goes_on(record.output_dropped, gap_ns);
         board.set(Incident::OutputOverflow, lost, || {
             format!(
-                "{} states so far were lost behind the loop: egress had no core for a quarter of a second",
-                record.output_dropped
+                "{} states so far were lost behind the loop, {}: egress had no core for a quarter of a second",
+                record.output_dropped,
+                self.output_overflow.last()
             )
         });
     }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Owner writes, group reads, nobody else.
-const MODE: u32 = 0o640;
+pub(crate) const MODE: u32 = 0o640;
 /// How many temporary files this process has made.
 static MADE: AtomicU64 = AtomicU64::new(0);
 

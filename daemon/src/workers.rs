@@ -20,6 +20,8 @@ pub struct Saving {
     pub subject: String,
     /// The file.
     pub path: PathBuf,
+    /// The list of the lifts, beside it.
+    pub lifts: PathBuf,
     /// How the worker is built; `None` if that is not known.
     pub build: Option<Build>,
     /// Whether the configuration asks to remember.
@@ -33,7 +35,8 @@ impl Saving {
     pub fn of(state: &StateDirectory, subject: &str, build: Option<Build>, remember: bool) -> Saving {
         let refusal = (!remember)
             .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
-        Saving { subject: subject.to_owned(), path: state.profile(subject), build, remember, refusal }
+        let (path, lifts) = (state.profile(subject), state.lifts(subject));
+        Saving { subject: subject.to_owned(), path, lifts, build, remember, refusal }
     }
 
     /// Somebody without a name, of whom nothing is kept.
@@ -41,6 +44,7 @@ impl Saving {
         Saving {
             subject: String::new(),
             path: PathBuf::new(),
+            lifts: PathBuf::new(),
             build: None,
             remember: false,
             refusal: Some("the subject that was in use was deleted; load another first".to_owned()),

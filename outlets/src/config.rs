@@ -149,5 +149,7 @@ fn between(key: &'static str, value: f64, least: f64, most: f64) -> Checked {
     if (least..=most).contains(&value) {
         return Ok(());
     }
+    // All the digits of 1e300 would be no help.
+    let value = if value.abs() < 1e9 { format!("{value}") } else { format!("{value:?}") };
     Err((key, format!("{value} is not between {least} and {most}")))
 }

@@ -1,7 +1,12 @@
-//! Files with passwords and keys: read only if nobody else can.
+//! Files with tokens, passwords and keys: read only if nobody else can.
 
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
 
 /// Larger files are neither lists of passwords nor keys.
 const BYTES_MAX: u64 = 64 * 1024;
@@ -15,15 +20,39 @@ pub enum SecretError {
         /// Which file.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        source: Error,
+    },
+    /// It is a symbolic link, a directory, a pipe or a device.
+    #[error("{path} holds a secret, but is {what}: name the regular file itself")]
+    Kind {
+        /// Which file.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
+    /// Another user owns it, and can change it.
+    #[error(
+        "{path} holds a secret, but belongs to user {owner}: chown it to {user}, the user of this process, or to root"
+    )]
+    Owner {
+        /// Which file.
+        path: PathBuf,
+        /// Number of its owner.
+        owner: u32,
+        /// Number of this process's user.
+        user: u32,
     },
     /// Others may read or write it.
-    #[error("{path} holds a secret, but others may read or change it (mode {mode:04o}): chmod 0600 {path}")]
+    #[error(
+        "{path} holds a secret, but others may read or change it (mode {mode:04o}): chmod {mode_max:04o} {path}"
+    )]
     Open {
         /// Which file.
         path: PathBuf,
         /// Its permissions.
         mode: u32,
+        /// Those that it may have at most.
+        mode_max: u32,
     },
     /// A line of it is not `name:password`.
     #[error("{path}, line {line}: {what}; a line is name:password, a name stands once, # begins a comment")]
@@ -52,21 +81,71 @@ impl std::fmt::Debug for Login {
     }
 }
 
-/// A file that nobody else can read, or a private key would be none.
+/// Who may read a secret beside root.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Readers {
+    /// Its owner.
+    Owner,
+    /// Its owner, and members of its group.
+    Group,
+}
+
+impl Readers {
+    fn mode_max(self) -> u32 {
+        match self {
+            Readers::Owner => 0o600,
+            Readers::Group => 0o640,
+        }
+    }
+}
+
+/// The text of a file that nobody else can read, or a private key would be none.
 ///
 /// # Errors
-/// The file cannot be read, or others may read or change it.
+/// The file cannot be read, is no regular file, belongs to another user, or others may read or change it.
 pub fn read(path: &Path) -> Result<String, SecretError> {
+    read_for(path, Readers::Owner)
+}
+
+/// The same for these readers.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_for(path: &Path, readers: Readers) -> Result<String, SecretError> {
     let failed = |source| SecretError::Read { path: path.to_owned(), source };
-    let facts = std::fs::metadata(path).map_err(failed)?;
-    let mode = facts.mode() & 0o7777;
-    if mode & 0o077 != 0 {
-        return Err(SecretError::Open { path: path.to_owned(), mode });
+    let kind = |what| Err(SecretError::Kind { path: path.to_owned(), what });
+    // What is checked is what is read: a name could lead elsewhere in between. A pipe without a writer does not block.
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
+    let file = match rustix::fs::open(path, flags, Mode::empty()) {
+        Ok(file) => File::from(file),
+        Err(Errno::LOOP) => return kind("a symbolic link"),
+        Err(errno) => return Err(failed(errno.into())),
+    };
+    let facts = file.metadata().map_err(failed)?;
+    if !facts.is_file() {
+        return kind("no regular file");
     }
-    if facts.len() > BYTES_MAX {
-        return Err(failed(std::io::Error::other("larger than 64 KiB")));
+    check(path, facts.uid(), facts.mode() & 0o7777, rustix::process::geteuid().as_raw(), readers)?;
+    let mut text = String::new();
+    match file.take(BYTES_MAX + 1).read_to_string(&mut text) {
+        Ok(length) if length as u64 > BYTES_MAX => {
+            Err(failed(Error::new(ErrorKind::FileTooLarge, "larger than 64 KiB")))
+        }
+        Ok(_) => Ok(text),
+        Err(error) => Err(failed(error)),
     }
-    std::fs::read_to_string(path).map_err(failed)
+}
+
+/// Whether a file of this owner and mode can be read or changed by nobody else than `user`, root and `readers`.
+fn check(path: &Path, owner: u32, mode: u32, user: u32, readers: Readers) -> Result<(), SecretError> {
+    let (path, mode_max) = (path.to_owned(), readers.mode_max());
+    if owner != user && owner != 0 {
+        return Err(SecretError::Owner { path, owner, user });
+    }
+    if mode & !mode_max != 0 {
+        return Err(SecretError::Open { path, mode, mode_max });
+    }
+    Ok(())
 }
 
 /// The logins of a file: `name:password`, one a line. The password is the rest of the line, colons included.
@@ -115,6 +194,34 @@ mod tests {
         assert_eq!(found.iter().map(|login| login.name.as_str()).collect::<Vec<_>>(), ["plc", "mes"]);
         assert_eq!(found[0].password, "a:b c ");
         assert!(!format!("{found:?}").contains("a:b"));
+    }
+
+    #[test]
+    fn only_a_regular_file_of_this_user_or_root_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link, pipe) =
+            (folder.path().join("a"), folder.path().join("link"), folder.path().join("pipe"));
+        std::fs::write(&real, "secret").unwrap();
+        std::fs::set_permissions(&real, std::fs::Permissions::from_mode(0o640)).unwrap();
+        assert_eq!(read_for(&real, Readers::Group).unwrap(), "secret");
+        assert!(read(&real).unwrap_err().to_string().contains("chmod 0600"));
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        // Without O_NONBLOCK this open would wait for a writer.
+        rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, Mode::RUSR, 0).unwrap();
+        for (path, what) in [(&link, "a symbolic link"), (&pipe, "no regular file")] {
+            let refusal = read(path).unwrap_err().to_string();
+            assert!(refusal.contains(what) && refusal.contains("name the regular file"), "{refusal}");
+        }
+        assert!(matches!(read(folder.path()), Err(SecretError::Kind { .. })));
+        let owned = |owner| check(&real, owner, 0o640, 1000, Readers::Group);
+        assert!(owned(1000).is_ok() && owned(0).is_ok());
+        let refusal = owned(1001).unwrap_err().to_string();
+        assert!(
+            refusal.contains("belongs to user 1001") && refusal.contains("chown it to 1000"),
+            "{refusal}"
+        );
+        std::fs::write(&real, vec![b'a'; BYTES_MAX as usize + 1]).unwrap();
+        assert!(read_for(&real, Readers::Group).unwrap_err().to_string().contains("larger than 64 KiB"));
     }
 
     #[test]

@@ -326,8 +326,10 @@ impl Worker {
         let grip_m = grips_m(&self.person, &body.origin_m, &body.world_from_segment);
         let load_kg = self.load_kg.at(time_s, mix);
         let apart = grip_m[0] - grip_m[1];
-        // Away from the body: at a right angle to the line between the hands.
-        let ahead = apart.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
+        // Away from the body: before the chest. (Before the line between the hands it would spin where one hand passes above
+        // the other, and a box that spins by centimetres in milliseconds weighs tons.)
+        let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
+        let ahead = leftwards.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
         let squeeze_n = self.habits.squeeze_share * load_kg * GRAVITY_M_PER_S2;
         let foot_press_m = std::array::from_fn(|k| {
             let [forward, aside] = [0, 1].map(|axis: usize| self.foot_press[k][axis].at(time_s));

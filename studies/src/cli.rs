@@ -8,7 +8,7 @@ use equipoise_simulator::realism::Realism;
 
 use crate::subject::Crowd;
 use crate::table::Table;
-use crate::{back, clocks, coverage, hidden, lifting, natural, paper, poses, restarts, sources};
+use crate::{back, clocks, coverage, faults, hidden, lifting, natural, paper, poses, restarts, sources};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -51,6 +51,9 @@ enum Question {
     /// Suit, plate and daemon started again in the middle of work
     #[command(after_help = "Example: equipoise-study restarts --subjects 10")]
     Restarts(Choices),
+    /// Sensors that fail without saying so, against the truth
+    #[command(after_help = "Example: equipoise-study faults --subjects 20")]
+    Faults(Choices),
     /// The blind bench of the discrepancy workflow: sessions with something hidden in them
     Hidden {
         #[command(subcommand)]
@@ -101,6 +104,7 @@ pub fn main() -> ExitCode {
         Question::Sources(choices) => choices.answer(sources::study),
         Question::Clocks(choices) => choices.answer(clocks::study),
         Question::Restarts(choices) => choices.answer(restarts::study),
+        Question::Faults(choices) => choices.answer(faults::study),
         Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS
@@ -112,9 +116,10 @@ mod tests {
 
     #[test]
     fn every_question_takes_the_same_choices() {
-        for question in
-            ["paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks", "restarts"]
-        {
+        for question in [
+            "paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks", "restarts",
+            "faults",
+        ] {
             let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
             assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");
             assert!(

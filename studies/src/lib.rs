@@ -10,6 +10,7 @@ pub mod back;
 pub mod cli;
 pub mod clocks;
 pub mod coverage;
+pub mod faults;
 pub mod hidden;
 pub mod lifting;
 pub mod mixtures;

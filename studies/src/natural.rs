@@ -68,25 +68,31 @@ pub struct Shift {
 pub struct Movements {
     random: Random,
     index: usize,
+    /// When the movement under way gives way to the next, s.
+    next_s: f64,
 }
 
 impl Movements {
     /// Those of a subject.
     pub fn of(subject: &Subject) -> Movements {
-        Movements { random: Random::new(subject.seed, "natural work"), index: 0 }
+        Movements { random: Random::new(subject.seed, "natural work"), index: 0, next_s: 0.0 }
     }
 
     /// Works on for so long, s, or until `done` says so. Returns whether it did.
     pub fn work(&mut self, session: &mut Session, for_s: f64, mut done: impl FnMut(&Moment) -> bool) -> bool {
-        let mut left_s = for_s;
-        while left_s > 0.0 {
-            let intention = self.next(self.index);
-            self.index += 1;
-            let phase_s = self.begin(session, &intention);
-            if session.run_until(phase_s.min(left_s), &mut done) {
+        let end_s = session.now_s() + for_s;
+        while session.now_s() < end_s {
+            // One that is cut short in its middle is a blow, not work.
+            if session.now_s() >= self.next_s {
+                let intention = self.next(self.index);
+                self.index += 1;
+                self.next_s = session.now_s() + self.begin(session, &intention);
+            }
+            // A rounding error from the end, time would stand still.
+            let left_s = (self.next_s.min(end_s) - session.now_s()).max(1e-6);
+            if session.run_until(left_s, &mut done) {
                 return true;
             }
-            left_s -= phase_s;
         }
         false
     }

@@ -3,13 +3,14 @@
 use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Inputs, Kept, Memory, Settings, Tick, step};
 use equipoise_core::message::command::CommandKind;
-use equipoise_core::message::{GroundSample, State, SuitSample};
+use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
 use equipoise_core::pose_suggestion::Posture;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
 use equipoise_simulator::suit_sender::SuitWorld;
 use equipoise_simulator::truth::Truth;
 
+use crate::faults::injection::{Fault, Injection};
 use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
 use crate::subject::Subject;
 
@@ -57,6 +58,10 @@ pub struct Session {
     suit_start: SuitStart,
     /// Until when nothing comes of each device, ns: suit, ground.
     silent_until_ns: [u64; 2],
+    /// What fails without saying so.
+    fault: (Fault, Injection),
+    /// Reasons that are waited for, and when one of them was told first, s.
+    notice: (Validity, Option<f64>),
 }
 
 /// When the suit's software was started.
@@ -91,6 +96,8 @@ impl Session {
             seen_ns: 0,
             suit_start: SuitStart::default(),
             silent_until_ns: [0; 2],
+            fault: (Fault::None, Injection::default()),
+            notice: (Validity::default(), None),
         }
     }
 
@@ -153,6 +160,23 @@ impl Session {
     /// The ground's device is started again, which takes so long, s.
     pub fn restart_ground(&mut self, silent_s: f64) {
         self.silent_until_ns[1] = self.now_ns + (silent_s * 1e9) as u64;
+    }
+
+    /// A sensor fails after so long, s. Returns from when to when, s.
+    pub fn fail(&mut self, fault: Fault, after_s: f64) -> [f64; 2] {
+        let begins_s = self.now_s() + after_s;
+        self.fault = (fault, Injection::at(begins_s, fault));
+        [begins_s, begins_s + fault.lasts_s()]
+    }
+
+    /// Waits for one of these reasons, from now on.
+    pub fn notice(&mut self, reasons: Validity) {
+        self.notice = (reasons, None);
+    }
+
+    /// When one of them was told first, whatever moment it is about, s.
+    pub fn noticed_s(&self) -> Option<f64> {
+        self.notice.1
     }
 
     /// The daemon is killed and comes back after so long, s, with what it has kept; its adapters count sessions from zero.
@@ -235,6 +259,8 @@ impl Session {
         if ground_is_silent {
             ground.clear();
         }
+        let (fault, injection) = &mut self.fault;
+        injection.put(*fault, simulated_s(now_ns), &mut suit, &mut ground);
         let tick = Tick { cycle: self.cycle, due_ns: now_ns };
         step(
             &self.settings,
@@ -242,6 +268,10 @@ impl Session {
             tick,
             Inputs { suit: &suit, ground: &ground, body: None, command },
         );
+        let (reasons, noticed_s) = &mut self.notice;
+        if noticed_s.is_none() && self.memory.state.validity().any_of(*reasons) {
+            *noticed_s = Some(simulated_s(now_ns));
+        }
     }
 
     /// The state if it belongs to another suit sample than the one seen last.
@@ -273,7 +303,9 @@ mod tests {
         let subject = Subject::somebody(9);
         let mut session = Session::with(&subject, subject.settings(), Rig::PERFECT, Habits::NONE);
         session.run(1.0, |_| {});
-        session.order(|worker, at_s| worker.intend(&LIFTING[3], at_s, 0.8));
+        session.order(|worker, at_s| worker.intend(&LIFTING[3], at_s, 1.6));
+        // No suit repeats itself to the last bit, and a statue's does: once it has begun to move.
+        session.run(0.2, |_| {});
         session
     }
 
@@ -320,6 +352,7 @@ mod tests {
         let mut session = perfect();
         session.run(1.0, |_| {});
         let before_s = session.now_s();
+        session.order(|worker, at_s| worker.intend(&LIFTING[2], at_s, 5.0));
         session.leap(3.0);
         assert!((session.now_s() - before_s - 3.0).abs() < 1e-9);
         // What still waited for its future at the leap comes out after it.

@@ -3,6 +3,7 @@
 //! [`state_json`] is the one place that turns a state into JSON, [`words`] the one place that turns it into plain
 //! English, [`foxglove`] the one that draws it for recordings and viewers. [`page`] and [`terminal`] only arrange what those two say. Nothing here runs in the loop.
 
+pub mod banner;
 pub mod foxglove;
 pub mod incident_words;
 pub mod metrics;
@@ -15,6 +16,6 @@ pub mod terminal;
 pub mod watch;
 pub mod words;
 
-pub use page::{Page, PageError, PageFrame, Token, TokenError};
+pub use page::{Page, PageError, PageFrame, Token};
 pub use state_json::StateJson;
 pub use suggested_pose::SuggestedPose;

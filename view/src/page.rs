@@ -27,7 +27,7 @@ use tokio::sync::oneshot;
 pub use engineer::COMMAND_HEADER;
 pub use frame::PageFrame;
 pub use station::{Engineer, PageCommand, Station};
-pub use token::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN, Token, TokenError};
+pub use token::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN, Token};
 
 /// How often the feed is asked, and so how often the page is told.
 pub const FRAME_RATE_HZ: u32 = 60;

@@ -36,7 +36,12 @@ pub fn live_line(state: &State, pose: Option<&str>) -> String {
 /// A block of lines of at most 80 columns, always the same number of lines, so that it can be redrawn in place.
 pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     let reasons = words::reasons(state);
-    let why = reasons.iter().map(|reason| reason.text).collect::<Vec<_>>();
+    // A silent sensor is an incident, which is printed below with what to look at.
+    let short = |reason: &words::Reason| matches!(reason.name, "suit_stale" | "ground_stale");
+    let why = reasons
+        .iter()
+        .map(|reason| if short(reason) { words::headline(reason.text) } else { reason.text })
+        .collect::<Vec<_>>();
     let mut block = String::new();
     let mut line = |text: String| {
         // Writing to a String cannot fail.

@@ -16,7 +16,8 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 
-use crate::words::{self, Tone};
+use crate::banner::Headline;
+use crate::words::Tone;
 
 /// From this width on plate and sensors stand beside the joints, columns.
 const BESIDE_FROM: u16 = 80;
@@ -47,8 +48,12 @@ pub struct Watch<'a> {
     pub subject: &'a str,
     /// The newest state; `None` while there is none that may be shown: never an old one.
     pub state: Option<&'a State>,
+    /// The daemon's process, if it exists and is stopped.
+    pub stopped: Option<u32>,
     /// How long ago the last state came, s; `None` if none ever came.
     pub silent_s: Option<f64>,
+    /// What stands above the values, with hysteresis; of the state alone if there is none.
+    pub headline: Option<&'a Headline>,
     /// The suggested pose in words, if one is asked for.
     pub pose: Option<&'a str>,
     /// The adapters that have told something lately.
@@ -154,11 +159,12 @@ fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
         title.push(Span::styled(" The daemon is silent ", bold().fg(Color::Red)));
         return vec![Line::from(title)];
     };
-    title.push(Span::raw(format!(" {}", words::phase(state))));
+    let headline = watch.headline.cloned().unwrap_or_else(|| Headline::of(state, watch.pose));
+    title.push(Span::raw(format!(" {}", headline.phase)));
     if area.width >= 60 {
         title.push(Span::styled(format!("  cycle {}", state.cycle), faint()));
     }
-    let instruction = words::instruction(state, watch.pose);
+    let instruction = &headline.instruction;
     let style = bold().fg(tone(instruction.tone));
     let rows = if area.height < 16 { 1 } else { 2 };
     let mut lines = vec![Line::from(title)];
@@ -168,7 +174,7 @@ fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
         lines.push(Line::raw(format!(" {}", load::progress(state))));
     }
     if area.height >= 18 {
-        let reasons = words::reasons(state);
+        let reasons = &headline.reasons;
         // The first one is the instruction, if there is no other.
         let rows = if area.height >= 30 { 3 } else { 1 };
         let told = reasons.iter().take(rows).map(|reason| {
@@ -189,10 +195,16 @@ fn nothing(watch: &Watch<'_>) -> Vec<Line<'static>> {
         }
         None => format!("Nothing has come from station {} yet.", watch.station),
     };
+    let remedy = match watch.stopped {
+        Some(process) => {
+            format!("Its process {process} is stopped: `kill -CONT {process}` lets it continue.")
+        }
+        None => "Is it running? `systemctl status equipoise`, or `equipoise run --config FILE`.".to_owned(),
+    };
     vec![
         Line::default(),
         Line::raw(since),
-        Line::raw("Is it running? `systemctl status equipoise`, or `equipoise run --config FILE`."),
+        Line::raw(remedy),
         Line::raw("This screen goes on by itself as soon as it is."),
     ]
 }

@@ -186,7 +186,7 @@ fn overload(worst: Joint, level: u32) -> Instruction {
 }
 
 /// The part before the colon: what is wrong, without what to do.
-fn headline(text: &str) -> &str {
+pub(crate) fn headline(text: &str) -> &str {
     text.split_once(':').map_or(text, |(what, _)| what)
 }
 

@@ -1,6 +1,6 @@
 //! Motion and ground reaction as CSV: one row per instant.
 //!
-//! Columns are found by name, in any order; others are passed over. Names end with their unit, which may be another
+//! Commas or semicolons stand between the columns. Columns are found by name, in any order; others are passed over. Names end with their unit, which may be another
 //! than the first named here (`_mm`, `_ms`, `_kN`, …):
 //! - `t_s`: time since any start, increasing;
 //! - per segment in MVN's names, `NAME_px_m, _py_m, _pz_m` (origin) and `NAME_qw, _qx, _qy, _qz`
@@ -9,7 +9,7 @@
 //!   floor at z = 0.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
@@ -42,6 +42,15 @@ pub enum CsvError {
     /// It has no head line.
     #[error("cannot read the head line of the CSV: {0}")]
     Head(#[from] csv::Error),
+    /// Numbers in it have a comma before their decimals.
+    #[error(
+        "line 2: {field} has a comma before its decimals: export numbers with a point, or replace the commas (with \
+         semicolons between the columns: sed 's/,/./g')"
+    )]
+    DecimalComma {
+        /// The first such number.
+        field: String,
+    },
     /// A quantity has no column.
     #[error(
         "the CSV has no column {missing}; the most similar one without a place is {nearest}; rename it, or add the column"
@@ -54,13 +63,16 @@ pub enum CsvError {
     },
 }
 
+/// The first two lines, which are looked at first, and the rest.
+type Lines<R> = Chain<Cursor<Vec<u8>>, BufReader<ShortLines<R>>>;
+
 /// Rows of a CSV as samples; what cannot be used is counted in [`CsvCapture::rejected`].
 ///
 /// Reasons: `unreadable_row` (not text, or too few fields), `not_a_number` (also NaN and infinite),
 /// `time_out_of_range`, `time_not_increasing`, `not_a_rotation` (norm outside 0.95–1.05).
 #[derive(Debug)]
 pub struct CsvCapture<R: Read> {
-    rows: csv::Reader<ShortLines<R>>,
+    rows: csv::Reader<Lines<R>>,
     row: csv::StringRecord,
     columns: Columns,
     sequence: u64,
@@ -86,11 +98,22 @@ impl<R: Read> CsvCapture<R> {
     /// # Errors
     /// [`CsvError`] if it cannot be read or lacks a column.
     pub fn new(reader: R) -> Result<Self, CsvError> {
+        let mut rest = BufReader::new(ShortLines::new(reader));
+        let mut begin = Vec::new();
+        rest.read_until(b'\n', &mut begin).map_err(csv::Error::from)?;
+        let delimiter = delimiter_of(&begin);
+        let second = begin.len();
+        rest.read_until(b'\n', &mut begin).map_err(csv::Error::from)?;
+        let comma = begin.get(second..).and_then(|row| decimal_comma(row, delimiter));
         let mut rows = csv::ReaderBuilder::new()
             .flexible(true)
+            .delimiter(delimiter)
             .trim(csv::Trim::All)
-            .from_reader(ShortLines::new(reader));
+            .from_reader(Cursor::new(begin).chain(rest));
         let columns = Columns::find(rows.headers()?)?;
+        if let Some(field) = comma {
+            return Err(CsvError::DecimalComma { field });
+        }
         let row = csv::StringRecord::new();
         let rejected = Rejected::by("line");
         Ok(CsvCapture { rows, row, columns, sequence: 0, last_time_ns: 0, rejected })
@@ -147,6 +170,21 @@ impl<R: Read> CsvCapture<R> {
         }
         Ok((suit, ground))
     }
+}
+
+/// Spreadsheets write semicolons where a comma stands before decimals.
+fn delimiter_of(head: &[u8]) -> u8 {
+    let count = |sign: u8| head.iter().filter(|byte| **byte == sign).count();
+    if count(b';') > count(b',') { b';' } else { b',' }
+}
+
+/// The first field of a row that is a number with a decimal comma. Between commas none can be recognised.
+fn decimal_comma(row: &[u8], delimiter: u8) -> Option<String> {
+    let row = std::str::from_utf8(row).ok().filter(|_| delimiter != b',')?;
+    let mut fields = row.split(char::from(delimiter)).map(|field| field.trim().trim_matches('"'));
+    let field =
+        fields.find(|field| field.contains(',') && field.replacen(',', ".", 1).parse::<f64>().is_ok())?;
+    Some(field.to_owned())
 }
 
 fn normalise(orientation: &mut [f64; 4]) -> Result<(), &'static str> {

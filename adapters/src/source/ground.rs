@@ -6,7 +6,7 @@ use super::transport::Transport;
 use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
 use crate::ground::{GroundBrain, GroundDevice, GroundRefusal, GroundSettings, Want};
-use equipoise_core::message::{AdapterHealth, GroundSample};
+use equipoise_core::message::{AdapterHealth, GroundSample, Printable};
 use std::time::Duration;
 
 /// A way that could not be opened, or failed, is tried again after this.
@@ -15,6 +15,14 @@ const REOPEN_NS: u64 = 500_000_000;
 const IDLE: Duration = Duration::from_millis(50);
 /// So many things a device may want in a row before its bytes are read again.
 const WANTS_MAX: usize = 8;
+
+/// Characters of a sentence about a device, which may quote what the device says of itself; ours have at most some 400.
+const SENTENCE_CHARS_MAX: usize = 1000;
+
+/// Devices name themselves, their channels and their errors.
+fn printable(sentence: String) -> String {
+    Printable { text: &sentence, chars_max: SENTENCE_CHARS_MAX }.to_string()
+}
 
 /// A ground device that streams to us.
 pub struct GroundSource {
@@ -83,7 +91,12 @@ impl GroundSource {
         match self.transport.receive() {
             Ok(None) => {}
             Ok(Some(incoming)) if !incoming.admitted => self.brain.refuse(GroundRefusal::ForeignSender),
-            Ok(Some(incoming)) => self.brain.receive(incoming.bytes, incoming.arrival_ns, samples),
+            Ok(Some(incoming)) => {
+                self.brain.receive(incoming.bytes, incoming.arrival_ns, samples);
+                if samples.len() > before {
+                    self.transport.accepted();
+                }
+            }
             Err(error) => self.failed(error)?,
         }
         Ok(samples.len() - before)
@@ -91,12 +104,13 @@ impl GroundSource {
 
     /// What is wrong, and what to do, in a sentence; `None` while all is well.
     pub fn trouble(&self) -> Option<String> {
-        if self.open { self.brain.trouble() } else { self.trouble.clone() }
+        let trouble = if self.open { self.brain.trouble() } else { self.trouble.clone() };
+        trouble.map(printable)
     }
 
     /// What the device told of itself, in a sentence; `None` if there is nothing.
     pub fn note(&self) -> Option<String> {
-        self.brain.note()
+        self.brain.note().map(printable)
     }
 
     /// What was counted since the start.
@@ -196,7 +210,7 @@ mod tests {
 
         fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
             if self.fails.try_recv().is_ok() {
-                let (what, remedy) = ("the share".to_owned(), String::new());
+                let (what, remedy) = ("the share".to_owned(), "\u{1b}]0;x\n".repeat(1000));
                 return Err(SourceError::Absent {
                     what,
                     remedy,
@@ -251,7 +265,9 @@ mod tests {
         assert_eq!(forces_n(&mut source, 1), [701.0]);
         fail.send(()).unwrap();
         source.receive(&mut Vec::new()).unwrap();
-        assert!(source.trouble().is_some_and(|said| said.contains("the share is not there")));
+        let said = source.trouble().expect("it is not there");
+        assert!(said.contains("the share is not there") && !said.contains(['\u{1b}', '\n']), "{said}");
+        assert!(said.len() < 10 * SENTENCE_CHARS_MAX, "{}", said.len());
         file.write_all(b"02\n-703\n").unwrap();
         assert_eq!(forces_n(&mut source, 2), [702.0, 703.0]);
     }

@@ -41,6 +41,8 @@ pub fn survey(
                 match door.receive()? {
                     Some(Heard::Datagram { bytes, sender, arrival_ns }) => {
                         survey.take(sender.ip(), bytes, arrival_ns);
+                        // No samples are made here: who sends sound datagrams is taken for the suit.
+                        door.accepted();
                     }
                     Some(Heard::LostStep) => survey.lose_step(),
                     Some(Heard::TurnedAway(sender)) => survey.turn_away(sender.ip()),

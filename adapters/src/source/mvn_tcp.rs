@@ -26,6 +26,7 @@ impl MvnTcpSource {
                 Some(Heard::TurnedAway(_)) => suits.refuse_datagram(SuitRefusal::ForeignSender),
                 Some(Heard::Datagram { bytes, arrival_ns, .. }) => {
                     if let Some(sample) = suits.receive(bytes, arrival_ns) {
+                        self.door.accepted();
                         return Ok(Some(sample));
                     }
                 }

@@ -29,6 +29,7 @@ impl MvnUdpSource {
                 continue;
             }
             if let Some(sample) = suits.receive(received.bytes, received.arrival_ns) {
+                self.sender.hold(received.sender.ip(), received.arrival_ns);
                 return Ok(Some(sample));
             }
         }

@@ -1,4 +1,7 @@
-//! A listening TCP socket for one client that streams MVN datagrams to us.
+//! A listening TCP socket for one device that streams MVN datagrams to us.
+//!
+//! The device is the client whose sample was accepted. Until there is one, several clients may be connected and are read,
+//! so that neither an idle nor a babbling connection keeps the device away.
 //!
 //! The kernel stamps packets, not what is in them: a datagram is stamped when it was read, and all that one read brings
 //! bear one stamp. The clock fit keeps to the earliest, so that this costs little as long as reads are not late.
@@ -15,15 +18,18 @@ use std::os::fd::AsFd;
 use std::os::linux::net::TcpStreamExt;
 use std::time::Duration;
 
-/// A client that brings no datagram for so long gives way to a new one.
+/// A client without an accepted sample for so long gives way to others. As `OneSender` has it for datagrams.
 const CLIENT_HOLDS_NS: u64 = 1_000_000_000;
+/// Clients that are read while none of them is the device; one more closes the oldest. A MVN, one that did not notice its
+/// end, and a few strangers.
+const CLIENTS_MAX: usize = 8;
 /// Bytes taken at once: 14 samples of everything.
 const READ_SIZE: usize = 65_536;
 
 /// What came.
 #[derive(Debug, Clone, Copy)]
 pub enum Heard<'a> {
-    /// A datagram of the client.
+    /// A datagram of a client; if a sample of it is accepted, [`TcpDoor::accepted`] must be called.
     Datagram {
         /// What was sent.
         bytes: &'a [u8],
@@ -32,9 +38,9 @@ pub enum Heard<'a> {
         /// When it was read, CLOCK_MONOTONIC.
         arrival_ns: u64,
     },
-    /// The client's stream was out of step and is searched for the next datagram.
+    /// A client's stream was out of step and is searched for the next datagram.
     LostStep,
-    /// Somebody connected who may not, or beside a client that still streams. The connection was closed.
+    /// A client that may not connect, or that did beside the device, or one too many. The connection was closed.
     TurnedAway(SocketAddr),
 }
 
@@ -45,18 +51,21 @@ struct Client {
     cutter: StreamCutter,
     /// When the last bytes were read.
     arrival_ns: u64,
-    /// When it last brought a datagram, or connected.
-    alive_ns: u64,
+    /// When a sample of it was accepted last.
+    accepted_ns: Option<u64>,
 }
 
-/// The listener, its one client, and their buffer.
+/// The listener, its clients, and their buffer.
 #[derive(Debug)]
 pub struct TcpDoor {
     listener: TcpListener,
     local: SocketAddr,
     senders: Senders,
     timeout: Duration,
-    client: Option<Client>,
+    /// In the order in which they connected.
+    clients: Vec<Client>,
+    /// Which of them brought the last datagram.
+    last: usize,
     buffer: Box<[u8]>,
     skipped_bytes: u64,
 }
@@ -84,7 +93,8 @@ impl TcpDoor {
             local,
             senders,
             timeout,
-            client: None,
+            clients: Vec::new(),
+            last: 0,
             buffer: vec![0; READ_SIZE].into_boxed_slice(),
             skipped_bytes: 0,
         })
@@ -95,14 +105,9 @@ impl TcpDoor {
         self.local
     }
 
-    /// Who is connected.
-    pub fn client(&self) -> Option<SocketAddr> {
-        self.client.as_ref().map(|client| client.address)
-    }
-
     /// Bytes of all clients that belonged to no datagram and no text.
     pub fn skipped_bytes(&self) -> u64 {
-        self.skipped_bytes + self.client.as_ref().map_or(0, |client| client.cutter.skipped_bytes())
+        self.skipped_bytes + self.clients.iter().map(|client| client.cutter.skipped_bytes()).sum::<u64>()
     }
 
     /// Waits for one datagram, or something else worth telling; `None` after the timeout, or if what came was neither.
@@ -113,16 +118,14 @@ impl TcpDoor {
         let mut cut = self.cut();
         if cut.is_none() {
             let (streams, knocks) = self.wait()?;
-            // The client first: one that closed makes room for the one that knocks.
-            if streams {
-                self.read();
-                cut = self.cut();
+            // The clients first: one that closed makes room for the one that knocks.
+            self.read(&streams);
+            if knocks && let Some(turned_away) = self.admit()? {
+                return Ok(Some(Heard::TurnedAway(turned_away)));
             }
-            if cut.is_none() && knocks {
-                return Ok(self.admit()?.map(Heard::TurnedAway));
-            }
+            cut = self.cut();
         }
-        Ok(match (cut, &self.client) {
+        Ok(match (cut, self.clients.get(self.last)) {
             (Some(Cut::Datagram), Some(client)) => Some(Heard::Datagram {
                 bytes: client.cutter.datagram(),
                 sender: client.address,
@@ -133,50 +136,70 @@ impl TcpDoor {
         })
     }
 
-    fn cut(&mut self) -> Option<Cut> {
-        let client = self.client.as_mut()?;
-        let cut = client.cutter.advance();
-        if cut == Some(Cut::Datagram) {
-            client.alive_ns = client.arrival_ns;
+    /// The last datagram held a sample that was accepted: its client is the device, and all others are closed.
+    pub fn accepted(&mut self) {
+        if self.last >= self.clients.len() {
+            return;
         }
-        cut
+        let mut device = self.clients.swap_remove(self.last);
+        device.accepted_ns = Some(device.arrival_ns);
+        self.close(0..self.clients.len());
+        self.clients.push(device);
+        self.last = 0;
     }
 
-    /// Waits until the client has sent something, or somebody knocks: which of them, if any in time.
-    fn wait(&self) -> Result<(bool, bool), SourceError> {
+    /// The next cut of any client, beginning behind the one that had the last: none starves the others.
+    fn cut(&mut self) -> Option<Cut> {
+        let (count, last) = (self.clients.len(), self.last);
+        let (index, cut) = (1..=count).map(|step| (last + step) % count).find_map(|index| {
+            let cut = self.clients.get_mut(index)?.cutter.advance()?;
+            Some((index, cut))
+        })?;
+        self.last = index;
+        Some(cut)
+    }
+
+    /// Waits until a client has sent something or one knocks: which of the clients, and whether one knocks.
+    fn wait(&self) -> Result<(Vec<bool>, bool), SourceError> {
         let mut asked = vec![PollFd::new(self.listener.as_fd(), PollFlags::POLLIN)];
-        asked.extend(self.client.iter().map(|client| PollFd::new(client.stream.as_fd(), PollFlags::POLLIN)));
+        asked.extend(self.clients.iter().map(|client| PollFd::new(client.stream.as_fd(), PollFlags::POLLIN)));
         let timeout =
             PollTimeout::try_from(self.timeout.max(Duration::from_millis(1))).unwrap_or(PollTimeout::MAX);
         match poll(&mut asked, timeout) {
             Ok(_) => {}
-            Err(Errno::EINTR) => return Ok((false, false)),
+            Err(Errno::EINTR) => return Ok((Vec::new(), false)),
             Err(errno) => return Err(self.failed(errno.into())),
         }
         // A hang-up or an error shows when it is read.
-        let happened = |at: usize| asked.get(at).and_then(PollFd::any).unwrap_or(false);
-        Ok((happened(1), happened(0)))
+        let mut happened = asked.iter().map(|fd| fd.any().unwrap_or(false));
+        let knocks = happened.next().unwrap_or(false);
+        Ok((happened.collect(), knocks))
     }
 
-    /// Takes in what the client sent; it is forgotten if it closed or failed.
-    fn read(&mut self) {
-        let Some(client) = &mut self.client else { return };
-        match client.stream.read(&mut self.buffer) {
-            Ok(length @ 1..) => {
-                client.arrival_ns = now_monotonic_ns();
-                client.cutter.push(self.buffer.get(..length).unwrap_or_default());
-                // A sender that waits for an answer before its next small packet shall not wait for it long. The kernel
-                // forgets this wish, and a connection that does not know it is no worse than before.
-                let _ = client.stream.set_quickack(true);
+    /// Takes in what clients sent; those that closed or failed are dropped.
+    fn read(&mut self, streams: &[bool]) {
+        // From the last on, so that dropping one does not move those that are still to be read.
+        for index in (0..self.clients.len()).rev().filter(|index| streams.get(*index) == Some(&true)) {
+            let Some(client) = self.clients.get_mut(index) else { continue };
+            match client.stream.read(&mut self.buffer) {
+                Ok(length @ 1..) => {
+                    client.arrival_ns = now_monotonic_ns();
+                    client.cutter.push(self.buffer.get(..length).unwrap_or_default());
+                    // A sender that waits for an answer before its next small packet shall not wait for it long. The
+                    // kernel forgets this wish, and a connection that does not know it is no worse than before.
+                    let _ = client.stream.set_quickack(true);
+                }
+                Err(error)
+                    if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {}
+                Ok(_) | Err(_) => self.close(index..index + 1),
             }
-            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {}
-            Ok(_) | Err(_) => self.forget_client(),
         }
     }
 
-    fn forget_client(&mut self) {
-        self.skipped_bytes = self.skipped_bytes();
-        self.client = None;
+    fn close(&mut self, indices: core::ops::Range<usize>) {
+        for client in self.clients.drain(indices) {
+            self.skipped_bytes += client.cutter.skipped_bytes();
+        }
     }
 
     /// Lets the next one in; who was turned away.
@@ -196,15 +219,22 @@ impl TcpDoor {
         };
         let address = SocketAddr::new(address.ip().to_canonical(), address.port());
         let now_ns = now_monotonic_ns();
-        let is_held =
-            self.client.as_ref().is_some_and(|held| now_ns.saturating_sub(held.alive_ns) < CLIENT_HOLDS_NS);
+        let holds = |client: &Client| {
+            client.accepted_ns.is_some_and(|accepted_ns| now_ns.saturating_sub(accepted_ns) < CLIENT_HOLDS_NS)
+        };
+        let is_held = self.clients.iter().any(holds);
         if is_held || !self.senders.admit(address.ip()) || stream.set_nonblocking(true).is_err() {
             return Ok(Some(address));
         }
-        self.forget_client();
+        let mut turned_away = None;
+        if self.clients.len() >= CLIENTS_MAX {
+            turned_away = self.clients.first().map(|oldest| oldest.address);
+            self.close(0..1);
+            self.last = 0;
+        }
         let cutter = StreamCutter::new();
-        self.client = Some(Client { stream, address, cutter, arrival_ns: now_ns, alive_ns: now_ns });
-        Ok(None)
+        self.clients.push(Client { stream, address, cutter, arrival_ns: now_ns, accepted_ns: None });
+        Ok(turned_away)
     }
 
     fn failed(&self, error: io::Error) -> SourceError {

@@ -33,6 +33,9 @@ pub trait Transport: Send {
     /// [`SourceError::Absent`] if the device went away: then [`Self::open`] is called again after a pause.
     fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError>;
 
+    /// What was received last held a sample that was accepted: its sender is the device.
+    fn accepted(&mut self) {}
+
     /// Says something to the device.
     ///
     /// # Errors

@@ -41,25 +41,27 @@ impl Senders {
     }
 }
 
-/// Holds to one sender: two on one port would tear each other's samples apart.
+/// Keeps a port to one sender: two would tear each other's samples apart. Only accepted samples hold it; a stray datagram
+/// does not lock out the device.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OneSender {
-    /// Who sends, and when last.
+    /// Whose sample was accepted, and when last.
     holder: Option<(IpAddr, u64)>,
 }
 
 impl OneSender {
-    /// A second sender is listened to once the first has been silent for so long.
+    /// The port is free again once no sample was accepted for so long. Far above the gaps of a radio link.
     const HOLDS_NS: u64 = 1_000_000_000;
 
-    /// Whether a datagram of `sender` that came at `arrival_ns` is of the one who is listened to.
-    pub fn admits(&mut self, sender: IpAddr, arrival_ns: u64) -> bool {
+    /// Whether a datagram of `sender` that came at `arrival_ns` is to be read: nobody else holds the port.
+    pub fn admits(&self, sender: IpAddr, arrival_ns: u64) -> bool {
         let holds = |last_ns: u64| arrival_ns.saturating_sub(last_ns) < Self::HOLDS_NS;
-        let admitted = self.holder.is_none_or(|(holder, last_ns)| holder == sender || !holds(last_ns));
-        if admitted {
-            self.holder = Some((sender, arrival_ns));
-        }
-        admitted
+        self.holder.is_none_or(|(holder, last_ns)| holder == sender || !holds(last_ns))
+    }
+
+    /// A sample of `sender` was accepted, whose datagram came at `arrival_ns`: the port is held.
+    pub fn hold(&mut self, sender: IpAddr, arrival_ns: u64) {
+        self.holder = Some((sender, arrival_ns));
     }
 
     /// Whether nobody else is listened to.
@@ -226,12 +228,26 @@ mod tests {
     }
 
     #[test]
-    fn one_sender_is_listened_to_until_it_is_silent() {
+    fn a_port_is_held_by_accepted_samples_until_there_are_none() {
         let [one, other] = ["192.0.2.1", "192.0.2.2"].map(|ip| ip.parse::<IpAddr>().unwrap());
         let mut sender = OneSender::default();
-        let heard = [(one, 0), (other, 10), (one, 900), (other, 1800), (other, 1900), (one, 2000)];
-        let admitted = heard.map(|(ip, ms)| sender.admits(ip, ms * 1_000_000));
-        assert_eq!(admitted, [true, false, true, false, true, false]);
+        // Who, when, and whether it is a sample: noise twice a second holds nothing, before, during and after.
+        let heard = [
+            (other, 0, false, true),
+            (one, 10, true, true),
+            (other, 500, false, false),
+            (one, 900, true, true),
+            (one, 1500, false, true),
+            (other, 1800, true, false),
+            (other, 1950, true, true),
+            (one, 2000, true, false),
+        ];
+        for (ip, ms, is_sample, admitted) in heard {
+            assert_eq!(sender.admits(ip, ms * 1_000_000), admitted, "{ip} at {ms} ms");
+            if admitted && is_sample {
+                sender.hold(ip, ms * 1_000_000);
+            }
+        }
         assert!(sender.may_be(other) && !sender.may_be(one));
     }
 

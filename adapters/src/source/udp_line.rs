@@ -18,6 +18,8 @@ pub struct UdpLine {
     key: &'static str,
     door: Option<UdpDoor>,
     sender: OneSender,
+    /// Sender and arrival of the last datagram that was admitted.
+    last: Option<(IpAddr, u64)>,
 }
 
 impl UdpLine {
@@ -37,12 +39,13 @@ impl UdpLine {
             key,
             door: None,
             sender: OneSender::default(),
+            last: None,
         }
     }
 
     /// Listening for a device that sends of itself; `key` names the address in errors.
     pub fn listening(local: SocketAddr, senders: Senders, key: &'static str) -> UdpLine {
-        UdpLine { local, peer: None, senders, key, door: None, sender: OneSender::default() }
+        UdpLine { local, peer: None, senders, key, door: None, sender: OneSender::default(), last: None }
     }
 
     /// Where it listens, once open; with the port the system chose if 0 was asked for.
@@ -65,14 +68,19 @@ impl Transport for UdpLine {
 
     fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
         let Some(door) = &mut self.door else { return Err(unopened(self.key)) };
-        let (peer, one) = (self.peer, &mut self.sender);
-        Ok(door.receive()?.map(|received| Incoming {
-            bytes: received.bytes,
-            arrival_ns: received.arrival_ns,
-            admitted: received.admitted
-                && peer.is_none_or(|peer| peer.port() == received.sender.port())
-                && one.admits(received.sender.ip(), received.arrival_ns),
-        }))
+        let Some(received) = door.receive()? else { return Ok(None) };
+        let (sender, arrival_ns) = (received.sender, received.arrival_ns);
+        let admitted = received.admitted
+            && self.peer.is_none_or(|peer| peer.port() == sender.port())
+            && self.sender.admits(sender.ip(), arrival_ns);
+        self.last = admitted.then_some((sender.ip(), arrival_ns));
+        Ok(Some(Incoming { bytes: received.bytes, arrival_ns, admitted }))
+    }
+
+    fn accepted(&mut self) {
+        if let Some((sender, arrival_ns)) = self.last {
+            self.sender.hold(sender, arrival_ns);
+        }
     }
 
     fn send(&mut self, bytes: &[u8]) -> Result<(), SourceError> {

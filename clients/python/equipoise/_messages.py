@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x1c57ef2b52401285",
+    schema="0xd826dc8127ed5fb5",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -259,17 +259,20 @@ class Reason(enum.IntFlag):
     COP_NOT_MEASURED = 4096
     LOAD_MAY_HIDE = 8192
     PLACE_UNKNOWN = 16384
+    GROUND_IMPLAUSIBLE = 32768
+    SUIT_IMPLAUSIBLE = 65536
+    WEIGHT_MISSING = 131072
 
 
-SPOILS_GROUND_FORCE = Reason(2050)
-SPOILS_COP_MEASURED = Reason(6162)
-SPOILS_COM = Reason(17409)
-SPOILS_COP_ESTIMATED = Reason(17417)
-SPOILS_DELTA_F = Reason(6682)
-SPOILS_RESIDUAL = Reason(24287)
-SPOILS_LIFTED_MASS = Reason(6842)
-SPOILS_BACK = Reason(32735)
-SPOILS_TORQUES = Reason(32767)
+SPOILS_GROUND_FORCE = Reason(34818)
+SPOILS_COP_MEASURED = Reason(38930)
+SPOILS_COM = Reason(82945)
+SPOILS_COP_ESTIMATED = Reason(82953)
+SPOILS_DELTA_F = Reason(39450)
+SPOILS_RESIDUAL = Reason(122591)
+SPOILS_LIFTED_MASS = Reason(236218)
+SPOILS_BACK = Reason(262111)
+SPOILS_TORQUES = Reason(262143)
 
 
 class Phase(enum.IntEnum):

@@ -71,43 +71,41 @@ fn learn(period_ns: &mut u64, interval_ns: u64) {
 }
 
 impl Alignment {
-    /// Takes in a ground sample; one that is not plausible at `now_ns` or whose time does not advance is refused.
-    /// Returns whether it was accepted.
-    pub fn push_ground(&mut self, sample: &GroundSample, now_ns: u64) -> bool {
-        if !is_sound_ground(sample, now_ns) {
-            self.refused += 1;
-            return false;
-        }
+    /// Whether a ground sample may enter at `now_ns`: its numbers are plausible, and its time advances. Counts those refused.
+    pub fn admits_ground(&mut self, sample: &GroundSample, now_ns: u64) -> bool {
+        let advances =
+            self.newest_ground().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
+        self.admit(advances && is_sound_ground(sample, now_ns))
+    }
+
+    /// The same for a suit sample.
+    pub fn admits_suit(&mut self, sample: &SuitSample, now_ns: u64) -> bool {
+        let advances = self.newest_suit().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
+        self.admit(advances && is_sound_suit(sample, now_ns))
+    }
+
+    fn admit(&mut self, may_enter: bool) -> bool {
+        self.refused += u64::from(!may_enter);
+        may_enter
+    }
+
+    /// Takes in a ground sample that was admitted.
+    pub fn push_ground(&mut self, sample: &GroundSample) {
         if let Some(newest_ns) = self.newest_ground().map(|newest| newest.sample_time_ns) {
-            if sample.sample_time_ns <= newest_ns {
-                self.refused += 1;
-                return false;
-            }
             learn(&mut self.ground_period_ns, sample.sample_time_ns - newest_ns);
         }
         self.ground[self.ground_count as usize % GROUND_RING] = *sample;
         self.ground_count += 1;
-        true
     }
 
-    /// Takes in a suit sample; one that is not plausible at `now_ns` or whose time does not advance is refused. A full
-    /// queue loses its oldest. Returns whether it was accepted.
-    pub fn push_suit(&mut self, sample: &SuitSample, now_ns: u64) -> bool {
-        if !is_sound_suit(sample, now_ns) {
-            self.refused += 1;
-            return false;
-        }
+    /// Takes in a suit sample that was admitted. A full queue loses its oldest.
+    pub fn push_suit(&mut self, sample: &SuitSample) {
         if let Some(newest_ns) = self.newest_suit().map(|newest| newest.sample_time_ns) {
-            if sample.sample_time_ns <= newest_ns {
-                self.refused += 1;
-                return false;
-            }
             learn(&mut self.suit_period_ns, sample.sample_time_ns - newest_ns);
         }
         self.suit[self.suit_in as usize % SUIT_QUEUE] = *sample;
         self.suit_in += 1;
         self.suit_out = self.suit_out.max(self.suit_in.saturating_sub(SUIT_QUEUE as u64));
-        true
     }
 
     /// Sets how much later than the ground's the suit's stamps are, ns.
@@ -198,6 +196,33 @@ impl Alignment {
         Some(Aligned { suit, ground: if reached { self.ground_at(time_ns) } else { None } })
     }
 
+    /// The wrench around a time, averaged as [`crate::motion::History`] averages accelerations: the second derivative of the
+    /// parabola of least squares over ±T is the mean of the second derivative with the weights (1 − (t/T)²)². With
+    /// one filter on both sides what is too quick for the suit cancels in their difference. `None` where samples or kinds of
+    /// measurement are missing.
+    pub(super) fn ground_around(&self, time_ns: u64, half_ns: u64) -> Option<GroundSample> {
+        let slack_ns = 2 * self.ground_period_ns();
+        let oldest = self.ground_count.saturating_sub(GROUND_RING as u64);
+        let newest_first = (oldest..self.ground_count).rev().map(|i| &self.ground[i as usize % GROUND_RING]);
+        let mut within = newest_first
+            .skip_while(|sample| sample.sample_time_ns > time_ns + half_ns)
+            .take_while(|sample| sample.sample_time_ns + half_ns >= time_ns)
+            .peekable();
+        let last = **within.peek()?;
+        let (mut mean, mut first_ns) = (WeightedMean::of(&last), last.sample_time_ns);
+        for sample in within {
+            if first_ns - sample.sample_time_ns > GAP_MAX_NS || !mean.is_alike(sample) {
+                return None;
+            }
+            first_ns = sample.sample_time_ns;
+            let share = first_ns.abs_diff(time_ns) as f64 / half_ns as f64;
+            mean.add(sample, (1.0 - share * share) * (1.0 - share * share));
+        }
+        let is_covered = first_ns <= (time_ns + slack_ns).saturating_sub(half_ns)
+            && last.sample_time_ns + slack_ns >= time_ns + half_ns;
+        is_covered.then(|| mean.sample(time_ns)).flatten()
+    }
+
     /// The wrench at a time between two samples of the ring that are not too far apart.
     fn ground_at(&self, time_ns: u64) -> Option<GroundSample> {
         let oldest = self.ground_count.saturating_sub(GROUND_RING as u64);
@@ -214,6 +239,67 @@ impl Alignment {
         let share = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
         let between = GroundSample { sample_time_ns: time_ns, ..earlier.between(later, share) };
         Some(between.without_what_was_not_measured())
+    }
+}
+
+/// A weighted mean of ground samples of one kind.
+struct WeightedMean {
+    kind: GroundSample,
+    weights: f64,
+    force_n: [f64; 3],
+    moment_nm: [f64; 3],
+    foot_vertical_n: [f64; 2],
+    /// Each foot's centre times its force: the moments are what is measured.
+    foot_moment_nm: [[f64; 2]; 2],
+}
+
+impl WeightedMean {
+    fn of(kind: &GroundSample) -> WeightedMean {
+        WeightedMean {
+            kind: *kind,
+            weights: 0.0,
+            force_n: [0.0; 3],
+            moment_nm: [0.0; 3],
+            foot_vertical_n: [0.0; 2],
+            foot_moment_nm: [[0.0; 2]; 2],
+        }
+    }
+
+    /// Whether a sample measures the same by the same devices, without a fault.
+    fn is_alike(&self, sample: &GroundSample) -> bool {
+        let measures =
+            |of: &GroundSample| (of.not_measured, of.devices, of.per_foot, of.foot_frame, of.device_status);
+        measures(sample) == measures(&self.kind) && sample.device_status == 0
+    }
+
+    fn add(&mut self, sample: &GroundSample, weight: f64) {
+        self.weights += weight;
+        for axis in 0..3 {
+            self.force_n[axis] += weight * sample.force_n[axis];
+            self.moment_nm[axis] += weight * sample.moment_nm[axis];
+        }
+        for foot in 0..2 {
+            let vertical_n = weight * sample.foot_vertical_n[foot];
+            self.foot_vertical_n[foot] += vertical_n;
+            for axis in 0..2 {
+                self.foot_moment_nm[foot][axis] += vertical_n * sample.foot_cop_m[foot][axis];
+            }
+        }
+    }
+
+    fn sample(&self, time_ns: u64) -> Option<GroundSample> {
+        let is_pressed = |foot: usize| self.foot_vertical_n[foot].abs() > 1e-6;
+        (self.weights > 0.0).then(|| GroundSample {
+            sample_time_ns: time_ns,
+            force_n: self.force_n.map(|sum| sum / self.weights),
+            moment_nm: self.moment_nm.map(|sum| sum / self.weights),
+            foot_vertical_n: self.foot_vertical_n.map(|sum| sum / self.weights),
+            foot_cop_m: core::array::from_fn(|foot| {
+                let cop_m = self.foot_moment_nm[foot].map(|sum| sum / self.foot_vertical_n[foot]);
+                if is_pressed(foot) { cop_m } else { [0.0; 2] }
+            }),
+            ..self.kind
+        })
     }
 }
 
@@ -267,162 +353,4 @@ fn is_not_to_come(sample_time_ns: u64, now_ns: u64) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Late enough for every sample here.
-    const NOW_NS: u64 = 1 << 40;
-
-    fn ground(time_ns: u64, force: f64) -> GroundSample {
-        GroundSample { sample_time_ns: time_ns, force_n: [0.0, 0.0, force], ..Zeroable::zeroed() }
-    }
-
-    fn suit(time_ns: u64) -> SuitSample {
-        SuitSample {
-            sample_time_ns: time_ns,
-            orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; crate::body::SEGMENTS],
-            ..Zeroable::zeroed()
-        }
-    }
-
-    fn empty() -> Alignment {
-        Zeroable::zeroed()
-    }
-
-    #[test]
-    fn the_wrench_is_taken_at_the_suit_s_own_time_whatever_arrived_first() {
-        let mut alignment = empty();
-        alignment.push_suit(&suit(1_500_000), NOW_NS);
-        assert!(alignment.next(2_000_000, PATIENCE_NS).is_none(), "the ground has not reached it");
-        for millisecond in 0..3 {
-            alignment.push_ground(&ground(millisecond * 1_000_000, 100.0 * millisecond as f64), NOW_NS);
-        }
-        let aligned = alignment.next(3_000_000, PATIENCE_NS).unwrap();
-        assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
-        assert!(alignment.next(3_000_000, PATIENCE_NS).is_none());
-    }
-
-    #[test]
-    fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
-        let mut alignment = empty();
-        for millisecond in 0..500 {
-            alignment.push_ground(&ground(millisecond * 1_000_000, millisecond as f64), NOW_NS);
-        }
-        let mut at = |lag_ms: i64, suit_ms: u64| {
-            alignment.set_lag_ns(lag_ms * 1_000_000);
-            alignment.push_suit(&suit(suit_ms * 1_000_000), NOW_NS);
-            let aligned = alignment.next(500_000_000, PATIENCE_NS + alignment.ground_late_ns())?;
-            assert_eq!(aligned.suit.sample_time_ns, suit_ms * 1_000_000, "the stamp stays");
-            Some(aligned.ground?.force_n[2].round())
-        };
-        assert_eq!(at(0, 200), Some(200.0));
-        assert_eq!(at(138, 210), Some(72.0), "a late suit");
-        assert_eq!(at(-138, 220), Some(358.0), "a late ground");
-        // Ground that reaches to 499 ms is 138 ms short of it; the sample is 80 ms old.
-        assert_eq!(at(-138, 420), None);
-        assert_eq!(
-            alignment.next(500_000_000, PATIENCE_NS).map(|aligned| aligned.ground.is_none()),
-            Some(true)
-        );
-    }
-
-    #[test]
-    fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
-        let mut alignment = empty();
-        alignment.set_lag_ns(-500_000_000);
-        let mut told = 0;
-        for millisecond in 1..2000_u64 {
-            let now_ns = millisecond * 1_000_000;
-            alignment.push_ground(&ground(now_ns, 700.0), now_ns);
-            if now_ns % 4_166_667 < 1_000_000 {
-                alignment.push_suit(&suit(now_ns), now_ns);
-            }
-            while let Some(aligned) = alignment.next(now_ns, PATIENCE_NS + alignment.ground_late_ns()) {
-                assert!(aligned.ground.is_some());
-                told += 1;
-            }
-        }
-        assert!((357..=360).contains(&told), "1.5 s at 240 Hz, none lost: {told}");
-    }
-
-    #[test]
-    fn a_silent_ground_does_not_hold_the_suit_back_for_ever() {
-        let mut alignment = empty();
-        alignment.push_ground(&ground(0, 700.0), NOW_NS);
-        alignment.push_suit(&suit(10_000_000), NOW_NS);
-        assert!(alignment.next(20_000_000, PATIENCE_NS).is_none());
-        assert!(alignment.next(80_000_000, PATIENCE_NS).unwrap().ground.is_none());
-    }
-
-    #[test]
-    fn what_one_of_two_samples_did_not_measure_is_not_measured_between_them() {
-        use crate::message::{Component, GroundDevice};
-        let mut alignment = empty();
-        let insoles = GroundDevice::Insoles as u32;
-        let without = Component::Shear as u32;
-        let blind = GroundSample { not_measured: without, devices: insoles, ..ground(0, 700.0) };
-        alignment.push_ground(&blind, NOW_NS);
-        alignment.push_ground(&GroundSample { devices: 1, ..ground(1_000_000, 700.0) }, NOW_NS);
-        alignment.push_suit(&suit(500_000), NOW_NS);
-        let between = alignment.next(2_000_000, PATIENCE_NS).unwrap().ground.unwrap();
-        assert!(!between.measures(Component::Shear));
-        assert_eq!(between.devices, 1 | insoles);
-    }
-
-    #[test]
-    fn nothing_is_interpolated_over_a_gap() {
-        let mut alignment = empty();
-        alignment.push_ground(&ground(0, 700.0), NOW_NS);
-        alignment.push_ground(&ground(200_000_000, 700.0), NOW_NS);
-        alignment.push_suit(&suit(100_000_000), NOW_NS);
-        assert!(alignment.next(200_000_000, PATIENCE_NS).unwrap().ground.is_none());
-    }
-
-    #[test]
-    fn time_that_does_not_advance_is_refused() {
-        let mut alignment = empty();
-        alignment.push_ground(&ground(5, 1.0), NOW_NS);
-        alignment.push_ground(&ground(5, 2.0), NOW_NS);
-        alignment.push_ground(&ground(4, 3.0), NOW_NS);
-        alignment.push_suit(&suit(9), NOW_NS);
-        alignment.push_suit(&suit(9), NOW_NS);
-        assert_eq!(alignment.refused(), 3);
-        assert_eq!(alignment.newest_ground().unwrap().force_n[2], 1.0);
-    }
-
-    #[test]
-    fn a_tare_takes_the_last_moments_of_an_empty_plate_and_is_not_taken_twice() {
-        let mut alignment = empty();
-        for millisecond in 0..500 {
-            let force = if millisecond < 100 { 706.0 } else { 30.0 };
-            alignment.push_ground(&ground(millisecond * 1_000_000, force), NOW_NS);
-        }
-        let shown = alignment.tare(150.0).unwrap();
-        assert!((shown.force_n[2] - 30.0).abs() < 1e-9, "{shown:?}");
-        assert!(alignment.tare(150.0).unwrap().force_n[2].abs() < 1e-9, "the second tare finds nothing left");
-        alignment.push_ground(&ground(500 * 1_000_000, 400.0), NOW_NS);
-        assert!(alignment.tare(150.0).is_none(), "somebody steps on");
-    }
-
-    #[test]
-    fn a_full_queue_loses_its_oldest() {
-        let mut alignment = empty();
-        for index in 1..=SUIT_QUEUE as u64 + 3 {
-            alignment.push_suit(&suit(index), NOW_NS);
-        }
-        assert_eq!(alignment.next(u64::MAX, PATIENCE_NS).unwrap().suit.sample_time_ns, 4);
-        assert!(alignment.is_sound());
-    }
-
-    #[test]
-    fn the_period_is_learnt_and_a_gap_is_not_a_period() {
-        let mut alignment = empty();
-        let mut time_ns = 0;
-        for _ in 0..20 {
-            time_ns += 4_166_667;
-            alignment.push_suit(&suit(time_ns), NOW_NS);
-        }
-        alignment.push_suit(&suit(time_ns + 500_000_000), NOW_NS);
-        assert!(alignment.suit_period_ns() < 5_000_000);
-    }
-}
+mod tests;

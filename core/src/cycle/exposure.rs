@@ -8,7 +8,7 @@ use super::settings::Settings;
 use super::{MODEL_CHANGED_NS, NO_JOINT};
 use crate::body::{JOINTS, Joint, Segment, Side};
 use crate::exposure::back::{Arm, LoadAtBack, UpperBody};
-use crate::exposure::{Advice, Back, Load, advice, dose, lift};
+use crate::exposure::{Advice, Back, Carried, Load, advice, dose, lift};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::{State, Validity};
@@ -77,13 +77,10 @@ impl Memory {
         if !known || found.any_of(Validity::SPOILS_TORQUES) {
             return Load::Unknown;
         }
-        let [mass_kg, _] = self.carried_kg(body_motion, settings);
         let hips = [Segment::LeftUpperLeg, Segment::RightUpperLeg].map(|leg| pose.origin_of(leg));
-        Load::Known {
-            torque_nm: *magnitude_nm,
-            lift_moment_nm: (mass_kg * GRAVITY_M_PER_S2 * self.load_from_m(hips)).max(0.0),
-            is_lift: mass_kg > 0.0,
-        }
+        let mass_kg = self.carried_kg(body_motion, settings);
+        let carried = Carried { mass_kg, distance_m: self.load_from_m(hips) };
+        Load::Known { torque_nm: *magnitude_nm, carried }
     }
 
     /// Mass of the load and its 1-σ, kg. Means something while there is one.
@@ -117,7 +114,7 @@ impl Memory {
         let [inertia_x, inertia_y, _] = body_motion.upper.moment_m2_per_s2;
         let level_m = [arm_m.x - inertia_y / GRAVITY_M_PER_S2, arm_m.y + inertia_x / GRAVITY_M_PER_S2];
         let rows = worker.reduction.rows_over(pose, [0.0; 2], above);
-        let parameters_m2 = worker.parameter_variance_m2(&rows);
+        let parameters_m2 = worker.parameter_variance_m2(&rows.h);
         let suit_m2 = wander_variance_m2(pose, &EffectiveVectors(phi.0), settings.suit_wander_rad);
         let [inertia_x_m, inertia_y_m] =
             self.noise.upper_sigma_m2_per_s2().map(|sigma| sigma / GRAVITY_M_PER_S2);

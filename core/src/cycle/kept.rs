@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use super::identification::KeptWorker;
 use super::memory::Memory;
 use super::settings::Settings;
+use super::skew_watch::LAG_MAX_S;
 use super::tare::Tare;
 use crate::exposure::Shift;
 use crate::message::SuitSample;
@@ -40,6 +41,8 @@ pub struct Registration {
     pub suit_counter: u64,
     /// The suit's learnt period, ns.
     pub suit_period_ns: u64,
+    /// How much later than the ground's the suit's stamps are, s; 0 if that was not known.
+    pub suit_lag_s: f64,
 }
 
 /// What is kept, copied after one cycle. At most 78 kB.
@@ -69,6 +72,7 @@ impl Kept {
             suit_time_ns: memory.worked_ns,
             suit_counter: memory.suit_counter,
             suit_period_ns: memory.alignment.suit_period_ns(),
+            suit_lag_s: memory.skew.lag_s(),
         };
     }
 }
@@ -92,6 +96,7 @@ impl Memory {
             && registration.suit_period_ns > 0
             && registration.station_from_suit_rad.is_finite()
             && (0.0..=core::f64::consts::PI).contains(&registration.station_from_suit_sigma_rad)
+            && registration.suit_lag_s.abs() < LAG_MAX_S
             && shift_m.iter().all(|metres| metres.is_finite() && metres.abs() < SHIFT_MAX_M);
         if !sound || !settings.suit_drifts {
             return false;
@@ -101,6 +106,8 @@ impl Memory {
         self.worked_ns = registration.suit_time_ns;
         self.suit_counter = registration.suit_counter;
         self.alignment.expect_suit_period(registration.suit_period_ns);
+        // Of the devices' own, most of it, and theirs whoever was started again; if not, the estimator notices.
+        self.skew.resume(registration.suit_lag_s);
         self.shift_unconfirmed = 1;
         true
     }

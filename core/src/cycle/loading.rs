@@ -73,10 +73,14 @@ impl Memory {
         // In quick motion a load may hide below what can be told: then nothing is known of it.
         let is_hidden = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
         found.raise(Validity::LOAD_MAY_HIDE, !loaded && is_hidden);
-        if !loaded {
+        // Nobody carries less than nothing. The paper's equations do not know that.
+        let is_missing = loaded && delta_f_n < 0.0 && settings.motion != Motion::Paper;
+        found.raise(Validity::WEIGHT_MISSING, is_missing);
+        if !loaded || is_missing {
             self.load_place.reset();
         }
         if !loaded
+            || is_missing
             || !worker.has_body()
             || found
                 .any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED).and(Validity::PLACE_UNKNOWN))

@@ -10,6 +10,7 @@ use super::identification::{Identification, StanceSigma};
 use super::insoles::GroundSigma;
 use super::model_terms::ModelTerms;
 use super::placing::Placing;
+use super::plausibility::Plausibility;
 use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
@@ -22,7 +23,7 @@ use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 8;
+pub const MEMORY_VERSION: u64 = 10;
 
 /// What the loop remembers from one step to the next. About 933 kB: keep it in a box.
 #[repr(C)]
@@ -32,6 +33,8 @@ pub struct Memory {
     pub version: u64,
     /// Both streams, waiting for each other.
     pub alignment: Alignment,
+    /// What is held against each sample before it is aligned.
+    pub(super) plausibility: Plausibility,
     /// Where the feet stand.
     pub anchor: Anchor,
     /// How the suit's world lies on the plate.
@@ -141,6 +144,7 @@ impl Memory {
     pub fn is_sound(&self) -> bool {
         self.version == MEMORY_VERSION
             && self.alignment.is_sound()
+            && self.plausibility.is_sound()
             && self.anchor.is_sound()
             && self.placing.is_sound()
             && self.history.is_sound()

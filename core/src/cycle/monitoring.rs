@@ -82,9 +82,9 @@ impl Memory {
     /// Who was out of sight for a while, or whose suit began anew, may stand elsewhere.
     fn lose_sight_after_a_gap(&mut self, suit: &SuitSample, settings: &Settings) {
         let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
-        let is_another = self.started_anew(suit);
+        let is_another = self.started_anew(suit) || self.plausibility.moved_ns == suit.sample_time_ns;
         let is_session = u64::from(suit.session) != self.session;
-        let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || is_session);
+        let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || is_session || is_another);
         self.session = u64::from(suit.session);
         self.suit_counter = u64::from(suit.device_counter);
         if !anew {
@@ -108,6 +108,19 @@ impl Memory {
 
     /// Works through one moment: where the body is, whether it holds still, what the load does to the joints.
     fn monitor(&mut self, settings: &Settings, moment: &Moment, inertia: Option<Inertia>) {
+        let half_ns = settings.half_window_ns();
+        let mut moment = *moment;
+        let by_positions = inertia.is_some_and(|inertia| !inertia.is_by_suit);
+        if by_positions
+            && settings.motion != Motion::Paper
+            && let Some(time_ns) = moment.ground().map(|ground| ground.sample_time_ns)
+            && let Some(ground) = self.alignment.ground_around(time_ns, half_ns)
+        {
+            let pose = moment.pose();
+            let soles = sole::both(&pose, self.build.body(), settings.height_m);
+            moment.ground = insoles::place(&ground, &pose, &soles);
+        }
+        let moment = &moment;
         let pose = moment.pose();
         let step_s = moment.time_ns.saturating_sub(self.known.suit_sample_time_ns) as f64 * 1e-9;
         self.known.suit_sample_time_ns = moment.time_ns;
@@ -123,9 +136,18 @@ impl Memory {
         found.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
         found.raise(Validity::PLACE_UNKNOWN, self.placing.is_lost());
 
-        let standing = moment.ground().copied().and_then(|ground| self.stand_on(&ground, &mut found));
+        // What a moment shows may lie between two samples.
+        let period_ns = self.alignment.ground_period_ns();
+        let standing = moment
+            .ground()
+            .copied()
+            .and_then(|ground| self.stand_on(&ground, half_ns.max(period_ns), &mut found));
         let is_off = standing.is_none() && !found.any_of(Validity::COP_NOT_MEASURED);
         found.raise(Validity::FEET_OFF_PLATE, is_off);
+        let [from_ns, to_ns] = [moment.time_ns.saturating_sub(half_ns), moment.time_ns + half_ns];
+        found.raise(Validity::SUIT_IMPLAUSIBLE, self.plausibility.suit.touches(from_ns, to_ns));
+        let is_suspect = found.any_of(Validity::IMPLAUSIBLE);
+        let standing = standing.filter(|_| !is_suspect);
         // However fresh the plate is again: of this moment it said nothing, and what it said last is of another.
         found.raise(Validity::GROUND_STALE, moment.ground().is_none());
         match standing {
@@ -163,9 +185,11 @@ impl Memory {
         }
         let mut observation = self.observe(&pose, moment, inertia, settings);
         self.foresee_terms(observation.as_mut(), settings);
-        let body = self.body_motion(&pose, moment, motion, step_s, settings);
+        let body = self.body_motion(&pose, moment, (motion, is_suspect), step_s, settings);
         self.apply_terms(observation.as_mut(), &pose, &body, step_s, settings);
-        self.noise.follow(&body, self.identification.mass_kg, step_s);
+        if !is_suspect {
+            self.noise.follow(&body, self.identification.mass_kg, step_s);
+        }
         if motion.is_some() && standing.is_some() && self.identification.has_body() {
             self.weigh(&pose, moment, &body, step_s, settings);
         }
@@ -176,11 +200,16 @@ impl Memory {
         self.known.segment_origin_m = on_plate.origin.map(Into::into);
         let [x, y, z] = moment.suit_com_m;
         self.known.suit_com_m = [x + offset_m[0], y + offset_m[1], z];
+        if found.any_of(Validity::GROUND_IMPLAUSIBLE) {
+            self.compare_weight(moment, &body, step_s, settings);
+        }
         let without_terms = stillness.and_then(|window| self.terms.off(&window, &settings.model));
         if let Some(stillness) = without_terms.filter(|_| is_still) {
             self.learn_from_stillness(&on_plate, moment, &body, &stillness, settings);
         }
-        self.overload(&on_plate, &body, moment, step_s, settings, &mut found);
+        if !is_suspect {
+            self.overload(&on_plate, &body, moment, step_s, settings, &mut found);
+        }
         self.expose(&on_plate, &body, settings, found);
         if motion.is_some() && standing.is_some() && !found.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);
@@ -198,7 +227,7 @@ impl Memory {
         &mut self,
         pose: &Pose<StationWorld>,
         moment: &Moment,
-        inertia: Option<Inertia>,
+        (inertia, is_suspect): (Option<Inertia>, bool),
         step_s: f64,
         settings: &Settings,
     ) -> BodyMotion {
@@ -214,8 +243,8 @@ impl Memory {
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2 - terms_z_n;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
             // Shear of an unknown heading tells nothing.
-            let has_shear = ground.measures(Component::Shear) && !self.placing.is_lost();
-            if !has_shear {
+            let has_shear = ground.measures(Component::Shear) && !self.placing.is_lost() && !is_suspect;
+            if !has_shear && !is_suspect {
                 self.noise.forget_push();
             }
             let by_shear = body.by_shear(ground.force_n, worker.mass_kg, load_kg);
@@ -230,6 +259,21 @@ impl Memory {
             }
         }
         body
+    }
+
+    /// Whether a plate that is not believed shows this worker and nothing else.
+    fn compare_weight(&mut self, moment: &Moment, body: &BodyMotion, step_s: f64, settings: &Settings) {
+        let worker = &self.identification;
+        let is_known = worker.identified == 1 && worker.mass_kg > 0.0 && !self.placing.is_lost();
+        let weight_n = worker.mass_kg * body.specific_force_m_per_s2;
+        let off_n = (moment.ground.force_n[2] - self.terms.force_n[2] - weight_n).abs();
+        let State { cop_measured_m, cop_estimated_m, cop_sigma_m, .. } = self.known;
+        let is_there = (0..2).all(|axis| {
+            let sigma_m = math::hypot([cop_sigma_m[axis], self.ground_sigma.cop_m]);
+            (cop_measured_m[axis] - cop_estimated_m[axis]).abs() < 3.0 * sigma_m
+        });
+        let agrees = is_known.then_some(off_n < self.load_limit_n(settings) && is_there);
+        self.plausibility.hear_of_weight(agrees, step_s);
     }
 
     /// Centre of mass, and the centre of pressure that the body alone would have in this motion, each with its σ.
@@ -251,13 +295,14 @@ impl Memory {
         } else {
             body.leaning_sigma_m(self.noise.moving_acceleration_sigma_m_per_s2())
         };
-        let mut variance_m2 = [0.0; 2];
-        for axis in 0..2 {
-            self.known.cop_estimated_m[axis] =
-                still[axis] + body.beside_the_rows_m(axis) + self.terms.cop_m[axis];
+        let cop_m = [0, 1].map(|axis| still[axis] + body.beside_the_rows_m(axis) + self.terms.cop_m[axis]);
+        self.known.cop_estimated_m = cop_m;
+        let headed_m = self.placing.heading_sigma_m(pose, cop_m);
+        let variance_m2 = [0, 1].map(|axis: usize| {
             let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            variance_m2[axis] = known[axis] + wander[axis] + floor + moving * moving + unfelt_m * unfelt_m;
-        }
+            let by_body_m2 = known[axis] + wander[axis] + floor + moving * moving + unfelt_m * unfelt_m;
+            by_body_m2 + headed_m[axis] * headed_m[axis]
+        });
         self.known.cop_sigma_m = variance_m2.map(math::sqrt);
         self.stance_sigma = self.identification.stance_sigma(&rows, variance_m2);
     }
@@ -299,9 +344,12 @@ impl Memory {
     }
 
     /// Force and centre of pressure of a ground sample; no centre while nobody stands there or the plate is faulty.
-    fn stand_on(&mut self, ground: &GroundSample, found: &mut Validity) -> Option<[f64; 2]> {
+    fn stand_on(&mut self, ground: &GroundSample, around_ns: u64, found: &mut Validity) -> Option<[f64; 2]> {
         let cop = ground.cop_m();
         found.raise(Validity::PLATE_FAULT, matches!(cop, Err(NoCop::DeviceStatus(_))));
+        let [from_ns, to_ns] =
+            [ground.sample_time_ns.saturating_sub(around_ns), ground.sample_time_ns + around_ns];
+        found.raise(Validity::GROUND_IMPLAUSIBLE, self.plausibility.ground.touches(from_ns, to_ns));
         self.known.ground_force_n = ground.force_n;
         self.known.ground_devices = ground.devices;
         self.does_not_give(NotGiven::Shear, !ground.measures(Component::Shear));
@@ -320,7 +368,7 @@ impl Memory {
     pub(super) fn measure_ground_alone(&mut self) {
         let Some(ground) = self.alignment.newest_ground().copied() else { return };
         let mut found = Validity::MOVING;
-        let standing = self.stand_on(&ground, &mut found);
+        let standing = self.stand_on(&ground, 0, &mut found);
         let is_off = standing.is_none() && !found.any_of(Validity::COP_NOT_MEASURED);
         found.raise(Validity::FEET_OFF_PLATE, is_off);
         let weight_n = self.identification.mass_kg * GRAVITY_M_PER_S2;

@@ -9,6 +9,8 @@
 //! Most suits keep their heading, for they find north. So a heading that is the old one is believed sooner: beforehand it is
 //! as likely as all others together.
 
+use core::array;
+
 use bytemuck::{Pod, Zeroable};
 
 use super::body_motion::BodyMotion;
@@ -17,19 +19,26 @@ use super::memory::Memory;
 use super::residual::{MOTION_ROW_EVERY_NS, ROWS_PER_INDEPENDENT};
 use super::settings::Settings;
 use crate::anchor::STANCE_SIGMA_M;
+use crate::body::Side;
 use crate::frame::{Pose, StationWorld, Turn};
 use crate::math;
 use crate::message::{Component, GroundSample, State, SuitSample};
 use crate::motion::Moment;
 use crate::registration::PlanarFit;
+use crate::sesc::PARAMETERS;
 
-/// While the feet stand, the centre of pressure stays within this of where it was, m: half the span of a stance.
-const STANCE_REACH_M: f64 = 0.15;
+/// While the feet stand, the centre of pressure stays within this of where it was most of the time, m: half a foot's length forth
+/// and back, half a pace aside.
+const STANCE_REACH_M: f64 = 0.10;
 
 /// The centres of pressure may be so far apart, m: three σ of a place that is known at all …
 const APART_MAX_M: f64 = 3.0 * REGISTRATION_SIGMA_M;
 /// … for so many rows in a row: two seconds.
 const ROWS_APART_MAX: u64 = 20;
+
+/// What is wrong with the model in a pose stays wrong while that lasts: pairs of one squat or one reach, of two seconds, say as
+/// much of it as one.
+const ROWS_PER_POSE: f64 = 20.0;
 
 /// From these odds on the heading is the old one.
 const SURE_ODDS: f64 = 20.0;
@@ -67,6 +76,8 @@ pub(super) struct Placing {
     paired_ns: u64,
     /// Stance of the last pair.
     stance: u64,
+    /// What θ's errors do to the expected centre of pressure of the first pair, as the suit is turned now: rows x and y.
+    first_rows: [[f64; PARAMETERS]; 2],
     /// Pairs that contradicted those before them, in a row.
     contradictions: u64,
     /// Rows in a row whose centres of pressure were too far apart for this place.
@@ -87,6 +98,14 @@ impl Placing {
     /// 1-σ of the heading, rad: 0 while it is the one that was configured, π while it is not known.
     pub(super) fn sigma_rad(&self) -> f64 {
         if self.is_lost() { core::f64::consts::PI } else { self.sigma_rad }
+    }
+
+    /// 1-σ of a centre of pressure by the heading's, m: the stance's offset holds between the feet, and an error of the heading
+    /// turns about there.
+    pub(super) fn heading_sigma_m(&self, pose: &Pose<StationWorld>, cop_m: [f64; 2]) -> [f64; 2] {
+        let between = 0.5 * (pose.origin_of(Side::Left.foot()) + pose.origin_of(Side::Right.foot()));
+        let [ahead_m, beside_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
+        [beside_m, ahead_m].map(|lever_m| lever_m.abs() * self.sigma_rad())
     }
 
     /// The place is not known any more, and the heading is known to `sigma_rad`.
@@ -154,7 +173,9 @@ impl Placing {
         let Placing { station_from_suit_rad, sigma_rad, begun_sigma_rad, old_sigma_rad, turned_rad, .. } =
             *self;
         let angles = [station_from_suit_rad, sigma_rad, begun_sigma_rad, old_sigma_rad, turned_rad];
-        angles.iter().all(|angle| angle.is_finite()) && self.known <= Known::Not as u64 && self.fit.is_sound()
+        angles.iter().chain(self.first_rows.iter().flatten()).all(|number| number.is_finite())
+            && self.known <= Known::Not as u64
+            && self.fit.is_sound()
     }
 
     /// Takes in where the body's centre of pressure is and where it is expected. Contradictions that last begin the search
@@ -210,17 +231,23 @@ impl Memory {
         (self.placing.paired_ns, self.placing.stance) = (moment.time_ns, moment.stance);
         let worker = &self.identification;
         let rows = worker.reduction.rows(pose, body.slope);
+        if !self.placing.fit.has_begun() {
+            self.placing.first_rows = rows.h;
+        }
+        // An error of θ moves the first pair as well: it is one of the place. What it changes with the pose is one of the pair.
+        let first = &self.placing.first_rows;
+        let since_first =
+            [0, 1].map(|axis: usize| array::from_fn(|index| rows.h[axis][index] - first[axis][index]));
+        let of_first_m2 = worker.parameter_variance_m2(first);
         let (of_body_m2, wander_m2) =
-            (worker.parameter_variance_m2(&rows), worker.wander_variance_m2(pose, settings));
+            (worker.parameter_variance_m2(&since_first), worker.wander_variance_m2(pose, settings));
         let unfelt_m = body.leaning_sigma_m(self.noise.moving_acceleration_sigma_m_per_s2());
         let variance_m2 = [0, 1].map(|axis: usize| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             let plate_m = self.ground_sigma.cop_m;
-            let one_m2 = of_body_m2[axis]
-                + wander_m2[axis]
-                + math::hypot([moving_m, plate_m]) * math::hypot([moving_m, plate_m])
-                + unfelt_m * unfelt_m;
-            ROWS_PER_INDEPENDENT * one_m2
+            let of_motion_m2 = moving_m * moving_m + plate_m * plate_m + unfelt_m * unfelt_m;
+            let of_pose_m2 = of_body_m2[axis] + wander_m2[axis];
+            ROWS_PER_INDEPENDENT * of_motion_m2 + ROWS_PER_POSE * of_pose_m2
         });
         let offset_m = worker.stance_offset_m();
         let expected_m = [0, 1].map(|axis| self.known.cop_estimated_m[axis] - offset_m[axis]);
@@ -235,7 +262,8 @@ impl Memory {
         }
         self.placing.believe_the_old_heading(settings.suit_orientation_sigma_rad());
         let fit = &self.placing.fit;
-        let (sigma_rad, at_m2) = (fit.heading_sigma_rad(), fit.variance_m2(measured_m));
+        let (sigma_rad, fit_m2) = (fit.heading_sigma_rad(), fit.variance_m2(measured_m));
+        let at_m2 = [0, 1].map(|axis| fit_m2[axis] + of_first_m2[axis]);
         let reach_m = STANCE_REACH_M * sigma_rad;
         let is_known = fit.is_rigid()
             && at_m2.iter().all(|at_m2| math::hypot([math::sqrt(*at_m2), reach_m]) <= REGISTRATION_SIGMA_M);
@@ -254,6 +282,10 @@ impl Memory {
         let turned_m = turn.of(placing.fit.image_m(measured_m));
         let by_m = [0, 1].map(|axis| measured_m[axis] - turned_m[axis]);
         placing.fit.follow(turn, by_m);
+        let [x, y] = placing.first_rows;
+        for (index, (x, y)) in x.into_iter().zip(y).enumerate() {
+            [placing.first_rows[0][index], placing.first_rows[1][index]] = turn.of([x, y]);
+        }
         placing.station_from_suit_rad = math::wrapped(placing.station_from_suit_rad + heading_rad);
         placing.turned_rad = math::wrapped(placing.turned_rad + heading_rad);
         placing.sigma_rad = placing.fit.heading_sigma_rad();

@@ -19,6 +19,8 @@ const RESET_MIN_S: f64 = 0.002;
 const OFF_SIGMAS: f64 = 3.0;
 /// … and by this much, s: at 0.3 m/s, a brisk shift of the weight, 10 ms move the centre of pressure by 3 mm.
 const OFF_MIN_S: f64 = 0.010;
+/// No lag is larger, s.
+pub(super) const LAG_MAX_S: f64 = 1.0;
 /// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting suit
 /// samples for each that arrives.
 const SLEW: f64 = 0.5;
@@ -73,6 +75,11 @@ impl SkewWatch {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
+    /// Takes up a lag that was found before, s.
+    pub(super) fn resume(&mut self, lag_s: f64) {
+        (self.target_s, self.applied_s) = (lag_s, lag_s);
+    }
+
     /// Skew and drift at the newest suit sample; `None` until two windows of motion agree.
     pub fn estimate(&self) -> Option<Skew> {
         self.estimator.at(self.time_ns)
@@ -96,7 +103,7 @@ impl SkewWatch {
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
         self.estimator.is_sound()
-            && [self.target_s, self.applied_s].iter().all(|lag_s| lag_s.abs() < 1.0)
+            && [self.target_s, self.applied_s].iter().all(|lag_s| lag_s.abs() < LAG_MAX_S)
             && self.is_off <= 1
     }
 }

@@ -26,12 +26,36 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Load;
 use super::held_peak::HeldPeak;
+use super::{Carried, Load};
 use crate::math;
+use crate::overload::GRAVITY_M_PER_S2;
 
 /// Shorter episodes are touches, not lifts, and shorter rests do not end one, s.
 pub const LIFT_MIN_S: f64 = 0.5;
+
+/// How many lifts are remembered one by one: what may be taken back, and what a reader twice a second must not miss.
+pub const LATEST_LIFTS: usize = 16;
+
+/// One lift that has ended.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Lift {
+    /// The first of a shift is 1; 0 for none.
+    pub number: u64,
+    /// Time of the last sample with the load, CLOCK_MONOTONIC, ns.
+    pub ended_ns: u64,
+    /// How long the load was known to be carried, s.
+    pub carried_s: f64,
+    /// Mean of the mass over that time, and of its 1-σ, whose errors are those of one lift together, kg.
+    pub mass_kg: [f64; 2],
+    /// Peak moment of the load over the mean weight: its distance from the hip joints at the peak, m.
+    pub distance_m: f64,
+    /// What it added to the damage.
+    pub damage: f64,
+    /// 1 if it was taken back.
+    pub undone: u64,
+}
 
 /// The dose since this worker began.
 #[repr(C)]
@@ -41,12 +65,31 @@ pub struct Dose {
     pub damage: f64,
     /// Lifts that entered it.
     pub lifts: u64,
+    /// Lifts that have ended, those that were taken back included.
+    pub ended: u64,
+    /// The last of them: that of number n is at (n − 1) mod [`LATEST_LIFTS`].
+    pub latest: [Lift; LATEST_LIFTS],
     /// How long a load has been known to be carried in the episode under way, s; 0 between episodes.
     carried_s: f64,
     /// Largest load moment of that episode, N m.
     peak_nm: HeldPeak,
+    /// Integral of mass and 1-σ over that time, kg s.
+    mass_kg_s: [f64; 2],
+    /// When the load was last known to be carried, ns.
+    seen_ns: u64,
     /// How long nothing has been known to be carried since, s.
     empty_s: f64,
+}
+
+impl Lift {
+    /// Whether every number is in range; a stored one is checked before use.
+    pub fn is_sound(&self) -> bool {
+        let [mass_kg, sigma_kg] = self.mass_kg;
+        let numbers = [self.carried_s, mass_kg, sigma_kg, self.distance_m, self.damage];
+        numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
+            && self.damage <= 1.0
+            && self.undone <= 1
+    }
 }
 
 /// Damage of one lift with this peak moment of the load, N m; at most 1.
@@ -64,14 +107,19 @@ pub fn probability(damage: f64) -> f64 {
 }
 
 impl Dose {
-    /// One step of time under a load.
-    pub(super) fn advance(&mut self, load: &Load, step_s: f64) {
+    /// One step of time under a load, up to `time_ns`.
+    pub(super) fn advance(&mut self, load: &Load, step_s: f64, time_ns: u64) {
         match *load {
             Load::Unknown => {}
-            Load::Known { lift_moment_nm, is_lift: true, .. } => {
+            Load::Known { carried: carried @ Carried { mass_kg: [mass_kg, sigma_kg], .. }, .. }
+                if mass_kg > 0.0 =>
+            {
                 self.carried_s += step_s;
                 self.empty_s = 0.0;
-                self.peak_nm.add(lift_moment_nm, step_s);
+                self.seen_ns = time_ns;
+                self.mass_kg_s[0] += mass_kg * step_s;
+                self.mass_kg_s[1] += sigma_kg * step_s;
+                self.peak_nm.add(carried.moment_nm(), step_s);
             }
             Load::None | Load::Known { .. } => {
                 self.empty_s += step_s;
@@ -84,17 +132,52 @@ impl Dose {
 
     /// The episode is over; a lift counts.
     pub(super) fn end_lift(&mut self) {
-        if self.carried_s >= LIFT_MIN_S {
-            self.damage += damage_of_lift(self.peak_nm.value());
-            self.lifts = self.lifts.saturating_add(1);
+        let carried_s = self.carried_s;
+        if carried_s >= LIFT_MIN_S {
+            let peak_nm = self.peak_nm.value();
+            let mass_kg = self.mass_kg_s.map(|kg_s| kg_s / carried_s);
+            let damage = damage_of_lift(peak_nm);
+            self.damage += damage;
+            (self.lifts, self.ended) = (self.lifts.saturating_add(1), self.ended.saturating_add(1));
+            self.latest[(self.ended - 1) as usize % LATEST_LIFTS] = Lift {
+                number: self.ended,
+                ended_ns: self.seen_ns,
+                carried_s,
+                mass_kg,
+                distance_m: peak_nm / (mass_kg[0] * GRAVITY_M_PER_S2),
+                damage,
+                undone: 0,
+            };
         }
-        (self.carried_s, self.peak_nm, self.empty_s) = (0.0, HeldPeak::zeroed(), 0.0);
+        let Dose { damage, lifts, ended, latest, .. } = *self;
+        *self = Dose::resumed(damage, lifts, ended, latest);
+    }
+
+    /// With this so far, and no lift under way.
+    pub(super) fn resumed(damage: f64, lifts: u64, ended: u64, latest: [Lift; LATEST_LIFTS]) -> Dose {
+        Dose { damage, lifts, ended, latest, ..Zeroable::zeroed() }
+    }
+
+    /// Takes the last lift back that was not taken back yet: it is no part of damage and count any more. Whether there was one
+    /// among the latest.
+    pub fn undo_lift(&mut self) -> bool {
+        let is_counted = |lift: &&mut Lift| lift.number > 0 && lift.undone == 0;
+        let Some(lift) = self.latest.iter_mut().filter(is_counted).max_by_key(|lift| lift.number) else {
+            return false;
+        };
+        lift.undone = 1;
+        self.lifts = self.lifts.saturating_sub(1);
+        // Rounding of a sum must leave nothing of the last one.
+        self.damage = if self.lifts == 0 { 0.0 } else { (self.damage - lift.damage).max(0.0) };
+        true
     }
 
     /// Whether every number is in range.
     pub fn is_sound(&self) -> bool {
         [self.damage, self.carried_s, self.empty_s].iter().all(|value| value.is_finite() && *value >= 0.0)
+            && self.mass_kg_s.iter().all(|value| value.is_finite() && *value >= 0.0)
             && self.peak_nm.is_sound()
+            && self.latest.iter().all(Lift::is_sound)
     }
 }
 
@@ -104,7 +187,9 @@ mod tests {
     use crate::body::JOINTS;
 
     fn lift(moment_nm: f64) -> Load {
-        Load::Known { torque_nm: [0.0; JOINTS], lift_moment_nm: moment_nm, is_lift: true }
+        // Half a metre from the hips.
+        let carried = Carried { mass_kg: [moment_nm / (GRAVITY_M_PER_S2 * 0.5), 0.5], distance_m: 0.5 };
+        Load::Known { torque_nm: [0.0; JOINTS], carried }
     }
 
     #[test]
@@ -133,17 +218,17 @@ mod tests {
         let mut dose: Dose = Zeroable::zeroed();
         for moment_nm in [20.0, 55.0, 30.0] {
             for _ in 0..30 {
-                dose.advance(&lift(moment_nm), 0.01);
-                dose.advance(&Load::Unknown, 0.01);
+                dose.advance(&lift(moment_nm), 0.01, 0);
+                dose.advance(&Load::Unknown, 0.01, 0);
             }
         }
         // A moment below the threshold does not make two lifts of one.
-        dose.advance(&Load::None, 0.4);
-        dose.advance(&lift(30.0), 0.6);
+        dose.advance(&Load::None, 0.4, 0);
+        dose.advance(&lift(30.0), 0.6, 0);
         assert_eq!((dose.lifts, dose.damage), (0, 0.0));
-        dose.advance(&Load::None, 0.3);
-        dose.advance(&Load::None, 0.3);
-        dose.advance(&Load::None, 0.6);
+        dose.advance(&Load::None, 0.3, 0);
+        dose.advance(&Load::None, 0.3, 0);
+        dose.advance(&Load::None, 0.6, 0);
         assert_eq!((dose.lifts, dose.damage), (1, damage_of_lift(55.0)));
         assert!(dose.is_sound());
     }
@@ -153,10 +238,10 @@ mod tests {
         // Moments at 100 Hz; a plate's fault of 20 ms doubles two of them.
         let dose_with = |count: u32, moment_nm: f64| {
             let mut dose: Dose = Zeroable::zeroed();
-            (0..200).for_each(|_| dose.advance(&lift(40.0), 0.01));
-            (0..count).for_each(|_| dose.advance(&lift(moment_nm), 0.01));
-            (0..200).for_each(|_| dose.advance(&lift(40.0), 0.01));
-            dose.advance(&Load::None, 0.6);
+            (0..200).for_each(|_| dose.advance(&lift(40.0), 0.01, 0));
+            (0..count).for_each(|_| dose.advance(&lift(moment_nm), 0.01, 0));
+            (0..200).for_each(|_| dose.advance(&lift(40.0), 0.01, 0));
+            dose.advance(&Load::None, 0.6, 0);
             dose.damage
         };
         assert_eq!(dose_with(2, 80.0), damage_of_lift(40.0));
@@ -167,23 +252,72 @@ mod tests {
     fn a_touch_and_a_push_from_below_are_no_lifts() {
         let mut dose: Dose = Zeroable::zeroed();
         for _ in 0..40 {
-            dose.advance(&lift(50.0), 0.01);
+            dose.advance(&lift(50.0), 0.01, 0);
         }
-        dose.advance(&Load::None, 0.6);
-        let leaning = Load::Known { torque_nm: [9.0; JOINTS], lift_moment_nm: 0.0, is_lift: false };
+        dose.advance(&Load::None, 0.6, 0);
+        let carried = Carried { mass_kg: [-3.0, 0.5], distance_m: 0.3 };
+        let leaning = Load::Known { torque_nm: [9.0; JOINTS], carried };
         for _ in 0..100 {
-            dose.advance(&leaning, 0.01);
+            dose.advance(&leaning, 0.01, 0);
         }
-        dose.advance(&Load::None, 0.6);
+        dose.advance(&Load::None, 0.6, 0);
         assert_eq!((dose.lifts, dose.damage), (0, 0.0));
+    }
+
+    #[test]
+    fn each_lift_is_on_record_and_can_be_taken_back_from_the_last_on() {
+        let mut dose: Dose = Zeroable::zeroed();
+        assert!(!dose.undo_lift());
+        for (index, moment_nm) in [40.0, 50.0, 60.0].into_iter().enumerate() {
+            dose.advance(&lift(0.5 * moment_nm), 0.4, 0);
+            dose.advance(&lift(moment_nm), 0.8, 100 + index as u64);
+            dose.advance(&Load::None, 1.0, 200);
+        }
+        let sum = |dose: &Dose| -> f64 {
+            dose.latest.iter().filter(|lift| lift.undone == 0).map(|lift| lift.damage).sum()
+        };
+        assert!((dose.damage - sum(&dose)).abs() < 1e-18);
+        let Lift { number, ended_ns, carried_s, mass_kg: [mass_kg, sigma_kg], distance_m, damage, .. } =
+            dose.latest[1];
+        assert_eq!((number, ended_ns, damage), (2, 101, damage_of_lift(50.0)));
+        // 25 N m for 0.4 s and 50 N m for 0.8 s at half a metre.
+        let mean_kg = 2.0 * (25.0 + 2.0 * 50.0) / 3.0 / GRAVITY_M_PER_S2;
+        assert!(
+            (carried_s - 1.2).abs() < 1e-12
+                && (mass_kg - mean_kg).abs() < 1e-12
+                && (sigma_kg - 0.5).abs() < 1e-12
+        );
+        assert!((mass_kg * GRAVITY_M_PER_S2 * distance_m - 50.0).abs() < 1e-9);
+        assert!(dose.undo_lift());
+        assert_eq!((dose.lifts, dose.ended), (2, 3));
+        assert!((dose.damage - damage_of_lift(40.0) - damage_of_lift(50.0)).abs() < 1e-18);
+        // One that comes then has a number of its own.
+        dose.advance(&lift(70.0), 0.8, 300);
+        dose.advance(&Load::None, 1.0, 400);
+        assert_eq!((dose.latest[3].number, dose.latest[2].undone), (4, 1));
+        while dose.undo_lift() {}
+        assert_eq!((dose.lifts, dose.damage), (0, 0.0));
+        assert!(dose.is_sound());
+    }
+
+    #[test]
+    fn what_is_no_longer_among_the_latest_stays() {
+        let mut dose: Dose = Zeroable::zeroed();
+        for _ in 0..LATEST_LIFTS + 4 {
+            dose.advance(&lift(60.0), 0.6, 0);
+            dose.advance(&Load::None, 1.0, 0);
+        }
+        while dose.undo_lift() {}
+        assert_eq!(dose.lifts, 4);
+        assert!((dose.damage - 4.0 * damage_of_lift(60.0)).abs() < 1e-15);
     }
 
     #[test]
     fn equal_lifts_add_up() {
         let mut dose: Dose = Zeroable::zeroed();
         for _ in 0..3 {
-            dose.advance(&lift(60.0), 0.6);
-            dose.advance(&Load::None, 1.0);
+            dose.advance(&lift(60.0), 0.6, 0);
+            dose.advance(&Load::None, 1.0, 0);
         }
         assert_eq!(dose.lifts, 3);
         assert!((dose.damage - 3.0 * damage_of_lift(60.0)).abs() < 1e-18);

@@ -87,11 +87,13 @@ impl Fatigue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exposure::Carried;
 
     const LIMIT_NM: [f64; JOINTS] = [100.0; JOINTS];
 
     fn carrying(torque_nm: f64) -> Load {
-        Load::Known { torque_nm: [torque_nm; JOINTS], lift_moment_nm: 0.0, is_lift: false }
+        let carried = Carried { mass_kg: [0.0, 0.5], distance_m: 0.0 };
+        Load::Known { torque_nm: [torque_nm; JOINTS], carried }
     }
 
     fn after(load: Load, from: f64, seconds: f64, steps: u32) -> f64 {

@@ -58,11 +58,13 @@ pub enum CommandKind {
     SubjectForget = 9,
     /// Other settings hold from this cycle on. Not asked for over the bus: the daemon reads its configuration again.
     Reload = 10,
+    /// Take the last lift of the shift back: it counts no more.
+    UndoLift = 11,
 }
 
 impl CommandKind {
     /// All kinds.
-    pub const ALL: [CommandKind; 10] = [
+    pub const ALL: [CommandKind; 11] = [
         CommandKind::IdentifyStart,
         CommandKind::IdentifyStop,
         CommandKind::IdentifyReset,
@@ -73,6 +75,7 @@ impl CommandKind {
         CommandKind::PoseSkip,
         CommandKind::SubjectForget,
         CommandKind::Reload,
+        CommandKind::UndoLift,
     ];
 
     /// The kind of a message's number, `None` for a number of a later version.

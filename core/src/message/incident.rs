@@ -84,6 +84,14 @@ kinds! {
     ReloadRefused = 17, "reload_refused";
     /// Where the worker stands on the plate is not known.
     PlaceUnknown = 18, "place_unknown";
+    /// What the ground's devices show no body does, or no working device.
+    GroundImplausible = 19, "ground_implausible";
+    /// What the suit shows no body does, or no working suit.
+    SuitImplausible = 20, "suit_implausible";
+    /// The ground carries less than the body weighs, and this lasts.
+    WeightMissing = 21, "weight_missing";
+    /// What the ground carries beside the body is not in the hands, and this lasts.
+    LoadElsewhere = 22, "load_elsewhere";
 }
 
 impl Incidents {

@@ -46,17 +46,29 @@ reasons! {
     LOAD_MAY_HIDE = 13, "load_may_hide";
     /// Where the worker stands on the plate is not known: the suit was started anew, or was silent for long.
     PLACE_UNKNOWN = 14, "place_unknown";
+    /// What the ground's devices show no body does, or no working device: a reading that leaps, repeats, or pulls.
+    GROUND_IMPLAUSIBLE = 15, "ground_implausible";
+    /// What the suit shows no body does, or no working suit: poses that repeat, leap, or come apart at the joints.
+    SUIT_IMPLAUSIBLE = 16, "suit_implausible";
+    /// The ground carries less than the body weighs: a foot beside the plate, a hand that leans on something, or a device
+    /// whose gain is another than before.
+    WEIGHT_MISSING = 17, "weight_missing";
 }
 
 impl Validity {
+    /// What no body does, or no working sensor.
+    pub const IMPLAUSIBLE: Validity = Validity::GROUND_IMPLAUSIBLE.and(Validity::SUIT_IMPLAUSIBLE);
     /// What spoils the measured centre of pressure.
     pub const SPOILS_COP_MEASURED: Validity =
         Validity::SPOILS_GROUND_FORCE.and(Validity::FEET_OFF_PLATE).and(Validity::COP_NOT_MEASURED);
     /// What spoils the measured ground reaction.
-    pub const SPOILS_GROUND_FORCE: Validity = Validity::GROUND_STALE.and(Validity::PLATE_FAULT);
+    pub const SPOILS_GROUND_FORCE: Validity =
+        Validity::GROUND_STALE.and(Validity::PLATE_FAULT).and(Validity::GROUND_IMPLAUSIBLE);
     /// What spoils the estimated centre of mass.
-    pub const SPOILS_COM: Validity =
-        Validity::SUIT_STALE.and(Validity::BODY_UNKNOWN).and(Validity::PLACE_UNKNOWN);
+    pub const SPOILS_COM: Validity = Validity::SUIT_STALE
+        .and(Validity::SUIT_IMPLAUSIBLE)
+        .and(Validity::BODY_UNKNOWN)
+        .and(Validity::PLACE_UNKNOWN);
     /// What spoils the estimated centre of pressure.
     pub const SPOILS_COP_ESTIMATED: Validity = Validity::SPOILS_COM.and(Validity::MOVING);
     /// What spoils the external force.
@@ -72,7 +84,8 @@ impl Validity {
     /// What spoils the mass in the hands.
     pub const SPOILS_LIFTED_MASS: Validity = Validity::SPOILS_DELTA_F
         .and(Validity::BELOW_LOAD_THRESHOLD)
-        .and(Validity::MOVING)
+        .and(Validity::WEIGHT_MISSING)
+        .and(Validity::SUIT_IMPLAUSIBLE)
         .and(Validity::CLOCK_UNSYNCHRONISED);
     /// What spoils moment and compression of the low back: they exist without a load, too.
     pub const SPOILS_BACK: Validity =
@@ -87,6 +100,7 @@ impl Validity {
         .and(Validity::LOAD_MAY_HIDE)
         .and(Validity::MODEL_CHANGED)
         .and(Validity::CLOCK_UNSYNCHRONISED)
+        .and(Validity::WEIGHT_MISSING)
         .and(Validity::LOAD_NOT_AT_HANDS);
 
     /// The sets above by name, for other languages.

@@ -29,9 +29,9 @@ use track::Track;
 const CELL_NS: u64 = 20_000_000;
 const CELL_S: f64 = CELL_NS as f64 * 1e-9;
 /// Half-width of the triangle, cells.
-const HALF: u64 = 8;
+const HALF: u64 = 6;
 /// Half-span of the second difference, cells.
-const SPAN: u64 = 25;
+const SPAN: u64 = 15;
 /// Cells on each side of a filtered one.
 const AROUND: u64 = HALF + SPAN;
 /// Cells kept of each stream: twice the filter's width and the lags, and over a second for a stream that arrives late.
@@ -48,9 +48,9 @@ pub const WINDOW_S: f64 = (BLOCK * BLOCKS as u64) as f64 * CELL_S;
 const GAP_MAX_NS: u64 = 120_000_000;
 /// Blocks that suffice to contradict the track.
 const BLOCKS_AGAINST: usize = 2;
-/// Independent samples of noise in a block: its length over the integral of the squared autocorrelation (0.333 s) of white
+/// Independent samples of noise in a block: its length over the integral of the squared autocorrelation (0.246 s) of white
 /// noise after the filter.
-const INDEPENDENT: f64 = 3.84;
+const INDEPENDENT: f64 = 5.21;
 /// Difference of −2 ln L that excludes another lag.
 const EVIDENCE: f64 = 12.0;
 /// A correlation of 1 would be no noise at all.

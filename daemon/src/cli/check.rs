@@ -1,15 +1,16 @@
 //! `equipoise check`: is this configuration one that `run` would take?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use equipoise_core::cycle::PriorKind;
 
 use super::Outcome;
 use crate::config::Config;
+use crate::page_tokens::PageTokens;
 use crate::similar;
 use crate::state_directory::StateDirectory;
 
-/// Check a configuration file, and the model that it names
+/// Check a configuration file, the model that it names, and the files with the page's tokens
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise check /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
@@ -19,6 +20,9 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let config = Config::read(&arguments.file)?;
+    if let Some(page) = &config.page {
+        PageTokens::read(page, arguments.file.parent().unwrap_or(Path::new("")))?;
+    }
     println!(
         "{}: station {}, {} Hz, subject {}",
         arguments.file.display(),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::message::command::CommandKind;
@@ -10,6 +10,8 @@ use equipoise_core::message::{Command, State};
 
 use crate::commands::text_of;
 use crate::config::{Config, GroundSourceKind};
+use crate::pipeline::DAEMON_ROLE;
+use crate::process_state::is_stopped;
 
 /// How long a daemon may take to answer or to publish a state.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -26,7 +28,11 @@ pub(crate) fn ask(station: &str, kind: CommandKind, subject: &str) -> anyhow::Re
         bail!("a subject's id has at most {} letters", command.subject.len());
     }
     command.subject[..subject.len()].copy_from_slice(subject.as_bytes());
-    let reply = join(station, "client")?.command_client()?.ask(&command, PATIENCE)?;
+    let bus = join(station, "client")?;
+    let reply = bus.command_client()?.ask(&command, PATIENCE).map_err(|error| match silent_daemon(&bus) {
+        Some(silent) => anyhow!(silent),
+        None => error.into(),
+    })?;
     let text = text_of(&reply.text);
     if reply.refused != 0 {
         bail!("refused: {text}");
@@ -44,11 +50,31 @@ pub(super) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
         }
         std::thread::sleep(Duration::from_millis(5));
     }
+    if let Some(silent) = silent_daemon(bus) {
+        bail!(silent);
+    }
     bail!(
         "no daemon publishes on station {}; start one with `equipoise run --config FILE` or `equipoise demo`, or name \
          another with --station",
         bus.station()
     )
+}
+
+/// What is wrong with a daemon whose process exists and does not answer; `None` if there is none.
+fn silent_daemon(bus: &Bus) -> Option<String> {
+    let participants = bus.participants().ok()?;
+    let daemon = participants.iter().find(|one| one.role == DAEMON_ROLE)?.process_id;
+    let station = bus.station();
+    Some(if is_stopped(daemon) {
+        format!(
+            "the daemon of station {station}, process {daemon}, is stopped: let it continue with `kill -CONT {daemon}`"
+        )
+    } else {
+        format!(
+            "the daemon of station {station}, process {daemon}, runs but does not answer: see its journal (`journalctl -u \
+             equipoise`), and restart it if that does not help"
+        )
+    })
 }
 
 /// How long a stream may be silent that somebody waits for.

@@ -11,7 +11,7 @@ use crate::deletion::Deletion;
 use crate::profile::{self, Profile};
 use crate::state_directory::StateDirectory;
 
-/// List, load, save or delete workers' profiles
+/// List, load, save or delete workers' profiles, take a lift back
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  equipoise subject list\n  equipoise subject load anon-1\n  equipoise \
                         subject delete anon-1 --recordings ~/recordings --with-recordings")]
@@ -33,6 +33,14 @@ enum Action {
     },
     /// Save what a running daemon knows, now
     Save {
+        #[command(flatten)]
+        station: StationArgument,
+    },
+    /// Take the last lift of the shift back
+    ///
+    /// For one that was none: it leaves the dose and the count, and the list of lifts beside the profile says so. Again for
+    /// the one before, up to 16.
+    UndoLift {
         #[command(flatten)]
         station: StationArgument,
     },
@@ -62,6 +70,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         Action::Save { station } => {
             println!("{}", client::ask(&station.station, CommandKind::SubjectSave, "")?);
+            Ok(Outcome::Done)
+        }
+        Action::UndoLift { station } => {
+            println!("{}", client::ask(&station.station, CommandKind::UndoLift, "")?);
             Ok(Outcome::Done)
         }
         Action::Delete { id, recordings, with_recordings } => {

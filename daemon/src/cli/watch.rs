@@ -1,6 +1,7 @@
 //! `equipoise watch`: what a running daemon says, again and again; a screen on a terminal, lines in a pipe.
 
 mod eyes;
+mod keys;
 mod screen;
 
 use std::io::{IsTerminal, Write};
@@ -22,6 +23,8 @@ use crate::status;
 const SILENT_AFTER: Duration = Duration::from_secs(1);
 /// How often a line is printed.
 const LINE_EVERY: Duration = Duration::from_secs(1);
+/// How often a signal or the end of the time is looked for between two lines.
+const STOP_EVERY: Duration = Duration::from_millis(50);
 
 /// Show what a running daemon says, again and again
 #[derive(Debug, clap::Args)]
@@ -87,9 +90,12 @@ fn lines(station: &str, until: &Until) -> anyhow::Result<()> {
             let pose = suggestion(&state, ask.as_ref());
             writeln!(out, "{}{wrong}", live_line(&state, pose.as_deref()))?;
         }
-        std::thread::sleep(LINE_EVERY);
-        if until.is_over() {
-            return Ok(());
+        let printed = Instant::now();
+        while let Some(left) = LINE_EVERY.checked_sub(printed.elapsed()) {
+            if until.is_over() {
+                return Ok(());
+            }
+            std::thread::sleep(left.min(STOP_EVERY));
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Turns a parser's complaint into a sentence: file, line, field, and the nearest key that exists.
 
+use toml_edit::{Item, TableLike, Value};
+
 use super::ConfigError;
 use super::ground::Mistake;
 
@@ -20,9 +22,53 @@ pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> Config
                 if known.len() > 1 { format!(" (known here: {})", known.join(", ")) } else { String::new() };
             format!("`{unknown}` is not known{hint}{rest}")
         }
-        None => said.to_owned(),
+        None => invalid_type(said),
     };
+    let key = error.span().and_then(|span| key_at(text, span.start));
+    let what = key.map_or_else(|| what.clone(), |key| format!("{key}: {what}"));
     ConfigError::Wrong { place, what }
+}
+
+/// serde's "invalid type: string "20", expected f64" in the words of a person who wrote no Rust.
+fn invalid_type(said: &str) -> String {
+    let parts = said.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+    let Some((given, expected)) = parts else { return said.to_owned() };
+    let expected = match expected {
+        "f64" | "f32" => "a number",
+        "u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a string" | "path string" => "a text in quotation marks",
+        other => other,
+    };
+    format!("{} is given where {expected} is expected", given.replace('`', ""))
+}
+
+/// The dotted key of the value that stands at a byte of the text.
+fn key_at(text: &str, byte: usize) -> Option<String> {
+    let document = toml_edit::Document::parse(text).ok()?;
+    in_table(document.as_table(), "", byte)
+}
+
+fn in_table(table: &dyn TableLike, path: &str, byte: usize) -> Option<String> {
+    table.iter().find_map(|(name, item)| {
+        let path = if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+        match item {
+            Item::Value(value) => in_value(value, path, byte),
+            Item::Table(table) => in_table(table, &path, byte),
+            Item::ArrayOfTables(tables) => tables.iter().find_map(|table| in_table(table, &path, byte)),
+            Item::None => None,
+        }
+    })
+}
+
+/// Entries of lists have no key of their own: the line tells them apart.
+fn in_value(value: &Value, path: String, byte: usize) -> Option<String> {
+    if !value.span()?.contains(&byte) {
+        return None;
+    }
+    let inner = value.as_inline_table().and_then(|table| in_table(table, &path, byte));
+    let entry = || value.as_array()?.iter().find_map(|entry| in_value(entry, path.clone(), byte));
+    inner.or_else(entry).or(Some(path))
 }
 
 /// Takes serde's "unknown field `a`, expected one of `b`, `c`" (or variant) apart.

@@ -53,6 +53,49 @@ fn a_value_out_of_range_is_named_with_its_line() {
 }
 
 #[test]
+fn a_value_of_another_type_is_named_with_its_key_and_line() {
+    let cases = [
+        (
+            "height_m = 1.77",
+            "height_m = \"1.77\"",
+            "c.toml, line 11: subject.height_m: string \"1.77\" is given where a number",
+        ),
+        (
+            "id = \"anon-1\"",
+            "id = 7",
+            "c.toml, line 10: subject.id: integer 7 is given where a text in quotation marks",
+        ),
+        (
+            "[ground]",
+            "others = [{ avatar = 1.5, station = \"b\" }]\n[ground]",
+            "c.toml, line 5: suit.others.avatar: floating point",
+        ),
+        (
+            "\"ati-rdt\"",
+            "\"ati-rdt\"\nframe = { origin_m = [0, true, 0] }",
+            "c.toml, line 7: ground.frame.origin_m: boolean true is",
+        ),
+        ("\"mvn-udp\"", "5", "c.toml, line 4: suit.source: "),
+    ];
+    for (right, wrong, expected) in cases {
+        let said = refusal(&SMALLEST.replace(right, wrong));
+        assert!(said.starts_with(expected), "{said}");
+    }
+}
+
+#[test]
+fn counts_that_no_device_has_are_refused_with_the_range() {
+    for counts in ["1e300", "0", "nan", "inf", "-inf", "-1e6", "0.5"] {
+        for key in ["counts_per_newton", "counts_per_newton_metre"] {
+            let given = format!("{key} = 1000000\n");
+            let said = refusal(&SMALLEST.replace(&given, &format!("{key} = {counts}\n")));
+            assert!(said.contains(&format!("ground.{key}: ")), "{said}");
+            assert!(said.ends_with("is not between 1 and 1000000000") && said.len() < 100, "{said}");
+        }
+    }
+}
+
+#[test]
 fn a_page_for_the_whole_network_needs_a_token() {
     let open = format!("{SMALLEST}\n[page]\nlisten = \"0.0.0.0:80\"");
     assert!(refusal(&open).contains("loopback only"));

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use bytemuck::Zeroable;
+
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::cycle::identification::Consistency;
-use equipoise_core::exposure::Shift;
+use equipoise_core::exposure::{LATEST_LIFTS, Lift, Shift};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
@@ -85,8 +87,39 @@ pub(super) struct ShiftPart {
     /// LiFFT's damage of the low back.
     damage: f64,
     lifts: u64,
+    /// Lifts that have ended, those that were taken back included; absent before format 4.
+    #[serde(default)]
+    ended: u64,
     /// By joint; what is not named is not tired.
     fatigue: BTreeMap<String, f64>,
+    /// Those that can be taken back; absent before format 4.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    lift: Vec<LiftPart>,
+}
+
+/// [`Lift`] without its time, which is of one start of the machine.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LiftPart {
+    number: u64,
+    carried_s: f64,
+    /// With its 1-σ.
+    mass_kg: [f64; 2],
+    distance_m: f64,
+    damage: f64,
+    undone: bool,
+}
+
+impl LiftPart {
+    fn of(lift: &Lift) -> LiftPart {
+        let Lift { number, carried_s, mass_kg, distance_m, damage, undone, .. } = *lift;
+        LiftPart { number, carried_s, mass_kg, distance_m, damage, undone: undone == 1 }
+    }
+
+    fn lift(&self) -> Lift {
+        let LiftPart { number, carried_s, mass_kg, distance_m, damage, undone } = *self;
+        Lift { number, ended_ns: 0, carried_s, mass_kg, distance_m, damage, undone: u64::from(undone) }
+    }
 }
 
 /// Fatigue as it is kept.
@@ -102,6 +135,8 @@ impl ShiftPart {
             saved_unix_s,
             damage: shift.damage,
             lifts: shift.lifts,
+            ended: shift.ended,
+            lift: shift.latest.iter().filter(|lift| lift.number > 0).map(LiftPart::of).collect(),
             fatigue: tired.map(|(name, share)| (name.to_owned(), share)).collect(),
         }
     }
@@ -122,11 +157,21 @@ impl ShiftPart {
             let joint = Joint::named(name).ok_or_else(|| format!("there is no joint {name}"))?;
             fatigue[joint.index()] = *share;
         }
+        let mut latest = [Lift::zeroed(); LATEST_LIFTS];
+        for part in &self.lift {
+            let is_last = (1..=self.ended).contains(&part.number)
+                && self.ended - part.number < LATEST_LIFTS as u64
+                && part.lift().is_sound();
+            if !is_last {
+                return Err(format!("its lift {} is out of range", part.number));
+            }
+            latest[(part.number - 1) as usize % LATEST_LIFTS] = part.lift();
+        }
         let sound = self.damage.is_finite()
             && self.damage >= 0.0
             && fatigue.iter().all(|share| (0.0..=1.0).contains(share));
         sound
-            .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts })
+            .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest })
             .ok_or_else(|| "a number of it is out of range".to_owned())
     }
 }
@@ -146,12 +191,22 @@ mod tests {
 
     #[test]
     fn a_shift_goes_on_after_a_break_and_not_after_a_night_or_from_the_future() {
-        let mut shift = Shift { fatigue: [0.0; JOINTS], damage: 0.01, lifts: 7 };
+        let mut shift =
+            Shift { fatigue: [0.0; JOINTS], damage: 0.01, lifts: 19, ended: 21, ..Zeroable::zeroed() };
         shift.fatigue[3] = 0.25;
+        for number in 6..=21 {
+            let lift =
+                Lift { number, carried_s: 2.0, mass_kg: [8.0, 0.5], damage: 5e-4, ..Zeroable::zeroed() };
+            shift.latest[(number - 1) as usize % LATEST_LIFTS] = lift;
+        }
+        shift.latest[0].undone = 1;
         let mut part = ShiftPart::of(&shift, 1_000_000);
         assert_eq!(part.shift(1_000_000 + 3600), Ok(shift));
         assert!(part.shift(1_000_000 + 9 * 3600).unwrap_err().contains("9.0 h ago"));
         assert!(part.shift(999_999).unwrap_err().contains("later than the clock"));
+        let mut other = part.clone();
+        other.lift[3].number = 5;
+        assert!(other.shift(1_000_000).unwrap_err().contains("lift 5"));
         part.damage = f64::NAN;
         assert!(part.shift(1_000_000).unwrap_err().contains("out of range"));
     }

@@ -115,6 +115,9 @@ impl PcapSamples {
                 return self.suit.refuse_datagram(SuitRefusal::ForeignSender);
             }
             let mut sample = self.suit.receive(&datagram.payload, arrival_ns);
+            if sample.is_some() {
+                self.suit_sender.hold(datagram.source.ip(), arrival_ns);
+            }
             while let Some(mut complete) = sample {
                 if let Some(body) = self.build.due(self.suit.body(), arrival_ns) {
                     self.ready.push_back(Sample::Body(Box::new(body)));
@@ -133,6 +136,9 @@ impl PcapSamples {
                 ground.brain.refuse(GroundRefusal::ForeignSender);
             } else if its_own {
                 ground.brain.receive(&datagram.payload, arrival_ns, &mut self.records);
+                if !self.records.is_empty() {
+                    ground.sender.hold(datagram.source.ip(), arrival_ns);
+                }
                 for mut record in self.records.drain(..) {
                     record.published_ns = arrival_ns;
                     self.ready.push_back(Sample::Ground(Box::new(record)));

@@ -202,7 +202,7 @@ impl Facts {
     }
 
     /// Whether the loop was given another worker since the last state: a record says so, or the lifts do, which one worker
-    /// can neither lose nor make so fast.
+    /// can neither make so fast nor lose but one by one, by `subject undo-lift`.
     fn is_another_worker(&self, state: &State) -> bool {
         let Some(last) = self.last else { return false };
         if self.records.has_load(last.time_ns, state.time_ns) {
@@ -212,7 +212,7 @@ impl Facts {
         let goes_on = state.cycle > last.cycle;
         let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
         let more = f64::from(state.lifts.saturating_sub(last.lifts));
-        goes_on && (state.lifts < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
+        goes_on && (state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
     }
 
     /// Whether all of the file was used.

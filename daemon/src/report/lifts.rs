@@ -53,9 +53,9 @@ impl Lifts {
         for _ in counted..state.lifts {
             self.lifts.push(std::mem::take(&mut self.episode).lift(time_s));
         }
-        // A restart of the daemon may lose the last of them.
-        if state.lifts < counted {
-            self.episode = Episode::default();
+        // Taken back, or lost by a restart of the daemon: no part of the dose any more.
+        for _ in state.lifts..counted {
+            self.lifts.pop();
         }
         self.counted = Some(state.lifts);
         self.episode.take(state, time_s, step_s);
@@ -151,6 +151,16 @@ mod tests {
             (lift.mass_kg.unwrap() - 5.0).abs() < 1e-9 && (lift.mass_sigma_kg.unwrap() - 0.3).abs() < 1e-9
         );
         assert!((lift.reach_m.unwrap() - 0.4).abs() < 1e-9 && (lift.to_s - lift.from_s - 1.99).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_lift_that_was_taken_back_is_none() {
+        let mut lifts = Lifts::default();
+        let counted = |lifts| State { lifts, valid: Validity::BELOW_LOAD_THRESHOLD.0, ..State::zeroed() };
+        for (index, count) in [1, 2, 3, 2, 3].into_iter().enumerate() {
+            lifts.take(&counted(count), f64::from(index as u32), 0.01);
+        }
+        assert_eq!(lifts.lifts.iter().map(|lift| lift.to_s).collect::<Vec<_>>(), [1.0, 4.0]);
     }
 
     #[test]

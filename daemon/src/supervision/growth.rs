@@ -1,5 +1,7 @@
 //! A count that should not grow: an incident from its first growth until it has rested for a while.
 
+use equipoise_core::time::NS_PER_S;
+
 /// A count that has not grown for so long has come to rest. Long enough that trouble which comes every second is one
 /// incident in the journal, not one a second.
 const RESTS_AFTER_NS: u64 = 10_000_000_000;
@@ -24,6 +26,14 @@ impl Growth {
         self.count = count;
         self.active
     }
+
+    /// When it grew last, for a sentence.
+    pub(super) fn last(&self) -> String {
+        match self.quiet_ns / NS_PER_S {
+            0 => "the last just now".to_owned(),
+            seconds => format!("the last {seconds} s ago"),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -41,5 +51,8 @@ mod tests {
         let ended = (0..20).take_while(|_| growth.goes_on(10, 1_000_000_000)).count();
         assert!((5..10).contains(&ended), "{ended}");
         assert!(growth.goes_on(11, 1), "and anew");
+        assert_eq!(growth.last(), "the last just now");
+        growth.goes_on(11, 3_500_000_000);
+        assert_eq!(growth.last(), "the last 3 s ago");
     }
 }

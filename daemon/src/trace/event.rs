@@ -172,6 +172,7 @@ fn command_name(kind: CommandKind) -> &'static str {
         CommandKind::IdentifyStart => "identify start",
         CommandKind::IdentifyStop => "identify stop",
         CommandKind::IdentifyReset => "identify reset",
+        CommandKind::UndoLift => "subject undo-lift",
         CommandKind::Checkpoint => "checkpoint",
         CommandKind::SubjectSave => "subject save",
         CommandKind::SubjectLoad => "subject load",

@@ -23,6 +23,7 @@ fn without_a_daemon_every_command_says_so() {
         &["identify", "reset"],
         &["subject", "load", "anon-1"],
         &["subject", "save"],
+        &["subject", "undo-lift"],
     ] {
         no_daemon(arguments);
     }
@@ -71,6 +72,26 @@ fn identification_and_profiles_are_steered_and_nonsense_is_refused() {
     assert!(!station.profile("anon-1").exists());
 }
 
+/// In a profile's `[shift]`.
+const TWO_LIFTS: &str = "damage = 5e-5
+lifts = 2
+ended = 2
+[[lift]]
+number = 1
+carried_s = 2.5
+mass_kg = [8.0, 0.5]
+distance_m = 0.35
+damage = 1e-5
+undone = false
+[[lift]]
+number = 2
+carried_s = 3.0
+mass_kg = [12.0, 0.5]
+distance_m = 0.4
+damage = 4e-5
+undone = false
+";
+
 #[test]
 fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     let station = Station::new();
@@ -88,8 +109,12 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
         whole.iter().all(|line| saved.contains(line)).then_some(())
     });
 
-    // Another worker, with other poses to the name.
+    station.run(&["subject", "undo-lift"]).failed_with(1, &["no lift of this shift counts"]);
+
+    // Another worker, with other poses to the name, and two lifts.
     let mut second: toml::Table = saved("anon-1").parse().expect("a profile");
+    let shift = second["shift"].as_table_mut().expect("a shift");
+    shift.extend(TWO_LIFTS.parse::<toml::Table>().expect("a shift"));
     second.insert("subject".to_owned(), "anon-2".into());
     second.insert("poses_used".to_owned(), 77.into());
     let second = toml::to_string(&second).expect("TOML");
@@ -98,6 +123,15 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     let said = station.run(&["subject", "load", "anon-2"]);
     assert!(said.done().contains("anon-2 is in use: 77 poses"), "{}", said.stdout);
     eyes.until("the second worker", |eyes| eyes.state.poses_used == 77);
+
+    assert!(station.run(&["subject", "undo-lift"]).done().contains("the last of 2 lifts is taken back"));
+    eyes.until("one lift", |eyes| eyes.state.lifts == 1);
+    assert!((eyes.state.dose_damage - 1e-5).abs() < 1e-12, "{}", eyes.state.dose_damage);
+    let list = station.profile("anon-2").with_extension("lifts.csv");
+    let list = wait_for("a list of lifts", || std::fs::read_to_string(&list).ok());
+    assert!(list.contains(",undone,2,3.00,12.00,0.50,0.400,4e-5\n"), "{list}");
+    wait_for("a profile without it", || saved("anon-2").contains("lifts = 1\n").then_some(()));
+
     assert!(station.run(&["subject", "save"]).done().contains("anon-2"));
     // Until now its date was still kept up to date.
     let first = saved("anon-1");

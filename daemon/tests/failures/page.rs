@@ -169,16 +169,31 @@ fn what_it_cannot_serve_is_told_with_its_key() {
         assert!(!said.contains("panicked") && !said.contains(SECRET), "{said}");
     };
     refused(&format!("listen = \"{address}\"\n"), &["page.listen", &address, "taken"]);
+    // `check` refuses the same tokens, before anything is started.
+    let checked = |page: &str| {
+        let text = format!("{}[page]\n{page}", station.configuration());
+        let path = station.write("checked.toml", &text).display().to_string();
+        station.run(&["check", &path])
+    };
+    let refused = |page: &str, parts: &[&str]| {
+        refused(page, parts);
+        let check = checked(page);
+        check.failed_with(1, parts);
+        assert!(!check.stderr.contains(SECRET), "{}", check.stderr);
+    };
     refused("listen = \"127.0.0.1:0\"\ntoken_file = \"no.token\"\n", &["page.token_file", "no.token"]);
     let token = station.write("page.token", SECRET);
     let guarded = "listen = \"127.0.0.1:0\"\ntoken_file = \"page.token\"\n";
     std::fs::set_permissions(&token, PermissionsExt::from_mode(0o644)).expect("permissions");
-    refused(guarded, &["page.token", "mode 0644", "chmod 640"]);
+    refused(guarded, &["page.token", "mode 0644", "chmod 0640"]);
     std::fs::set_permissions(&token, PermissionsExt::from_mode(0o640)).expect("permissions");
     refused(
         &format!("{guarded}command_token_file = \"page.token\"\n"),
         &["page.command_token_file", "another"],
     );
+    checked(guarded).done();
+    std::os::unix::fs::symlink(&token, station.file("link.token")).expect("a link");
+    refused(&guarded.replace("page.token", "link.token"), &["link.token", "a symbolic link"]);
     std::fs::write(&token, &SECRET[..31]).expect("a token");
     refused(guarded, &["page.token", "32 to 256"]);
 

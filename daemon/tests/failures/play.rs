@@ -17,7 +17,7 @@ const RATE_HZ: f64 = 60.0;
 /// So many rows of somebody who stands, in the layout that is read; every row at `broken` has no number for Fz.
 fn csv(rows: u32, broken: &[u32]) -> String {
     let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
-    let suit = Suit::new(SuitNoise::NONE, 1);
+    let suit = Suit::new(SuitNoise::ORDINARY, 1);
     let streams = Streams::NONE;
     let mut text = String::from("t_s");
     for segment in Segment::ALL {

@@ -38,13 +38,14 @@ fn configuration(station: &Station, port: &Path, baud: u32) -> String {
 /// Plugs a sensor in under this name, with somebody standing on it.
 fn plugged(port: &Path) -> Running {
     let worker = Worker::with_habits(Person::new(7, 1.77, 72.0), 7, Habits::ORDINARY);
-    let standing = OnFeet::of(&worker, 1.0, [Vector2::new(0.05, 0.0); 2]);
+    // Somebody who never moved would be a frozen plate.
+    let standing = move |time_s: f64| OnFeet::of(&worker, time_s, [Vector2::new(0.05, 0.0); 2]);
     let line = Line::new(Box::new(SerialPort::new(port, SPEED).expect("a pseudo terminal")), 1);
     let device = Bota::new(line, Mounting::default());
     assert!(device.config().contains("bota-serial"));
     let pace = Pace { start_ns: equipoise_simulator::clock::monotonic_ns(), ..Pace::default() };
     let ground = Ground::One(Mounting::default());
-    Running::start(Box::new(device), ground, Arc::new(move |_| standing), pace).expect("a thread")
+    Running::start(Box::new(device), ground, Arc::new(standing), pace).expect("a thread")
 }
 
 fn port(station: &Station) -> PathBuf {

@@ -98,7 +98,8 @@ pub(crate) fn suits_over_tcp(target: SocketAddr, avatars: &'static [u8]) -> Stre
 
 fn run_suit(avatar: u8, tricks: &Tricks, stop: &AtomicBool, mut send: impl FnMut(&[u8])) {
     let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
-    let suit = Suit::new(SuitNoise::NONE, 1);
+    // A suit that repeats itself would be taken for a frozen one.
+    let suit = Suit::new(SuitNoise::ORDINARY, 1);
     let streams = Streams::NONE;
     // High enough to step back from.
     for number in 1000.. {
@@ -157,7 +158,8 @@ fn run_plate(socket: &UdpSocket, known: &Mutex<Option<SocketAddr>>, tricks: &Tri
             rdt_sequence,
             ft_sequence,
             status: 0,
-            force_counts: [0, 0, WEIGHT_COUNTS],
+            // And so would a plate.
+            force_counts: [0, 0, WEIGHT_COUNTS + (ft_sequence % 2) as i32],
             torque_counts: [0; 3],
         };
         let sound = record.to_bytes();

@@ -17,6 +17,13 @@ fn a_stopped_daemon_keeps_its_station_and_a_killed_one_leaves_it_at_once() {
     assert_eq!(second.wait().code(), Some(1));
     let said = second.stderr();
     assert!(said.contains(&format!("station bench already has a daemon: process {pid}")), "{said}");
+    let remedy = format!("kill -CONT {pid}");
+    assert!(said.contains(&remedy), "{said}");
+    for command in [&["status"][..], &["tare"], &["watch", "--for", "1"]] {
+        let refused = station.run(command);
+        refused.failed_with(1, &["is stopped", &remedy]);
+        assert!(!refused.stderr.contains("equipoise run"), "{}", refused.stderr);
+    }
     // It may go on as if nothing had been.
     first.send(Signal::CONT);
     let mut eyes = Eyes::open(&station);

@@ -5,12 +5,15 @@ use std::io::{Read, Write};
 use std::num::NonZero;
 use std::os::fd::OwnedFd;
 use std::process::{Child, Command};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
+use rustix::termios::{Action, LocalModes, Winsize, tcflow, tcgetattr, tcsetwinsize};
 
 use crate::process::wait_for;
 use crate::station::{NAME, Station};
@@ -21,37 +24,59 @@ struct Seat {
     /// The program's own end, held so that what it set can be asked.
     near: OwnedFd,
     screen: Arc<Mutex<vt100::Parser>>,
+    glass: Option<JoinHandle<()>>,
+    closed: Arc<AtomicBool>,
     watch: Child,
 }
 
+/// How often the glass looks whether the terminal is to be closed.
+const GLASS_WAITS: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+
 impl Seat {
-    fn before(station: &Station, (columns, rows): (u16, u16)) -> Seat {
+    fn before(station: &Station, size: (u16, u16)) -> Seat {
+        // Makes it the controlling terminal of a session of its own, as a login does; the process stays the same.
+        let mut setsid = Command::new("setsid");
+        setsid.args(["--ctty", env!("CARGO_BIN_EXE_equipoise")]);
+        Seat::of(setsid, station, size)
+    }
+
+    /// A terminal that sends no SIGHUP: not the controlling one.
+    fn without_signals(station: &Station, size: (u16, u16)) -> Seat {
+        Seat::of(Command::new(env!("CARGO_BIN_EXE_equipoise")), station, size)
+    }
+
+    fn of(mut command: Command, station: &Station, (columns, rows): (u16, u16)) -> Seat {
         let far = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
         grantpt(&far).and_then(|()| unlockpt(&far)).expect("its near end");
         let name = ptsname(&far, Vec::new()).expect("its name");
         let near = open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).expect("near");
         tcsetwinsize(&near, size(columns, rows)).expect("a size");
         let copy = || near.try_clone().expect("a descriptor");
-        // Makes it the controlling terminal of a session of its own, as a login does; the process stays the same.
-        let watch = Command::new("setsid")
-            .args(["--ctty", env!("CARGO_BIN_EXE_equipoise"), "watch", "--station", NAME])
+        let watch = command
+            .args(["watch", "--station", NAME])
             .env("EQUIPOISE_BUS_ROOT", station.root())
             .env("TERM", "xterm-256color")
             .stdin(copy())
             .stdout(copy())
             .stderr(copy())
             .spawn()
-            .expect("setsid of util-linux starts");
+            .expect("it starts (setsid is of util-linux)");
         let screen = Arc::new(Mutex::new(vt100::Parser::new(cells(rows), cells(columns), 0)));
         let keys = File::from(far);
         let (mut glass, shown) = (keys.try_clone().expect("a descriptor"), Arc::clone(&screen));
-        std::thread::spawn(move || {
+        let closed = Arc::new(AtomicBool::new(false));
+        let is_closed = Arc::clone(&closed);
+        let glass = std::thread::spawn(move || {
             let mut bytes = [0; 4096];
-            while let Ok(count @ 1..) = glass.read(&mut bytes) {
+            while !is_closed.load(Ordering::Relaxed) {
+                if !matches!(poll(&mut [PollFd::new(&glass, PollFlags::IN)], Some(&GLASS_WAITS)), Ok(1..)) {
+                    continue;
+                }
+                let Ok(count @ 1..) = glass.read(&mut bytes) else { return };
                 shown.lock().expect("the glass").process(&bytes[..count]);
             }
         });
-        Seat { keys, near, screen, watch }
+        Seat { keys, near, screen, glass: Some(glass), closed, watch }
     }
 
     fn text(&self) -> String {
@@ -76,6 +101,18 @@ impl Seat {
         kill_process(Pid::from_child(&self.watch), signal).expect("a process to signal");
     }
 
+    /// Closes the terminal's far end, as a window that is closed or a connection that breaks does.
+    fn close(&mut self) {
+        self.closed.store(true, Ordering::Relaxed);
+        self.glass.take().expect("closed once").join().expect("the glass");
+        self.keys = File::open("/dev/null").expect("/dev/null");
+    }
+
+    #[track_caller]
+    fn ends(&mut self) -> Option<i32> {
+        wait_for("its end", || self.watch.try_wait().expect("a child")).code()
+    }
+
     fn is_raw(&self) -> bool {
         !tcgetattr(&self.near)
             .expect("its settings")
@@ -86,8 +123,7 @@ impl Seat {
     /// It ends in order, and everything is as it was: settings, the other screen, the cursor.
     #[track_caller]
     fn leaves_the_terminal_clean(mut self) {
-        let status = wait_for("its end", || self.watch.try_wait().expect("a child"));
-        assert_eq!(status.code(), Some(0), "{}", self.text());
+        assert_eq!(self.ends(), Some(0), "{}", self.text());
         assert!(!self.is_raw(), "the terminal still takes keys one by one");
         wait_for("the screen from before", || {
             let glass = self.screen.lock().expect("the glass");
@@ -102,6 +138,7 @@ impl Drop for Seat {
         // Ended already, as it should be, or the test has failed.
         let _ = self.watch.kill();
         let _ = self.watch.wait();
+        self.closed.store(true, Ordering::Relaxed);
     }
 }
 
@@ -160,6 +197,29 @@ fn a_signal_leaves_a_clean_terminal_too() {
     seat.shows("Nothing has come");
     seat.press("\x03");
     seat.leaves_the_terminal_clean();
+}
+
+#[test]
+fn a_terminal_that_is_closed_ends_the_screen() {
+    let station = Station::new();
+    for seat in [Seat::before, Seat::without_signals] {
+        let mut seat = seat(&station, (80, 24));
+        seat.shows("Nothing has come");
+        seat.close();
+        assert_eq!(seat.ends(), Some(0));
+    }
+}
+
+#[test]
+fn a_signal_ends_a_screen_whose_terminal_takes_no_output() {
+    let station = Station::new();
+    let mut seat = Seat::before(&station, (80, 24));
+    seat.shows("Nothing has come");
+    tcflow(&seat.near, Action::OOff).expect("output held");
+    // To leave the other screen is to write, which does not return.
+    seat.send(Signal::TERM);
+    assert_eq!(seat.ends(), Some(1));
+    assert!(!seat.is_raw(), "the terminal still takes keys one by one");
 }
 
 #[test]

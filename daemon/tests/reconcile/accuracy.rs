@@ -143,9 +143,10 @@ fn accelerations_are_those_of_the_simulated_body() {
 
 #[test]
 fn a_suit_that_is_late_is_best_explained_by_its_lag() {
-    let script = Script { rig: Rig { suit_late_ns: 30_000_000, ..Rig::PERFECT }, ..Script::perfect() };
+    // Perfect ones repeat themselves while the plate, which is earlier, shows motion: they would be taken for frozen.
+    let script = Script { rig: Rig { suit_late_ns: 30_000_000, ..Rig::ORDINARY }, ..Script::ordinary() };
     let late = compared(&script, &script.samples());
-    let in_time = compared(&Script::perfect(), &Script::perfect().samples());
+    let in_time = compared(&Script::ordinary(), &Script::ordinary().samples());
     let left = |compared: &Compared, lag: Option<usize>| {
         rms(compared.session.blocks.iter().filter(|block| !block.still).flat_map(|block| {
             let change = lag.map_or([0.0; 2], |lag| block.by_lag[lag].cop_m);
@@ -161,5 +162,8 @@ fn a_suit_that_is_late_is_best_explained_by_its_lag() {
     assert_eq!(LAGS_S[best], 0.03);
     // What is left is what a suit leaves that is in time.
     let (without, in_time) = (left(&late, None), left(&in_time, None));
-    assert!(by_lag[best] < 0.7 * without && by_lag[best] < 1.2 * in_time, "{by_lag:?} {without} {in_time}");
+    assert!(by_lag[best] < 1.2 * in_time, "{by_lag:?} {without} {in_time}");
+    // And most of what the lag adds to the noise of the sensors is gone.
+    let added = |left: f64| (left * left - in_time * in_time).max(0.0).sqrt();
+    assert!(added(by_lag[best]) < 0.5 * added(without), "{by_lag:?} {without} {in_time}");
 }

@@ -275,7 +275,10 @@ fn files_that_cannot_be_read_are_named() {
     trial.refuses(&["--config", "nowhere.toml"], &["cannot read the configuration nowhere.toml"]);
     let config = trial.directory.path().join("config.toml");
     std::fs::write(&config, "station = 3").unwrap();
-    trial.refuses(&["--config", config.to_str().unwrap()], &["config.toml, line 1", "expected a string"]);
+    trial.refuses(
+        &["--config", config.to_str().unwrap()],
+        &["config.toml, line 1", "text in quotation marks is expected"],
+    );
     trial.refuses(&["--model", "nowhere.toml"], &["cannot read the model nowhere.toml"]);
     let missing = equipoise().args(["reconcile", "nowhere.mcap"]).output().unwrap();
     assert_eq!(missing.status.code(), Some(1), "{}", said(&missing));

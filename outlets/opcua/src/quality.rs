@@ -25,7 +25,11 @@ pub fn of_no_reading(reason: &NoReading, ever: bool) -> StatusCode {
 /// Gravest first: what a technician must mend, what time mends, what the worker does, and that there is nothing to tell.
 const GROUPS: [(Validity, StatusCode); 4] = [
     (
-        Validity::PLATE_FAULT.and(Validity::SUIT_STALE).and(Validity::GROUND_STALE),
+        Validity::PLATE_FAULT
+            .and(Validity::SUIT_STALE)
+            .and(Validity::GROUND_STALE)
+            .and(Validity::GROUND_IMPLAUSIBLE)
+            .and(Validity::SUIT_IMPLAUSIBLE),
         StatusCode::BadSensorFailure,
     ),
     (
@@ -42,6 +46,7 @@ const GROUPS: [(Validity, StatusCode); 4] = [
             .and(Validity::FEET_OFF_PLATE)
             .and(Validity::LOAD_NOT_AT_HANDS)
             .and(Validity::LOAD_MAY_HIDE)
+            .and(Validity::WEIGHT_MISSING)
             .and(Validity::COP_NOT_MEASURED),
         StatusCode::BadInvalidState,
     ),

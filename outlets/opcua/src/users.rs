@@ -9,8 +9,11 @@ use opcua::types::{Error, StatusCode, UAString, UserTokenPolicy, UserTokenType};
 use sha2::{Digest, Sha256};
 use tracing::warn;
 
+use equipoise_core::message::Printable;
 use equipoise_outlets::secret::Login;
 
+/// Characters of a refused user's name that go to the log.
+const NAME_CHARS_MAX: usize = 64;
 /// Who guesses waits so long for every answer.
 const AFTER_A_WRONG_PASSWORD: Duration = Duration::from_secs(1);
 
@@ -56,7 +59,8 @@ impl AuthManager for Users {
         if self.knows(name, password.get()) {
             return Ok(UserToken(name.to_owned()));
         }
-        warn!("refused: a client that says it is user {name:?}");
+        let name = Printable { text: name, chars_max: NAME_CHARS_MAX };
+        warn!("refused: a client that says it is user {name}");
         tokio::time::sleep(AFTER_A_WRONG_PASSWORD).await;
         Err(Error::new(StatusCode::BadUserAccessDenied, "unknown user or wrong password"))
     }

@@ -5,6 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
+use equipoise_core::message::Printable;
 use socket2::SockRef;
 use tracing::{info, warn};
 
@@ -14,8 +15,12 @@ use crate::config::Register;
 /// From dialling to the exchange's start, all in all: who says something now and then, but never what it was asked, would
 /// otherwise never be dialled again.
 const START_WITHIN: Duration = Duration::from_secs(4);
-/// Texts of the controller that go to the log while it is dialled; one that sends nothing else would fill it.
+/// Texts of the controller that go to the log in [`TEXTS_WITHIN`]; one that sends nothing else would fill it.
 const TEXTS_MAX: usize = 8;
+/// A person who reads the log can follow that; more is a fault that the first ones name.
+const TEXTS_WITHIN: Duration = Duration::from_secs(10);
+/// Characters of a register's type; the longest of RTDE, `VECTOR6UINT32`, has 13.
+const TYPE_CHARS_MAX: usize = 32;
 /// After a refusal or a lost connection it is tried again after this, and after twice as long each time.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(1);
 const TRY_AGAIN_AFTER_MAX: Duration = Duration::from_secs(30);
@@ -55,6 +60,37 @@ pub(super) enum LinkError {
     Start,
 }
 
+/// Writes texts of the controller to the log, not too many.
+#[derive(Debug)]
+struct Texts {
+    since: Instant,
+    count: usize,
+}
+
+impl Texts {
+    fn new() -> Texts {
+        Texts { since: Instant::now(), count: 0 }
+    }
+
+    fn write(&mut self, payload: &[u8]) {
+        if self.is_due(Instant::now()) {
+            warn!("the controller says: {}", wire::text(payload));
+        }
+    }
+
+    fn is_due(&mut self, now: Instant) -> bool {
+        if now.saturating_duration_since(self.since) >= TEXTS_WITHIN {
+            let left_out = self.count.saturating_sub(TEXTS_MAX);
+            if left_out > 0 {
+                warn!("the controller said {left_out} texts more, which are not in this log");
+            }
+            *self = Texts { since: now, count: 0 };
+        }
+        self.count += 1;
+        self.count <= TEXTS_MAX
+    }
+}
+
 /// A stream on which data packages of one recipe may be sent.
 #[derive(Debug)]
 pub(super) struct Started {
@@ -66,6 +102,7 @@ pub(super) struct Started {
     took_at: Instant,
     /// When its last data package was found.
     heard_at: Instant,
+    texts: Texts,
 }
 
 /// What became of a package.
@@ -128,7 +165,7 @@ impl Started {
                 if kind == Kind::Data as u8 {
                     self.heard_at = Instant::now();
                 } else if kind == Kind::Text as u8 {
-                    warn!("the controller says: {}", wire::text(&payload));
+                    self.texts.write(&payload);
                 }
             }
         }
@@ -139,7 +176,7 @@ impl Started {
 struct Asking {
     stream: TcpStream,
     end: Instant,
-    texts: usize,
+    texts: Texts,
 }
 
 impl Asking {
@@ -150,7 +187,7 @@ impl Asking {
         stream.set_nodelay(true)?;
         // What the network has not delivered when the controller is left must never be.
         SockRef::from(&stream).set_linger(Some(Duration::ZERO))?;
-        Ok(Asking { stream, end, texts: 0 })
+        Ok(Asking { stream, end, texts: Texts::new() })
     }
 
     /// Asks for an answer of the same kind; texts in between go to the log, and data may come before the answer to a start.
@@ -160,10 +197,7 @@ impl Asking {
             match wire::read(self).map_err(late)? {
                 (answer, payload) if answer == kind as u8 => return Ok(payload),
                 (answer, payload) if answer == Kind::Text as u8 => {
-                    self.texts += 1;
-                    if self.texts <= TEXTS_MAX {
-                        warn!("the controller says: {}", wire::text(&payload));
-                    }
+                    self.texts.write(&payload);
                 }
                 (answer, _) if answer == Kind::Data as u8 => {}
                 (answer, _) => return Err(LinkError::Answer(answer)),
@@ -226,13 +260,21 @@ fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
     if asking.ask(Kind::Start, &[])?.first() != Some(&1) {
         return Err(LinkError::Start);
     }
-    let stream = asking.stream;
+    let (stream, texts) = (asking.stream, asking.texts);
     SockRef::from(&stream).set_tcp_user_timeout(Some(LEAVE_AFTER))?;
     stream.set_nonblocking(true)?;
     let version: Vec<_> = numbers.iter().map(u32::to_string).collect();
     info!("{robot}: controller {}, {} registers are written", version.join("."), names.len());
     let now = Instant::now();
-    Ok(Started { stream, recipe: number, rest: Vec::new(), heard: Vec::new(), took_at: now, heard_at: now })
+    Ok(Started {
+        stream,
+        recipe: number,
+        rest: Vec::new(),
+        heard: Vec::new(),
+        took_at: now,
+        heard_at: now,
+        texts,
+    })
 }
 
 /// The recipe's number, if every register can be had and is of the kind that is written.
@@ -249,7 +291,9 @@ fn recipe_number(answer: &[u8], recipe: &[Register], names: &[String]) -> Result
             }
             Some("NOT_FOUND") => troubles.push(format!("{name} does not exist on this controller")),
             other => {
-                troubles.push(format!("{name} is {}, not {expected}", other.unwrap_or("not answered for")));
+                let other =
+                    Printable { text: other.unwrap_or("not answered for"), chars_max: TYPE_CHARS_MAX };
+                troubles.push(format!("{name} is {other}, not {expected}"));
             }
         }
     }
@@ -332,5 +376,33 @@ impl Dialling {
             Ok(_) => self.coming = Some(coming),
             Err(error) => self.lost(&error.to_string()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Value;
+
+    #[test]
+    fn texts_of_a_controller_are_printable_and_few() {
+        let payload = [&[9][..], b"red\x1b[31m\n", &[4], b"a\rb\t", &[1]].concat();
+        assert_eq!(wire::text(&payload), "a\\rb\\t: red\\u{1b}[31m\\n");
+        let mut texts = Texts::new();
+        let begin = texts.since;
+        let due = |texts: &mut Texts, after| (0..100).filter(|_| texts.is_due(begin + after)).count();
+        assert_eq!(due(&mut texts, Duration::ZERO), TEXTS_MAX);
+        assert_eq!(due(&mut texts, TEXTS_WITHIN), TEXTS_MAX);
+        assert_eq!(due(&mut texts, TEXTS_WITHIN + Duration::from_secs(1)), 0);
+    }
+
+    #[test]
+    fn the_type_of_a_register_is_quoted_in_part() {
+        let register = Register { value: Value::WorstLevel, number: 24 };
+        let answer = [&[1][..], &b"\x1b".repeat(60_000)].concat();
+        let said = recipe_number(&answer, &[register], &["input_int_register_24".to_owned()])
+            .unwrap_err()
+            .to_string();
+        assert!(said.len() < 400 && !said.contains('\x1b') && said.contains("not INT32"), "{said}");
     }
 }

@@ -15,6 +15,8 @@
 
 use std::io::{self, Read};
 
+use equipoise_core::message::Printable;
+
 /// The version that is asked for.
 pub(super) const PROTOCOL: u16 = 2;
 /// Bytes of a header.
@@ -96,7 +98,10 @@ pub(super) fn take(bytes: &mut Vec<u8>) -> Option<(u8, Vec<u8>)> {
     Some((package[2], package[HEADER_BYTES..].to_vec()))
 }
 
-/// The words of a text message: who says what.
+/// Message and source of a text, 255 bytes each by their lengths; and `: `.
+const TEXT_CHARS_MAX: usize = 512;
+
+/// The words of a text message, fit for a log: who says what.
 pub(super) fn text(payload: &[u8]) -> String {
     let part = |from: usize| {
         let length = usize::from(payload.get(from).copied().unwrap_or(0));
@@ -105,5 +110,6 @@ pub(super) fn text(payload: &[u8]) -> String {
     };
     let (message, end) = part(0);
     let (source, _) = part(end);
-    if source.is_empty() { message } else { format!("{source}: {message}") }
+    let text = if source.is_empty() { message } else { format!("{source}: {message}") };
+    Printable { text: &text, chars_max: TEXT_CHARS_MAX }.to_string()
 }

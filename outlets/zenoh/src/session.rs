@@ -57,8 +57,11 @@ fn settings(config: &ZenohConfig) -> anyhow::Result<Config> {
 
 /// What the file says, if nobody else can read it: passwords and keys may stand in it.
 fn of_file(path: &Path) -> anyhow::Result<Config> {
-    secret::read(path)?;
-    Config::from_file(path).map_err(|error| anyhow!("{error}"))
+    let text = secret::read(path)?;
+    let is_json = path.extension().is_some_and(|ending| ending == "json5" || ending == "json");
+    // Zenoh opens other forms itself.
+    let read = if is_json { Config::from_json5(&text) } else { Config::from_file(path) };
+    read.map_err(|error| anyhow!("{error}"))
 }
 
 /// Keys of Zenoh's that name a file with a private key or passwords.

@@ -6,9 +6,10 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::time::seconds;
 use serde::Serialize;
 
+use crate::banner::Headline;
 use crate::state_json::{StateJson, level_name};
 use crate::suggested_pose::SuggestedPose;
-use crate::words::{self, Instruction, Reason};
+use crate::words;
 
 /// What the page shows at one moment.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,14 +31,11 @@ impl PageFrame {
     }
 
     /// The object that the page's script reads: the state, and what it means in words.
-    pub(super) fn to_text(&self) -> serde_json::Result<String> {
+    pub(super) fn to_text(&self, headline: &Headline) -> serde_json::Result<String> {
         let state = &self.state;
-        let pose = self.suggested.as_ref().map(|pose| pose.name.as_ref());
         serde_json::to_string(&FrameJson {
             state: self.state_json(),
-            phase: words::phase(state),
-            instruction: words::instruction(state, pose),
-            reasons: words::reasons(state),
+            headline,
             worst: words::worst_joint(state).map(|joint| Worst {
                 joint: joint.name(),
                 text: words::joint(joint),
@@ -60,6 +58,11 @@ impl PageFrame {
         })
     }
 
+    /// The name of the suggested pose.
+    pub(super) fn pose(&self) -> Option<&str> {
+        self.suggested.as_ref().map(|pose| pose.name.as_ref())
+    }
+
     /// The state alone, its `t` on CLOCK_MONOTONIC.
     pub(super) fn state_json(&self) -> StateJson<'_> {
         StateJson::new(&self.state, seconds(self.state.time_ns))
@@ -69,9 +72,8 @@ impl PageFrame {
 #[derive(Serialize)]
 struct FrameJson<'a> {
     state: StateJson<'a>,
-    phase: &'static str,
-    instruction: Instruction,
-    reasons: Vec<Reason>,
+    #[serde(flatten)]
+    headline: &'a Headline,
     #[serde(skip_serializing_if = "Option::is_none")]
     worst: Option<Worst>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -148,12 +148,23 @@ fn names_loopback(headers: &HeaderMap, uri: &Uri) -> bool {
 fn is_loopback(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => match rest.split_once(']') {
-            Some((address, port)) if port.is_empty() || port.starts_with(':') => address,
+            Some((address, port)) if port.is_empty() || port.strip_prefix(':').is_some_and(is_port) => {
+                address
+            }
             _ => return false,
         },
-        None => host.split_once(':').map_or(host, |(name, _)| name),
+        None => match host.split_once(':') {
+            Some((name, port)) if is_port(port) => name,
+            Some(_) => return false,
+            None => host,
+        },
     };
     name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+}
+
+/// Which one is left open: a tunnel has another port than the page.
+fn is_port(text: &str) -> bool {
+    text.bytes().all(|byte| byte.is_ascii_digit()) && text.parse::<u16>().is_ok_and(|port| port > 0)
 }
 
 #[cfg(test)]
@@ -165,6 +176,16 @@ mod tests {
         for host in ["localhost", "LOCALHOST:8080", "127.0.0.1", "127.0.0.1:1", "[::1]", "[::1]:9000"] {
             assert!(is_loopback(host), "{host}");
         }
+    }
+
+    #[test]
+    fn a_port_is_a_number_that_a_port_can_have() {
+        for port in ["", "0", "65536", "80evil", "+80", "-1", "80:80", " 80", "evil.example"] {
+            for host in ["localhost", "127.0.0.1", "[::1]"] {
+                assert!(!is_loopback(&format!("{host}:{port}")), "{host}:{port}");
+            }
+        }
+        assert!(is_loopback("localhost:65535") && is_loopback("[::1]:1"));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::{FRAME_RATE_HZ, PageFrame};
+use crate::banner::{Banner, Headline};
 
 /// After this long without a new cycle, the service is called silent, again and again at this pace.
 const SILENT_AFTER: Duration = Duration::from_secs(1);
@@ -33,6 +34,7 @@ where
     let mut ticks = interval(Duration::from_secs(1) / FRAME_RATE_HZ);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let mut shown = None;
+    let mut banner = Banner::default();
     let mut told = Instant::now();
     loop {
         ticks.tick().await;
@@ -40,7 +42,8 @@ where
         let news = feed().filter(|frame| shown != Some((frame.state.cycle, frame.state.time_ns)));
         if let Some(frame) = news {
             shown = Some((frame.state.cycle, frame.state.time_ns));
-            if let Ok(texts) = texts(&frame) {
+            let headline = banner.update(&frame.state, frame.pose());
+            if let Ok(texts) = texts(&frame, headline) {
                 told = Instant::now();
                 newest.send_replace(texts);
             }
@@ -51,6 +54,6 @@ where
     }
 }
 
-fn texts(frame: &PageFrame) -> serde_json::Result<Newest> {
-    Ok(Newest::State { frame: frame.to_text()?.into(), state: frame.state_json().to_text()?.into() })
+fn texts(frame: &PageFrame, headline: &Headline) -> serde_json::Result<Newest> {
+    Ok(Newest::State { frame: frame.to_text(headline)?.into(), state: frame.state_json().to_text()?.into() })
 }

@@ -48,7 +48,9 @@ fn empty() -> Watch<'static> {
         station: "station-1",
         subject: "anon-1",
         state: None,
+        stopped: None,
         silent_s: None,
+        headline: None,
         pose: None,
         sensors: &[],
         incidents: None,
@@ -138,6 +140,8 @@ fn while_the_daemon_is_silent_nothing_of_it_is_shown() {
         assert!(!shows(&lines, "Overload") && !shows(&lines, "suit_silent"), "{}", lines.join("\n"));
     }
     place(&drawn(&empty(), (80, 24)), "Nothing has come from station station-1 yet.");
+    let stopped = Watch { stopped: Some(4711), ..empty() };
+    place(&drawn(&stopped, (80, 24)), "Its process 4711 is stopped: `kill -CONT 4711`");
 }
 
 #[test]

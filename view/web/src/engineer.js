@@ -63,10 +63,10 @@ function showHead(frame, facts) {
   const [pill, why] = CONNECTION[frames.connection];
   const { dataset } = document.body;
   dataset.connection = frames.connection;
-  dataset.phase = frame?.state.phase ?? "";
+  dataset.phase = frame?.phase_name ?? "";
   say(element("connection"), t(pill));
   say(element("station"), facts?.station ?? "");
-  say(element("phase"), frame ? t(`phase.${frame.state.phase}`) : "");
+  say(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
   element("silent").hidden = !why;
   say(element("silent"), why ? t(`reason.${why}`) : "");
   const { cop_measured: a, cop_estimated: b, nis, poses_used: poses, com_suit: suit } = frame?.state ?? {};

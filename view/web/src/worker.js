@@ -64,10 +64,10 @@ function showWords(frame) {
   const told = CONNECTION[stream.connection];
   const { dataset } = document.body;
   dataset.connection = stream.connection;
-  dataset.phase = frame?.state.phase ?? "";
+  dataset.phase = frame?.phase_name ?? "";
   dataset.posing = String(Boolean(frame?.suggested));
   say(element("connection"), t(told.pill));
-  say(element("phase"), frame ? t(`phase.${frame.state.phase}`) : "");
+  say(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
   const headline = frame ? instruction(frame.instruction) : told.reason ? instruction({ key: `reason.${told.reason}` }) : "";
   say(element("instruction"), headline);
   element("instruction").dataset.tone = frame ? frame.instruction.tone : told.tone ?? "calm";
@@ -99,7 +99,7 @@ function showReasons(reasons) {
 }
 
 // Whether a pose is asked for that the worker is to hold now.
-const asked = (frame) => Boolean(frame?.suggested && frame.state.phase !== "degraded" && frame.state.pose_mismatch_rad !== undefined && frame.segment_origin_m);
+const asked = (frame) => Boolean(frame?.suggested && frame.phase_name !== "degraded" && frame.state.pose_mismatch_rad !== undefined && frame.segment_origin_m);
 
 function showHold(frame, now) {
   const reached = asked(frame) && frame.state.pose_mismatch_rad < frame.pose_reached_rad;
@@ -150,7 +150,7 @@ function showMatch(frame, off) {
 
 function showProgress(frame) {
   const state = frame?.state;
-  element("progress-card").hidden = state?.phase !== "identifying";
+  element("progress-card").hidden = frame?.phase_name !== "identifying";
   if (!state) return;
   const [sigma, target] = [state.predicted_cop_sigma_m, frame.cop_sigma_target_m];
   const part = state.converged ? 1 : sigma && target ? Math.min(0.99, target / sigma) : Math.min(0.9, state.poses_used / 8);
@@ -163,7 +163,7 @@ function showProgress(frame) {
 
 function showJoints(frame) {
   const state = frame?.state;
-  const shown = state?.phase === "monitoring";
+  const shown = frame?.phase_name === "monitoring";
   element("joints-card").hidden = !shown;
   if (!shown) return;
   const worst = frame.worst;

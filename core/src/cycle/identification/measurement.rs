@@ -98,8 +98,8 @@ impl Identification {
     }
 
     /// Variance of what rows say of θ alone, m²: without the stance's offset.
-    pub fn parameter_variance_m2(&self, rows: &Rows) -> [f64; 2] {
-        rows.h.map(|h| {
+    pub fn parameter_variance_m2(&self, rows: &[[f64; PARAMETERS]; 2]) -> [f64; 2] {
+        rows.map(|h| {
             let mut padded = [0.0; STATES];
             padded[..PARAMETERS].copy_from_slice(&h);
             padded[self.reduction.count()..].fill(0.0);

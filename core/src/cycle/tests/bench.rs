@@ -15,13 +15,19 @@ use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::{Phi, centre_of_mass};
 
-pub(super) const HEIGHT_M: f64 = 1.77;
-pub(super) const MASS_KG: f64 = 72.0;
-pub(super) const SUIT_PERIOD_NS: u64 = 10_000_000;
-pub(super) const TICK_NS: u64 = 1_000_000;
+pub(in crate::cycle) const HEIGHT_M: f64 = 1.77;
+pub(in crate::cycle) const MASS_KG: f64 = 72.0;
+pub(in crate::cycle) const SUIT_PERIOD_NS: u64 = 10_000_000;
+pub(in crate::cycle) const TICK_NS: u64 = 1_000_000;
 
 /// Trunk pitch and roll, and both arms; the legs stay straight and upright.
-pub(super) fn stand(pitch: i16, roll: i16, left_arm: [i16; 3], right_arm: [i16; 3], elbow: i16) -> Posture {
+pub(in crate::cycle) fn stand(
+    pitch: i16,
+    roll: i16,
+    left_arm: [i16; 3],
+    right_arm: [i16; 3],
+    elbow: i16,
+) -> Posture {
     let mut rotation_deg = [[0; 3]; SEGMENTS];
     rotation_deg[Segment::Pelvis.index()] = [roll, pitch, 0];
     rotation_deg[Segment::RightUpperLeg.index()] = [-roll, -pitch, 0];
@@ -33,7 +39,7 @@ pub(super) fn stand(pitch: i16, roll: i16, left_arm: [i16; 3], right_arm: [i16; 
     Posture { name: "stand", rotation_deg }
 }
 
-pub(super) fn postures() -> Vec<Posture> {
+pub(in crate::cycle) fn postures() -> Vec<Posture> {
     let mut all = Vec::new();
     for (index, pitch) in [0, 15, 30, 45, -10].into_iter().enumerate() {
         for (other, left) in [[-80, 0, 0], [0, 0, 0], [0, 0, -80], [60, 0, 0]].into_iter().enumerate() {
@@ -44,15 +50,15 @@ pub(super) fn postures() -> Vec<Posture> {
     all
 }
 
-pub(super) struct Person {
-    pub(super) skeleton: Skeleton,
-    pub(super) body: Anthropometry,
-    pub(super) phi: Phi,
+pub(in crate::cycle) struct Person {
+    pub(in crate::cycle) skeleton: Skeleton,
+    pub(in crate::cycle) body: Anthropometry,
+    pub(in crate::cycle) phi: Phi,
 }
 
 impl Person {
     /// Heavier trunk, lighter legs than the table's, and a crooked pelvis.
-    pub(super) fn real() -> Person {
+    pub(in crate::cycle) fn real() -> Person {
         let skeleton = Skeleton::nominal(HEIGHT_M);
         let mut body = Anthropometry::de_leva(&skeleton, HEIGHT_M, Sex::Male);
         for segment in Segment::ALL {
@@ -66,7 +72,7 @@ impl Person {
     }
 
     /// The posture with the feet where they always are.
-    pub(super) fn pose(&self, posture: &Posture) -> Pose<StationWorld> {
+    pub(in crate::cycle) fn pose(&self, posture: &Posture) -> Pose<StationWorld> {
         let loose = posture::pose_of(posture, &self.skeleton, [0.0; 3]);
         let foot = 0.5 * (loose.origin_of(Segment::LeftFoot) + loose.origin_of(Segment::RightFoot));
         let pelvis = Vector3::new(0.0, 0.0, 0.1) - foot;
@@ -74,28 +80,47 @@ impl Person {
     }
 }
 
-pub(super) struct Bench {
-    pub(super) settings: Settings,
-    pub(super) memory: Box<Memory>,
-    pub(super) now_ns: u64,
-    pub(super) cycle: u64,
-    pub(super) suit_sequence: u64,
-    pub(super) ground_silent: bool,
-    pub(super) suit_silent: bool,
+fn mix<const N: usize>(from: [f64; N], to: [f64; N], share: f64) -> [f64; N] {
+    core::array::from_fn(|part| from[part] + share * (to[part] - from[part]))
+}
+
+/// On the way from one posture to another, to a degree.
+fn between(from: &Posture, to: &Posture, share: f64) -> Posture {
+    let mut posture = *to;
+    for (to_deg, from_deg) in
+        posture.rotation_deg.iter_mut().flatten().zip(from.rotation_deg.iter().flatten())
+    {
+        *to_deg = (f64::from(*from_deg) + share * f64::from(*to_deg - *from_deg)).round() as i16;
+    }
+    posture
+}
+
+pub(in crate::cycle) struct Bench {
+    pub(in crate::cycle) settings: Settings,
+    pub(in crate::cycle) memory: Box<Memory>,
+    pub(in crate::cycle) now_ns: u64,
+    pub(in crate::cycle) cycle: u64,
+    pub(in crate::cycle) suit_sequence: u64,
+    pub(in crate::cycle) ground_silent: bool,
+    pub(in crate::cycle) suit_silent: bool,
     /// How far the suit's own world has drifted, m forward.
-    pub(super) suit_drift_m: f64,
+    pub(in crate::cycle) suit_drift_m: f64,
     /// Where each foot presses, if each stands on a plate of its own, m.
-    pub(super) feet_m: Option<[[f64; 2]; 2]>,
+    pub(in crate::cycle) feet_m: Option<[[f64; 2]; 2]>,
     /// What the ground says of shear that it does not measure, N.
-    pub(super) unmeasured_shear_n: Option<[f64; 2]>,
+    pub(in crate::cycle) unmeasured_shear_n: Option<[f64; 2]>,
     /// What the suit says of the worker's build, in every cycle.
-    pub(super) build: Option<SuitBody>,
+    pub(in crate::cycle) build: Option<SuitBody>,
+    /// The posture shown last; weight of the load, N, times its place, N m, and how far the plate is off, m.
+    pub(in crate::cycle) shown: Option<(Posture, [f64; 4])>,
+    /// How long a pose or a load takes to become another, ms.
+    pub(in crate::cycle) takes_ms: f64,
     /// How often the suit was started anew.
-    pub(super) suit_session: u32,
+    pub(in crate::cycle) suit_session: u32,
 }
 
 impl Bench {
-    pub(super) fn new(change: impl FnOnce(&mut Settings)) -> Bench {
+    pub(in crate::cycle) fn new(change: impl FnOnce(&mut Settings)) -> Bench {
         let library: &'static [Posture] = Box::leak(postures().into_boxed_slice());
         let mut settings =
             Settings { sex: Sex::Male, mass_kg: Some(MASS_KG), library, ..Settings::for_height(HEIGHT_M) };
@@ -114,6 +139,8 @@ impl Bench {
             feet_m: None,
             unmeasured_shear_n: None,
             build: None,
+            shown: None,
+            takes_ms: 100.0,
             suit_session: 0,
         }
     }
@@ -133,7 +160,7 @@ impl Bench {
         }
     }
 
-    pub(super) fn hold(
+    pub(in crate::cycle) fn hold(
         &mut self,
         person: &Person,
         posture: &Posture,
@@ -144,7 +171,7 @@ impl Bench {
     }
 
     /// On a plate whose readings lie forward of the truth, m.
-    pub(super) fn hold_on_a_shifted_plate(
+    pub(in crate::cycle) fn hold_on_a_shifted_plate(
         &mut self,
         person: &Person,
         posture: &Posture,
@@ -162,22 +189,32 @@ impl Bench {
         off_m: f64,
         milliseconds: u64,
     ) {
-        let pose = person.pose(posture);
-        let centre = centre_of_mass(&pose, &person.phi);
-        let weight_n = MASS_KG * GRAVITY_M_PER_S2;
         let (load_n, at) = load.map_or((0.0, Vector3::zeros()), |(kg, at)| (kg * GRAVITY_M_PER_S2, at));
-        for _ in 0..milliseconds {
+        let before = self.shown.unwrap_or((*posture, [load_n, at.x * load_n, at.y * load_n, off_m]));
+        let after = (*posture, [load_n, at.x * load_n, at.y * load_n, off_m]);
+        for millisecond in 1..=milliseconds {
             self.now_ns += TICK_NS;
             self.cycle += 1;
+            // A body or a force that leaps would not be believed.
+            let share = (millisecond as f64 / self.takes_ms).min(1.0);
+            let shown = (between(&before.0, posture, share), mix(before.1, after.1, share));
+            self.shown = Some(shown);
+            let (posture, [load_n, load_x_nm, load_y_nm, off_m]) = shown;
+            let pose = person.pose(&posture);
+            let centre = centre_of_mass(&pose, &person.phi);
+            let weight_n = MASS_KG * GRAVITY_M_PER_S2;
+            // No sensor repeats itself to the last bit.
+            let unlike = (self.now_ns / SUIT_PERIOD_NS + self.cycle % 2) as f64 % 2.0;
+            let vertical_n = weight_n + load_n + 1e-11 * unlike;
             let moment = [
-                centre.y * weight_n + at.y * load_n,
-                -centre.x * weight_n - at.x * load_n - off_m * (weight_n + load_n),
+                centre.y * weight_n + load_y_nm + 1e-12 * unlike,
+                -centre.x * weight_n - load_x_nm + 1e-12 * unlike - off_m * vertical_n,
                 0.0,
             ];
             let ground = GroundSample {
                 sample_time_ns: self.now_ns - self.settings.ground_latency_ns,
                 sequence: self.cycle,
-                force_n: [0.0, 0.0, weight_n + load_n],
+                force_n: [0.0, 0.0, vertical_n],
                 moment_nm: moment,
                 ..Zeroable::zeroed()
             };
@@ -190,7 +227,7 @@ impl Bench {
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
             suit.session = self.suit_session;
             suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
-            suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m, at.y, at.z]);
+            suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
             self.suit_sequence += u64::from(has_suit);
@@ -205,24 +242,25 @@ impl Bench {
         }
     }
 
-    pub(super) fn state(&self) -> &State {
+    pub(in crate::cycle) fn state(&self) -> &State {
         &self.memory.state
     }
 
-    pub(super) fn command(&mut self, command: CommandKind) {
+    pub(in crate::cycle) fn command(&mut self, command: CommandKind) {
         self.cycle += 1;
         self.now_ns += TICK_NS;
         let inputs = Inputs { command: Some(command), ..Inputs::default() };
         step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
     }
 
-    pub(super) fn identify(&mut self, person: &Person) {
+    pub(in crate::cycle) fn identify(&mut self, person: &Person) {
         for posture in postures() {
-            self.hold(person, &posture, None, 400);
+            // Poses leap here, and what the plate shows after a leap is not believed for 0.3 s.
+            self.hold(person, &posture, None, 700);
         }
     }
 
-    pub(super) fn phase(&self) -> Phase {
+    pub(in crate::cycle) fn phase(&self) -> Phase {
         Phase::from_number(self.state().phase).unwrap()
     }
 }

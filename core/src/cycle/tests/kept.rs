@@ -60,20 +60,30 @@ fn what_was_learnt_and_which_poses_it_was_learnt_from_come_back() {
 }
 
 #[test]
-fn a_shift_goes_on_and_its_lift_under_way_counts() {
+fn a_shift_goes_on_and_its_lift_under_way_counts_when_it_has_ended() {
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&Bench::new(|_| {}).settings);
     let limits = [100.0; 22];
-    let load = crate::exposure::Load::Known { torque_nm: [40.0; 22], lift_moment_nm: 60.0, is_lift: true };
+    let carried = crate::exposure::Carried { mass_kg: [12.0, 0.5], distance_m: 0.5 };
+    let load = crate::exposure::Load::Known { torque_nm: [40.0; 22], carried };
     for sample in 1..200 {
         memory.exposure.advance(sample * 10_000_000, &load, &limits);
     }
+    let under_way = kept(&memory).shift;
+    assert_eq!((under_way.lifts, under_way.damage), (0, 0.0));
+    assert!(under_way.fatigue[0] > 0.0);
+    memory.exposure.resume(&under_way);
+    assert_eq!(memory.exposure.shift(), under_way);
+    // The load is seen again.
+    for sample in 300..400 {
+        memory.exposure.advance(sample * 10_000_000, &load, &limits);
+    }
+    memory.exposure.advance(NS_PER_S << 10, &load, &limits);
     let shift = kept(&memory).shift;
-    assert_eq!((memory.exposure.dose.lifts, shift.lifts), (0, 1));
-    assert!(shift.damage > 0.0 && shift.fatigue[0] > 0.0);
+    assert_eq!((shift.lifts, shift.latest[0].number), (1, 1));
     memory.exposure.resume(&shift);
     assert_eq!(memory.exposure.shift(), shift);
-    memory.exposure.advance(NS_PER_S << 10, &load, &limits);
+    memory.exposure.advance(NS_PER_S << 11, &load, &limits);
     assert_eq!(memory.exposure.shift(), shift, "over the gap nothing is known");
 }
 

@@ -16,6 +16,8 @@ fn a_stream_that_is_late_by_what_it_should_be_is_not_stale() {
     for (suit_ms, ground_ms) in [(0, 0), (200, 0), (500, 0), (0, 50), (0, 138), (0, 500), (700, 600)] {
         let mut bench = late(suit_ms, ground_ms);
         bench.identify(&person);
+        // The puppet leaps from pose to pose; what the plate shows meanwhile is not believed.
+        bench.hold(&person, &postures()[0], None, 1500);
         let state = bench.state();
         assert!(!state.validity().any_of(Validity::SUIT_STALE.and(Validity::GROUND_STALE)), "{suit_ms}");
         let works = matches!(bench.phase(), Phase::Identifying | Phase::Monitoring);

@@ -43,6 +43,8 @@ fn known(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
 /// A trunk that swings and arms that go with it; the plate reads something steady, with shear if asked.
 fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
     let person = Person::real();
+    let [from_x_nm, from_y_nm, _] =
+        bench.memory.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
     for step in 0..4000_u64 {
         bench.now_ns += TICK_NS;
         bench.cycle += 1;
@@ -57,13 +59,20 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
                 pose.world_from_segment[index] = lean * pose.world_from_segment[index];
             }
         }
-        let weight_n = MASS_KG * GRAVITY_M_PER_S2;
+        // A force that leaps would not be believed.
+        let share = (step as f64 / 100.0).min(1.0);
+        // No plate repeats itself to the last bit.
+        let weight_n = MASS_KG * GRAVITY_M_PER_S2 + 1e-9 * (bench.cycle % 2) as f64;
         let push_n = if shear { [10.0 * sine, -6.0 * cosine, weight_n] } else { [0.0, 0.0, weight_n] };
         let ground = GroundSample {
             sample_time_ns: bench.now_ns,
             sequence: bench.cycle,
             force_n: push_n,
-            moment_nm: [0.03 * weight_n, -0.05 * weight_n, 0.0],
+            moment_nm: [
+                from_x_nm + share * (0.03 * weight_n - from_x_nm),
+                from_y_nm - share * (0.05 * weight_n + from_y_nm),
+                0.0,
+            ],
             ..Zeroable::zeroed()
         };
         let mut suit: SuitSample = Zeroable::zeroed();
@@ -202,7 +211,7 @@ fn what_a_term_explains_is_not_learnt_into_the_body() {
     let shifted = |with: &[Term], off_m: f64| {
         let mut bench = bench(with, |_| {});
         for posture in postures() {
-            bench.hold_on_a_shifted_plate(&person, &posture, off_m, 400);
+            bench.hold_on_a_shifted_plate(&person, &posture, off_m, 700);
         }
         bench
     };

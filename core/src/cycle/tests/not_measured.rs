@@ -7,7 +7,7 @@ fn worked_through(shear_n: Option<[f64; 2]>) -> Bench {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.unmeasured_shear_n = shear_n;
     for (index, posture) in postures().into_iter().enumerate().take(8) {
-        bench.hold(&person, &posture, None, 350);
+        bench.hold(&person, &posture, None, 700);
         // Natural motion between two poses is looked at too.
         if index == 4 {
             let at = lifted_box(&person, &posture);

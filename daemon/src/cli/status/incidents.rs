@@ -25,7 +25,21 @@ struct Active {
     /// Where, and why, as the journal has it.
     what: String,
     to_do: &'static str,
+    /// `what` ends with what to do, more exactly than `to_do`.
+    #[serde(skip)]
+    has_remedy: bool,
 }
+
+/// Incidents whose sentence names what to look at on this station: the address, the process, the reasons of a refusal.
+const WITH_REMEDY: [Incident; 7] = [
+    Incident::SuitSilent,
+    Incident::GroundSilent,
+    Incident::SuitStampsStale,
+    Incident::GroundStampsStale,
+    Incident::DeadlineMissed,
+    Incident::PageFaults,
+    Incident::RealTimeRefused,
+];
 
 #[derive(Debug, Serialize)]
 struct Past {
@@ -46,6 +60,7 @@ impl Told {
             begun: incidents.begun[kind as usize],
             what: sentences.get(kind.name()).cloned().unwrap_or_else(|| words(kind).meaning.to_owned()),
             to_do: words(kind).to_do,
+            has_remedy: WITH_REMEDY.contains(&kind) && sentences.contains_key(kind.name()),
         });
         let was = |kind: &Incident| incidents.begun[*kind as usize] > 0 && !is_active(*kind);
         let past = Incident::ALL.iter().copied().filter(was).map(|kind| Past {
@@ -58,9 +73,15 @@ impl Told {
 
     pub(super) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
         let as_span = |seconds: f64| span((seconds * 1e9) as u64);
-        for Active { name, for_s, what, to_do, .. } in &self.active {
-            writeln!(out, "  INCIDENT {name} for {}: {what}", as_span(*for_s))?;
-            writeln!(out, "           to do: {to_do}")?;
+        for (index, Active { name, for_s, begun, what, to_do, has_remedy }) in self.active.iter().enumerate()
+        {
+            let times = if *begun > 1 { format!(", {begun} times so far") } else { String::new() };
+            writeln!(out, "  INCIDENT {name} for {}{times}: {what}", as_span(*for_s))?;
+            let is_printed =
+                self.active[..index].iter().any(|before| !before.has_remedy && before.to_do == *to_do);
+            if !has_remedy && !is_printed {
+                writeln!(out, "           to do: {to_do}")?;
+            }
         }
         if !self.past.is_empty() {
             let past = self.past.iter().map(|Past { name, begun, ended_s_ago }| {
@@ -78,6 +99,24 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
+    fn each_remedy_is_printed_once() {
+        let mut incidents = Incidents::zeroed();
+        for kind in [Incident::SuitSilent, Incident::SuitAdapterDown, Incident::GroundAdapterDown] {
+            incidents.active |= 1 << kind as u32;
+        }
+        let printed = |sentences: BTreeMap<String, String>| {
+            let mut text = Vec::new();
+            Told::new(&incidents, &sentences, 0).write(&mut text).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        let text = printed(BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]));
+        assert_eq!(text.matches("to do:").count(), 1, "{text}");
+        assert_eq!(text.matches(words(Incident::SuitAdapterDown).to_do).count(), 1, "{text}");
+        // Without the daemon's own sentence the general one is all there is.
+        assert!(printed(BTreeMap::new()).contains("to do: look at MVN"));
+    }
+
+    #[test]
     fn what_goes_on_comes_first_with_the_daemon_s_own_words() {
         let mut incidents = Incidents::zeroed();
         let (silent, died) = (Incident::SuitSilent as usize, Incident::ParticipantDied as usize);
@@ -91,7 +130,7 @@ mod tests {
         told.write(&mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert!(
-            text.starts_with("  INCIDENT suit_silent for 10 s: is it on?\n           to do: look at MVN"),
+            text.starts_with("  INCIDENT suit_silent for 10 s, 2 times so far: is it on?\n  past incidents"),
             "{text}"
         );
         assert!(text.ends_with("past incidents: participant_died 5 times, last 20 s ago\n"), "{text}");

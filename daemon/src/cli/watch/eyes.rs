@@ -11,6 +11,7 @@ use equipoise_view::watch::Sensor;
 use super::SILENT_AFTER;
 use crate::cli::status::{asked, reasons, refused};
 use crate::joined::Joined;
+use crate::process_state::is_stopped;
 use crate::realtime::now_ns;
 use crate::status;
 
@@ -44,6 +45,8 @@ pub(super) struct Eyes {
     pub(super) latency: Option<Report>,
     pub(super) ask: Option<Ask>,
     pub(super) subject: String,
+    /// The daemon's process, while it is stopped.
+    pub(super) stopped: Option<u32>,
     looked: Option<Instant>,
 }
 
@@ -63,6 +66,7 @@ impl Eyes {
             latency: None,
             ask: None,
             subject: String::new(),
+            stopped: None,
             looked: None,
         })
     }
@@ -112,6 +116,7 @@ impl Eyes {
         }
         let facts = status::read(&self.settings.station);
         self.ask = asked(facts.as_ref());
+        self.stopped = facts.as_ref().map(|facts| facts.process_id).filter(|process| is_stopped(*process));
         self.subject = facts.map(|facts| facts.subject).unwrap_or_default();
         self.latency = Some(Report::of(&self.path));
         self.sensors.retain(|(_, at)| at.elapsed() < HEALTH_FOR);

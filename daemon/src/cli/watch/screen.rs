@@ -1,46 +1,89 @@
-//! The screen: draws ten times a second, listens to keys, and leaves the terminal as it found it however it ends.
+//! The screen: drawn ten times a second, controlled by keys. It restores the terminal when it ends, and ends with it.
 
+use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use equipoise_view::banner::Banner;
 use equipoise_view::watch::{Watch, draw};
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::terminal::disable_raw_mode;
+use rustix::io::Errno;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 use super::Until;
 use super::eyes::Eyes;
+use super::keys::{self, Pressed};
 use crate::model::suggestion;
 use crate::realtime::now_ns;
 
-/// How often the screen is drawn; a key or another size draws it at once.
+/// How often the screen is drawn, and follows another size; a key draws it at once.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
+/// After a signal the screen ends with its next picture. One that takes so long is blocked by a terminal that accepts no
+/// output (flow control, a stopped multiplexer).
+const BLOCKED_AFTER: Duration = Duration::from_secs(2);
 
-/// Shows the station until a key, a signal or the time ends it.
+/// Shows the station until a key, a signal, the time or the end of the terminal ends it.
 pub(super) fn run(station: &str, until: &Until) -> anyhow::Result<()> {
-    // Whoever closes the terminal, or asks for a core dump, is owed a terminal in order, too.
-    for signal in [signal_hook::consts::SIGHUP, signal_hook::consts::SIGQUIT] {
+    // Restore the terminal, too, when it is closed or a core dump is requested.
+    for signal in [SIGHUP, SIGQUIT] {
         signal_hook::flag::register(signal, Arc::clone(&until.stop))?;
     }
     let mut eyes = Eyes::open(station)?;
-    // It also has a panic put the terminal in order before it is told.
+    // It also restores the terminal before a panic is reported.
     let mut terminal = ratatui::try_init().context("cannot draw on this terminal")?;
-    let ended = show(&mut terminal, station, &mut eyes, until);
-    let restored = ratatui::try_restore().context("cannot put the terminal in order: type `reset`");
-    ended.and(restored)
+    end_if_blocked()?;
+    let shown = show(&mut terminal, station, &mut eyes, until);
+    let restored = ratatui::try_restore();
+    if restored.is_err() {
+        // Dropping it would show the cursor and print that this failed: a panic where standard error is closed, too.
+        std::mem::forget(terminal);
+    }
+    match (shown.context("cannot draw on this terminal")?, restored) {
+        (End::TerminalGone, _) => Ok(()),
+        (End::Asked, Err(error)) if is_gone(&error) => Ok(()),
+        (End::Asked, restored) => restored.context("cannot restore the terminal: type `reset`"),
+    }
 }
 
-fn show(terminal: &mut DefaultTerminal, station: &str, eyes: &mut Eyes, until: &Until) -> anyhow::Result<()> {
+/// Ends the process when it is still there some time after a signal: a write that blocks does not return for a flag.
+fn end_if_blocked() -> io::Result<()> {
+    let mut signals = Signals::new([SIGTERM, SIGINT, SIGHUP, SIGQUIT])?;
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        if signals.forever().next().is_some() {
+            std::thread::sleep(BLOCKED_AFTER);
+            // The other screen cannot be left, which needs a write.
+            let _ = disable_raw_mode();
+            std::process::exit(1);
+        }
+    })?;
+    Ok(())
+}
+
+/// Why the screen ended.
+enum End {
+    Asked,
+    TerminalGone,
+}
+
+fn show(terminal: &mut DefaultTerminal, station: &str, eyes: &mut Eyes, until: &Until) -> io::Result<End> {
+    let stdin = io::stdin();
     let mut help = false;
+    let mut banner = Banner::default();
     while !until.is_over() {
         eyes.look();
         let state = eyes.state();
         let (pose, sensors) = (state.and_then(|state| suggestion(state, eyes.ask.as_ref())), eyes.sensors());
+        let headline = state.map(|state| banner.update(state, pose.as_deref()));
         let watch = Watch {
             station,
             subject: &eyes.subject,
             state,
+            stopped: eyes.stopped,
             silent_s: eyes.silent_s(),
+            headline,
             pose: pose.as_deref(),
             sensors: &sensors,
             incidents: eyes.incidents.as_ref(),
@@ -48,37 +91,28 @@ fn show(terminal: &mut DefaultTerminal, station: &str, eyes: &mut Eyes, until: &
             now_ns: now_ns(),
             help,
         };
-        terminal.draw(|frame| draw(frame, &watch))?;
+        match terminal.draw(|frame| draw(frame, &watch)) {
+            Ok(_) => {}
+            Err(error) if is_gone(&error) => return Ok(End::TerminalGone),
+            Err(error) => return Err(error),
+        }
         let drawn = Instant::now();
-        while let Some(left) = DRAW_EVERY.checked_sub(drawn.elapsed()) {
-            if !event::poll(left)? {
-                break;
-            }
-            match event::read()? {
-                Event::Key(key) if ends(key) => return Ok(()),
-                Event::Key(key) if key.code == KeyCode::Char('?') && is_pressed(key) => {
+        while let Some(left) = DRAW_EVERY.checked_sub(drawn.elapsed()).filter(|_| !until.is_over()) {
+            match keys::wait(&stdin, left) {
+                Pressed::Nothing => {}
+                Pressed::Help => {
                     help = !help;
                     break;
                 }
-                Event::Resize(..) => break,
-                _ => {}
+                Pressed::Quit => return Ok(End::Asked),
+                Pressed::Gone => return Ok(End::TerminalGone),
             }
         }
     }
-    Ok(())
+    Ok(End::Asked)
 }
 
-fn is_pressed(key: KeyEvent) -> bool {
-    key.kind != KeyEventKind::Release
-}
-
-/// In the terminal's raw mode Ctrl-C is a key like any other.
-fn ends(key: KeyEvent) -> bool {
-    let control = key.modifiers.contains(KeyModifiers::CONTROL);
-    is_pressed(key)
-        && match key.code {
-            KeyCode::Char('c' | 'd') => control,
-            KeyCode::Char('q') | KeyCode::Esc => true,
-            _ => false,
-        }
+/// Writing to a terminal that was closed fails with EIO.
+fn is_gone(error: &io::Error) -> bool {
+    Errno::from_io_error(error) == Some(Errno::IO)
 }

@@ -6,6 +6,7 @@ use equipoise_adapters::source::{Flow, SourceError, Transport};
 use equipoise_adapters::wire::amti::{CHANNELS, SPEED_SLOW};
 use serde::{Deserialize, Serialize};
 
+use super::numbers::{SUMMANDS, is_summand};
 use super::serial::{self, Usual};
 use super::{Axes, GroundConfig};
 use crate::config::method::Checked;
@@ -125,10 +126,12 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
     };
     let names = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
     for (row, name) in matrix.iter().zip(names) {
-        if row.iter().any(|factor| !factor.is_finite()) || row.iter().all(|factor| *factor == 0.0) {
+        if row.iter().any(|factor| !is_summand(*factor)) || row.iter().all(|factor| *factor == 0.0) {
             return Err((
                 "ground.amti.matrix",
-                format!("the row of {name} is all zeros or not finite; copy it from the sheet"),
+                format!(
+                    "the row of {name} is all zeros, or has an entry that is not {SUMMANDS}; copy it from the sheet"
+                ),
             ));
         }
     }

@@ -9,7 +9,7 @@ use equipoise_adapters::wire::ati_rdt::{Command, DEFAULT_PORT};
 use serde::{Deserialize, Serialize};
 
 use super::GroundConfig;
-use crate::config::method::Checked;
+use crate::config::method::{Checked, between};
 
 /// `[ground.ati]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -76,6 +76,11 @@ pub fn are_counts_given(ground: &GroundConfig) -> bool {
     ground.counts_per_newton.is_some() && ground.counts_per_newton_metre.is_some()
 }
 
+/// Counts per N or N m. With fewer a step of one count is more than a newton; with more, the 32 bits of a reading end at
+/// 2.1 N.
+const COUNTS_MIN: f64 = 1.0;
+const COUNTS_MAX: f64 = 1e9;
+
 pub(super) fn check(ground: &GroundConfig) -> Checked {
     for (field, counts) in [
         ("ground.counts_per_newton", ground.counts_per_newton),
@@ -88,8 +93,7 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
                             and cfgcpt";
                 return Err((field, what.to_owned()));
             }
-            Some(counts) if counts > 0.0 && counts.is_finite() => {}
-            Some(counts) => return Err((field, format!("{counts} is not a positive number"))),
+            Some(counts) => between(field, counts, COUNTS_MIN, COUNTS_MAX)?,
         }
     }
     Ok(())

@@ -17,6 +17,7 @@ use equipoise_adapters::ground::channels::{Cell, Centre, ChannelFault, Direct, E
 use serde::{Deserialize, Serialize};
 
 use super::mistake::Mistake;
+use super::numbers::{SUMMANDS, is_summand};
 use super::{Axes, GroundConfig, Measures};
 
 /// `[ground.channels.…]`
@@ -197,6 +198,10 @@ fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, Mist
             let fault = ChannelFault::Row { row: index + 1, got: row.len(), want: columns.len() };
             return Err(Mistake::new("ground.channels.matrix.rows", fault.to_string()));
         }
+    }
+    let numbers = config.rows.iter().flatten().chain(&config.zero);
+    if let Some(number) = numbers.copied().find(|number| !is_summand(*number)) {
+        return Err(Mistake::new("ground.channels.matrix", format!("{number:?} is not {SUMMANDS}")));
     }
     let rows = config.rows.each_ref().map(|row| spread(row));
     let channels = Channels::matrix(&rows, &spread(&config.zero), config.force.into(), config.moment.into());

@@ -30,6 +30,24 @@ struct Table {
     offset: f64,
 }
 
+/// From femto to peta: beyond, no prefix makes a unit of a device.
+const FACTOR_MIN: f64 = 1e-15;
+const FACTOR_MAX: f64 = 1e15;
+/// For errors, what [`is_factor`] and [`is_summand`] take.
+pub(super) const FACTORS: &str = "between 1e-15 and 1e15, or the same below zero";
+/// As above.
+pub(super) const SUMMANDS: &str = "between -1e15 and 1e15";
+
+/// Whether a number may multiply or divide a channel.
+pub(super) fn is_factor(number: f64) -> bool {
+    (FACTOR_MIN..=FACTOR_MAX).contains(&number.abs())
+}
+
+/// Whether a number may be added to a channel, or be an entry of a matrix, which may be zero.
+pub(super) fn is_summand(number: f64) -> bool {
+    number.abs() <= FACTOR_MAX
+}
+
 pub(super) fn one() -> f64 {
     1.0
 }

@@ -108,7 +108,9 @@ fn mistakes_in_a_text_form_are_named_with_key_and_line() {
     let said = refusal(TEXT, "\"mx\"", "\"fx\"");
     assert!(said.contains("`fx` is the name of two columns"), "{said}");
     let said = refusal(TEXT, "\"mx\"", "{ name = \"mx\", scale = 0 }");
-    assert!(said.contains("scale is not zero"), "{said}");
+    assert!(said.contains("`mx`: scale is 0.0 and offset 0.0; scale is between 1e-15 and 1e15"), "{said}");
+    let said = refusal(TEXT, "\"mx\"", "{ name = \"mx\", offset = 1e300 }");
+    assert!(said.contains("offset 1e300; ") && said.ends_with("offset between -1e15 and 1e15"), "{said}");
     let said = refusal(TEXT, "\"mx\"", "{ nmae = \"mx\" }");
     assert!(said.contains("did you mean `name`"), "{said}");
     let said = refusal(TEXT, "column = \"count\"", "column = \"cuont\"");
@@ -176,9 +178,7 @@ fn mistakes_in_a_binary_form_are_named_with_key_and_line() {
         refusal(BOTA, "at = 23, type = \"f32\"", "at = 23, type = \"f32\", mask = 1")
             .contains("a mask names bits")
     );
-    assert!(
-        refusal(BOTA, "at = 23, type = \"f32\"", "at = 23, type = \"f32\", per = 0").contains("not zero")
-    );
+    assert!(refusal(BOTA, "at = 23, type = \"f32\"", "at = 23, type = \"f32\", per = 0").contains("per 0.0"));
     assert!(refusal(BOTA, "at = 23, type = \"f32\"", "at = 23, type = \"flaot\"").contains("did you mean"));
     assert!(
         refusal(BOTA, "name = \"CRC-16/X-25\"", "name = \"CRC-16/X25\"")

@@ -12,7 +12,7 @@ use toml::Spanned;
 use super::GroundConfig;
 use super::channels::{self, Names};
 use super::mistake::{Mistake, nearest};
-use super::numbers::{ModulusConfig, NamedNumber, TimeUnit};
+use super::numbers::{FACTORS, ModulusConfig, NamedNumber, SUMMANDS, TimeUnit, is_factor, is_summand};
 use super::way::{self, BeginConfig, Over};
 
 /// `[ground.text]`
@@ -162,11 +162,13 @@ impl TextConfig {
                     "a column without a name; one that nobody reads is called \"-\"",
                 ));
             }
-            if !(scale.is_finite() && *scale != 0.0 && offset.is_finite()) {
+            if !(is_factor(*scale) && is_summand(*offset)) {
                 return Err(Mistake::at(
                     column,
                     key,
-                    format!("`{name}`: scale and offset are finite numbers, and scale is not zero"),
+                    format!(
+                        "`{name}`: scale is {scale:?} and offset {offset:?}; scale is {FACTORS}, offset {SUMMANDS}"
+                    ),
                 ));
             }
             let before = &self.columns[..index];

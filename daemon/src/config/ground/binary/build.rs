@@ -11,7 +11,7 @@ use super::{
 };
 use crate::config::ground::channels::{self, Names};
 use crate::config::ground::mistake::nearest;
-use crate::config::ground::numbers::{LengthConfig, ModulusConfig};
+use crate::config::ground::numbers::{FACTORS, LengthConfig, ModulusConfig, SUMMANDS, is_factor, is_summand};
 use crate::config::ground::way::Over;
 use crate::config::ground::{GroundConfig, Mistake};
 
@@ -185,8 +185,10 @@ fn field(config: &BinaryConfig, form: &FrameForm, entry: &Spanned<FieldConfig>) 
     if config.fields.iter().filter(|other| other.get_ref().name == *name).count() > 1 {
         return Err(wrong("two fields have this name".to_owned()));
     }
-    if !(scale.is_finite() && per.is_finite() && offset.is_finite() && *scale != 0.0 && *per != 0.0) {
-        return Err(wrong("scale, per and offset are finite numbers, and the first two not zero".to_owned()));
+    if !(is_factor(*scale) && is_factor(*per) && is_summand(*offset)) {
+        return Err(wrong(format!(
+            "scale is {scale:?}, per {per:?} and offset {offset:?}; scale and per are {FACTORS}, offset {SUMMANDS}"
+        )));
     }
     let place = place(*at, *number, *mask, endian.unwrap_or(config.endian));
     if mask.is_some() && (!place.number.is_unsigned() || *mask == Some(0)) {

@@ -1,0 +1,166 @@
+use super::*;
+
+/// Late enough for every sample here.
+const NOW_NS: u64 = 1 << 40;
+
+fn take_ground(alignment: &mut Alignment, sample: &GroundSample, now_ns: u64) {
+    if alignment.admits_ground(sample, now_ns) {
+        alignment.push_ground(sample);
+    }
+}
+
+fn take_suit(alignment: &mut Alignment, sample: &SuitSample, now_ns: u64) {
+    if alignment.admits_suit(sample, now_ns) {
+        alignment.push_suit(sample);
+    }
+}
+
+fn ground(time_ns: u64, force: f64) -> GroundSample {
+    GroundSample { sample_time_ns: time_ns, force_n: [0.0, 0.0, force], ..Zeroable::zeroed() }
+}
+
+fn suit(time_ns: u64) -> SuitSample {
+    SuitSample {
+        sample_time_ns: time_ns,
+        orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; crate::body::SEGMENTS],
+        ..Zeroable::zeroed()
+    }
+}
+
+fn empty() -> Alignment {
+    Zeroable::zeroed()
+}
+
+#[test]
+fn the_wrench_is_taken_at_the_suit_s_own_time_whatever_arrived_first() {
+    let mut alignment = empty();
+    take_suit(&mut alignment, &suit(1_500_000), NOW_NS);
+    assert!(alignment.next(2_000_000, PATIENCE_NS).is_none(), "the ground has not reached it");
+    for millisecond in 0..3 {
+        take_ground(&mut alignment, &ground(millisecond * 1_000_000, 100.0 * millisecond as f64), NOW_NS);
+    }
+    let aligned = alignment.next(3_000_000, PATIENCE_NS).unwrap();
+    assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
+    assert!(alignment.next(3_000_000, PATIENCE_NS).is_none());
+}
+
+#[test]
+fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
+    let mut alignment = empty();
+    for millisecond in 0..500 {
+        take_ground(&mut alignment, &ground(millisecond * 1_000_000, millisecond as f64), NOW_NS);
+    }
+    let mut at = |lag_ms: i64, suit_ms: u64| {
+        alignment.set_lag_ns(lag_ms * 1_000_000);
+        take_suit(&mut alignment, &suit(suit_ms * 1_000_000), NOW_NS);
+        let aligned = alignment.next(500_000_000, PATIENCE_NS + alignment.ground_late_ns())?;
+        assert_eq!(aligned.suit.sample_time_ns, suit_ms * 1_000_000, "the stamp stays");
+        Some(aligned.ground?.force_n[2].round())
+    };
+    assert_eq!(at(0, 200), Some(200.0));
+    assert_eq!(at(138, 210), Some(72.0), "a late suit");
+    assert_eq!(at(-138, 220), Some(358.0), "a late ground");
+    // Ground that reaches to 499 ms is 138 ms short of it; the sample is 80 ms old.
+    assert_eq!(at(-138, 420), None);
+    assert_eq!(alignment.next(500_000_000, PATIENCE_NS).map(|aligned| aligned.ground.is_none()), Some(true));
+}
+
+#[test]
+fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
+    let mut alignment = empty();
+    alignment.set_lag_ns(-500_000_000);
+    let mut told = 0;
+    for millisecond in 1..2000_u64 {
+        let now_ns = millisecond * 1_000_000;
+        take_ground(&mut alignment, &ground(now_ns, 700.0), now_ns);
+        if now_ns % 4_166_667 < 1_000_000 {
+            take_suit(&mut alignment, &suit(now_ns), now_ns);
+        }
+        while let Some(aligned) = alignment.next(now_ns, PATIENCE_NS + alignment.ground_late_ns()) {
+            assert!(aligned.ground.is_some());
+            told += 1;
+        }
+    }
+    assert!((357..=360).contains(&told), "1.5 s at 240 Hz, none lost: {told}");
+}
+
+#[test]
+fn a_silent_ground_does_not_hold_the_suit_back_for_ever() {
+    let mut alignment = empty();
+    take_ground(&mut alignment, &ground(0, 700.0), NOW_NS);
+    take_suit(&mut alignment, &suit(10_000_000), NOW_NS);
+    assert!(alignment.next(20_000_000, PATIENCE_NS).is_none());
+    assert!(alignment.next(80_000_000, PATIENCE_NS).unwrap().ground.is_none());
+}
+
+#[test]
+fn what_one_of_two_samples_did_not_measure_is_not_measured_between_them() {
+    use crate::message::{Component, GroundDevice};
+    let mut alignment = empty();
+    let insoles = GroundDevice::Insoles as u32;
+    let without = Component::Shear as u32;
+    let blind = GroundSample { not_measured: without, devices: insoles, ..ground(0, 700.0) };
+    take_ground(&mut alignment, &blind, NOW_NS);
+    take_ground(&mut alignment, &GroundSample { devices: 1, ..ground(1_000_000, 700.0) }, NOW_NS);
+    take_suit(&mut alignment, &suit(500_000), NOW_NS);
+    let between = alignment.next(2_000_000, PATIENCE_NS).unwrap().ground.unwrap();
+    assert!(!between.measures(Component::Shear));
+    assert_eq!(between.devices, 1 | insoles);
+}
+
+#[test]
+fn nothing_is_interpolated_over_a_gap() {
+    let mut alignment = empty();
+    take_ground(&mut alignment, &ground(0, 700.0), NOW_NS);
+    take_ground(&mut alignment, &ground(200_000_000, 700.0), NOW_NS);
+    take_suit(&mut alignment, &suit(100_000_000), NOW_NS);
+    assert!(alignment.next(200_000_000, PATIENCE_NS).unwrap().ground.is_none());
+}
+
+#[test]
+fn time_that_does_not_advance_is_refused() {
+    let mut alignment = empty();
+    take_ground(&mut alignment, &ground(5, 1.0), NOW_NS);
+    take_ground(&mut alignment, &ground(5, 2.0), NOW_NS);
+    take_ground(&mut alignment, &ground(4, 3.0), NOW_NS);
+    take_suit(&mut alignment, &suit(9), NOW_NS);
+    take_suit(&mut alignment, &suit(9), NOW_NS);
+    assert_eq!(alignment.refused(), 3);
+    assert_eq!(alignment.newest_ground().unwrap().force_n[2], 1.0);
+}
+
+#[test]
+fn a_tare_takes_the_last_moments_of_an_empty_plate_and_is_not_taken_twice() {
+    let mut alignment = empty();
+    for millisecond in 0..500 {
+        let force = if millisecond < 100 { 706.0 } else { 30.0 };
+        take_ground(&mut alignment, &ground(millisecond * 1_000_000, force), NOW_NS);
+    }
+    let shown = alignment.tare(150.0).unwrap();
+    assert!((shown.force_n[2] - 30.0).abs() < 1e-9, "{shown:?}");
+    assert!(alignment.tare(150.0).unwrap().force_n[2].abs() < 1e-9, "the second tare finds nothing left");
+    take_ground(&mut alignment, &ground(500 * 1_000_000, 400.0), NOW_NS);
+    assert!(alignment.tare(150.0).is_none(), "somebody steps on");
+}
+
+#[test]
+fn a_full_queue_loses_its_oldest() {
+    let mut alignment = empty();
+    for index in 1..=SUIT_QUEUE as u64 + 3 {
+        take_suit(&mut alignment, &suit(index), NOW_NS);
+    }
+    assert_eq!(alignment.next(u64::MAX, PATIENCE_NS).unwrap().suit.sample_time_ns, 4);
+    assert!(alignment.is_sound());
+}
+
+#[test]
+fn the_period_is_learnt_and_a_gap_is_not_a_period() {
+    let mut alignment = empty();
+    let mut time_ns = 0;
+    for _ in 0..20 {
+        time_ns += 4_166_667;
+        take_suit(&mut alignment, &suit(time_ns), NOW_NS);
+    }
+    take_suit(&mut alignment, &suit(time_ns + 500_000_000), NOW_NS);
+    assert!(alignment.suit_period_ns() < 5_000_000);
+}

@@ -1,0 +1,189 @@
+//! Readings of a plate that leap: faster than a body loads it, or to where no body gets so fast.
+//!
+//! A leap makes suspect what follows. One that came back at once was a glitch. One that did not is the plate's, not a load's,
+//! which a body takes up slowly: it stays suspect until the reading's level is again what it was, the worker has stepped
+//! off, or the plate shows the worker's weight alone, where it is expected.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::cycle::memory::EMPTY_PLATE_N;
+use crate::math;
+use crate::message::{Component, GroundSample};
+
+/// Faster than this no body loads a plate, N/s: the loading rate of a heel strike in brisk walking (20 body weights a second;
+/// Nilsson and Thorstensson 1989, Acta Physiol Scand 136).
+const LOADING_RATE_MAX_N_PER_S: f64 = 20e3;
+/// Beyond the rate a reading may differ by so many times what readings so far apart differ by on average (RMS).
+const LEAP_SIGMAS: f64 = 8.0;
+/// Of readings that differ the average goes back about so long, s.
+const DIFFERENCES_OVER_S: f64 = 10.0;
+/// At this distance from the centre of pressure both loads act at most, m: the span of a stance.
+pub(super) const LEVER_MAX_M: f64 = 0.3;
+/// Readings are held against one that is at least this much older, ns: a low-pass filter spreads a leap over some ms.
+const LEAP_OVER_NS: u64 = 2_000_000;
+/// Over longer gaps nothing is known of the rate, ns.
+const LEAP_GAP_MAX_NS: u64 = 100_000_000;
+/// So long after a leap it is seen whether the reading came back, ns.
+const LEAP_SETTLES_NS: u64 = 25_000_000;
+/// How long a leap makes suspect what follows, ns: twice the window of a motion.
+pub(super) const LEAP_HOLDS_NS: u64 = 300_000_000;
+/// The level of a reading is its mean over about so long, s; work turns over sooner.
+const LEVEL_OVER_S: f64 = 1.0;
+/// A leap that did not come back lasts at least until the level can tell, ns.
+const LEVEL_TELLS_NS: u64 = 2_000_000_000;
+
+/// What a plate shows.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Reading {
+    time_ns: u64,
+    vertical_n: f64,
+    cop_m: [f64; 2],
+    /// 1 if somebody stands there, and where is known.
+    stands: u64,
+}
+
+impl Reading {
+    pub(super) fn of(sample: &GroundSample) -> Reading {
+        let cop_m = sample.cop_m().ok().filter(|_| sample.measures(Component::Tilt));
+        Reading {
+            time_ns: sample.sample_time_ns,
+            vertical_n: sample.force_n[2],
+            cop_m: cop_m.unwrap_or_default(),
+            stands: u64::from(cop_m.is_some()),
+        }
+    }
+
+    /// How far another is from it: as a force, N, and the moment of what moved, N m.
+    pub(super) fn to(&self, other: &Reading) -> [f64; 2] {
+        let by_nm = if self.stands + other.stands == 2 {
+            self.vertical_n.min(other.vertical_n)
+                * math::hypot([0, 1].map(|axis| other.cop_m[axis] - self.cop_m[axis]))
+        } else {
+            0.0
+        };
+        [(other.vertical_n - self.vertical_n).abs(), by_nm]
+    }
+}
+
+/// A reading that was another one from one instant to the next, and what came of it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Leap {
+    /// The last reading before it; a time of 0 for no leap.
+    from: Reading,
+    /// The level before it.
+    level: Reading,
+    /// When it was seen last, ns.
+    seen_ns: u64,
+    /// How far it went for good, N and N m; 0 before it has settled, and where it came back.
+    by: [f64; 2],
+}
+
+/// Leaps of a plate's readings.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Leaps {
+    /// The older is the one to compare with.
+    readings: [Reading; 2],
+    last_ns: u64,
+    /// Mean square of how far readings a few ms apart differ, N².
+    difference_n2: f64,
+    /// Slow mean of the readings.
+    level: Reading,
+    leap: Leap,
+    /// For how long the plate has shown the worker alone, where the worker is, s.
+    agreed_s: f64,
+}
+
+impl Leaps {
+    /// What the plate shows now, or some ms ago.
+    pub(super) fn newest(&self) -> Reading {
+        self.readings[1]
+    }
+
+    /// Takes in a reading; since when what the plate shows is suspect, ns.
+    pub(super) fn take_in(&mut self, now: Reading) -> Option<u64> {
+        let step_ns = now.time_ns.saturating_sub(self.last_ns);
+        self.last_ns = now.time_ns;
+        if step_ns > LEAP_GAP_MAX_NS {
+            let Leaps { last_ns, difference_n2, .. } = *self;
+            *self = Leaps { readings: [now; 2], level: now, last_ns, difference_n2, ..Zeroable::zeroed() };
+            return None;
+        }
+        let then = self.readings[0];
+        let newer = self.readings[1];
+        if now.time_ns.saturating_sub(newer.time_ns) >= LEAP_OVER_NS {
+            self.readings = [newer, now];
+        }
+        let span_s = now.time_ns.saturating_sub(then.time_ns) as f64 * 1e-9;
+        let [by_n, by_nm] = then.to(&now);
+        let noise_n = LEAP_SIGMAS * math::sqrt(self.difference_n2);
+        let bound_n = noise_n + LOADING_RATE_MAX_N_PER_S * span_s;
+        let leaps = by_n > bound_n || by_nm > LEVER_MAX_M * bound_n;
+        let step_s = step_ns as f64 * 1e-9;
+        let clipped_n = by_n.min(bound_n);
+        self.difference_n2 += (clipped_n * clipped_n - self.difference_n2) * (step_s / DIFFERENCES_OVER_S);
+        if leaps {
+            if self.leap.from.time_ns == 0 {
+                self.leap = Leap { from: then, level: self.level, ..Zeroable::zeroed() };
+            }
+            (self.leap.seen_ns, self.leap.by) = (now.time_ns, [0.0; 2]);
+        }
+        let share = step_s / LEVEL_OVER_S;
+        self.level.vertical_n += share * (now.vertical_n - self.level.vertical_n);
+        if now.stands + self.level.stands == 2 {
+            for axis in 0..2 {
+                self.level.cop_m[axis] += share * (now.cop_m[axis] - self.level.cop_m[axis]);
+            }
+        } else {
+            self.level = Reading { vertical_n: self.level.vertical_n, ..now };
+        }
+        self.follow_leap(&now, noise_n)
+    }
+
+    /// What came of the leap so far.
+    fn follow_leap(&mut self, now: &Reading, noise_n: f64) -> Option<u64> {
+        let Leap { from, level, seen_ns, by } = self.leap;
+        if from.time_ns == 0 {
+            return None;
+        }
+        let since_ns = now.time_ns.saturating_sub(seen_ns);
+        if since_ns >= LEAP_SETTLES_NS && by == [0.0; 2] {
+            let [by_n, by_nm] = from.to(now);
+            // As much again as the body may have done meanwhile.
+            let body_n = noise_n + LOADING_RATE_MAX_N_PER_S * (LEAP_OVER_NS as f64 * 1e-9);
+            let lasts = |by: f64, bound: f64| if by > bound { by } else { f64::MIN_POSITIVE };
+            self.leap.by = [lasts(by_n, body_n), lasts(by_nm, LEVER_MAX_M * body_n)];
+        }
+        let [off_n, off_nm] = level.to(&self.level);
+        let is_away = since_ns < LEVEL_TELLS_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
+        let came_back = by.iter().all(|by| *by <= f64::MIN_POSITIVE);
+        // Who steps on the plate or off it may do so in one leap.
+        let is_step = from.vertical_n < EMPTY_PLATE_N || now.vertical_n < EMPTY_PLATE_N;
+        if since_ns > LEAP_HOLDS_NS && (came_back || !is_away || is_step) {
+            self.leap = Zeroable::zeroed();
+            return None;
+        }
+        Some(from.time_ns)
+    }
+
+    /// Takes in whether the plate shows the weight of the worker alone, at the place where it is expected, `step_s` after the
+    /// moment before. A plate that does so for long enough is right again. So is one of whose worker nothing is known.
+    pub(super) fn hear_of_weight(&mut self, agrees: Option<bool>, step_s: f64) {
+        self.agreed_s = if agrees.unwrap_or(true) { self.agreed_s + step_s } else { 0.0 };
+        if self.agreed_s >= LEVEL_OVER_S && self.leap.by != [0.0; 2] {
+            self.leap = Zeroable::zeroed();
+        }
+    }
+
+    /// As if the plate showed that.
+    #[cfg(test)]
+    pub(super) fn show(&mut self, vertical_n: f64) {
+        self.readings[1].vertical_n = vertical_n;
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        self.difference_n2 >= 0.0 && self.agreed_s >= 0.0
+    }
+}

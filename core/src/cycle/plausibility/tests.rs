@@ -1,0 +1,210 @@
+use super::*;
+use crate::cycle::Settings;
+use crate::cycle::tests::bench::Person;
+use crate::frame::wxyz;
+
+const MS_NS: u64 = 1_000_000;
+
+/// A plate at 1 kHz that shows a person of 72 kg who shifts their weight, with noise of 1 N and 1 mm.
+struct Plate {
+    watch: Plausibility,
+    before: Option<GroundSample>,
+    millisecond: u64,
+}
+
+impl Plate {
+    fn new() -> Plate {
+        let mut watch: Plausibility = Zeroable::zeroed();
+        // A suit that never repeats itself.
+        watch.poses.readings = 1.0;
+        let mut plate = Plate { watch, before: None, millisecond: 1000 };
+        plate.show(3000, |_, _| {});
+        plate
+    }
+
+    fn truth(millisecond: u64) -> GroundSample {
+        let turn = millisecond as f64 * 1e-3 * core::f64::consts::TAU;
+        let noise = |seed: u64| {
+            let bits = (millisecond * 8 + seed).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            (bits >> 40) as f64 / (1 << 24) as f64 - 0.5
+        };
+        let vertical_n = 706.0 + 120.0 * math::sin_cos(0.7 * turn).0 + 2.0 * noise(1);
+        let [x, y] = [0.1 + 0.05 * math::sin_cos(0.4 * turn).0, -0.2 + 0.04 * math::sin_cos(0.3 * turn).0];
+        GroundSample {
+            sample_time_ns: millisecond * MS_NS,
+            force_n: [3.0 * noise(2), 3.0 * noise(3), vertical_n],
+            moment_nm: [y * vertical_n + noise(4), -x * vertical_n + noise(5), noise(6)],
+            ..Zeroable::zeroed()
+        }
+    }
+
+    /// Shows so many milliseconds; how many of the samples were believed.
+    fn show(&mut self, milliseconds: u64, fault: impl Fn(u64, &mut GroundSample)) -> u64 {
+        let mut believed = 0;
+        for index in 0..milliseconds {
+            self.millisecond += 1;
+            let mut sample = Plate::truth(self.millisecond);
+            fault(index, &mut sample);
+            believed += u64::from(self.watch.watch_ground(&sample, self.before.as_ref()));
+            self.before = Some(sample);
+        }
+        believed
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.millisecond * MS_NS
+    }
+}
+
+fn scaled(by: f64) -> impl Fn(u64, &mut GroundSample) {
+    move |_, sample| sample.force_n.iter_mut().chain(&mut sample.moment_nm).for_each(|value| *value *= by)
+}
+
+#[test]
+fn a_plate_under_who_works_is_believed() {
+    assert_eq!(Plate::new().show(20_000, |_, _| {}), 20_000);
+}
+
+#[test]
+fn a_glitch_is_suspect_from_its_beginning_for_less_than_half_a_second() {
+    for by in [2.0, 0.5, 5.0] {
+        let mut plate = Plate::new();
+        let begun_ns = plate.now_ns() + MS_NS;
+        assert_eq!(plate.show(20, scaled(by)), 0, "{by}");
+        assert!(plate.watch.ground.touches(begun_ns, begun_ns), "{by}");
+        assert!(!plate.watch.ground.touches(0, begun_ns - 10 * MS_NS), "what was before is sound");
+        plate.show(450, |_, _| {});
+        assert_eq!(plate.show(1000, |_, _| {}), 1000, "{by}");
+    }
+}
+
+#[test]
+fn a_gain_that_changes_is_suspect_until_it_is_back_or_the_worker_s_weight_is_seen() {
+    for by in [2.0, 0.5, 0.8] {
+        let mut plate = Plate::new();
+        assert_eq!(plate.show(8000, scaled(by)), 0, "{by}");
+        plate.show(2500, |_, _| {});
+        assert_eq!(plate.show(1000, |_, _| {}), 1000, "{by}: it is back");
+        plate.show(8000, scaled(by));
+        for _ in 0..120 {
+            plate.watch.hear_of_weight(Some(true), 0.01);
+        }
+        assert!(plate.show(100, scaled(by)) > 0, "{by}: the weight is seen");
+    }
+}
+
+#[test]
+fn a_centre_of_pressure_that_leaps_is_suspect() {
+    let mut plate = Plate::new();
+    let mirrored = |_: u64, sample: &mut GroundSample| sample.moment_nm = sample.moment_nm.map(|nm| -nm);
+    assert_eq!(plate.show(4000, mirrored), 0);
+}
+
+#[test]
+fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does() {
+    let mut plate = Plate::new();
+    let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = 706.0;
+    assert!(plate.show(400, stuck) < 10);
+    let mut still = Plate::new();
+    still.watch.poses.run = 1;
+    assert_eq!(still.show(400, |_, sample| sample.force_n[0] = 1.5), 400);
+}
+
+#[test]
+fn a_plate_that_pulls_is_suspect() {
+    assert_eq!(Plate::new().show(100, scaled(-1.0)), 0);
+}
+
+/// A suit sample of a person in one of the bench's postures, moved a little by each number.
+fn suit(person: &Person, number: u64) -> SuitSample {
+    let pose = person.pose(&crate::cycle::tests::bench::postures()[5]);
+    let mut sample: SuitSample = Zeroable::zeroed();
+    sample.sample_time_ns = 1_000_000_000 + number * 10 * MS_NS;
+    sample.position_m = pose.origin.map(Into::into);
+    sample.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
+    let (drift_m, _) = math::sin_cos(0.05 * number as f64);
+    sample.position_m.iter_mut().for_each(|position_m| position_m[0] += 0.02 * drift_m);
+    sample
+}
+
+fn bones(person: &Person) -> Bones {
+    Bones {
+        skeleton: person.skeleton,
+        limbs_alone: false,
+        gap_max_m: JOINT_GAP_MAX_M,
+        rms_max_m: GAPS_RMS_MAX_M,
+    }
+}
+
+/// Shows 600 poses, then so many that a fault has changed; how many of those were believed.
+fn believed(poses: u64, fault: impl Fn(u64, &mut SuitSample)) -> (u64, Plausibility) {
+    let (person, mut watch) = (Person::real(), Plausibility::zeroed());
+    let (mut before, mut count): (Option<SuitSample>, u64) = (None, 0);
+    for number in 0..600 + poses {
+        let mut sample = suit(&person, number);
+        if number >= 600 {
+            fault(number, &mut sample);
+        }
+        // A plate that shows that the body moves.
+        watch.leaps.show(700.0 + 5.0 * number as f64);
+        let is_believed = watch.watch_suit(&sample, before.as_ref(), &bones(&person));
+        assert!(number >= 600 || is_believed, "{number}");
+        if is_believed {
+            before = Some(sample);
+        }
+        count += u64::from(number >= 600 && is_believed);
+    }
+    (count, watch)
+}
+
+#[test]
+fn poses_that_repeat_leap_or_come_apart_are_refused() {
+    let still = suit(&Person::real(), 599);
+    let frozen = |_: u64, sample: &mut SuitSample| {
+        (sample.position_m, sample.orientation_wxyz) = (still.position_m, still.orientation_wxyz);
+    };
+    let (count, watch) = believed(100, frozen);
+    assert!(count <= 1 && watch.suit.touches(0, u64::MAX), "{count} samples of a frozen suit are believed");
+    let twice = |number: u64, sample: &mut SuitSample| {
+        if number == 650 {
+            let before = suit(&Person::real(), 649);
+            (sample.position_m, sample.orientation_wxyz) = (before.position_m, before.orientation_wxyz);
+        }
+    };
+    let (count, watch) = believed(100, twice);
+    assert!(count >= 99 && !watch.suit.touches(0, u64::MAX), "a pose that was sent twice is no failure");
+    let untwisted = |_: u64, sample: &mut SuitSample| sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; 23];
+    assert_eq!(believed(100, untwisted).0, 0);
+    let larger = |_: u64, sample: &mut SuitSample| {
+        sample.position_m.iter_mut().flatten().for_each(|metres| *metres *= 1.2);
+    };
+    assert_eq!(believed(100, larger).0, 0);
+    let aside = |number: u64, sample: &mut SuitSample| {
+        if number == 650 {
+            sample.position_m.iter_mut().for_each(|position_m| position_m[1] += 0.5);
+        }
+    };
+    assert_eq!(believed(100, aside).0, 99, "one sample aside");
+}
+
+#[test]
+fn a_body_that_stays_where_it_leapt_to_is_another_world_s() {
+    let aside = |_: u64, sample: &mut SuitSample| {
+        sample.position_m.iter_mut().for_each(|position_m| position_m[1] += 0.5);
+    };
+    let (count, watch) = believed(100, aside);
+    assert_eq!((count, watch.moved_ns), (99, 1_000_000_000 + 601 * 10 * MS_NS));
+    let none = believed(100, |_, _| {});
+    assert_eq!((none.0, none.1.moved_ns), (100, 0));
+}
+
+#[test]
+fn before_the_bones_are_known_a_person_s_of_that_stature_serve() {
+    let settings = Settings::for_height(1.77);
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&settings);
+    let mut sample = suit(&Person::real(), 0);
+    assert!(memory.believes_suit(&sample, &settings));
+    sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; 23];
+    assert!(!memory.believes_suit(&sample, &settings));
+}

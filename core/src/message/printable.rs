@@ -1,0 +1,59 @@
+//! Text of devices and other programs, made fit for logs and terminals.
+
+use core::fmt::{Display, Formatter, Result, Write};
+
+/// Shows a text in one line of at most so many characters; control characters and those that change the direction or
+/// position of what follows are escaped, so that a peer forges no line and sends no command to a terminal.
+#[derive(Debug, Clone, Copy)]
+pub struct Printable<'a> {
+    /// The peer's text.
+    pub text: &'a str,
+    /// Characters of it that are shown; `…` stands for the rest.
+    pub chars_max: usize,
+}
+
+impl Display for Printable<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        for (index, sign) in self.text.chars().enumerate() {
+            if index == self.chars_max {
+                return f.write_char('…');
+            }
+            if sign.is_control() || is_format(sign) {
+                write!(f, "{}", sign.escape_default())?;
+            } else {
+                f.write_char(sign)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Zero-width and bidirectional characters, line and paragraph separators (Unicode, chapter 23.2 and UAX #9).
+fn is_format(sign: char) -> bool {
+    matches!(sign, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::string::{String, ToString};
+
+    use super::Printable;
+
+    fn shown(text: &str, chars_max: usize) -> String {
+        Printable { text, chars_max }.to_string()
+    }
+
+    #[test]
+    fn what_a_terminal_or_a_log_would_obey_is_escaped() {
+        assert_eq!(shown("a\nb\r\u{1b}[31mred\u{9b}\u{202e}", 100), "a\\nb\\r\\u{1b}[31mred\\u{9b}\\u{202e}");
+        assert_eq!(shown("Plattenmaß 5 µm — gut", 100), "Plattenmaß 5 µm — gut");
+    }
+
+    #[test]
+    fn a_long_text_is_cut() {
+        assert_eq!(shown("abcdef", 6), "abcdef");
+        assert_eq!(shown("abcdefg", 6), "abcdef…");
+    }
+}

@@ -1,0 +1,187 @@
+//! The list of a worker's lifts beside the profile: what the dose is made of, one line for each.
+//!
+//! Lines are only ever added. A lift that was taken back has a second line, `undone`, with its number. A thousand lifts a day
+//! are 100 kB.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs::{self, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+use equipoise_core::exposure::{Lift, Shift};
+use equipoise_core::time::NS_PER_S;
+
+use crate::whole_file::MODE;
+use crate::workers::Workers;
+
+const HEADING: &str = "ended_utc,event,number,carried_s,mass_kg,mass_sigma_kg,distance_m,damage\n";
+
+/// What is to be written, and what was seen, by the workers' numbers.
+#[derive(Debug, Default)]
+pub(super) struct LiftLog {
+    seen: BTreeMap<u64, Seen>,
+    lines: BTreeMap<u64, String>,
+}
+
+#[derive(Debug)]
+struct Seen {
+    /// Lifts that had ended.
+    ended: u64,
+    /// Numbers of those among the latest that were taken back.
+    undone: Vec<u64>,
+}
+
+impl Seen {
+    fn of(shift: &Shift) -> Seen {
+        let undone = shift.latest.iter().filter(|lift| lift.undone == 1).map(|lift| lift.number);
+        Seen { ended: shift.ended, undone: undone.collect() }
+    }
+}
+
+impl LiftLog {
+    /// Takes in a copy of a worker's shift. The first tells what was there before.
+    pub(super) fn take(&mut self, number: u64, shift: &Shift, now_ns: u64, unix_s: u64) {
+        let now = Seen::of(shift);
+        let Some(before) = self.seen.insert(number, now) else { return };
+        let mut latest: Vec<&Lift> = shift.latest.iter().filter(|lift| lift.number > 0).collect();
+        latest.sort_by_key(|lift| lift.number);
+        let mut lines = String::new();
+        for lift in latest {
+            let Lift { number, carried_s, mass_kg: [mass_kg, sigma_kg], distance_m, damage, .. } = *lift;
+            let mut add = |unix_s: u64, event: &str| {
+                let time = humantime::format_rfc3339_seconds(
+                    std::time::UNIX_EPOCH + std::time::Duration::from_secs(unix_s),
+                );
+                // Writing to a text cannot fail.
+                let _ = writeln!(
+                    lines,
+                    "{time},{event},{number},{carried_s:.2},{mass_kg:.2},{sigma_kg:.2},{distance_m:.3},{damage:e}"
+                );
+            };
+            if number > before.ended {
+                let ago_s = now_ns.saturating_sub(lift.ended_ns) / NS_PER_S;
+                add(unix_s.saturating_sub(ago_s), "lift");
+            }
+            if lift.undone == 1 && !before.undone.contains(&number) {
+                add(unix_s, "undone");
+            }
+        }
+        if !lines.is_empty() {
+            self.lines.entry(number).or_default().push_str(&lines);
+        }
+    }
+
+    /// Whether nothing waits.
+    pub(super) fn is_written(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Adds what waits to the files; what cannot be written waits on.
+    ///
+    /// # Errors
+    /// A file that cannot be written, and why.
+    pub(super) fn write(&mut self, workers: &Workers) -> Result<(), (PathBuf, io::Error)> {
+        let mut failed = None;
+        self.lines.retain(|number, lines| {
+            let written = workers.write(*number, |saving| {
+                append(&saving.lifts, lines).map_err(|error| failed = Some((saving.lifts.clone(), error)))
+            });
+            written.is_err()
+        });
+        failed.map_or(Ok(()), Err)
+    }
+}
+
+/// Adds whole lines to a file, or nothing.
+fn append(path: &Path, lines: &str) -> io::Result<()> {
+    if let Some(directory) = path.parent() {
+        fs::create_dir_all(directory)?;
+    }
+    let mut file = OpenOptions::new().append(true).create(true).mode(MODE).open(path)?;
+    let length = file.metadata()?.len();
+    let heading = if length == 0 { HEADING } else { "" };
+    let written = file.write_all(format!("{heading}{lines}").as_bytes()).and_then(|()| file.sync_data());
+    if written.is_err() {
+        // Half a line would spoil the next one. Where this fails too, the disk is what is broken.
+        let _ = file.set_len(length);
+    }
+    written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equipoise_core::exposure::LATEST_LIFTS;
+
+    use crate::state_directory::StateDirectory;
+    use crate::workers::{CONFIGURED, Saving};
+
+    fn end_one(shift: &mut Shift, ended_ns: u64) {
+        shift.ended += 1;
+        shift.latest[(shift.ended - 1) as usize % LATEST_LIFTS] = Lift {
+            number: shift.ended,
+            ended_ns,
+            carried_s: 2.5,
+            mass_kg: [8.25, 0.5],
+            distance_m: 0.4,
+            damage: 5e-6,
+            undone: 0,
+        };
+    }
+
+    #[test]
+    fn every_lift_and_every_one_taken_back_is_a_line_and_none_comes_twice() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        let workers = Workers::new(state.clone(), Saving::of(&state, "a", None, true));
+        let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
+        // What was there before this daemon is on the list already.
+        (0..20).for_each(|_| end_one(&mut shift, 0));
+        let mut step = |shift: &Shift| {
+            log.take(CONFIGURED, shift, 100 * NS_PER_S, 1_795_256_100);
+            log.write(&workers).unwrap();
+            assert!(log.is_written());
+        };
+        step(&shift);
+        assert!(!state.lifts("a").exists());
+        end_one(&mut shift, 90 * NS_PER_S);
+        step(&shift);
+        step(&shift);
+        end_one(&mut shift, 95 * NS_PER_S);
+        shift.latest[(22 - 1) % LATEST_LIFTS].undone = 1;
+        shift.latest[(21 - 1) % LATEST_LIFTS].undone = 1;
+        step(&shift);
+        step(&shift);
+        let text = fs::read_to_string(state.lifts("a")).unwrap();
+        let rest = "2.50,8.25,0.50,0.400,5e-6";
+        assert_eq!(
+            text,
+            format!(
+                "{HEADING}2026-11-21T10:14:50Z,lift,21,{rest}\n2026-11-21T10:15:00Z,undone,21,{rest}\n\
+                 2026-11-21T10:14:55Z,lift,22,{rest}\n2026-11-21T10:15:00Z,undone,22,{rest}\n"
+            )
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_written_waits_and_who_is_forgotten_is_on_no_list() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        let workers = Workers::new(state.clone(), Saving::of(&state, "a", None, true));
+        let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
+        log.take(CONFIGURED, &shift, 0, 0);
+        end_one(&mut shift, 0);
+        log.take(CONFIGURED, &shift, 0, 0);
+        // A folder stands where the file belongs.
+        fs::create_dir_all(state.lifts("a")).unwrap();
+        assert_eq!(log.write(&workers).unwrap_err().0, state.lifts("a"));
+        assert!(!log.is_written());
+        fs::remove_dir(state.lifts("a")).unwrap();
+        workers.forget("a");
+        log.write(&workers).unwrap();
+        assert!(log.is_written() && !state.lifts("a").exists());
+    }
+}

@@ -1,0 +1,217 @@
+//! Sensors that fail without saying so, in the middle of work: how soon it is noticed, what is withheld, and whether anything
+//! wrong is told as valid.
+
+pub mod injection;
+
+use equipoise_core::message::Validity;
+use equipoise_simulator::random::Random;
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+use crate::lifting::Telling;
+use crate::natural::Movements;
+use crate::session::{Moment, Session};
+use crate::subject::{Crowd, Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::{percent, quartiles};
+use crate::tasks::tells_torques;
+use injection::Fault;
+
+/// Poses that identify the worker before anything fails.
+const POSES_MAX: u32 = 20;
+/// What is carried, kg.
+const BOX_KG: f64 = 11.0;
+/// From taking up the box to the fault, s.
+const BEFORE_S: [f64; 2] = [2.5, 5.0];
+/// What is told is judged for so long after the fault, s.
+const AFTER_S: f64 = 1.0;
+/// Until the next fault everything may be found again, s.
+const PATIENCE_S: f64 = 40.0;
+/// A mass is wrong beyond this, kg, and four of its σ.
+const WRONG_KG: f64 = 3.0;
+/// A joint's torque is wrong beyond this, N m, and four of its σ.
+const WRONG_NM: f64 = 10.0;
+/// A centre of pressure is wrong beyond this, m, and four of its σ.
+const WRONG_M: f64 = 0.03;
+/// Beyond so many σ an error is a wrong value.
+const WRONG_SIGMAS: f64 = 4.0;
+
+/// What came of one fault, or of many.
+#[derive(Debug, Clone, Default)]
+pub struct Outcome {
+    /// Times.
+    pub times: u64,
+    /// What was told while it lasted and right after.
+    pub telling: Telling,
+    /// States that told something wrong as valid: mass, a joint's torque, centre of pressure.
+    pub wrong: [u64; 3],
+    /// From its beginning to the first state that withheld something for it, s.
+    noticed_s: Vec<f64>,
+    /// From its end until torques or "nothing is carried" are told again, s.
+    back_s: Vec<f64>,
+    /// Lifts counted beyond those that were made.
+    pub lifts_too_many: i64,
+}
+
+impl Outcome {
+    fn add(&mut self, moment: &Moment) {
+        let (state, truth) = (moment.state, moment.truth());
+        let valid = state.validity();
+        self.telling.add(state);
+        if !valid.any_of(Validity::SPOILS_LIFTED_MASS) {
+            let off_kg = (state.lifted_mass_kg - moment.worker.sample(moment.time_s).load_kg).abs();
+            self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
+        }
+        if tells_torques(state) {
+            let is_wrong = (0..state.torque_nm.len()).any(|joint| {
+                let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
+                let [xx, xy, yy] = moment.torque_covariance_nm2[joint];
+                let deviation = Matrix2::new(xx, xy, xy, yy)
+                    .try_inverse()
+                    .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());
+                off_nm.norm() > WRONG_NM && deviation > WRONG_SIGMAS
+            });
+            self.wrong[1] += u64::from(is_wrong);
+        }
+        if !valid.any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED)) {
+            let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
+            let sigma_m = state.cop_sigma_m[0].hypot(state.cop_sigma_m[1]);
+            self.wrong[2] += u64::from(off_m.norm() > WRONG_M.max(WRONG_SIGMAS * sigma_m));
+        }
+    }
+
+    fn merge(&mut self, other: &Outcome) {
+        self.times += other.times;
+        self.telling.merge(&other.telling);
+        self.noticed_s.extend(&other.noticed_s);
+        self.back_s.extend(&other.back_s);
+        self.lifts_too_many += other.lifts_too_many;
+        for (sum, count) in self.wrong.iter_mut().zip(other.wrong) {
+            *sum += count;
+        }
+    }
+}
+
+/// What withholds something from who works as they should.
+const REASONS: Validity =
+    Validity(Validity::SPOILS_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0 & !Validity::LOAD_MAY_HIDE.0);
+
+/// Identifies the subject, who then works on while one sensor after the other fails.
+pub fn faults(subject: &Subject, of: &[Fault]) -> Vec<(Fault, Outcome)> {
+    let mut session = Session::new(subject, subject.settings());
+    session.identify(POSES_MAX);
+    let mut movements = Movements::of(subject);
+    let mut random = Random::new(subject.seed, "faults");
+    movements.work(&mut session, 10.0, |_| false);
+    of.iter().map(|fault| (*fault, one(&mut session, &mut movements, *fault, &mut random))).collect()
+}
+
+fn one(session: &mut Session, movements: &mut Movements, fault: Fault, random: &mut Random) -> Outcome {
+    let carrying = random.happens(0.7);
+    let lifts = session.state().lifts;
+    if carrying {
+        session.order(|worker, at_s| worker.lift(BOX_KG, at_s));
+    }
+    let [begins_s, ends_s] = session.fail(fault, random.between(BEFORE_S[0], BEFORE_S[1]));
+    movements.work(session, begins_s - session.now_s(), |_| false);
+    let mut outcome = Outcome { times: 1, ..Outcome::default() };
+    session.notice(REASONS);
+    movements.work(session, ends_s + AFTER_S - session.now_s(), |moment| {
+        outcome.add(moment);
+        false
+    });
+    outcome.noticed_s.extend(session.noticed_s().map(|noticed_s| noticed_s - begins_s));
+    if carrying {
+        session.order(equipoise_simulator::motion::Worker::put_down);
+    }
+    if movements.work(session, PATIENCE_S, |moment| !moment.state.validity().any_of(REASONS)) {
+        outcome.back_s.push(session.now_s() - ends_s - AFTER_S);
+    }
+    movements.work(session, 2.0, |_| false);
+    outcome.lifts_too_many = i64::from(session.state().lifts) - i64::from(lifts) - i64::from(carrying);
+    outcome
+}
+
+/// The table.
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let all = ask_all(&crowd.subjects(), |subject| faults(subject, &Fault::ALL));
+    let mut table = Table::new(
+        format!("Sensors that fail without saying so, in the middle of work ({} subjects)", crowd.count),
+        &[
+            "fault",
+            "times",
+            "noticed",
+            "after s",
+            "slowest after s",
+            "withheld %",
+            "for",
+            "wrong and valid: mass",
+            "torque",
+            "CoP",
+            "of states",
+            "lifts too many",
+            "back s",
+            "slowest back s",
+        ],
+    );
+    for (index, fault) in Fault::ALL.into_iter().enumerate() {
+        let mut sum = Outcome::default();
+        all.iter().for_each(|outcomes| sum.merge(&outcomes[index].1));
+        let slowest = |seconds: &[f64]| seconds.iter().copied().reduce(f64::max);
+        let median = |seconds: &[f64]| quartiles(seconds.to_vec()).map(|[_, median, _]| median);
+        let (samples, told) = (sum.telling.samples, sum.telling.told);
+        let row: Vec<Cell> = vec![
+            fault.name().into(),
+            sum.times.into(),
+            (sum.noticed_s.len() as u64).into(),
+            median(&sum.noticed_s).into(),
+            slowest(&sum.noticed_s).into(),
+            percent(samples - told, samples).into(),
+            sum.telling.reasons().as_str().into(),
+            sum.wrong[0].into(),
+            sum.wrong[1].into(),
+            sum.wrong[2].into(),
+            samples.into(),
+            sum.lifts_too_many.to_string().as_str().into(),
+            median(&sum.back_s).into(),
+            slowest(&sum.back_s).into(),
+        ];
+        table.push(row);
+    }
+    table.note("squats and bends at natural speed, 7 times of 10 with a box of 11 kg; 3 s of fault unless it says otherwise");
+    table.note("wrong: beyond 4 sigma and 3 kg, 10 N m or 30 mm, from the beginning to 1 s after the end");
+    vec![table]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_mass_is_told_wrong_as_valid_whatever_fails_and_what_works_is_believed() {
+        let wanted = [
+            Fault::None,
+            Fault::DoubleGlitch,
+            Fault::HalfGain,
+            Fault::Saturated,
+            Fault::Flipped,
+            Fault::FrozenPlate,
+            Fault::FrozenSuit,
+            Fault::IdentityQuaternions,
+            Fault::IdentityArms,
+        ];
+        for seed in [3, 4] {
+            for (fault, outcome) in faults(&Subject::somebody(seed), &wanted) {
+                let Outcome { wrong, noticed_s, back_s, telling, .. } = &outcome;
+                assert_eq!(wrong[0], 0, "{seed} {fault:?}: {outcome:?}");
+                assert_eq!(back_s.len(), 1, "{seed} {fault:?}: {outcome:?}");
+                let is_noticed = noticed_s.iter().any(|after_s| *after_s < 3.0);
+                // A vertical force that stays below the rail is not changed by it.
+                assert!(
+                    is_noticed != (fault == Fault::None) || fault == Fault::Saturated,
+                    "{seed} {fault:?}: {outcome:?}"
+                );
+                assert!(telling.samples > 30, "{seed} {fault:?}: {outcome:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! What sensors say when they fail without saying so, put on their samples in simulated time.
+
+use equipoise_core::body::{SEGMENTS, Segment};
+use equipoise_core::message::{GroundSample, SuitSample};
+
+/// How long a glitch lasts, s.
+const GLITCH_S: f64 = 0.02;
+/// How long everything else lasts, s.
+const LASTS_S: f64 = 3.0;
+/// A saturated channel ends here, share of the vertical force when it begins.
+const RAIL_SHARE: f64 = 1.02;
+
+/// A failure of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// No failure: what is told without one.
+    None,
+    /// The wrench times two, for an instant.
+    DoubleGlitch,
+    /// Half the wrench, for an instant.
+    HalfGlitch,
+    /// One sample times five.
+    Spike,
+    /// The wrench times two.
+    Double,
+    /// Half the wrench.
+    HalfGain,
+    /// A fifth more.
+    GainHigh,
+    /// A fifth less.
+    GainLow,
+    /// The vertical force goes no farther than a rail.
+    Saturated,
+    /// The vertical force is at a rail.
+    AtTheRail,
+    /// The wrench with the other sign.
+    Flipped,
+    /// The moments with the other sign: the centre of pressure is mirrored.
+    MomentsFlipped,
+    /// One moment with the other sign.
+    OneMomentFlipped,
+    /// The channels of two moments swapped.
+    MomentsSwapped,
+    /// The same reading again and again.
+    FrozenPlate,
+    /// One channel is frozen.
+    FrozenChannel,
+    /// 300 N more from one sample to the next.
+    Offset,
+    /// Nothing but zeros.
+    DeadPlate,
+    /// 200 N of noise.
+    NoisyPlate,
+    /// What the plate shows is 0.3 s old.
+    LatePlate,
+    /// The same pose again and again.
+    FrozenSuit,
+    /// No segment is turned.
+    IdentityQuaternions,
+    /// No segment of the arms is turned.
+    IdentityArms,
+    /// One forearm is turned by 60° about the vertical.
+    ForearmTurned,
+    /// Left and right are swapped.
+    SidesSwapped,
+    /// The whole body is 0.5 m aside for one sample.
+    SuitSpike,
+    /// The whole body is 0.5 m aside.
+    SuitLeap,
+    /// The whole body is turned by 90° about the vertical.
+    SuitTurned,
+    /// Centimetres for metres, nearly: all places times 1.2.
+    SuitScaled,
+    /// One counter that is not the next.
+    OddCounter,
+}
+
+/// What a fault remembers.
+#[derive(Debug, Clone, Default)]
+pub struct Injection {
+    /// When it begins and ends, s.
+    span_s: [f64; 2],
+    ground: Option<GroundSample>,
+    suit: Option<SuitSample>,
+    earlier: Vec<GroundSample>,
+}
+
+impl Fault {
+    /// Every fault, the row without one first.
+    pub const ALL: [Fault; 30] = [
+        Fault::None,
+        Fault::DoubleGlitch,
+        Fault::HalfGlitch,
+        Fault::Spike,
+        Fault::Double,
+        Fault::HalfGain,
+        Fault::GainHigh,
+        Fault::GainLow,
+        Fault::Saturated,
+        Fault::AtTheRail,
+        Fault::Flipped,
+        Fault::MomentsFlipped,
+        Fault::OneMomentFlipped,
+        Fault::MomentsSwapped,
+        Fault::FrozenPlate,
+        Fault::FrozenChannel,
+        Fault::Offset,
+        Fault::DeadPlate,
+        Fault::NoisyPlate,
+        Fault::LatePlate,
+        Fault::FrozenSuit,
+        Fault::IdentityQuaternions,
+        Fault::IdentityArms,
+        Fault::ForearmTurned,
+        Fault::SidesSwapped,
+        Fault::SuitSpike,
+        Fault::SuitLeap,
+        Fault::SuitTurned,
+        Fault::SuitScaled,
+        Fault::OddCounter,
+    ];
+
+    /// Its row in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fault::None => "none",
+            Fault::DoubleGlitch => "plate: double for 20 ms",
+            Fault::HalfGlitch => "plate: half for 20 ms",
+            Fault::Spike => "plate: one sample times five",
+            Fault::Double => "plate: double",
+            Fault::HalfGain => "plate: half gain",
+            Fault::GainHigh => "plate: gain 1.2",
+            Fault::GainLow => "plate: gain 0.8",
+            Fault::Saturated => "plate: saturated",
+            Fault::AtTheRail => "plate: stuck at the rail",
+            Fault::Flipped => "plate: flipped",
+            Fault::MomentsFlipped => "plate: moments flipped",
+            Fault::OneMomentFlipped => "plate: one moment flipped",
+            Fault::MomentsSwapped => "plate: moments swapped",
+            Fault::FrozenPlate => "plate: frozen",
+            Fault::FrozenChannel => "plate: one channel frozen",
+            Fault::Offset => "plate: 300 N more",
+            Fault::DeadPlate => "plate: zeros",
+            Fault::NoisyPlate => "plate: noise of 200 N",
+            Fault::LatePlate => "plate: 0.3 s late",
+            Fault::FrozenSuit => "suit: frozen",
+            Fault::IdentityQuaternions => "suit: identity quaternions",
+            Fault::IdentityArms => "suit: identity arms",
+            Fault::ForearmTurned => "suit: forearm turned by 60°",
+            Fault::SidesSwapped => "suit: sides swapped",
+            Fault::SuitSpike => "suit: one sample 0.5 m aside",
+            Fault::SuitLeap => "suit: 0.5 m aside",
+            Fault::SuitTurned => "suit: turned by 90°",
+            Fault::SuitScaled => "suit: places times 1.2",
+            Fault::OddCounter => "suit: one odd counter",
+        }
+    }
+
+    /// How long it lasts, s.
+    pub fn lasts_s(self) -> f64 {
+        match self {
+            Fault::DoubleGlitch | Fault::HalfGlitch => GLITCH_S,
+            _ => LASTS_S,
+        }
+    }
+
+    fn on_ground(self, sample: &mut GroundSample, memory: &mut Injection) {
+        let first = *memory.ground.get_or_insert(*sample);
+        let is_first = first.sequence == sample.sequence;
+        let scale = |sample: &mut GroundSample, by: f64| {
+            sample.force_n.iter_mut().chain(&mut sample.moment_nm).for_each(|value| *value *= by);
+        };
+        match self {
+            Fault::DoubleGlitch | Fault::Double => scale(sample, 2.0),
+            Fault::HalfGlitch | Fault::HalfGain => scale(sample, 0.5),
+            Fault::GainHigh => scale(sample, 1.2),
+            Fault::GainLow => scale(sample, 0.8),
+            Fault::Flipped => scale(sample, -1.0),
+            Fault::DeadPlate => scale(sample, 0.0),
+            Fault::Spike if is_first => scale(sample, 5.0),
+            Fault::Saturated => sample.force_n[2] = sample.force_n[2].min(RAIL_SHARE * first.force_n[2]),
+            Fault::AtTheRail => sample.force_n[2] = RAIL_SHARE * first.force_n[2],
+            Fault::MomentsFlipped => sample.moment_nm = sample.moment_nm.map(|moment_nm| -moment_nm),
+            Fault::OneMomentFlipped => sample.moment_nm[1] *= -1.0,
+            Fault::MomentsSwapped => sample.moment_nm.swap(0, 1),
+            Fault::FrozenPlate => (sample.force_n, sample.moment_nm) = (first.force_n, first.moment_nm),
+            Fault::FrozenChannel => sample.moment_nm[1] = first.moment_nm[1],
+            Fault::Offset => sample.force_n[2] += 300.0,
+            Fault::NoisyPlate => {
+                let sign =
+                    if sample.sequence.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 63 == 0 { 1.0 } else { -1.0 };
+                sample.force_n[2] += 200.0 * sign;
+            }
+            _ => {}
+        }
+    }
+
+    fn on_suit(self, sample: &mut SuitSample, memory: &mut Injection) {
+        let first = *memory.suit.get_or_insert(*sample);
+        let is_first = first.device_counter == sample.device_counter;
+        let aside = |sample: &mut SuitSample| {
+            sample.position_m.iter_mut().for_each(|position_m| position_m[1] += 0.5);
+        };
+        match self {
+            Fault::FrozenSuit => {
+                (sample.position_m, sample.orientation_wxyz) = (first.position_m, first.orientation_wxyz);
+            }
+            Fault::IdentityQuaternions => sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; SEGMENTS],
+            Fault::IdentityArms => {
+                for segment in Segment::ALL {
+                    if (Segment::RightShoulder..=Segment::LeftHand).contains(&segment) {
+                        sample.orientation_wxyz[segment.index()] = [1.0, 0.0, 0.0, 0.0];
+                    }
+                }
+            }
+            Fault::ForearmTurned => turn(&mut sample.orientation_wxyz[Segment::LeftForearm.index()], 60.0),
+            Fault::SidesSwapped => {
+                let (position_m, orientation_wxyz) = (sample.position_m, sample.orientation_wxyz);
+                for segment in Segment::ALL {
+                    let other = segment.mirrored().index();
+                    sample.position_m[segment.index()] = position_m[other];
+                    sample.orientation_wxyz[segment.index()] = orientation_wxyz[other];
+                }
+            }
+            Fault::SuitSpike if is_first => aside(sample),
+            Fault::SuitLeap => aside(sample),
+            Fault::SuitTurned => {
+                for position_m in &mut sample.position_m {
+                    *position_m = [-position_m[1], position_m[0], position_m[2]];
+                }
+                sample.orientation_wxyz.iter_mut().for_each(|orientation| turn(orientation, 90.0));
+            }
+            Fault::SuitScaled => {
+                sample.position_m.iter_mut().flatten().for_each(|metres| *metres *= 1.2);
+            }
+            Fault::OddCounter if is_first => sample.device_counter = 7,
+            _ => {}
+        }
+    }
+}
+
+impl Injection {
+    /// A fault that begins at a simulated time, s.
+    pub fn at(begins_s: f64, fault: Fault) -> Injection {
+        Injection { span_s: [begins_s, begins_s + fault.lasts_s()], ..Injection::default() }
+    }
+
+    /// Puts the fault on what the sensors say at a time, s.
+    pub fn put(&mut self, fault: Fault, now_s: f64, suit: &mut [SuitSample], ground: &mut [GroundSample]) {
+        let is_on = (self.span_s[0]..self.span_s[1]).contains(&now_s);
+        for sample in ground.iter_mut() {
+            if fault == Fault::LatePlate {
+                self.earlier.push(*sample);
+                let due_ns = sample.sample_time_ns.saturating_sub(300_000_000);
+                let due = self.earlier.partition_point(|earlier| earlier.sample_time_ns <= due_ns);
+                if is_on && due > 0 {
+                    let old = self.earlier[due - 1];
+                    (sample.force_n, sample.moment_nm) = (old.force_n, old.moment_nm);
+                }
+            } else if is_on {
+                fault.on_ground(sample, self);
+            }
+        }
+        if is_on {
+            for sample in suit {
+                fault.on_suit(sample, self);
+            }
+        }
+    }
+}
+
+/// Turns an orientation about the world's vertical.
+fn turn(wxyz: &mut [f64; 4], by_deg: f64) {
+    let half = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, by_deg.to_radians());
+    let [w, x, y, z] = *wxyz;
+    let turned = half.into_inner() * nalgebra::Quaternion::new(w, x, y, z);
+    *wxyz = [turned.w, turned.i, turned.j, turned.k];
+}
