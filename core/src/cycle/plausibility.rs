@@ -19,8 +19,8 @@ use crate::message::{GroundSample, SuitSample};
 /// Channels of a plate are coarse, and recorded poses may be rounded: both repeat themselves now and then. A run that a stream
 /// shows less often than once in so many samples is none of its own: 3 hours at 1 kHz.
 const RUN_CHANCE: f64 = 1e-7;
-/// A pose that is the one before and would be once in so many samples of its stream tells nothing new, or is the first of a frozen
-/// suit: it is left out like a lost one, which costs nothing.
+/// A suit that seldom repeats a pose, less than once in so many samples, does so when it lost one or froze: such a pose is left out
+/// like a lost one, which costs nothing.
 const REPEAT_CHANCE: f64 = 1e-2;
 /// A plate that changes by more, N, shows that somebody moves: the heart of one who stands still gives the plate some 2 N.
 const BODY_MOVES_N: f64 = 1.0;
@@ -107,10 +107,14 @@ impl Repeats {
         false
     }
 
-    /// Mean of the Beta distribution of a repetition's probability, to the power of the run.
+    /// Probability that a reading is the one before: mean of its Beta distribution.
+    fn probability(&self) -> f64 {
+        (self.repetitions + 1.0) / (self.readings + 2.0)
+    }
+
+    /// Whether a run is as long as the one that goes on with less than `chance`.
     fn is_beyond(&self, chance: f64) -> bool {
-        let probability = (self.repetitions + 1.0) / (self.readings + 2.0);
-        self.run as f64 * math::ln(probability) < math::ln(chance)
+        self.run as f64 * math::ln(self.probability()) < math::ln(chance)
     }
 
     fn is_sound(&self) -> bool {
@@ -247,7 +251,7 @@ impl Plausibility {
             self.suit.add(from_ns, time_ns);
             return false;
         }
-        if plate_moves && self.poses.run > 0 && self.poses.is_beyond(REPEAT_CHANCE) {
+        if plate_moves && is_same && self.poses.probability() < REPEAT_CHANCE {
             return false;
         }
         let here = Whereabouts::of(sample);
