@@ -24,6 +24,8 @@ const RUN_CHANCE: f64 = 1e-7;
 const REPEAT_CHANCE: f64 = 1e-2;
 /// A plate that changes by more, N, shows that somebody moves: the heart of one who stands still gives the plate some 2 N.
 const BODY_MOVES_N: f64 = 1.0;
+/// For so long after a pose the suit shows that the body moves, ns: three samples of the slowest suit, 30 Hz.
+const POSE_TELLS_NS: u64 = 100_000_000;
 /// Runs are judged by about so many readings.
 const READINGS_KEPT: f64 = 4096.0;
 
@@ -178,6 +180,8 @@ pub(super) struct Plausibility {
     leaps: Leaps,
     /// What the plate showed when the pose was another one.
     shown_at_pose: Reading,
+    /// The plate's newest stamp when the newest pose came, ns.
+    shown_newest_ns: u64,
     /// A pelvis that leapt; a time of 0 for none.
     leapt: Whereabouts,
     /// The sample with which the suit's world was another one than before, ns; 0 for none.
@@ -211,7 +215,9 @@ impl Plausibility {
             let ([fx, fy, fz], [mx, my, mz]) = (sample.force_n, sample.moment_nm);
             [fx, fy, fz, mx, my, mz]
         };
-        let suit_moves = self.poses.run == 0 && self.poses.readings > 0.0;
+        let since_pose_ns = sample.sample_time_ns.saturating_sub(self.shown_newest_ns);
+        let suit_moves =
+            self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_TELLS_NS;
         let mut since_ns = None;
         for (channel, (now, then)) in numbers(sample).into_iter().zip(numbers(before)).enumerate() {
             // Exactly nothing is what an empty plate shows, and one that does not measure it.
@@ -241,6 +247,7 @@ impl Plausibility {
         let is_same =
             sample.position_m == before.position_m && sample.orientation_wxyz == before.orientation_wxyz;
         let shown = self.leaps.newest();
+        self.shown_newest_ns = shown.time_ns;
         if self.poses.run == 0 {
             self.shown_at_pose = shown;
         }

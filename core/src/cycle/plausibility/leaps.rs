@@ -36,7 +36,7 @@ const LEVEL_TELLS_NS: u64 = 2_000_000_000;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Reading {
-    time_ns: u64,
+    pub(super) time_ns: u64,
     vertical_n: f64,
     cop_m: [f64; 2],
     /// 1 if somebody stands there, and where is known.

@@ -10,6 +10,8 @@ struct Plate {
     watch: Plausibility,
     before: Option<GroundSample>,
     millisecond: u64,
+    /// The suit sends poses until then.
+    silent_from: u64,
 }
 
 impl Plate {
@@ -17,7 +19,7 @@ impl Plate {
         let mut watch: Plausibility = Zeroable::zeroed();
         // A suit that never repeats itself.
         watch.poses.readings = 1.0;
-        let mut plate = Plate { watch, before: None, millisecond: 1000 };
+        let mut plate = Plate { watch, before: None, millisecond: 1000, silent_from: u64::MAX };
         plate.show(3000, |_, _| {});
         plate
     }
@@ -44,6 +46,9 @@ impl Plate {
         for index in 0..milliseconds {
             self.millisecond += 1;
             let mut sample = Plate::truth(self.millisecond);
+            if self.millisecond < self.silent_from {
+                self.watch.shown_newest_ns = self.now_ns();
+            }
             fault(index, &mut sample);
             believed += u64::from(self.watch.watch_ground(&sample, self.before.as_ref()));
             self.before = Some(sample);
@@ -108,6 +113,10 @@ fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does(
     let mut still = Plate::new();
     still.watch.poses.run = 1;
     assert_eq!(still.show(400, |_, sample| sample.force_n[0] = 1.5), 400);
+    let mut unseen = Plate::new();
+    unseen.silent_from = unseen.millisecond;
+    unseen.show(150, |_, _| {});
+    assert_eq!(unseen.show(400, stuck), 400, "a suit that is silent shows no motion");
 }
 
 #[test]
