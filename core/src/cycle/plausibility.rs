@@ -216,8 +216,7 @@ impl Plausibility {
             [fx, fy, fz, mx, my, mz]
         };
         let since_pose_ns = sample.sample_time_ns.saturating_sub(self.shown_newest_ns);
-        let suit_moves =
-            self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_TELLS_NS;
+        let suit_moves = self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_TELLS_NS;
         let mut since_ns = None;
         for (channel, (now, then)) in numbers(sample).into_iter().zip(numbers(before)).enumerate() {
             // Exactly nothing is what an empty plate shows, and one that does not measure it.
