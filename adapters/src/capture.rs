@@ -14,6 +14,7 @@ mod pcap_packets;
 pub mod pcap_writer;
 pub mod rejected;
 mod udp;
+mod window;
 
 pub use bioware::{BioWareCapture, BioWareError, BioWareSettings, Units};
 pub use csv::{CsvCapture, CsvError};

@@ -18,4 +18,3 @@ pub mod wire;
 
 pub mod capture;
 pub mod recording;
-pub mod text_file;

@@ -23,6 +23,9 @@ const SUIT_PERIOD_NS: u64 = 16_666_667;
 const SUIT_DELAY_NS: u64 = 500_000;
 /// A pose is held this long, steps.
 const HOLD_STEPS: u64 = 2_000;
+/// Between two poses nothing is heard for so long, ms: nobody moves from one to the other in a millisecond, and such a leap would
+/// not be believed.
+const PAUSE_MS: u64 = 150;
 const POSES_LEARNT: u64 = 25;
 const POSES_LOADED: u64 = 15;
 /// Variance of a pose's measurement for the dense filter, m².
@@ -102,7 +105,7 @@ impl Session {
             held => (held, LOAD_N),
         };
         self.cycle += 1;
-        let due_ns = (1_000 + self.cycle) * TICK_NS;
+        let due_ns = (1_000 + self.cycle + held * PAUSE_MS) * TICK_NS;
         let pose = match self.posed {
             Some((posed, pose)) if posed == held => pose,
             _ => self.worker.pose(held as usize),

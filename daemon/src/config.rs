@@ -13,10 +13,10 @@ use std::borrow::Cow;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::cycle::{PriorKind, Settings};
 use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFileError;
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use equipoise_outlets::OutletsConfig;
 use serde::{Deserialize, Serialize};
 

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recording, RecordingHeader};
+use equipoise_files::open_regular;
 
 use crate::state_directory::{NoStateDirectory, StateDirectory};
 use crate::station_file::StationFile;
@@ -314,7 +315,7 @@ fn remove(path: &Path) -> anyhow::Result<()> {
 
 /// The recording, opened, if somebody writes it: a recorder holds a lock on its file.
 fn being_written(path: &Path) -> Option<File> {
-    let file = File::open(path).ok()?;
+    let file = open_regular(path).ok()?;
     matches!(file.try_lock(), Err(TryLockError::WouldBlock)).then_some(file)
 }
 

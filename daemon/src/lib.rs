@@ -44,6 +44,7 @@ pub mod similar;
 pub mod state_directory;
 pub mod station_file;
 pub mod status;
+pub mod stored_file;
 pub mod supervision;
 pub mod tick;
 pub mod trace;

@@ -5,12 +5,12 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::Context;
-use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::effect::Model;
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_discrepancy::finding::{Ask, turn};
 use equipoise_discrepancy::model_file::{Fitted, ModelFile, ModelFileError, Spans};
+use equipoise_files::{TEXT_BYTES_MAX, open_regular, read_text};
 use sha2::{Digest, Sha256};
 
 /// A model file that was read.
@@ -105,7 +105,7 @@ pub fn suggestion(state: &State, ask: Option<&Ask>) -> Option<Cow<'static, str>>
 /// It cannot be read.
 pub fn sha256_of(path: &Path) -> anyhow::Result<String> {
     let mut hash = Sha256::new();
-    let mut file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut file = open_regular(path).with_context(|| format!("cannot read {}", path.display()))?;
     let mut buffer = vec![0; 1 << 16];
     loop {
         match file.read(&mut buffer).with_context(|| format!("cannot read {}", path.display()))? {

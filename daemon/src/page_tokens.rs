@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context;
-use equipoise_outlets::secret::{self, Readers};
+use equipoise_files::secret::{self, Readers};
 use equipoise_view::Token;
 use equipoise_view::page::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN};
 

@@ -5,26 +5,32 @@
 
 mod parts;
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::identification::{Consistency, KeptWorker};
 use equipoise_core::cycle::{Identification, NO_POSE, Settings};
 use equipoise_core::exposure::Shift;
+use equipoise_core::message::Printable;
 use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
-use crate::config::method::SexConfig;
+use crate::config::method::{HEIGHT_M, MASS_KG, SexConfig};
+use crate::stored_file::{self, Formats, Refusal, sealed};
 
 use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
 
 /// Grows with every change of the file's layout or meaning. Format 2 was without the poses themselves, how consistent
-/// they were, and the shift; format 3 without its lifts one by one. What such files hold is read.
+/// they were, and the shift; format 3 without its lifts one by one and without a checksum. Files of format 1, from before
+/// stature and sex were kept, are of no use as a similar worker. What such files hold is read.
 const FORMAT: u32 = 4;
-/// Files from before stature and sex were kept; read, but of no use as a similar worker.
-const FORMAT_WITHOUT_BUILD: u32 = 1;
+const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
+
+/// Of another subject's name so much is told.
+const ID_CHARS_MAX: usize = 64;
+
 /// How a worker is built, beside the mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Build {
@@ -151,7 +157,7 @@ impl Profile {
 
     /// How the worker is built; `None` if the file does not say.
     pub fn build(&self) -> Option<Build> {
-        Some(Build { height_m: self.height_m.filter(|metres| (0.5..3.0).contains(metres))?, sex: self.sex? })
+        Some(Build { height_m: self.height_m?, sex: self.sex? })
     }
 
     /// Bones: each segment's origin in its parent, m.
@@ -234,29 +240,46 @@ impl Profile {
         self.shift.as_ref().ok_or("the profile is from before it was kept")?.shift(now_unix_s)
     }
 
-    /// Reads a profile; `None` if there is none.
+    /// Reads a profile; `None` if there is none. The file's name is the subject's.
     ///
     /// # Errors
     /// [`ProfileError`].
     pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
-        let text = match read_text(path, TEXT_BYTES_MAX) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(ProfileError::Io { path: path.to_owned(), source }),
-        };
         let refused = |why: String| ProfileError::Refused { path: path.to_owned(), why };
-        // A later version's fields are not known here: its number is looked at first.
-        let table: toml::Table =
-            text.parse().map_err(|error: toml::de::Error| refused(error.message().to_owned()))?;
-        let format = table.get("format").and_then(toml::Value::as_integer);
-        if let Some(later) = format.filter(|format| *format > i64::from(FORMAT)) {
-            return Err(refused(other_format(later)));
+        let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
+            Refusal::Io(source) => ProfileError::Io { path: path.to_owned(), source },
+            Refusal::Content(why) => refused(why),
+        })?;
+        let Some(profile): Option<Profile> = read else { return Ok(None) };
+        if path.file_stem() != Some(OsStr::new(&profile.subject)) {
+            return Err(refused(format!(
+                "it is of the subject {}",
+                Printable { text: &profile.subject, chars_max: ID_CHARS_MAX }
+            )));
         }
-        let profile: Profile = toml::from_str(&text).map_err(|error| refused(error.message().to_owned()))?;
-        if profile.format < FORMAT_WITHOUT_BUILD {
-            return Err(refused(other_format(i64::from(profile.format))));
-        }
+        profile.check().map_err(refused)?;
         Ok(Some(profile))
+    }
+
+    /// Whether the numbers are a person's; bones, θ, P, counts and the shift are checked where they are taken over.
+    fn check(&self) -> Result<(), String> {
+        let out = |what: &str, value: f64| Err(format!("{what} is {value}, which no person's is"));
+        if self.mass_kg != 0.0 && !MASS_KG.contains(&self.mass_kg) {
+            return out("mass_kg", self.mass_kg);
+        }
+        if let Some(height_m) = self.height_m.filter(|metres| !HEIGHT_M.contains(metres)) {
+            return out("height_m", height_m);
+        }
+        let turned = self.last_pose_wxyz.iter().all(|q| {
+            let square: f64 = q.iter().map(|part| part * part).sum();
+            // Before the first pose there is none.
+            square == 0.0 || (square - 1.0).abs() < 1e-3
+        });
+        if turned {
+            Ok(())
+        } else {
+            Err("the last pose in it is none: its turns have no unit length".to_owned())
+        }
     }
 
     /// The text of the file.
@@ -264,12 +287,8 @@ impl Profile {
     /// # Errors
     /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string(self)
+        toml::to_string(self).map(sealed)
     }
-}
-
-fn other_format(format: i64) -> String {
-    format!("its format is {format}, this version reads {FORMAT_WITHOUT_BUILD} to {FORMAT}")
 }
 
 /// Now, s since 1970 UTC; 0 if the clock stands before that.
@@ -301,6 +320,30 @@ mod tests {
         fs::write(&path, "format = 1\nsubject = ").unwrap();
         assert!(Profile::read(&path).unwrap_err().to_string().contains("left as it is"));
         assert_eq!(fs::read_to_string(&path).unwrap(), "format = 1\nsubject = ");
+    }
+
+    #[test]
+    fn a_profile_of_another_subject_or_of_nobody_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let (path, other) = (directory.path().join("a.toml"), directory.path().join("b.toml"));
+        let text = "format = 1\nsubject = \"a\"\nparameters = 0\nmass_kg = 70.0\nheight_m = 1.7\nposes_used = 3\n\
+                    identified = true\nskeleton_m = []\nlast_pose_wxyz = [[1.0, 0.0, 0.0, 0.0]]\ntheta_m = []\n\
+                    covariance_m2 = []\n";
+        fs::write(&path, text).unwrap();
+        assert!(Profile::read(&path).unwrap().is_some());
+        fs::copy(&path, &other).unwrap();
+        assert!(Profile::read(&other).unwrap_err().to_string().contains("of the subject a"));
+        for (good, bad, told) in [
+            ("70.0", "700.0", "mass_kg is 700"),
+            ("70.0", "nan", "mass_kg is NaN"),
+            ("1.7", "17.0", "height_m is 17"),
+            ("[[1.0,", "[[9.0,", "unit length"),
+            ("[[1.0,", "[[nan,", "unit length"),
+        ] {
+            fs::write(&path, text.replace(good, bad)).unwrap();
+            let refusal = Profile::read(&path).unwrap_err().to_string();
+            assert!(refusal.contains(told), "{bad}: {refusal}");
+        }
     }
 
     #[test]

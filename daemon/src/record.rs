@@ -16,12 +16,12 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader, Reloaded};
-use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
     AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample,
 };
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
 
 pub use summary::RecordSummary;
 

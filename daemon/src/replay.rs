@@ -99,12 +99,19 @@ impl Replay<'_> {
             }
             input => {
                 let mut samples = input.samples(self.config)?;
-                free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
+                let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
                     let state = machine.step(tick, inputs);
                     summary.take(state);
                     tell(state)
-                })?;
+                });
                 summary.left_out = samples.left_out();
+                match ran {
+                    // Why it is empty is what was left out.
+                    Err(why) if summary.cycles == 0 => {
+                        bail!("{}", format!("{why}\n{}", left_out_lines(&summary.left_out)).trim_end())
+                    }
+                    ran => ran?,
+                }
             }
         }
         summary.scored = machine.into_scored();

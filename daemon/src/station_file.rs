@@ -3,18 +3,23 @@
 //! `stations/<station>.toml` in the state directory, written like a profile: whole or not at all, readable by owner and
 //! group; a file that cannot be understood is refused and never overwritten.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::cycle::kept::SHIFT_HOLDS_NS;
 use equipoise_core::cycle::{Kept, Registration, Tare};
+use equipoise_core::message::Printable;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::model::sha256_of_text;
+use crate::stored_file::{self, Formats, Refusal, sealed};
 
 /// Grows with every change of the file's layout or meaning.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
+/// Format 1 had no checksum.
+const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// A tare older than this is told to be old, s: one shift, in which a plate warms up and cools down.
 const TARE_IS_OLD_S: u64 = 12 * 3600;
 
@@ -142,26 +147,24 @@ impl StationFile {
         }
     }
 
-    /// Reads a file; `None` if there is none.
+    /// Reads a file; `None` if there is none. The file's name is the station's.
     ///
     /// # Errors
     /// [`Refused`], in words.
     pub fn read(path: &Path) -> Result<Option<StationFile>, Refused> {
         let refused = |why: String| Refused { path: path.to_owned(), why };
-        let text = match fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(refused(format!("it cannot be read: {error}"))),
-        };
-        // A later version's fields are not known here: its number is looked at first.
-        let table: toml::Table =
-            text.parse().map_err(|error: toml::de::Error| refused(error.message().to_owned()))?;
-        let format = table.get("format").and_then(toml::Value::as_integer);
-        if format != Some(i64::from(FORMAT)) {
-            let format = format.map_or("missing".to_owned(), |format| format.to_string());
-            return Err(refused(format!("its format is {format}, this version reads {FORMAT}")));
+        let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
+            Refusal::Io(error) => refused(format!("it cannot be read: {error}")),
+            Refusal::Content(why) => refused(why),
+        })?;
+        let Some(file): Option<StationFile> = read else { return Ok(None) };
+        if path.file_stem() != Some(OsStr::new(&file.station)) {
+            return Err(refused(format!(
+                "it is of the station {}",
+                Printable { text: &file.station, chars_max: 64 }
+            )));
         }
-        toml::from_str(&text).map(Some).map_err(|error| refused(error.message().to_owned()))
+        Ok(Some(file))
     }
 
     /// The text of the file.
@@ -169,7 +172,7 @@ impl StationFile {
     /// # Errors
     /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string(self)
+        toml::to_string(self).map(sealed)
     }
 
     /// Who is to be loaded, if the configuration still names whom it named when somebody else was.
@@ -372,7 +375,7 @@ mod tests {
         other.subject.id = "c".to_owned();
         assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
         assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(kept.registration));
-        for (change, why) in [("format = 1", "format = 2"), ("format", "formats"), ("station", "= =")] {
+        for (change, why) in [("format = 2", "format = 3"), ("format", "formats"), ("station", "= =")] {
             fs::write(&path, file.to_toml().unwrap().replacen(change, why, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }

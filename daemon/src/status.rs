@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context;
-use equipoise_adapters::text_file::read_text;
+use equipoise_files::read_text;
 use serde::{Deserialize, Serialize};
 
 use crate::roster::{FaultWatch, MemoryUse, Roster};

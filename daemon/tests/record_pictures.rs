@@ -43,7 +43,7 @@ fn read(path: &Path) -> (Found, bool) {
         match entry.entry {
             Entry::State(state) => drop(found.states.insert(entry.log_time_ns, state)),
             Entry::Other { topic, data, .. } => {
-                found.pictures.push((topic, entry.log_time_ns, String::from_utf8(data).unwrap()));
+                found.pictures.push((topic.to_string(), entry.log_time_ns, String::from_utf8(data).unwrap()));
             }
             _ => {}
         }

@@ -25,7 +25,7 @@ mod ask;
 mod check;
 mod text;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use equipoise_core::effect::{Effect, Model, PARAMETERS_MAX, Place, TERMS_MAX, Term};
 use serde::{Deserialize, Serialize};
@@ -123,20 +123,10 @@ pub enum ModelFileError {
 }
 
 impl ModelFile {
-    /// Reads and checks a file.
-    ///
-    /// # Errors
-    /// [`ModelFileError`], whose text is fit for the person who wrote the file.
-    pub fn read(path: &Path) -> Result<ModelFile, ModelFileError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ModelFileError::Read { path: path.to_owned(), source })?;
-        ModelFile::parse(&text, &path.display().to_string())
-    }
-
     /// Checks a text; `name` is what errors call it.
     ///
     /// # Errors
-    /// As [`ModelFile::read`].
+    /// [`ModelFileError`], whose text is fit for the person who wrote the file.
     pub fn parse(text: &str, name: &str) -> Result<ModelFile, ModelFileError> {
         let raw: text::Raw = toml::from_str(text).map_err(|error| text::explain(&error, text, name))?;
         check::checked(raw, name)

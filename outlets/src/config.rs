@@ -10,6 +10,7 @@ mod zenoh;
 
 use std::path::{Path, PathBuf};
 
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use serde::{Deserialize, Serialize};
 
 pub use foxglove::FoxgloveConfig;
@@ -132,7 +133,7 @@ impl StationFile {
     /// # Errors
     /// [`StationFileError`], in words for the person who wrote the file.
     pub fn read(path: &Path) -> Result<StationFile, StationFileError> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path, TEXT_BYTES_MAX)
             .map_err(|source| StationFileError::Read { path: path.to_owned(), source })?;
         let wrong = |what: String| StationFileError::Wrong { path: path.to_owned(), what };
         let mut file: StationFile =

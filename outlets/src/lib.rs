@@ -10,7 +10,7 @@
 //!
 //! Those that need no library of their own are here: [`udp`], [`rtde`].
 //!
-//! Floors, ground first: [`secret`], [`config`] → [`outlet`] → [`drive`](mod@drive) → [`process`] → [`udp`], [`rtde`]
+//! Floors, ground first: [`config`] → [`outlet`] → [`drive`](mod@drive) → [`process`] → [`udp`], [`rtde`]
 #![forbid(unsafe_code)]
 
 pub mod config;
@@ -18,7 +18,6 @@ pub mod drive;
 pub mod outlet;
 pub mod process;
 pub mod rtde;
-pub mod secret;
 pub mod udp;
 
 pub use config::{OutletsConfig, StationFile};

@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
 use equipoise_core::message::GroundSample;
+use equipoise_files::open_regular;
 use thiserror::Error;
 
 pub use self::columns::Units;
@@ -128,7 +129,7 @@ impl BioWareCapture<File> {
     /// [`BioWareError`].
     pub fn open(path: impl AsRef<Path>, settings: BioWareSettings) -> Result<Self, BioWareError> {
         let path = path.as_ref();
-        let file = File::open(path)
+        let file = open_regular(path)
             .map_err(|error| BioWareError::Open { path: path.to_owned(), reason: error.to_string() })?;
         BioWareCapture::new(file, settings)
     }

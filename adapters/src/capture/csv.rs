@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::Zeroable;
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
+use equipoise_files::open_regular;
 use thiserror::Error;
 
 use super::csv_columns::Columns;
@@ -87,7 +88,7 @@ impl CsvCapture<File> {
     /// [`CsvError`] if it cannot be opened or lacks a column.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, CsvError> {
         let path = path.as_ref();
-        let file = File::open(path).map_err(|source| CsvError::Open { path: path.to_owned(), source })?;
+        let file = open_regular(path).map_err(|source| CsvError::Open { path: path.to_owned(), source })?;
         CsvCapture::new(file)
     }
 }

@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
 use equipoise_core::message::{SuitBody, SuitSample};
+use equipoise_files::open_regular;
 use thiserror::Error;
 
 use self::frame::{Frame, Pose};
@@ -114,7 +115,7 @@ impl MvnxCapture<BufReader<File>> {
         let path = path.as_ref();
         let failed =
             |error: std::io::Error| MvnxError::Open { path: path.to_owned(), reason: error.to_string() };
-        MvnxCapture::new(BufReader::with_capacity(1 << 16, File::open(path).map_err(failed)?))
+        MvnxCapture::new(BufReader::with_capacity(1 << 16, open_regular(path).map_err(failed)?))
     }
 }
 

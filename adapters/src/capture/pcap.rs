@@ -4,18 +4,16 @@
 //! are put together again.
 
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
+use equipoise_files::open_regular;
 use thiserror::Error;
 
 use super::pcap_packets::{Fault, Format, Item};
 use super::rejected::Rejected;
 use super::udp::{UdpAssembler, UdpDatagram};
-
-/// The longest capture, bytes: it is held in memory whole. Two hours of suit and plate at 1 kHz have 2 GB.
-const CAPTURE_BYTES_MAX: u64 = 4 << 30;
+use super::window::{RECORD_BYTES_MAX, Window};
 
 /// Why a capture could not be read at all, or not to its end.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -54,26 +52,25 @@ pub enum PcapError {
     },
 }
 
-/// The UDP datagrams of a capture in file order.
+/// The UDP datagrams of a capture in file order. Of the file no more than a window is held.
 ///
 /// Other packets are counted in [`PcapCapture::rejected`], by packet number. Reasons: `not_ip`, `not_udp`,
 /// `malformed`, `malformed_fragment`, `fragments_missing` (one per datagram, counted at the end), `cut_short` (by
 /// the capture's snap length), `unknown_link_type`, `unknown_interface`, `impossible_time`, `without_time`.
 pub struct PcapCapture {
-    bytes: Vec<u8>,
-    at: usize,
+    window: Window,
     packets: u64,
     format: Format,
     assembler: UdpAssembler,
     rejected: Rejected,
     fault: Option<PcapError>,
+    ended: bool,
 }
 
 impl fmt::Debug for PcapCapture {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("PcapCapture")
-            .field("bytes", &self.bytes.len())
-            .field("at", &self.at)
+            .field("at_byte", &self.window.at_byte())
             .field("packets", &self.packets)
             .field("fault", &self.fault)
             .finish_non_exhaustive()
@@ -88,17 +85,8 @@ impl PcapCapture {
     pub fn open(path: impl AsRef<Path>) -> Result<PcapCapture, PcapError> {
         let path = path.as_ref();
         let failed = |reason: String| PcapError::Io { path: path.to_owned(), reason };
-        let file = File::open(path).map_err(|error| failed(error.to_string()))?;
-        let mut bytes = Vec::new();
-        file.take(CAPTURE_BYTES_MAX + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|error| failed(error.to_string()))?;
-        if bytes.len() as u64 > CAPTURE_BYTES_MAX {
-            let reason =
-                format!("it is longer than {CAPTURE_BYTES_MAX} bytes; cut it into parts (editcap -c)");
-            return Err(failed(reason));
-        }
-        PcapCapture::from_bytes(bytes)
+        let file = open_regular(path).map_err(|error| failed(error.to_string()))?;
+        PcapCapture::read(Box::new(file), failed)
     }
 
     /// The same from bytes.
@@ -106,18 +94,31 @@ impl PcapCapture {
     /// # Errors
     /// [`PcapError::NotACapture`].
     pub fn from_bytes(bytes: Vec<u8>) -> Result<PcapCapture, PcapError> {
-        let Some((format, at)) = Format::of(&bytes) else {
-            let found = bytes[..bytes.len().min(16)].escape_ascii().to_string();
+        PcapCapture::read(Box::new(Cursor::new(bytes)), |reason| PcapError::Io {
+            path: PathBuf::new(),
+            reason,
+        })
+    }
+
+    fn read(
+        source: Box<dyn Read + Send>,
+        failed: impl FnOnce(String) -> PcapError,
+    ) -> Result<PcapCapture, PcapError> {
+        let mut window = Window::open(source).map_err(|error| failed(error.to_string()))?;
+        let begin = window.rest();
+        let Some((format, head_bytes)) = Format::of(begin) else {
+            let found = begin[..begin.len().min(16)].escape_ascii().to_string();
             return Err(PcapError::NotACapture { found });
         };
+        window.pass(head_bytes);
         Ok(PcapCapture {
-            bytes,
-            at,
+            window,
             packets: 0,
             format,
             assembler: UdpAssembler::new(),
             rejected: Rejected::by("packet"),
             fault: None,
+            ended: false,
         })
     }
 
@@ -131,8 +132,35 @@ impl PcapCapture {
         self.fault.as_ref()
     }
 
+    /// Reads more of the file; whether there was more. What cannot be read ends the capture.
+    fn read_on(&mut self) -> bool {
+        match self.window.read_on() {
+            Ok(has_more) => has_more,
+            Err(error) => {
+                self.end_with(Fault::Corrupt(format!("it cannot be read on: {error}")));
+                false
+            }
+        }
+    }
+
+    fn end_with(&mut self, fault: Fault) {
+        if self.ended {
+            return;
+        }
+        let (at_byte, packets) = (self.window.at_byte(), self.packets);
+        let too_long = self.window.rest().len() >= RECORD_BYTES_MAX;
+        self.end(Some(match fault {
+            Fault::Truncated if too_long => {
+                let reason = format!("a record of more than {RECORD_BYTES_MAX} bytes");
+                PcapError::Corrupt { at_byte, packets, reason }
+            }
+            Fault::Truncated => PcapError::Truncated { at_byte, packets },
+            Fault::Corrupt(reason) => PcapError::Corrupt { at_byte, packets, reason },
+        }));
+    }
+
     fn end(&mut self, fault: Option<PcapError>) {
-        self.at = self.bytes.len();
+        self.ended = true;
         self.fault = fault;
         for _ in 0..self.assembler.forget_incomplete() {
             self.rejected.count("fragments_missing", self.packets);
@@ -144,21 +172,25 @@ impl Iterator for PcapCapture {
     type Item = UdpDatagram;
 
     fn next(&mut self) -> Option<UdpDatagram> {
-        while self.at < self.bytes.len() {
-            let (item, used) = match self.format.read(&self.bytes[self.at..]) {
+        while !self.ended {
+            if self.window.runs_low() {
+                self.read_on();
+            }
+            if self.window.rest().is_empty() {
+                break;
+            }
+            let (item, used) = match self.format.read(self.window.rest()) {
                 Ok(read) => read,
                 Err(fault) => {
-                    let (at_byte, packets) = (self.at, self.packets);
-                    self.end(Some(match fault {
-                        Fault::Truncated => PcapError::Truncated { at_byte, packets },
-                        Fault::Corrupt(reason) => PcapError::Corrupt { at_byte, packets, reason },
-                    }));
-                    return None;
+                    if fault != Fault::Truncated || !self.read_on() {
+                        self.end_with(fault);
+                    }
+                    continue;
                 }
             };
             let outcome = match item {
                 Item::Nothing => {
-                    self.at += used;
+                    self.window.pass(used);
                     continue;
                 }
                 Item::Unusable(reason) => Err(reason),
@@ -167,7 +199,7 @@ impl Iterator for PcapCapture {
                     self.assembler.take(packet.time_ns, packet.link_type, packet.interface, packet.bytes)
                 }
             };
-            self.at += used;
+            self.window.pass(used);
             self.packets += 1;
             match outcome {
                 Ok(Some(datagram)) => return Some(datagram),
@@ -175,7 +207,7 @@ impl Iterator for PcapCapture {
                 Err(reason) => self.rejected.count(reason, self.packets),
             }
         }
-        if self.fault.is_none() {
+        if !self.ended {
             self.end(None);
         }
         None

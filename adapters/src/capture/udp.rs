@@ -8,6 +8,8 @@ use etherparse::{EtherType, IpNumber, NetSlice, SlicedPacket, TransportSlice, Ud
 
 /// Linux forgets fragments after this time (net.ipv4.ipfrag_time), so later ones belong to another datagram.
 const FRAGMENT_LIFE_NS: u64 = 30_000_000_000;
+/// So many incomplete datagrams are kept, of 64 KiB at most each: as much as Linux keeps (net.ipv4.ipfrag_high_thresh, 4 MiB).
+const INCOMPLETE_MAX: u64 = 64;
 
 /// One UDP datagram of a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,11 +42,13 @@ mod link_type {
 /// Puts datagrams together; keeps the fragments of incomplete ones.
 pub(super) struct UdpAssembler {
     fragments: IpDefragPool<u64, u32>,
+    /// Datagrams that were given up.
+    given_up: u64,
 }
 
 impl UdpAssembler {
     pub(super) fn new() -> UdpAssembler {
-        UdpAssembler { fragments: IpDefragPool::new() }
+        UdpAssembler { fragments: IpDefragPool::new(), given_up: 0 }
     }
 
     /// The datagram that a packet completes; `None` for a fragment with others still to come.
@@ -82,7 +86,7 @@ impl UdpAssembler {
             return Err("not_udp");
         }
         // Only a fragment is UDP and was not sliced as UDP.
-        self.fragments.retain(|newest_ns| time_ns.saturating_sub(*newest_ns) < FRAGMENT_LIFE_NS);
+        self.give_up_old(time_ns);
         match self.fragments.process_sliced_packet(&packet, time_ns, interface) {
             Ok(None) => Ok(None),
             Ok(Some(whole)) => {
@@ -95,16 +99,38 @@ impl UdpAssembler {
         }
     }
 
-    /// How many datagrams lack fragments; forgets them.
-    pub(super) fn forget_incomplete(&mut self) -> u64 {
-        let incomplete = Cell::new(0);
-        // The pool tells its size to no one; a predicate that keeps all is asked once for each.
-        self.fragments.retain(|_| {
-            incomplete.set(incomplete.get() + 1);
+    /// Makes room for one more incomplete datagram: those that wait too long go, and the oldest where there are too many.
+    fn give_up_old(&mut self, time_ns: u64) {
+        let since_ns = time_ns.saturating_sub(FRAGMENT_LIFE_NS);
+        let (waiting, oldest_ns) = self.keep(|newest_ns| newest_ns >= since_ns);
+        if waiting >= INCOMPLETE_MAX {
+            self.keep(|newest_ns| newest_ns > oldest_ns);
+        }
+    }
+
+    /// Gives up the datagrams to whose newest fragment's time `stays` says no; how many are left, and the time of the oldest.
+    fn keep(&mut self, stays: impl Fn(u64) -> bool) -> (u64, u64) {
+        let (waiting, given_up, oldest_ns) = (Cell::new(0), Cell::new(0), Cell::new(u64::MAX));
+        // The pool tells neither its size nor its times: a predicate that keeps all is asked once for each.
+        self.fragments.retain(|newest_ns| {
+            let count = if stays(*newest_ns) { &waiting } else { &given_up };
+            count.set(count.get() + 1);
+            if stays(*newest_ns) {
+                oldest_ns.set(oldest_ns.get().min(*newest_ns));
+            }
             true
         });
-        self.fragments = IpDefragPool::new();
-        incomplete.get()
+        if given_up.get() > 0 {
+            self.fragments.retain(|newest_ns| stays(*newest_ns));
+        }
+        self.given_up += given_up.get();
+        (waiting.get(), oldest_ns.get())
+    }
+
+    /// How many datagrams lacked fragments; forgets them.
+    pub(super) fn forget_incomplete(&mut self) -> u64 {
+        self.keep(|_| false);
+        std::mem::take(&mut self.given_up)
     }
 }
 

@@ -1,16 +1,24 @@
 //! The channels of a file: which topic, which schema, and whether this release reads it.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use equipoise_core::cycle::Checkpoint;
+use equipoise_core::message::Printable;
 use mcap::records::{Channel, SchemaHeader};
 
 use super::error::ReadError;
 use super::topic::{Entry, Recorded, SCHEMA_HASH_KEY, TYPE_NAME_KEY, TopicTable};
 
+/// Names and schemas of a file have no more bytes; ours have 40 000.
+const ANNOUNCED_BYTES_MAX: usize = 16 << 20;
+/// Of a foreign file so many topics are told, and so much of each text.
+const TOPICS_TOLD: usize = 8;
+const TOLD_CHARS_MAX: usize = 160;
+
 #[derive(Debug)]
 struct Schema {
-    name: String,
+    name: Arc<str>,
     text: Vec<u8>,
 }
 
@@ -19,14 +27,32 @@ enum Reads {
     /// One of our topics, checked.
     Ours(&'static str),
     /// A topic this release does not know.
-    Unknown { topic: String, schema: String },
+    Unknown { topic: Arc<str>, schema: Arc<str> },
 }
 
 impl Reads {
     fn unknown(channel: &Channel, schema: Option<&Schema>) -> Reads {
-        let schema = schema.map(|schema| schema.name.clone()).unwrap_or_default();
-        Reads::Unknown { topic: channel.topic.clone(), schema }
+        let schema = schema.map_or_else(|| Arc::from(""), |schema| Arc::clone(&schema.name));
+        Reads::Unknown { topic: channel.topic.as_str().into(), schema }
     }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Reads::Ours(_) => 0,
+            Reads::Unknown { topic, .. } => topic.len(),
+        }
+    }
+}
+
+impl Schema {
+    fn bytes(&self) -> usize {
+        self.name.len() + self.text.len()
+    }
+}
+
+/// A text of the file, fit to be shown.
+pub(super) fn shown(text: &str) -> String {
+    Printable { text, chars_max: TOLD_CHARS_MAX }.to_string()
 }
 
 /// What has been announced so far.
@@ -34,6 +60,8 @@ impl Reads {
 pub(super) struct Channels {
     schemas: HashMap<u16, Schema>,
     channels: HashMap<u16, Reads>,
+    /// Bytes of the names and texts in both.
+    bytes: usize,
 }
 
 impl Channels {
@@ -42,12 +70,27 @@ impl Channels {
         self.channels.values().any(|reads| matches!(reads, Reads::Ours(_)))
     }
 
-    pub(super) fn add_schema(&mut self, header: SchemaHeader, text: Vec<u8>) {
-        self.schemas.insert(header.id, Schema { name: header.name, text });
+    /// Takes a schema in.
+    ///
+    /// # Errors
+    /// More is announced than is read, in words.
+    pub(super) fn add_schema(&mut self, header: SchemaHeader, text: Vec<u8>) -> Result<(), String> {
+        let schema = Schema { name: header.name.into(), text };
+        self.bytes += schema.bytes();
+        let before = self.schemas.insert(header.id, schema);
+        self.bytes -= before.map_or(0, |before| before.bytes());
+        self.check_bytes()
+    }
+
+    fn check_bytes(&self) -> Result<(), String> {
+        if self.bytes <= ANNOUNCED_BYTES_MAX {
+            return Ok(());
+        }
+        Err(format!("its topics and schemas have more than {ANNOUNCED_BYTES_MAX} bytes"))
     }
 
     /// Takes a channel in, unless it is one of our topics with another message than this release's.
-    pub(super) fn add_channel(&mut self, channel: Channel) -> Result<(), ReadError> {
+    pub(super) fn add_channel(&mut self, channel: Channel, at_byte: usize) -> Result<(), ReadError> {
         let schema = self.schemas.get(&channel.schema_id);
         let reads = match TopicTable::named(&channel.topic) {
             Some(table) => match check(table, &channel, schema) {
@@ -58,8 +101,10 @@ impl Channels {
             },
             None => Reads::unknown(&channel, schema),
         };
-        self.channels.insert(channel.id, reads);
-        Ok(())
+        self.bytes += reads.bytes();
+        let before = self.channels.insert(channel.id, reads);
+        self.bytes -= before.map_or(0, |before| before.bytes());
+        self.check_bytes().map_err(|reason| ReadError::Damaged { at_byte, reason })
     }
 
     /// Refuses a file that announced topics, none of them ours. A file cut before its first chunk is only empty.
@@ -75,7 +120,12 @@ impl Channels {
             return Ok(());
         }
         found.sort_unstable();
-        Err(ReadError::Foreign { found: format!("the topics {}", found.join(", ")) })
+        let told: Vec<String> = found.iter().take(TOPICS_TOLD).map(|topic| shown(topic)).collect();
+        let more = match found.len().saturating_sub(TOPICS_TOLD) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        Err(ReadError::Foreign { found: format!("the topics {}{more}", told.join(", ")) })
     }
 
     /// The message in `data`.
@@ -100,7 +150,7 @@ impl Channels {
 
 /// Compares type name and schema hash; where a tool dropped the metadata, name and text of the schema instead.
 fn check(table: &'static TopicTable, channel: &Channel, schema: Option<&Schema>) -> Result<(), ReadError> {
-    let schema_name = schema.map_or("", |schema| schema.name.as_str());
+    let schema_name = schema.map_or("", |schema| &*schema.name);
     let (found, expected) = match channel.metadata.get(TYPE_NAME_KEY) {
         Some(found) => (found.as_str(), table.type_name.to_owned()),
         None => (schema_name, table.schema_name()),
@@ -109,13 +159,13 @@ fn check(table: &'static TopicTable, channel: &Channel, schema: Option<&Schema>)
         let found = if found.is_empty() { "messages without a schema" } else { found };
         return Err(ReadError::OtherType {
             topic: channel.topic.clone(),
-            found: found.to_owned(),
+            found: shown(found),
             expected: table.type_name,
         });
     }
     let expected = format!("{:016x}", table.schema_hash);
     let (same, found) = match channel.metadata.get(SCHEMA_HASH_KEY) {
-        Some(found) => (*found == expected, found.clone()),
+        Some(found) => (*found == expected, shown(found)),
         None => {
             let same = schema.is_some_and(|schema| schema.text == (table.schema_text)().as_bytes());
             (same, "by its text".to_owned())

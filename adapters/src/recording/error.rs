@@ -69,6 +69,16 @@ pub enum ReadError {
         /// Schema hash of this release.
         expected: String,
     },
+    /// Some messages hold numbers that nothing can have.
+    #[error(
+        "{count} messages hold numbers that are not finite or cannot be (the first at byte {at_byte}); they are left out"
+    )]
+    Impossible {
+        /// How many.
+        count: u64,
+        /// Where the record begins in which the first one is.
+        at_byte: usize,
+    },
     /// The file is whole to look at, but what it holds is broken.
     #[error("the recording is damaged at byte {at_byte}: {reason}; what stands before is sound")]
     Damaged {

@@ -9,6 +9,8 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 pub(super) const RECORD_HEAD_BYTES: usize = 1 + 8;
 /// A chunk or record that claims to be larger than this is damage, not data (our chunks have some 4 MiB).
 pub(super) const RECORD_BYTES_MAX: usize = 64 << 20;
+/// A chunk that unpacks to more is a bomb, or would need more memory than a station has to spare (ours have some 4 MiB).
+const UNPACKED_BYTES_MAX: u64 = 32 << 20;
 /// A chunk's head without its compression's name.
 const CHUNK_HEAD_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
@@ -90,6 +92,10 @@ pub(super) fn unpack_chunk<E>(
             // mcap 0.26 subtracts without a check where bytes follow an uncompressed chunk's data.
             if head_bytes.checked_add(header.compressed_size) != Some(body.len() as u64) {
                 return Err(damaged("a chunk of another size than its record".to_owned()));
+            }
+            if header.uncompressed_size > UNPACKED_BYTES_MAX {
+                let bytes = header.uncompressed_size;
+                return Err(damaged(format!("a chunk of {bytes} bytes, the most is {UNPACKED_BYTES_MAX}")));
             }
         }
         Ok(_) => return Err(damaged("no chunk".to_owned())),

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use super::channels::shown;
+
 /// Name of the metadata record.
 pub(super) const METADATA_NAME: &str = "equipoise.recording";
 /// Version of how a recording is laid out (not of the messages: these have versions of their own).
@@ -102,7 +104,8 @@ impl RecordingHeader {
     /// Takes the metadata record in; returns the layout's version, `None` if it is not a number.
     pub(super) fn take_metadata(&mut self, metadata: &BTreeMap<String, String>) -> Option<u32> {
         let number = |key: &str| metadata.get(key).and_then(|text| text.parse().ok()).unwrap_or(0);
-        self.software_version = metadata.get(SOFTWARE_VERSION_KEY).cloned().unwrap_or_default();
+        let version = metadata.get(SOFTWARE_VERSION_KEY).map(String::as_str).unwrap_or_default();
+        self.software_version = shown(version);
         self.started_unix_ns = number(STARTED_WALL_CLOCK_KEY);
         self.started_monotonic_ns = number(STARTED_MONOTONIC_KEY);
         metadata.get(FORMAT_KEY)?.parse().ok()

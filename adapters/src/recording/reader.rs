@@ -1,12 +1,11 @@
 //! Reading a recording, whole or cut short.
 
 use std::collections::VecDeque;
-use std::ops::Range;
 use std::path::Path;
 
 use mcap::records::{Record, op};
 
-use super::channels::Channels;
+use super::channels::{Channels, shown};
 use super::error::ReadError;
 use super::frame::{RECORD_HEAD_BYTES, parse, unpack_chunk};
 use super::header::{FORMAT, METADATA_NAME, RecordingHeader};
@@ -17,8 +16,8 @@ use super::topic::TimedEntry;
 #[derive(Debug)]
 pub struct Recording {
     store: Store,
-    /// Where the records stand that hold messages or announce them.
-    records: Vec<Range<usize>>,
+    /// Where the whole records end.
+    end: usize,
     header: RecordingHeader,
     truncated: bool,
 }
@@ -49,7 +48,7 @@ impl Recording {
         }
         drop(begin);
         let mut recording =
-            Recording { store, records: Vec::new(), header: RecordingHeader::default(), truncated: true };
+            Recording { store, end: mcap::MAGIC.len(), header: RecordingHeader::default(), truncated: true };
         recording.scan(failed)?;
         recording.check_first_channels()?;
         Ok(recording)
@@ -69,31 +68,34 @@ impl Recording {
     pub fn entries(&self) -> Entries<'_> {
         Entries {
             recording: self,
-            next_record: 0,
+            at: mcap::MAGIC.len(),
             channels: Channels::default(),
             ready: VecDeque::new(),
+            impossible: None,
             ended: false,
         }
     }
 
     /// Finds the records by their frames; nothing is decompressed here, and of a file only the head is read.
     fn scan(&mut self, failed: impl Fn(std::io::Error) -> ReadError) -> Result<(), ReadError> {
-        let mut at = mcap::MAGIC.len();
-        while let Some((opcode, record)) = self.store.record_at(at).map_err(&failed)? {
-            at = record.end;
+        let mut head_bytes = 0;
+        while let Some((opcode, record)) = self.store.record_at(self.end).map_err(&failed)? {
+            let at_byte = self.end;
+            self.end = record.end;
             match opcode {
                 op::FOOTER => {
                     self.truncated = false;
                     break;
                 }
-                // What cannot be parsed is kept too: the reader says where it stands when it gets there.
-                op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK => self.records.push(record),
                 op::METADATA | op::ATTACHMENT => {
+                    head_bytes += record.len() + HEAD_RECORD_BYTES;
+                    if head_bytes > HEAD_BYTES_MAX {
+                        let reason = format!("its attachments have more than {HEAD_BYTES_MAX} bytes");
+                        return Err(ReadError::Damaged { at_byte, reason });
+                    }
                     let body = record.start + RECORD_HEAD_BYTES..record.end;
                     let body = self.store.read(body).map_err(&failed)?.into_owned();
-                    if !self.take_head(opcode, &body)? {
-                        self.records.push(record);
-                    }
+                    self.take_head(opcode, &body)?;
                 }
                 _ => {}
             }
@@ -101,8 +103,8 @@ impl Recording {
         Ok(())
     }
 
-    /// Takes in what the file says of itself; whether it could be parsed.
-    fn take_head(&mut self, opcode: u8, body: &[u8]) -> Result<bool, ReadError> {
+    /// Takes in what the file says of itself. What cannot be parsed is told when the reader gets there.
+    fn take_head(&mut self, opcode: u8, body: &[u8]) -> Result<(), ReadError> {
         match parse(opcode, body) {
             Ok(Some(Record::Metadata(metadata))) if metadata.name == METADATA_NAME => {
                 let format = self.header.take_metadata(&metadata.metadata);
@@ -114,16 +116,15 @@ impl Recording {
             Ok(Some(Record::Attachment { header, data, .. })) => {
                 self.header.take_attachment(&header.name, &data);
             }
-            Ok(_) => {}
-            Err(_) => return Ok(false),
+            Ok(_) | Err(_) => {}
         }
-        Ok(true)
+        Ok(())
     }
 
     /// Reads on to the first of our topics, so that a foreign file is refused when it is opened.
     fn check_first_channels(&self) -> Result<(), ReadError> {
         let mut entries = self.entries();
-        while !entries.channels.has_ours() && entries.next_record < self.records.len() {
+        while !entries.channels.has_ours() && entries.at < self.end {
             entries.ready.clear();
             match entries.read_record() {
                 // Damage is told while reading: what stands before it is still good.
@@ -137,6 +138,10 @@ impl Recording {
 
 /// As much of a file as tells what it is.
 const BEGIN_BYTES: usize = 64;
+/// What a file says of itself has no more bytes: four hundred changes of the worker in one shift.
+const HEAD_BYTES_MAX: usize = 64 << 20;
+/// What an attachment costs beside its bytes, at most.
+const HEAD_RECORD_BYTES: usize = 256;
 
 fn what_it_begins_with(bytes: &[u8]) -> String {
     match bytes {
@@ -147,27 +152,40 @@ fn what_it_begins_with(bytes: &[u8]) -> String {
     }
 }
 
-/// The messages of a recording in file order.
+/// Records that hold messages or announce them, and those that were looked at when the file was opened: one that cannot be
+/// parsed is damage.
+const HOLDS_MESSAGES: [u8; 6] =
+    [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::CHUNK, op::METADATA, op::ATTACHMENT];
+
+/// The messages of a recording in file order. Those with impossible numbers are left out, and counted in an error at the end.
 #[derive(Debug)]
 pub struct Entries<'a> {
     recording: &'a Recording,
-    next_record: usize,
+    /// Where the next record begins.
+    at: usize,
     channels: Channels,
     ready: VecDeque<TimedEntry>,
+    /// Messages that were left out for their numbers, and the byte of the first one's record.
+    impossible: Option<(u64, usize)>,
     ended: bool,
 }
 
 impl Entries<'_> {
-    /// Takes in one record of the file: a chunk, or a bare schema, channel or message.
+    /// Takes in the next record of the file that is a chunk, or a bare schema, channel or message.
     fn read_record(&mut self) -> Result<(), ReadError> {
-        let range = self.recording.records[self.next_record].clone();
-        self.next_record += 1;
-        let at_byte = range.start;
-        let damaged = |reason: String| ReadError::Damaged { at_byte, reason };
-        let record = self.recording.store.read(range).map_err(|error| damaged(error.to_string()))?;
-        let [opcode, ..] = *record else {
-            return Err(damaged("an empty record".to_owned()));
+        let at_byte = self.at;
+        let damaged = |reason: String| ReadError::Damaged { at_byte, reason: shown(&reason) };
+        let store = &self.recording.store;
+        let found = store.record_at(at_byte).map_err(|error| damaged(error.to_string()))?;
+        let Some((opcode, range)) = found else {
+            self.at = self.recording.end;
+            return Ok(());
         };
+        self.at = range.end;
+        if !HOLDS_MESSAGES.contains(&opcode) {
+            return Ok(());
+        }
+        let record = store.read(range).map_err(|error| damaged(error.to_string()))?;
         if opcode == op::CHUNK {
             // A chunk counts whole or not at all.
             let mut taken = VecDeque::new();
@@ -186,11 +204,18 @@ impl Entries<'_> {
 
     fn take(&mut self, opcode: u8, body: &[u8], at_byte: usize) -> Result<Option<TimedEntry>, ReadError> {
         match parse(opcode, body).map_err(|reason| ReadError::Damaged { at_byte, reason })? {
-            Some(Record::Schema { header, data }) => self.channels.add_schema(header, data.into_owned()),
-            Some(Record::Channel(channel)) => self.channels.add_channel(channel)?,
+            Some(Record::Schema { header, data }) => {
+                let added = self.channels.add_schema(header, data.into_owned());
+                added.map_err(|reason| ReadError::Damaged { at_byte, reason })?;
+            }
+            Some(Record::Channel(channel)) => self.channels.add_channel(channel, at_byte)?,
             Some(Record::Message { header, data }) => {
                 let entry = self.channels.decode(header.channel_id, &data);
                 let entry = entry.map_err(|reason| ReadError::Damaged { at_byte, reason })?;
+                if !entry.is_possible() {
+                    self.impossible.get_or_insert((0, at_byte)).0 += 1;
+                    return Ok(None);
+                }
                 return Ok(Some(TimedEntry { log_time_ns: header.log_time, entry }));
             }
             _ => {}
@@ -207,8 +232,13 @@ impl Iterator for Entries<'_> {
             if let Some(entry) = self.ready.pop_front() {
                 return Some(Ok(entry));
             }
-            if self.ended || self.next_record >= self.recording.records.len() {
+            if self.ended {
                 return None;
+            }
+            if self.at >= self.recording.end {
+                self.ended = true;
+                let (count, at_byte) = self.impossible?;
+                return Some(Err(ReadError::Impossible { count, at_byte }));
             }
             if let Err(error) = self.read_record() {
                 self.ended = true;

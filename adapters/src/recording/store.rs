@@ -8,6 +8,8 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use equipoise_files::{Links, open_regular_by};
+
 use super::frame::{RECORD_BYTES_MAX, RECORD_HEAD_BYTES, record_end};
 
 /// Where a recording's bytes are.
@@ -21,11 +23,7 @@ pub(super) enum Store {
 
 impl Store {
     pub(super) fn open(path: &Path) -> io::Result<Store> {
-        let file = File::open(path)?;
-        let metadata = file.metadata()?;
-        if metadata.is_dir() {
-            return Err(io::ErrorKind::IsADirectory.into());
-        }
+        let (file, metadata) = open_regular_by(path, Links::Follow)?;
         let length = usize::try_from(metadata.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
         Ok(Store::File(file, length))
     }

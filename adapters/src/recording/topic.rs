@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::sync::Arc;
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
@@ -57,12 +58,28 @@ macro_rules! recorded {
             /// A message under a topic that this release does not know.
             Other {
                 /// The topic.
-                topic: String,
+                topic: Arc<str>,
                 /// The schema's name; empty if the file gives none.
-                schema: String,
+                schema: Arc<str>,
                 /// The bytes as they stand in the file.
                 data: Vec<u8>,
             },
+        }
+
+        impl Entry {
+            /// Whether its numbers can be: all finite, those of samples within what a body or a plate has.
+            pub fn is_possible(&self) -> bool {
+                let is_finite = match self {
+                    $(Entry::$Variant(message) => message.is_finite(),)*
+                    Entry::Other { .. } => true,
+                };
+                is_finite
+                    && match self {
+                        Entry::Suit(sample) => sample.is_possible(),
+                        Entry::Ground(sample) => sample.is_possible(),
+                        _ => true,
+                    }
+            }
         }
 
         $(impl From<$Message> for Entry {

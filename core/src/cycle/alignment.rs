@@ -6,7 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::tare::Tare;
-use crate::message::{GroundSample, SuitSample};
+use crate::message::{GroundSample, Message, SuitSample};
 use crate::time::NS_PER_S;
 
 /// Ground samples kept: 0.64 s at 1 kHz, for a suit that is half a second late.
@@ -71,17 +71,18 @@ fn learn(period_ns: &mut u64, interval_ns: u64) {
 }
 
 impl Alignment {
-    /// Whether a ground sample may enter at `now_ns`: its numbers are plausible, and its time advances. Counts those refused.
+    /// Whether a ground sample may enter at `now_ns`: its numbers are possible, its time advances and is not to come. Counts those
+    /// refused. Adapters see to that; the loop checks again, because any process of the same user may write to the bus.
     pub fn admits_ground(&mut self, sample: &GroundSample, now_ns: u64) -> bool {
         let advances =
             self.newest_ground().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
-        self.admit(advances && is_sound_ground(sample, now_ns))
+        self.admit(advances && is_not_to_come(sample.sample_time_ns, now_ns) && sample.is_possible())
     }
 
     /// The same for a suit sample.
     pub fn admits_suit(&mut self, sample: &SuitSample, now_ns: u64) -> bool {
         let advances = self.newest_suit().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
-        self.admit(advances && is_sound_suit(sample, now_ns))
+        self.admit(advances && is_not_to_come(sample.sample_time_ns, now_ns) && sample.is_possible())
     }
 
     fn admit(&mut self, may_enter: bool) -> bool {
@@ -177,8 +178,8 @@ impl Alignment {
             && self.suit_period_ns <= PERIOD_MAX_NS
             && self.ground_period_ns <= PERIOD_MAX_NS
             && self.lag_ns.unsigned_abs() <= NS_PER_S
-            && self.suit.iter().all(is_finite_suit)
-            && self.ground.iter().all(is_finite_ground)
+            && self.suit.iter().all(Message::is_finite)
+            && self.ground.iter().all(Message::is_finite)
     }
 
     /// The oldest waiting suit sample, once the ground reaches past the time that belongs to it or it is `patience_ns` old at `now_ns`.
@@ -303,50 +304,8 @@ impl WeightedMean {
     }
 }
 
-fn is_finite_suit(sample: &SuitSample) -> bool {
-    sample.position_m.iter().flatten().all(|value| value.is_finite())
-        && sample.orientation_wxyz.iter().flatten().all(|value| value.is_finite())
-        && sample.com_m.iter().all(|value| value.is_finite())
-        && sample.acceleration_m_per_s2.iter().flatten().all(|value| value.is_finite())
-}
-
-fn is_finite_ground(sample: &GroundSample) -> bool {
-    sample.force_n.iter().chain(&sample.moment_nm).all(|value| value.is_finite())
-        && sample.surface_z_m.is_finite()
-        && sample
-            .foot_vertical_n
-            .iter()
-            .chain(sample.foot_cop_m.iter().flatten())
-            .all(|value| value.is_finite())
-}
-
 /// A sample dated farther ahead of the cycle than this is not believed: it would make all later ones look old, ns.
 const AHEAD_MAX_NS: u64 = 1_000_000_000;
-/// No body is farther from the origin, m.
-const POSITION_MAX_M: f64 = 1e4;
-/// No plate measures more, N and N m.
-const WRENCH_MAX: f64 = 1e6;
-
-/// Whether a suit sample may enter at `now_ns`: plausible numbers, unit quaternions, a time that is not to come.
-///
-/// Adapters see to that; the loop checks again, because any process of the same user may write to the bus.
-fn is_sound_suit(sample: &SuitSample, now_ns: u64) -> bool {
-    is_not_to_come(sample.sample_time_ns, now_ns)
-        && is_finite_suit(sample)
-        && sample.position_m.iter().flatten().all(|metres| metres.abs() < POSITION_MAX_M)
-        && sample.orientation_wxyz.iter().all(|q| {
-            let square: f64 = q.iter().map(|part| part * part).sum();
-            (square - 1.0).abs() < 1e-3
-        })
-}
-
-/// Whether a ground sample may enter at `now_ns`: plausible numbers, a time that is not to come.
-fn is_sound_ground(sample: &GroundSample, now_ns: u64) -> bool {
-    is_not_to_come(sample.sample_time_ns, now_ns)
-        && is_finite_ground(sample)
-        && sample.force_n.iter().chain(&sample.moment_nm).all(|value| value.abs() < WRENCH_MAX)
-        && sample.surface_z_m.abs() < POSITION_MAX_M
-}
 
 fn is_not_to_come(sample_time_ns: u64, now_ns: u64) -> bool {
     sample_time_ns <= now_ns.saturating_add(AHEAD_MAX_NS)

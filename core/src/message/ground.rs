@@ -2,7 +2,7 @@
 
 mod between;
 
-use super::layout::{ZeroCopySend, message};
+use super::layout::{Message, ZeroCopySend, message};
 
 message! {
     /// The ground's action on the person: force and moment in the station's world (X forward, Y left, Z up).
@@ -134,7 +134,19 @@ const FEET_SUM_TOLERANCE: (f64, f64) = (5.0, 0.02);
 /// Below this vertical force the centre of pressure is noise (protocols §3.7: devices gate at 5–10 N).
 pub const COP_MIN_VERTICAL_N: f64 = 20.0;
 
+/// No plate measures more, N and N m.
+const WRENCH_MAX: f64 = 1e6;
+/// No plate lies farther from the origin, m.
+const HEIGHT_MAX_M: f64 = 1e4;
+
 impl GroundSample {
+    /// Whether its numbers can be a plate's: finite, and not beyond what any measures.
+    pub fn is_possible(&self) -> bool {
+        self.is_finite()
+            && self.force_n.iter().chain(&self.moment_nm).all(|value| value.abs() < WRENCH_MAX)
+            && self.surface_z_m.abs() < HEIGHT_MAX_M
+    }
+
     /// Whether the devices measure a part of the wrench.
     pub fn measures(&self, component: Component) -> bool {
         self.not_measured & component as u32 == 0

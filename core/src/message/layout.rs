@@ -84,6 +84,15 @@ pub trait Message: Pod + ZeroCopySend + core::fmt::Debug {
     /// iceoryx2 compares type name and size only; this tells apart two layouts of one size. Recordings hold it. What the
     /// bits and numbers in the fields mean is not in it: who reads the bus agrees on `equipoise_bus::Topic::schema`.
     const SCHEMA_HASH: u64 = schema_hash(Self::TYPE_NAME, Self::FIELDS);
+
+    /// Whether no number is infinite or none at all.
+    fn is_finite(&self) -> bool {
+        let bytes = bytemuck::bytes_of(self);
+        Self::FIELDS.iter().filter(|field| field.primitive == Primitive::F64).all(|field| {
+            let numbers = bytes[field.offset..].as_chunks::<8>().0;
+            numbers[..field.count].iter().all(|number| f64::from_ne_bytes(*number).is_finite())
+        })
+    }
 }
 
 /// FNV-1a of 64 bits, going on from `hash`.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::layout::{ZeroCopySend, message};
+use super::layout::{Message, ZeroCopySend, message};
 use crate::body::SEGMENTS;
 use crate::frame::{Pose, SuitWorld, Turn, rotation};
 
@@ -68,7 +68,18 @@ pub enum SuitBlocks {
     CentreOfMass = 1 << 3,
 }
 
+/// No body is farther from the origin, m.
+const POSITION_MAX_M: f64 = 1e4;
+
 impl SuitSample {
+    /// Whether its numbers can be a body's: finite, not out of the world, unit quaternions.
+    pub fn is_possible(&self) -> bool {
+        let is_turn = |q: &[f64; 4]| (q.iter().map(|part| part * part).sum::<f64>() - 1.0).abs() < 1e-3;
+        self.is_finite()
+            && self.position_m.iter().flatten().all(|metres| metres.abs() < POSITION_MAX_M)
+            && self.orientation_wxyz.iter().all(is_turn)
+    }
+
     /// Where the body is, in the suit's own world. The adapter has normalised the quaternions.
     pub fn pose(&self) -> Pose<SuitWorld> {
         Pose::new(self.position_m.map(Vector3::from), self.orientation_wxyz.map(rotation))

@@ -5,7 +5,7 @@ use std::os::unix::fs::{MetadataExt, chown};
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use equipoise_adapters::text_file::{TEXT_BYTES_MAX, read_text};
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use toml_edit::{Array, DocumentMut, Item, Table, Value};
 
 use crate::config::Config;

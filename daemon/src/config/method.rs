@@ -1,6 +1,7 @@
 //! `[subject]`, `[identification]`, `[static_pose]`: the worker and the method.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use equipoise_core::body::{Joint, Sex};
 use equipoise_core::cycle::{Method, PoseChoice, PriorKind, Settings, StopRule};
@@ -9,6 +10,11 @@ use equipoise_core::sesc::ReductionKind;
 use serde::{Deserialize, Serialize};
 
 use crate::profile::Build;
+
+/// Stature of a worker, m.
+pub const HEIGHT_M: RangeInclusive<f64> = 1.0..=2.3;
+/// Mass of a worker with clothes and suit, kg.
+pub const MASS_KG: RangeInclusive<f64> = 25.0..=250.0;
 
 pub(super) type Checked = Result<(), (&'static str, String)>;
 
@@ -79,9 +85,9 @@ impl SubjectConfig {
     }
 
     pub(super) fn check(&self) -> Checked {
-        between("subject.height_m", self.height_m, 1.0, 2.3)?;
+        between("subject.height_m", self.height_m, *HEIGHT_M.start(), *HEIGHT_M.end())?;
         if let Some(mass_kg) = self.mass_kg {
-            between("subject.mass_kg", mass_kg, 25.0, 250.0)?;
+            between("subject.mass_kg", mass_kg, *MASS_KG.start(), *MASS_KG.end())?;
         }
         for (name, limit_nm) in &self.tau_max_nm {
             if Joint::named(name).is_none() {

@@ -10,13 +10,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use equipoise_adapters::text_file::read_text;
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{AdapterHealth, Command, CycleRecord, Incident, Incidents};
 use equipoise_core::time::{NS_PER_S, seconds};
+use equipoise_files::read_text;
 use equipoise_latency::{PathHistograms, Report};
 use equipoise_view::page::{PageCommand, Station};
 use serde_json::{Value, json};

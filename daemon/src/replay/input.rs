@@ -11,6 +11,7 @@ use equipoise_core::cycle::{Checkpoint, Settings};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::samples::{LeftOut, Sample, Samples};
+use crate::config::method::MASS_KG;
 use crate::config::{Config, SuitPosition};
 use crate::model::LoadedModel;
 
@@ -211,7 +212,7 @@ fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
     }
     // To the hundredth: a default that reads well in the header.
     let mass_kg = (sum_n / count / GRAVITY_M_PER_S2 * 100.0).round() / 100.0;
-    (25.0..=250.0).contains(&mass_kg).then_some(mass_kg)
+    MASS_KG.contains(&mass_kg).then_some(mass_kg)
 }
 
 /// What an input lacks that only shows at its end.

@@ -59,7 +59,7 @@ pub struct Samples<'a> {
 }
 
 enum Source<'a> {
-    Recording(&'a Recording, Ordered<'a>),
+    Recording(&'a Recording, Box<Ordered<'a>>),
     Csv(Box<CsvCapture<File>>, Latencies, Option<Box<SuitSample>>),
     Mvnx(Box<MvnxCapture<BufReader<File>>>, Latencies, Option<Box<SuitBody>>),
     Pcap(Box<PcapSamples>),
@@ -80,7 +80,7 @@ impl Latencies {
 
 impl<'a> Samples<'a> {
     pub(super) fn of_recording(recording: &'a Recording) -> Samples<'a> {
-        Samples { source: Source::Recording(recording, Ordered::new(recording.entries())) }
+        Samples { source: Source::Recording(recording, Box::new(Ordered::new(recording.entries()))) }
     }
 
     pub(super) fn of_csv(path: &Path, config: &Config) -> Result<Samples<'a>, CsvError> {

@@ -112,13 +112,11 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     station.run(&["subject", "undo-lift"]).failed_with(1, &["no lift of this shift counts"]);
 
     // Another worker, with other poses to the name, and two lifts.
-    let mut second: toml::Table = saved("anon-1").parse().expect("a profile");
-    let shift = second["shift"].as_table_mut().expect("a shift");
-    shift.extend(TWO_LIFTS.parse::<toml::Table>().expect("a shift"));
-    second.insert("subject".to_owned(), "anon-2".into());
-    second.insert("poses_used".to_owned(), 77.into());
-    let second = toml::to_string(&second).expect("TOML");
-    std::fs::write(station.profile("anon-2"), &second).expect("a second profile");
+    station.copy_profile("anon-1", "anon-2", |second| {
+        let shift = second["shift"].as_table_mut().expect("a shift");
+        shift.extend(TWO_LIFTS.parse::<toml::Table>().expect("a shift"));
+        second.insert("poses_used".to_owned(), 77.into());
+    });
 
     let said = station.run(&["subject", "load", "anon-2"]);
     assert!(said.done().contains("anon-2 is in use: 77 poses"), "{}", said.stdout);

@@ -41,8 +41,7 @@ fn a_deleted_subject_is_gone_from_files_and_from_a_running_daemon() {
     eyes.until_poses(&person, 1);
     let profile = station.profile("anon-1");
     wait_for("a profile", || profile.exists().then_some(()));
-    let text = std::fs::read_to_string(&profile).expect("a profile");
-    std::fs::write(station.profile("anon-77"), text.replace("anon-1", "anon-77")).expect("a second profile");
+    station.copy_profile("anon-1", "anon-77", |_| {});
     std::fs::write(station.state_directory().join("subjects/anon-77.toml.new"), "cut off")
         .expect("a leftover");
     let state = station.state_directory();

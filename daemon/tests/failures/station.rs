@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use equipoise_daemon::stored_file::sealed;
 use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
@@ -71,6 +72,16 @@ impl Station {
 
     pub(crate) fn profile(&self, subject: &str) -> PathBuf {
         self.state_directory().join("subjects").join(format!("{subject}.toml"))
+    }
+
+    /// Gives another subject a profile: what `change` makes of this one's.
+    pub(crate) fn copy_profile(&self, from: &str, to: &str, change: impl FnOnce(&mut toml::Table)) {
+        let text = std::fs::read_to_string(self.profile(from)).expect("a profile");
+        let mut profile: toml::Table = text.parse().expect("a profile in TOML");
+        profile.insert("subject".to_owned(), to.into());
+        change(&mut profile);
+        let text = sealed(toml::to_string(&profile).expect("TOML"));
+        std::fs::write(self.profile(to), text).expect("another profile");
     }
 
     /// A file of the test.

@@ -5,11 +5,10 @@ use std::path::Path;
 
 use equipoise_core::cycle::Memory;
 use equipoise_daemon::config::Config;
-use equipoise_daemon::model::sha256_of;
+use equipoise_daemon::model::{LoadedModel, sha256_of};
 use equipoise_daemon::reconcile::{Compared, Reconcile};
 use equipoise_daemon::replay::input::Input;
 use equipoise_discrepancy::block::Phase;
-use equipoise_discrepancy::model_file::ModelFile;
 use equipoise_discrepancy::spans::Given;
 use equipoise_studies::sensors::EPOCH_NS;
 use serde_json::Value;
@@ -41,7 +40,7 @@ fn a_load_in_the_hands_is_written_down_and_then_known() {
     assert_eq!(found["effects"][0]["name"], "hand_load", "{found}");
     let model = out.join("model.toml");
     assert_eq!(found["model"].as_str(), model.to_str());
-    let written = ModelFile::read(&model).unwrap();
+    let written = LoadedModel::read(&model).unwrap().file().clone();
     assert!(written.is_of(&sha256_of(&recording).unwrap()) && !written.effects.is_empty());
     let again = reconciled(&recording, &["--model", model.to_str().unwrap()]);
     let before = |found: &Value| found["gap"]["before_mm"].as_f64().unwrap();

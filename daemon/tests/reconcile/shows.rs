@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use equipoise_core::body::Side;
 use equipoise_core::effect::{Effect, Place};
-use equipoise_discrepancy::model_file::ModelFile;
+use equipoise_daemon::model::LoadedModel;
 use equipoise_simulator::motion::Habits;
 use serde_json::Value;
 
@@ -65,7 +65,7 @@ fn a_hidden_load_is_named_written_and_told() {
     assert!((value_kg - HIDDEN_KG).abs() < 3.0 * sigma_kg, "{mass}");
     assert!(sigma_kg < 0.2 * HIDDEN_KG, "it knows: {mass}");
 
-    let written = ModelFile::read(&shown.model()).unwrap();
+    let written = LoadedModel::read(&shown.model()).unwrap().file().clone();
     let [fitted] = written.effects.as_slice() else { panic!("{written:?}") };
     assert_eq!((fitted.effect, fitted.place), (Effect::HandLoad, Place::Hand(Side::Right)));
     assert_eq!(fitted.value[0], value_kg, "the loop runs what was told");
@@ -105,7 +105,8 @@ fn the_second_picture_is_flat_on_data_held_out() {
 #[test]
 fn a_replay_with_the_model_shrinks_by_what_the_finding_says() {
     let shown = shown();
-    let [from_s, to_s] = ModelFile::read(&shown.model()).unwrap().provenance.unwrap().work_s;
+    let [from_s, to_s] =
+        LoadedModel::read(&shown.model()).unwrap().file().provenance.as_ref().unwrap().work_s;
     let work = format!("{from_s}:{to_s}");
     let residual = |options: &[&str]| -> Value {
         let mut command = equipoise();

@@ -12,8 +12,8 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
+use equipoise_files::secret::{self, Login, SecretError};
 use equipoise_outlets::config::MqttConfig;
-use equipoise_outlets::secret::{self, Login, SecretError};
 use rumqttc::{Connect, ConnectReturnCode, LastWill, Packet, PubAck, Publish, QoS};
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, InvalidDnsNameError, PrivateKeyDer, ServerName};

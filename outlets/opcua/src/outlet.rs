@@ -5,8 +5,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use equipoise_client::NoReading;
+use equipoise_files::secret::logins;
 use equipoise_outlets::config::OpcUaConfig;
-use equipoise_outlets::secret::logins;
 use equipoise_outlets::{Outlet, Seen, Tally};
 use opcua::server::ServerHandle;
 use opcua::types::{DataValue, NodeId, VariableId, Variant};

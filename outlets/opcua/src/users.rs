@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use tracing::warn;
 
 use equipoise_core::message::Printable;
-use equipoise_outlets::secret::Login;
+use equipoise_files::secret::Login;
 
 /// Characters of a refused user's name that go to the log.
 const NAME_CHARS_MAX: usize = 64;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
+use equipoise_files::secret;
 use equipoise_outlets::config::ZenohConfig;
-use equipoise_outlets::secret;
 use serde_json::Value;
 use zenoh::{Config, Session, Wait};
 

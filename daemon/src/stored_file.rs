@@ -1,0 +1,110 @@
+//! Files that the program wrote for itself and reads again after a restart: TOML with a format's number, sealed with a
+//! checksum, so that what a failing disk, a cut copy or an editor made of one is refused and not believed.
+
+use std::io;
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
+use serde::de::DeserializeOwned;
+
+use crate::model::sha256_of_text;
+
+/// Begins the last line; TOML takes it for a comment.
+const SEAL: &str = "# sha256 of all above: ";
+
+/// Formats of a kind of file.
+#[derive(Debug, Clone)]
+pub struct Formats {
+    /// Those that are read; the last is written.
+    pub read: RangeInclusive<u32>,
+    /// The first that is sealed.
+    pub sealed_since: u32,
+}
+
+/// Why a file is not used.
+#[derive(Debug, thiserror::Error)]
+pub enum Refusal {
+    /// It cannot be read.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// It is not what was written, or of another version.
+    #[error("{0}")]
+    Content(String),
+}
+
+/// A text with its checksum as the last line.
+pub fn sealed(mut text: String) -> String {
+    if !text.ends_with('\n') {
+        text.push('\n');
+    }
+    let seal = format!("{SEAL}{}\n", sha256_of_text(&text));
+    text + &seal
+}
+
+/// Reads a file; `None` if there is none.
+///
+/// # Errors
+/// [`Refusal`].
+pub fn read<T: DeserializeOwned>(path: &Path, formats: &Formats) -> Result<Option<T>, Refusal> {
+    match read_text(path, TEXT_BYTES_MAX) {
+        Ok(text) => parse(&text, formats).map(Some).map_err(Refusal::Content),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String> {
+    let told = |error: toml::de::Error| error.message().to_owned();
+    // A later version's fields are not known here: its number is looked at first.
+    let table: toml::Table = text.parse().map_err(told)?;
+    let format = table.get("format").and_then(toml::Value::as_integer);
+    let known = format.and_then(|format| u32::try_from(format).ok()).filter(|it| formats.read.contains(it));
+    let Some(known) = known else {
+        let format = format.map_or("missing".to_owned(), |format| format.to_string());
+        let (first, last) = (formats.read.start(), formats.read.end());
+        return Err(format!("its format is {format}, this version reads {first} to {last}"));
+    };
+    if known >= formats.sealed_since && !is_whole(text) {
+        return Err(
+            "its checksum is not that of its content: it was damaged, cut or changed by hand".to_owned()
+        );
+    }
+    toml::from_str(text).map_err(told)
+}
+
+fn is_whole(text: &str) -> bool {
+    text.rfind(SEAL).is_some_and(|at| text[at + SEAL.len()..].trim_end() == sha256_of_text(&text[..at]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FORMATS: Formats = Formats { read: 1..=3, sealed_since: 2 };
+
+    fn said(text: &str) -> String {
+        parse::<toml::Table>(text, &FORMATS).map_or_else(|why| why, |_| "read".to_owned())
+    }
+
+    #[test]
+    fn what_was_sealed_is_read_as_long_as_not_a_byte_of_it_is_another() {
+        let text = sealed("format = 2\nmass_kg = 71.5\n".to_owned());
+        assert_eq!(parse::<toml::Table>(&text, &FORMATS).unwrap()["mass_kg"].as_float(), Some(71.5));
+        assert_eq!(said(&text.replace("71.5", "75.1")), said("format = 2\n"));
+        assert!(said(&text.replace("71.5", "75.1")).contains("checksum"));
+        let whole = text.trim_end().len();
+        for length in 0..whole {
+            assert_ne!(said(&text[..length]), "read", "{length} of {whole} bytes");
+        }
+        assert_ne!(said(&format!("{text}mass_kg = 80.0\n")), "read");
+    }
+
+    #[test]
+    fn what_is_older_than_the_seal_is_read_and_a_later_format_is_told_first() {
+        assert_eq!(said("format = 1\n"), "read");
+        assert_eq!(said("format = 4\n"), "its format is 4, this version reads 1 to 3");
+        assert!(said("a = 1\n").contains("format is missing"));
+        assert!(said("format = -1\n").contains("-1"));
+    }
+}

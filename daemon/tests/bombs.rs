@@ -1,0 +1,154 @@
+//! Files that were made to exhaust a machine: each is refused, or read as far as it is sound, within 1 GiB of address space.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod common;
+#[path = "bombs/make.rs"]
+mod make;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use common::said;
+use make::{Chunk, Mcap, Pcap};
+
+const MIB: usize = 1 << 20;
+
+/// Runs the program with so little room that a bomb which goes off ends it.
+fn equipoise(arguments: &[&str]) -> Output {
+    let limited = "ulimit -v 1048576 && exec \"$@\"";
+    Command::new("sh")
+        .args(["-c", limited, "sh", env!("CARGO_BIN_EXE_equipoise")])
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// A replay of the file; what it said. It ended by itself.
+fn replayed(path: &Path, codes: &[i32]) -> String {
+    let output = equipoise(&["replay", path.to_str().unwrap()]);
+    let said = said(&output);
+    assert!(output.status.code().is_some_and(|code| codes.contains(&code)), "{said}");
+    assert!(said.len() < 4000, "{} characters: {}", said.len(), &said[..2000]);
+    said
+}
+
+#[test]
+fn a_chunk_that_unpacks_to_gigabytes_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("bomb.mcap");
+    // It says so, or says that it is small.
+    for claimed in [2048 * MIB, 1000] {
+        let mut file = Mcap::create(&path);
+        file.our_head();
+        let mut chunk = Chunk::default();
+        chunk.repeat(0, 2048 * MIB);
+        file.chunk_that_claims(&chunk, claimed);
+        file.end();
+        let said = replayed(&path, &[1, 3]);
+        assert!(claimed == 1000 || said.contains("a chunk of 2147483648 bytes"), "{said}");
+    }
+}
+
+#[test]
+fn floods_of_schemas_and_of_topics_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("flood.mcap");
+    let schema = |chunk: &mut Chunk, id: u16| chunk.schema(id, MIB);
+    let channel = |chunk: &mut Chunk, id: u16| chunk.channel(id, MIB);
+    let floods: [&dyn Fn(&mut Chunk, u16); 2] = [&schema, &channel];
+    for flood in floods {
+        let mut file = Mcap::create(&path);
+        file.our_head();
+        for chunk_number in 0..100 {
+            let mut chunk = Chunk::default();
+            (0..20).for_each(|number| flood(&mut chunk, chunk_number * 20 + number + 1));
+            file.chunk(&chunk);
+        }
+        file.end();
+        let said = replayed(&path, &[1, 3]);
+        assert!(said.contains("its topics and schemas have more than 16777216 bytes"), "{said}");
+    }
+}
+
+#[test]
+fn a_flood_of_messages_under_a_long_name_is_gone_through() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("messages.mcap");
+    let mut file = Mcap::create(&path);
+    file.our_head();
+    let mut chunk = Chunk::default();
+    chunk.channel(7, 8 * MIB);
+    chunk.messages(7, 500_000);
+    file.chunk(&chunk);
+    file.end();
+    let said = replayed(&path, &[1]);
+    assert!(said.contains("not of Equipoise: it holds the topics aaa"), "{said}");
+}
+
+#[test]
+fn a_flood_of_attachments_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("attached.mcap");
+    let mut file = Mcap::create(&path);
+    (0..1500).for_each(|_| file.attachment("subject.later.toml", MIB));
+    file.end();
+    let said = replayed(&path, &[1]);
+    assert!(said.contains("its attachments have more than"), "{said}");
+}
+
+#[test]
+fn a_foreign_file_s_names_are_told_short_and_in_one_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("foreign.mcap");
+    let mut file = Mcap::create(&path);
+    let mut chunk = Chunk::default();
+    (1..=100).for_each(|id| chunk.channel_named(id, "/\u{1b}[2Jwiped\n/b"));
+    file.chunk(&chunk);
+    file.end();
+    let said = replayed(&path, &[1]);
+    assert!(said.contains("and 92 more") && !said.contains('\u{1b}') && said.contains("\\u{1b}"), "{said}");
+}
+
+#[test]
+fn a_capture_is_read_piece_by_piece() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("long.pcap");
+    let mut file = Pcap::create(&path);
+    (0..6000).for_each(|_| file.packet_of_nothing(262_144));
+    file.end();
+    let said = replayed(&path, &[1]);
+    assert!(said.contains("6000 packets") && said.contains("there is no sample"), "{said}");
+
+    let path = directory.path().join("block.pcapng");
+    Pcap::one_block_of(&path, 1900 * MIB);
+    let said = replayed(&path, &[1]);
+    assert!(said.contains("a record of more than 67108864 bytes"), "{said}");
+}
+
+#[test]
+fn fragments_that_never_become_whole_are_given_up() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("fragments.pcap");
+    let mut file = Pcap::create(&path);
+    (0..200_000).for_each(|number| file.last_fragment(number));
+    file.end();
+    let said = replayed(&path, &[1]);
+    assert!(said.contains("200000 packets fragments_missing"), "{said}");
+}
+
+#[test]
+fn configurations_that_are_vast_or_no_files_are_refused_at_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let (vast, pipe) = (directory.path().join("vast.toml"), directory.path().join("pipe.toml"));
+    std::fs::File::create(&vast).unwrap().set_len(400 * MIB as u64).unwrap();
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for (path, told) in [(&vast, "longer than 1048576 bytes"), (&pipe, "no regular file")] {
+        let output = equipoise(&["check", path.to_str().unwrap()]);
+        assert!(output.status.code() == Some(1) && said(&output).contains(told), "{}", said(&output));
+    }
+    for name in ["a.mcap", "a.csv", "a.mvnx", "a.pcap"] {
+        let path = directory.path().join(name);
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        assert!(replayed(&path, &[1]).contains("no regular file"), "{name}");
+    }
+}
