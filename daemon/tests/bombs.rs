@@ -53,15 +53,12 @@ fn a_chunk_that_unpacks_to_gigabytes_is_refused() {
 fn floods_of_schemas_and_of_topics_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("flood.mcap");
-    let schema = |chunk: &mut Chunk, id: u16| chunk.schema(id, MIB);
-    let channel = |chunk: &mut Chunk, id: u16| chunk.channel(id, MIB);
-    let floods: [&dyn Fn(&mut Chunk, u16); 2] = [&schema, &channel];
-    for flood in floods {
+    for flood in [Chunk::schema, Chunk::channel as fn(&mut Chunk, u16, usize)] {
         let mut file = Mcap::create(&path);
         file.our_head();
         for chunk_number in 0..100 {
             let mut chunk = Chunk::default();
-            (0..20).for_each(|number| flood(&mut chunk, chunk_number * 20 + number + 1));
+            (0..20).for_each(|number| flood(&mut chunk, chunk_number * 20 + number + 1, MIB));
             file.chunk(&chunk);
         }
         file.end();

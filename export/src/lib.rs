@@ -105,7 +105,8 @@ fn write<M: Exported>(recording: &Recording, form: Form, part: &Part, what: &str
         told.rejected.push(cut.to_owned());
     }
     if told.rows == 0 {
-        bail!("there is no {what} in it");
+        let told: String = told.rejected.iter().map(|told| format!("\nrejected: {told}")).collect();
+        bail!("there is no {what} in it{told}");
     }
     sink.finish()?;
     Ok(told)

@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::body::Joint;
+use equipoise_core::body::SEGMENTS;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample, Validity};
 use equipoise_view::StateJson;
@@ -238,6 +239,7 @@ fn samples_lose_what_was_not_measured_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let mut suit = SuitSample { sample_time_ns: STARTED_NS + 500_000_000, ..SuitSample::zeroed() };
     suit.blocks = SuitBlocks::CentreOfMass as u32;
+    suit.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; SEGMENTS];
     (suit.com_m, suit.position_m[1]) = ([0.1, 0.2, 0.3], [1.5, 0.0, 0.0]);
     let (rows, _) = tables(&folder, &write(&folder, &[suit], |suit| suit.sample_time_ns), "suit");
     let [row] = &rows[..] else { panic!("{} rows", rows.len()) };

@@ -88,13 +88,13 @@ impl Recording {
                     break;
                 }
                 op::METADATA | op::ATTACHMENT => {
+                    let body = record.start + RECORD_HEAD_BYTES..record.end;
+                    let body = self.store.read(body).map_err(&failed)?.into_owned();
                     head_bytes += record.len() + HEAD_RECORD_BYTES;
                     if head_bytes > HEAD_BYTES_MAX {
                         let reason = format!("its attachments have more than {HEAD_BYTES_MAX} bytes");
                         return Err(ReadError::Damaged { at_byte, reason });
                     }
-                    let body = record.start + RECORD_HEAD_BYTES..record.end;
-                    let body = self.store.read(body).map_err(&failed)?.into_owned();
                     self.take_head(opcode, &body)?;
                 }
                 _ => {}
