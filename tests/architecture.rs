@@ -112,6 +112,46 @@ fn unsafe_stands_where_it_is_expected() {
     }
 }
 
+/// What reads by itself: what the kernel tells, folders that are synced, locks, the program that is installed.
+const READ_BY_THEMSELVES: [&str; 12] = [
+    "adapters/src/source/serial_line/refused.rs",
+    "daemon/src/deletion.rs",
+    "daemon/src/doctor/facts.rs",
+    "daemon/src/doctor/ports.rs",
+    "daemon/src/install.rs",
+    "daemon/src/install/files.rs",
+    "daemon/src/process_state.rs",
+    "daemon/src/record/keeping.rs",
+    "daemon/src/roster/proc.rs",
+    "daemon/src/station_file.rs",
+    "daemon/src/supervision/host_clock.rs",
+    "daemon/src/whole_file.rs",
+];
+
+#[test]
+fn files_are_opened_in_one_place() {
+    // What runs beside a worker; studies and the simulator read what they wrote.
+    let shipped = ["adapters", "bus", "daemon", "discrepancy", "export", "outlets", "view"];
+    for found in crates().filter(|found| shipped.iter().any(|folder| found.folder.starts_with(folder))) {
+        for file in
+            found.sources().into_iter().filter(|file| file.path.starts_with(found.folder.clone() + "/src"))
+        {
+            let path = file.path.to_string_lossy().into_owned();
+            let outside_tests = file.code.split("#[cfg(test)]").next().unwrap_or_default();
+            let opens = ["File::open(", "fs::read(", "fs::read_to_string("];
+            let is_call = |at: usize| !outside_tests[..at].ends_with(char::is_alphanumeric);
+            let opened =
+                opens.iter().find(|call| outside_tests.match_indices(**call).any(|(at, _)| is_call(at)));
+            let is_expected = READ_BY_THEMSELVES.contains(&path.as_str()) || path.contains("/tests");
+            assert!(
+                opened.is_none() || is_expected,
+                "{path}: {} …): open it by files/",
+                opened.unwrap_or(&"")
+            );
+        }
+    }
+}
+
 #[test]
 fn every_crate_keeps_the_lints_of_the_workspace() {
     for found in crates() {

@@ -23,6 +23,8 @@ use crate::realtime::Asked;
 
 /// How often an adapter says how it fares.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
+/// What a device tells of itself is logged no oftener: one that tells something else with every sample fills no disk.
+const NOTE_EVERY: Duration = Duration::from_secs(10);
 /// The roles under which adapters are found on the bus.
 pub const SUIT_ROLE: &str = "suit";
 /// As [`SUIT_ROLE`].
@@ -139,6 +141,7 @@ pub fn run_ground(
     ready();
     let mut samples = Vec::with_capacity(64);
     let (mut told, mut noted) = (None, None);
+    let mut noted_at: Option<Instant> = None;
     while !stopping() {
         samples.clear();
         source.receive(&mut samples)?;
@@ -150,7 +153,8 @@ pub fn run_ground(
             wake.notify(Event::NewGround)?;
         }
         let note = source.note();
-        if note != noted {
+        if note != noted && noted_at.is_none_or(|at| at.elapsed() >= NOTE_EVERY) {
+            noted_at = Some(Instant::now());
             if let Some(note) = &note {
                 tracing::info!("ground: {note}");
             }

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use equipoise_core::message::Printable;
 use equipoise_outlets::config::MqttConfig;
 use equipoise_outlets::{Outlet, Seen, Tally};
 use tracing::{info, warn};
@@ -13,6 +14,8 @@ use crate::document::{self, Summary};
 use crate::mailbox::{Mailbox, Taken};
 use crate::session::{PATIENCE, Session, Target, Trouble};
 
+/// So much of a trouble is logged.
+const TROUBLE_CHARS_MAX: usize = 500;
 const BACKOFF_MIN: Duration = Duration::from_millis(500);
 const BACKOFF_MAX: Duration = Duration::from_secs(30);
 /// How often the thread looks up although there is nothing to send.
@@ -105,7 +108,8 @@ impl Keeper {
             if taken > 0 {
                 (backoff, said) = (BACKOFF_MIN, None);
             }
-            let words = trouble.to_string();
+            // A broker gives reasons in words of its own.
+            let words = Printable { text: &trouble.to_string(), chars_max: TROUBLE_CHARS_MAX }.to_string();
             if said.as_ref() != Some(&words) {
                 warn!("{words}; it is tried again, every {} s at last", BACKOFF_MAX.as_secs());
                 said = Some(words);
