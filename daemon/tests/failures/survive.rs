@@ -236,6 +236,20 @@ fn killed_at_any_instant_it_loses_at_most_a_second() {
 }
 
 #[test]
+fn a_pipe_in_the_place_of_the_station_s_file_does_not_hold_the_start() {
+    let station = Station::new();
+    let path = station.state_directory().join("stations").join("bench.toml");
+    std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo").success());
+    let _person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    Eyes::open(&station).until("cycles", |eyes| eyes.state.cycle > 100);
+    let said = daemon.stderr();
+    assert!(said.contains("bench.toml") && said.contains("no regular file"), "{said}");
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+}
+
+#[test]
 fn a_station_s_file_of_a_later_version_is_told_and_left_alone() {
     let station = Station::new();
     let path = station.state_directory().join("stations").join("bench.toml");
