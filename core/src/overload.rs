@@ -289,9 +289,7 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
         let arm_nm = base.arm_nm(ends, origin);
-        // Errors of one joint alone: its place as seen from the forces.
-        let own_nm2 = base.place_variance_nm2(pose, joint, sigma);
-        let mut covariance = [own_nm2, 0.0, own_nm2];
+        let mut covariance = base.place_covariance_nm2(pose, joint, sigma);
         for off in &errors {
             let off_nm = off.arm_nm(ends, origin);
             let [x, y] = [off_nm[0] - arm_nm[0], off_nm[1] - arm_nm[1]];
@@ -307,33 +305,49 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
 }
 
 impl Acting<'_> {
-    /// Variance per axis of a joint's torque by errors that are its own, (N m)²: of each segment between the joint and the
-    /// hands or the foot beyond it.
-    fn place_variance_nm2(&self, pose: &Pose<StationWorld>, joint: Joint, sigma: &LoadingSigma) -> f64 {
+    /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to the
+    /// joint, (N m)².
+    ///
+    /// A segment d whose orientation errs by φ moves its end by `φ × d`: across itself only, with the covariance
+    /// `σ² (|d|² I − d dᵀ)`.
+    fn place_covariance_nm2(
+        &self,
+        pose: &Pose<StationWorld>,
+        joint: Joint,
+        sigma: &LoadingSigma,
+    ) -> [f64; 3] {
         let ends = &ENDS[joint.index()];
         let chain_m2 = |end: Segment| {
-            let (mut segment, mut sum_m2) = (end, 0.0);
+            let (mut segment, mut sum_m2) = (end, [0.0; 3]);
             while segment != joint.segment() {
                 let Some(parent) = segment.parent() else { break };
-                let length_m2 = (pose.origin_of(segment) - pose.origin_of(parent)).norm_squared();
-                sum_m2 += length_m2 * sigma.orientation_rad * sigma.orientation_rad;
+                let along = pose.origin_of(segment) - pose.origin_of(parent);
+                let [x, y, square] = [along.x, along.y, along.norm_squared()];
+                for (sum, part) in sum_m2.iter_mut().zip([square - x * x, -x * y, square - y * y]) {
+                    *sum += part * sigma.orientation_rad * sigma.orientation_rad;
+                }
                 segment = parent;
             }
             sum_m2
         };
-        let mut variance = 0.0;
+        let mut covariance = [0.0; 3];
+        let mut add = |force_n: f64, covariance_m2: [f64; 3]| {
+            for (sum, part) in covariance.iter_mut().zip(covariance_m2) {
+                *sum += force_n * force_n * part;
+            }
+        };
         for (index, side) in Side::BOTH.into_iter().enumerate() {
             if ends.hands[index] {
-                let force_n = self.loading.eta[index] * self.loading.delta_f_n;
-                variance += force_n * force_n * (chain_m2(side.hand()) + sigma.grip_m * sigma.grip_m);
+                let [xx, xy, yy] = chain_m2(side.hand());
+                let grip_m2 = sigma.grip_m * sigma.grip_m;
+                add(self.loading.eta[index] * self.loading.delta_f_n, [xx + grip_m2, xy, yy + grip_m2]);
             }
             if ends.feet[index] {
                 let foot = &self.feet[index];
-                let added_n = foot.with_n - foot.without_n;
-                variance += added_n * added_n * chain_m2(side.foot());
+                add(foot.with_n - foot.without_n, chain_m2(side.foot()));
             }
         }
-        variance
+        covariance
     }
 }
 

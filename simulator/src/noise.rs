@@ -156,6 +156,40 @@ impl PlateNoise {
     }
 }
 
+/// Drift of the charge amplifiers of a piezoelectric plate since they were last reset: data sheets of such plates allow
+/// 0.01 N/s in each force component. Each component's four sensors, below the corners, drift at constant rates of their own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ZeroDrift {
+    corner_n_per_s: [[f64; 3]; 4],
+}
+
+impl ZeroDrift {
+    /// A plate whose zero stays.
+    pub const NONE: ZeroDrift = ZeroDrift { corner_n_per_s: [[0.0; 3]; 4] };
+    /// Sensors from the plate's centre, m, forward and sideways: a plate of 600 by 400 mm.
+    const CORNERS_M: [[f64; 2]; 4] = [[0.12, 0.2], [0.12, -0.2], [-0.12, -0.2], [-0.12, 0.2]];
+    /// Uniform rates of four sensors within ± this add up to the standard deviation of a uniform one within ± 0.01 N/s.
+    const CORNER_N_PER_S: f64 = 0.005;
+
+    /// The plate with this seed, its rates multiplied by a factor.
+    pub fn new(factor: f64, seed: u64) -> ZeroDrift {
+        let mut random = Random::new(seed, "plate zero");
+        let mut rate = || factor * random.between(-ZeroDrift::CORNER_N_PER_S, ZeroDrift::CORNER_N_PER_S);
+        ZeroDrift { corner_n_per_s: std::array::from_fn(|_| std::array::from_fn(|_| rate())) }
+    }
+
+    /// What the plate shows so long after its reset with nothing on it, about its centre.
+    pub fn at(&self, time_s: f64) -> Wrench {
+        let mut wrench = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
+        for ([x, y], rate) in ZeroDrift::CORNERS_M.into_iter().zip(self.corner_n_per_s) {
+            let force_n = Vector3::from(rate) * time_s;
+            wrench.force_n += force_n;
+            wrench.moment_nm += Vector3::new(x, y, 0.0).cross(&force_n);
+        }
+        wrench
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

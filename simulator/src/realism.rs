@@ -6,7 +6,7 @@
 use std::str::FromStr;
 
 use crate::motion::Habits;
-use crate::noise::SuitNoise;
+use crate::noise::{SuitNoise, ZeroDrift};
 use crate::random::Random;
 
 /// How strong a phenomenon is.
@@ -56,6 +56,8 @@ pub struct Realism {
     pub suit_world: Severity,
     /// The plate's stamps are 43 to 139 ms late and drift by −228 to −555 ppm; the suit's true rate is up to 0.1 % off.
     pub clocks: Severity,
+    /// The plate's zero drifts by up to 0.01 N/s in each force component from the last reset on ([`ZeroDrift`]).
+    pub plate_zero: Severity,
 }
 
 /// How the sensors' clocks disagree.
@@ -86,12 +88,13 @@ impl Realism {
             soft_tissue: severity,
             suit_world: severity,
             clocks: severity,
+            plate_zero: severity,
         }
     }
 
     /// Names of the switches.
-    pub const SWITCHES: [&'static str; 7] =
-        ["feet", "hands", "load_place", "squeeze", "soft_tissue", "suit_world", "clocks"];
+    pub const SWITCHES: [&'static str; 8] =
+        ["feet", "hands", "load_place", "squeeze", "soft_tissue", "suit_world", "clocks", "plate_zero"];
 
     fn switch(&mut self, name: &str) -> Option<&mut Severity> {
         match name {
@@ -102,6 +105,7 @@ impl Realism {
             "soft_tissue" => Some(&mut self.soft_tissue),
             "suit_world" => Some(&mut self.suit_world),
             "clocks" => Some(&mut self.clocks),
+            "plate_zero" => Some(&mut self.plate_zero),
             _ => None,
         }
     }
@@ -135,6 +139,11 @@ impl Realism {
             drift_m: drift_m.map(|sigma_m| self.suit_world.factor() * sigma_m),
             ..SuitNoise::ORDINARY
         }
+    }
+
+    /// Drift of the plate's zero at the station with this seed.
+    pub fn zero_drift(&self, seed: u64) -> ZeroDrift {
+        ZeroDrift::new(self.plate_zero.factor(), seed)
     }
 
     /// Clocks of the station with this seed.
@@ -212,6 +221,9 @@ mod tests {
             assert!((-555.0..-228.0).contains(&clocks.plate_drift_ppm), "{clocks:?}");
             let exact = Realism::IDEAL.clocks(seed);
             assert_eq!([exact.plate_late_s, exact.plate_drift_ppm, exact.suit_rate_ppm], [0.0; 3]);
+            let drift = Realism::REALISTIC.zero_drift(seed).at(100.0);
+            assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.4, "{drift:?}");
+            assert_eq!(Realism::IDEAL.zero_drift(seed), ZeroDrift::NONE);
         }
         assert!(apart[0] < 0.25 && apart[1] > 0.75, "{apart:?}");
         assert_eq!(Realism::REALISTIC.suit_noise(), SuitNoise::REALISTIC);

@@ -5,7 +5,7 @@ use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::motion::Worker;
-use equipoise_simulator::noise::{PlateNoise, Suit, SuitNoise};
+use equipoise_simulator::noise::{PlateNoise, Suit, SuitNoise, ZeroDrift};
 use equipoise_simulator::random::Random;
 use equipoise_simulator::realism::Realism;
 use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
@@ -62,6 +62,8 @@ pub struct Rig {
     pub suit_noise: SuitNoise,
     /// The plate's errors, each sample's own.
     pub plate_noise: PlateNoise,
+    /// Drift of the plate's zero from time 0 on.
+    pub plate_zero: ZeroDrift,
     /// What the ground is measured by.
     pub ground: Ground,
     /// The errors of the accelerations that the suit sends; `None`: it sends none.
@@ -87,6 +89,7 @@ impl Rig {
         plate_hz: 1000,
         suit_noise: SuitNoise::ORDINARY,
         plate_noise: PlateNoise::ORDINARY,
+        plate_zero: ZeroDrift::NONE,
         ground: Ground::Plate,
         accelerations: None,
         suit_world: SuitWorld { origin_m: [0.0; 3], yaw_rad: 0.0 },
@@ -105,6 +108,7 @@ impl Rig {
         let clocks = realism.clocks(seed);
         Rig {
             suit_noise: realism.suit_noise(),
+            plate_zero: realism.zero_drift(seed),
             ground_late_s: clocks.plate_late_s,
             ground_drift_ppm: clocks.plate_drift_ppm,
             suit_rate_ppm: clocks.suit_rate_ppm,
@@ -188,7 +192,9 @@ pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> Grou
     let time_s = f64::from(number) / f64::from(rig.plate_hz);
     let on_person = worker.ground_reaction(time_s);
     // The sensor feels the opposite, and its noise with it.
-    let felt = Wrench { force_n: -on_person.force_n, moment_nm: -on_person.moment_nm };
+    let zero = rig.plate_zero.at(time_s);
+    let felt =
+        Wrench { force_n: zero.force_n - on_person.force_n, moment_nm: zero.moment_nm - on_person.moment_nm };
     let felt = rig.plate_noise.on(felt, &mut Random::numbered(seed, "plate noise", number));
     let time_ns = rig.ground_stamp_ns(number);
     if rig.ground != Ground::Plate {
