@@ -146,6 +146,9 @@ fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does(
     let mut unseen = Plate::new();
     unseen.silent_from = unseen.millisecond;
     unseen.show(150, |_, _| {});
+    // Stuck where it is: another level would be a leap.
+    let level_n = Plate::truth(unseen.millisecond).force_n[2];
+    let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = level_n;
     assert_eq!(unseen.show(400, stuck), 400, "a suit that is silent shows no motion");
 }
 
