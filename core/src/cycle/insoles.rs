@@ -10,6 +10,7 @@ use super::settings::Settings;
 use super::sole::FootShape;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
+use crate::math;
 use crate::message::{Component, FootFrame, GroundSample};
 
 /// How well the ground's sample is known.
@@ -34,6 +35,13 @@ impl GroundSigma {
             let (cop_m, force_n) = (settings.cop_sigma_m, settings.force_sigma_n);
             GroundSigma { cop_m, lasting_cop_m: 0.0, force_n }
         }
+    }
+
+    /// Adds the error of a sample whose time is uncertain by `time_sigma_s` while force and centre of pressure change at these
+    /// rates, N/s and m/s: to first order σ(t) times the rate.
+    pub(super) fn add_time_error(&mut self, time_sigma_s: f64, [force_n_per_s, cop_m_per_s]: [f64; 2]) {
+        self.force_n = math::hypot([self.force_n, time_sigma_s * force_n_per_s]);
+        self.cop_m = math::hypot([self.cop_m, time_sigma_s * cop_m_per_s]);
     }
 
     pub(super) fn is_sound(&self) -> bool {
@@ -79,6 +87,13 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     const HEIGHT_M: f64 = 1.77;
+
+    #[test]
+    fn an_uncertain_time_adds_its_sigma_times_the_rate() {
+        let mut sigma = GroundSigma { cop_m: 0.003, lasting_cop_m: 0.0, force_n: 3.0 };
+        sigma.add_time_error(0.004, [1000.0, 1.0]);
+        assert!((sigma.force_n - 5.0).abs() < 1e-12 && (sigma.cop_m - 0.005).abs() < 1e-12, "{sigma:?}");
+    }
 
     fn standing(turn_rad: f64, at: Vector3<f64>) -> Pose<StationWorld> {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn_rad);

@@ -18,12 +18,12 @@ use crate::anchor::Anchor;
 use crate::body::JOINTS;
 use crate::exposure::{Exposure, Shift};
 use crate::message::{State, Validity};
-use crate::motion::{History, Load, Unloaded};
+use crate::motion::{Envelope, History, Load, Unloaded};
 use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
 /// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
-pub const MEMORY_VERSION: u64 = 10;
+pub const MEMORY_VERSION: u64 = 11;
 
 /// What the loop remembers from one step to the next. About 933 kB: keep it in a box.
 #[repr(C)]
@@ -49,6 +49,8 @@ pub struct Memory {
     pub skew: SkewWatch,
     /// How well the ground's sample of the moment is known.
     pub(super) ground_sigma: GroundSigma,
+    /// Rates at which the vertical force, N/s, and the centre of pressure, m/s, changed in the recent past.
+    pub(super) ground_rates: [Envelope; 2],
     /// What the model has beside the body.
     pub(super) terms: ModelTerms,
     /// Whether nothing is carried.
@@ -152,6 +154,7 @@ impl Memory {
             && self.noise.is_sound()
             && self.skew.is_sound()
             && self.ground_sigma.is_sound()
+            && self.ground_rates.iter().all(Envelope::is_sound)
             && self.terms.is_sound()
             && self.unloaded.is_sound()
             && self.load_place.is_sound()

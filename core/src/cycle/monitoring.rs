@@ -30,6 +30,23 @@ const SHEAR_SHARE_MAX: f64 = 0.02;
 /// The CoP may lie this far outside the modelled soles, m.
 pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
 
+/// Snapshots farther apart than this give no rate of change, s: two samples of the slowest suit, 30 Hz.
+const RATE_STEP_MAX_S: f64 = 0.07;
+
+/// Vertical force, N, and centre of pressure, m, of a body that stands on the plate.
+struct Standing {
+    vertical_n: f64,
+    cop_m: [f64; 2],
+}
+
+impl Standing {
+    /// Change of force, N, and distance between the centres of pressure, m.
+    fn since(&self, before: &Standing) -> [f64; 2] {
+        let apart_m = math::hypot([0, 1].map(|axis| self.cop_m[axis] - before.cop_m[axis]));
+        [(self.vertical_n - before.vertical_n).abs(), apart_m]
+    }
+}
+
 impl Memory {
     /// Takes in one aligned sample and works through every moment whose window it fills.
     pub(super) fn take_in(&mut self, settings: &Settings, aligned: &Aligned) {
@@ -127,7 +144,7 @@ impl Memory {
         self.known.group_delay_ns = self.worked_ns.saturating_sub(moment.time_ns);
         self.known.stance = moment.stance as u32;
         self.ground_sigma = GroundSigma::of(moment.ground(), settings);
-        self.known.cop_measured_sigma_m = [self.ground_sigma.cop_m; 2];
+        let before = self.standing_before(step_s);
         self.does_not_give(NotGiven::SuitCom, moment.has_suit_com != 1);
         let mut found = Validity::default();
         let unsynchronised = moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS || self.skew.is_off();
@@ -148,6 +165,8 @@ impl Memory {
         found.raise(Validity::SUIT_IMPLAUSIBLE, self.plausibility.suit.touches(from_ns, to_ns));
         let is_suspect = found.any_of(Validity::IMPLAUSIBLE);
         let standing = standing.filter(|_| !is_suspect);
+        let now = standing.map(|cop_m| Standing { vertical_n: moment.ground.force_n[2], cop_m });
+        self.add_time_error(moment, before, now, step_s);
         // However fresh the plate is again: of this moment it said nothing, and what it said last is of another.
         found.raise(Validity::GROUND_STALE, moment.ground().is_none());
         match standing {
@@ -217,6 +236,36 @@ impl Memory {
             self.unloaded.forget();
         }
         self.found = found.0;
+    }
+
+    /// What the plate measured at the snapshot before, `step_s` earlier, if both are close enough in time to give a rate.
+    fn standing_before(&self, step_s: f64) -> Option<Standing> {
+        let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::IMPLAUSIBLE);
+        let is_usable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && !self.findings().any_of(invalid);
+        let State { ground_force_n: [_, _, vertical_n], cop_measured_m: cop_m, .. } = self.known;
+        is_usable.then_some(Standing { vertical_n, cop_m })
+    }
+
+    /// Adds to σ of the ground's sample what its uncertain time contributes: σ(t) times the recent rate of change. The lag in
+    /// use between the streams is part of that time.
+    fn add_time_error(
+        &mut self,
+        moment: &Moment,
+        before: Option<Standing>,
+        now: Option<Standing>,
+        step_s: f64,
+    ) {
+        let rates = match (before, now) {
+            (Some(before), Some(now)) => now.since(&before).map(|change| change / step_s),
+            _ => [0.0; 2],
+        };
+        let mut recent = rates;
+        for (recent, (envelope, rate)) in recent.iter_mut().zip(self.ground_rates.iter_mut().zip(rates)) {
+            *recent = envelope.follow(rate, step_s);
+        }
+        let time_sigma_s = math::hypot([moment.time_sigma_ns as f64 * 1e-9, self.skew.lag_sigma_s()]);
+        self.ground_sigma.add_time_error(time_sigma_s, recent);
+        self.known.cop_measured_sigma_m = [self.ground_sigma.cop_m; 2];
     }
 
     /// How the body alone moves.

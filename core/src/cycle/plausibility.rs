@@ -26,6 +26,9 @@ const REPEAT_CHANCE: f64 = 1e-2;
 const BODY_MOVES_N: f64 = 1.0;
 /// For so long after a pose the suit shows that the body moves, ns: three samples of the slowest suit, 30 Hz.
 const POSE_TELLS_NS: u64 = 100_000_000;
+/// A segment that moved farther than this from the pose before, m, does not stop within one sample: 60 mm/s at 60 Hz. Recorded
+/// positions are rounded to a millimetre at most.
+const POSE_MOVES_M: f64 = 1e-3;
 /// Runs are judged by about so many readings.
 const READINGS_KEPT: f64 = 4096.0;
 
@@ -180,6 +183,8 @@ pub(super) struct Plausibility {
     leaps: Leaps,
     /// What the plate showed when the pose was another one.
     shown_at_pose: Reading,
+    /// How far a segment moved at most to the newest pose that was another one, m.
+    pose_step_m: f64,
     /// The plate's newest stamp when the newest pose came, ns.
     shown_newest_ns: u64,
     /// A pelvis that leapt; a time of 0 for none.
@@ -257,7 +262,13 @@ impl Plausibility {
             self.suit.add(from_ns, time_ns);
             return false;
         }
-        if plate_moves && is_same && self.poses.probability() < REPEAT_CHANCE {
+        if !is_same {
+            self.pose_step_m = largest_step_m(before, sample);
+        }
+        // Only at first: a body that really stopped is static from then on.
+        let has_just_moved =
+            self.pose_step_m > POSE_MOVES_M && time_ns.saturating_sub(self.poses.begun_ns) < POSE_TELLS_NS;
+        if is_same && (plate_moves || has_just_moved) && self.poses.probability() < REPEAT_CHANCE {
             return false;
         }
         let here = Whereabouts::of(sample);
@@ -283,6 +294,7 @@ impl Plausibility {
         self.ground.is_sound()
             && self.suit.is_sound()
             && self.leaps.is_sound()
+            && self.pose_step_m >= 0.0
             && self.channels.iter().chain([&self.poses]).all(Repeats::is_sound)
     }
 }
@@ -309,6 +321,12 @@ impl Memory {
 
 fn length([x, y, z]: [f64; 3]) -> f64 {
     math::hypot([math::hypot([x, y]), z])
+}
+
+/// How far the segment moved that moved farthest, m.
+fn largest_step_m(from: &SuitSample, to: &SuitSample) -> f64 {
+    let pairs = from.position_m.iter().zip(&to.position_m);
+    pairs.map(|(from, to)| length([0, 1, 2].map(|axis| to[axis] - from[axis]))).fold(0.0, f64::max)
 }
 
 fn is_long_bone(segment: Segment) -> bool {

@@ -5,15 +5,14 @@ use bytemuck::{Pod, Zeroable};
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
 use crate::body::SEGMENTS;
+use crate::math;
 use crate::message::{GroundSample, SuitSample};
 use crate::static_pose::WINDOW;
 use crate::time::skew::{Skew, SkewEstimator};
 
-/// An estimate with a larger 1-σ is neither published nor applied, s: beyond it the alignment would be invalid.
+/// An estimate with a larger 1-σ is not published, and does not set the first lag, s: beyond it the alignment would be invalid.
 const SURE_SIGMA_S: f64 = OFF_MIN_S;
-/// The lag is set again where it is off by this many σ …
-const RESET_SIGMAS: f64 = 2.0;
-/// … and by this much, s: half a sample of the fastest suit.
+/// The lag is set again where it is off by this much, s: half a sample of the fastest suit.
 const RESET_MIN_S: f64 = 0.002;
 /// The alignment is invalid where the lag is off by this many σ …
 const OFF_SIGMAS: f64 = 3.0;
@@ -59,8 +58,9 @@ impl SkewWatch {
         }
         let tracked = self.estimator.at(time_ns);
         let is_first = self.target_s == 0.0;
-        if let Some(Skew { skew_s, sigma_s, .. }) = tracked.filter(Skew::is_sure)
-            && (skew_s - self.target_s).abs() > (RESET_SIGMAS * sigma_s).max(RESET_MIN_S)
+        // The lag in use is an older estimate, and clocks drift apart: the newest is the better one, however uncertain.
+        if let Some(Skew { skew_s, .. }) = tracked.filter(|skew| skew.is_sure() || !is_first)
+            && (skew_s - self.target_s).abs() > RESET_MIN_S
         {
             self.target_s = skew_s;
         }
@@ -98,6 +98,13 @@ impl SkewWatch {
     /// Whether the evidence is against the lag in use: what depends on both streams is invalid.
     pub fn is_off(&self) -> bool {
         self.is_off == 1
+    }
+
+    /// 1-σ of the lag in use, s; 0 where no lag is estimated or applied.
+    pub(super) fn lag_sigma_s(&self) -> f64 {
+        self.estimate()
+            .filter(|_| self.target_s != 0.0)
+            .map_or(0.0, |Skew { skew_s, sigma_s, .. }| math::hypot([skew_s - self.applied_s, sigma_s]))
     }
 
     /// Whether every number is in range; a stored one is checked before use.
@@ -208,6 +215,36 @@ mod tests {
         }
         assert!(was_off[0] && was_off[1], "{was_off:?}");
         assert!(!watch.is_off() && (watch.lag_s() - 0.162).abs() < 0.005, "{}", watch.lag_s());
+    }
+
+    #[test]
+    fn at_rest_the_lag_follows_the_drift_and_its_sigma_grows() {
+        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let late_ms = |ms: u64| -80 - ms as i64 / 1000;
+        for index in 0..14 {
+            second(&mut watch, 1000 * index, true, late_ms);
+        }
+        let moving_sigma_s = watch.lag_sigma_s();
+        assert!(moving_sigma_s > 0.0 && watch.estimate().is_some_and(|skew| skew.is_sure()));
+        for ms in 14_000..180_000_u64 {
+            let sample_time_ns = (10_000 + ms) * MS_NS;
+            watch.ingest_ground(&GroundSample {
+                sample_time_ns,
+                force_n: [0.0, 0.0, 706.0],
+                ..Zeroable::zeroed()
+            });
+            if ms.is_multiple_of(10) {
+                watch.ingest_suit(
+                    sample_time_ns.saturating_add_signed(late_ms(ms) * MS_NS as i64),
+                    1.0,
+                    true,
+                );
+            }
+        }
+        let Some(Skew { skew_s, sigma_s, .. }) = watch.estimate() else { panic!("lost") };
+        assert!(sigma_s > SURE_SIGMA_S, "{sigma_s}");
+        assert!((watch.lag_s() - skew_s).abs() <= 2.0 * RESET_MIN_S, "{} {skew_s}", watch.lag_s());
+        assert!(watch.lag_sigma_s() > moving_sigma_s);
     }
 
     #[test]

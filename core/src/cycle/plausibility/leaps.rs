@@ -15,11 +15,13 @@ use crate::message::{Component, GroundSample};
 const LOADING_RATE_MAX_N_PER_S: f64 = 20e3;
 /// Beyond the rate a reading may differ by so many times what readings so far apart differ by on average (RMS).
 const LEAP_SIGMAS: f64 = 8.0;
-/// Of readings that differ the average goes back about so long, s.
-const DIFFERENCES_OVER_S: f64 = 10.0;
+/// Of readings that differ there are two averages, which go back about so long, s: the smaller counts, so that noise which
+/// has ended does not hide leaps for long, and one quiet second does not make ordinary work a leap.
+const DIFFERENCES_OVER_S: [f64; 2] = [1.0, 10.0];
 /// At this distance from the centre of pressure both loads act at most, m: the span of a stance.
 pub(super) const LEVER_MAX_M: f64 = 0.3;
-/// Readings are held against one that is at least this much older, ns: a low-pass filter spreads a leap over some ms.
+/// Readings are compared with the one before, and with one that is at least this much older, ns: a low-pass filter spreads a
+/// leap over some ms. Without a filter a single step excludes smaller leaps, because a body loads the plate less in it.
 const LEAP_OVER_NS: u64 = 2_000_000;
 /// Over longer gaps nothing is known of the rate, ns.
 const LEAP_GAP_MAX_NS: u64 = 100_000_000;
@@ -78,17 +80,21 @@ struct Leap {
     seen_ns: u64,
     /// How far it went for good, N and N m; 0 before it has settled, and where it came back.
     by: [f64; 2],
+    /// Largest signed change of the vertical force while it was seen, N.
+    jump_n: f64,
 }
 
 /// Leaps of a plate's readings.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Leaps {
-    /// The older is the one to compare with.
+    /// Some ms apart; the older is one to compare with.
     readings: [Reading; 2],
-    last_ns: u64,
-    /// Mean square of how far readings a few ms apart differ, N².
-    difference_n2: f64,
+    /// The reading before, the other one to compare with.
+    last: Reading,
+    /// Mean squares of how far readings differ from the two they are compared with, N²: some ms apart, and one sample.
+    /// Each over a short and a long time.
+    difference_n2: [[f64; 2]; 2],
     /// Slow mean of the readings.
     level: Reading,
     leap: Leap,
@@ -104,31 +110,40 @@ impl Leaps {
 
     /// Takes in a reading; since when what the plate shows is suspect, ns.
     pub(super) fn take_in(&mut self, now: Reading) -> Option<u64> {
-        let step_ns = now.time_ns.saturating_sub(self.last_ns);
-        self.last_ns = now.time_ns;
+        let last = core::mem::replace(&mut self.last, now);
+        let step_ns = now.time_ns.saturating_sub(last.time_ns);
         if step_ns > LEAP_GAP_MAX_NS {
-            let Leaps { last_ns, difference_n2, .. } = *self;
-            *self = Leaps { readings: [now; 2], level: now, last_ns, difference_n2, ..Zeroable::zeroed() };
+            let difference_n2 = self.difference_n2;
+            *self = Leaps { readings: [now; 2], last: now, level: now, difference_n2, ..Zeroable::zeroed() };
             return None;
         }
-        let then = self.readings[0];
+        let compared = [self.readings[0], last];
         let newer = self.readings[1];
         if now.time_ns.saturating_sub(newer.time_ns) >= LEAP_OVER_NS {
             self.readings = [newer, now];
         }
-        let span_s = now.time_ns.saturating_sub(then.time_ns) as f64 * 1e-9;
-        let [by_n, by_nm] = then.to(&now);
-        let noise_n = LEAP_SIGMAS * math::sqrt(self.difference_n2);
-        let bound_n = noise_n + LOADING_RATE_MAX_N_PER_S * span_s;
-        let leaps = by_n > bound_n || by_nm > LEVER_MAX_M * bound_n;
+        let noise_n = self.difference_n2.map(|[short, long]| LEAP_SIGMAS * math::sqrt(short.min(long)));
         let step_s = step_ns as f64 * 1e-9;
-        let clipped_n = by_n.min(bound_n);
-        self.difference_n2 += (clipped_n * clipped_n - self.difference_n2) * (step_s / DIFFERENCES_OVER_S);
-        if leaps {
-            if self.leap.from.time_ns == 0 {
-                self.leap = Leap { from: then, level: self.level, ..Zeroable::zeroed() };
+        for (index, then) in compared.iter().enumerate() {
+            let span_s = now.time_ns.saturating_sub(then.time_ns) as f64 * 1e-9;
+            let [by_n, by_nm] = then.to(&now);
+            let bound_n = noise_n[index] + LOADING_RATE_MAX_N_PER_S * span_s;
+            let clipped_n = by_n.min(bound_n);
+            for (mean_n2, over_s) in self.difference_n2[index].iter_mut().zip(DIFFERENCES_OVER_S) {
+                *mean_n2 += (clipped_n * clipped_n - *mean_n2) * (step_s / over_s);
             }
-            (self.leap.seen_ns, self.leap.by) = (now.time_ns, [0.0; 2]);
+            if by_n > bound_n || by_nm > LEVER_MAX_M * bound_n {
+                if self.leap.from.time_ns == 0 {
+                    self.leap = Leap { from: *then, level: self.level, ..Zeroable::zeroed() };
+                }
+                (self.leap.seen_ns, self.leap.by) = (now.time_ns, [0.0; 2]);
+                // The weight seen before this leap says nothing of the plate after it.
+                self.agreed_s = 0.0;
+                let jump_n = now.vertical_n - self.leap.from.vertical_n;
+                if jump_n.abs() > self.leap.jump_n.abs() {
+                    self.leap.jump_n = jump_n;
+                }
+            }
         }
         let share = step_s / LEVEL_OVER_S;
         self.level.vertical_n += share * (now.vertical_n - self.level.vertical_n);
@@ -139,12 +154,12 @@ impl Leaps {
         } else {
             self.level = Reading { vertical_n: self.level.vertical_n, ..now };
         }
-        self.follow_leap(&now, noise_n)
+        self.follow_leap(&now, noise_n[0])
     }
 
     /// What came of the leap so far.
     fn follow_leap(&mut self, now: &Reading, noise_n: f64) -> Option<u64> {
-        let Leap { from, level, seen_ns, by } = self.leap;
+        let Leap { from, level, seen_ns, by, jump_n } = self.leap;
         if from.time_ns == 0 {
             return None;
         }
@@ -155,6 +170,11 @@ impl Leaps {
             let body_n = noise_n + LOADING_RATE_MAX_N_PER_S * (LEAP_OVER_NS as f64 * 1e-9);
             let lasts = |by: f64, bound: f64| if by > bound { by } else { f64::MIN_POSITIVE };
             self.leap.by = [lasts(by_n, body_n), lasts(by_nm, LEVER_MAX_M * body_n)];
+            // Nearer to where it leapt than to where it began.
+            let stays = (now.vertical_n - from.vertical_n) * jump_n > 0.5 * jump_n * jump_n;
+            if stays {
+                self.leap.by[0] = by_n;
+            }
         }
         let [off_n, off_nm] = level.to(&self.level);
         let is_away = since_ns < LEVEL_TELLS_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
@@ -184,6 +204,6 @@ impl Leaps {
     }
 
     pub(super) fn is_sound(&self) -> bool {
-        self.difference_n2 >= 0.0 && self.agreed_s >= 0.0
+        self.difference_n2.iter().flatten().all(|square| *square >= 0.0) && self.agreed_s >= 0.0
     }
 }

@@ -85,7 +85,7 @@ fn a_glitch_is_suspect_from_its_beginning_for_less_than_half_a_second() {
 
 #[test]
 fn a_gain_that_changes_is_suspect_until_it_is_back_or_the_worker_s_weight_is_seen() {
-    for by in [2.0, 0.5, 0.8] {
+    for by in [2.0, 0.5, 0.8, 1.2] {
         let mut plate = Plate::new();
         assert_eq!(plate.show(8000, scaled(by)), 0, "{by}");
         plate.show(2500, |_, _| {});
@@ -96,6 +96,36 @@ fn a_gain_that_changes_is_suspect_until_it_is_back_or_the_worker_s_weight_is_see
         }
         assert!(plate.show(100, scaled(by)) > 0, "{by}: the weight is seen");
     }
+}
+
+#[test]
+fn a_tenth_more_from_one_sample_to_the_next_is_suspect() {
+    let mut plate = Plate::new();
+    assert_eq!(plate.show(1900, scaled(1.1)), 0);
+}
+
+#[test]
+fn weight_seen_before_a_leap_does_not_end_it() {
+    let mut plate = Plate::new();
+    plate.show(8000, scaled(1.2));
+    for _ in 0..300 {
+        plate.watch.hear_of_weight(Some(true), 0.01);
+    }
+    plate.show(1000, scaled(1.2));
+    plate.show(100, scaled(1.5));
+    plate.watch.hear_of_weight(Some(true), 0.01);
+    assert_eq!(plate.show(1000, scaled(1.5)), 0);
+}
+
+#[test]
+fn noise_that_has_ended_does_not_hide_a_leap() {
+    let mut plate = Plate::new();
+    let noisy = |index: u64, sample: &mut GroundSample| {
+        sample.force_n[2] += if index.is_multiple_of(2) { 200.0 } else { -200.0 };
+    };
+    plate.show(5000, noisy);
+    plate.show(10_000, |_, _| {});
+    assert_eq!(plate.show(500, scaled(1.2)), 0);
 }
 
 #[test]
@@ -116,6 +146,9 @@ fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does(
     let mut unseen = Plate::new();
     unseen.silent_from = unseen.millisecond;
     unseen.show(150, |_, _| {});
+    // Stuck where it is: another level would be a leap.
+    let level_n = Plate::truth(unseen.millisecond).force_n[2];
+    let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = level_n;
     assert_eq!(unseen.show(400, stuck), 400, "a suit that is silent shows no motion");
 }
 
@@ -194,6 +227,24 @@ fn poses_that_repeat_leap_or_come_apart_are_refused() {
         }
     };
     assert_eq!(believed(100, aside).0, 99, "one sample aside");
+}
+
+#[test]
+fn a_pose_of_a_moving_body_that_repeats_is_left_out_at_first_even_if_the_plate_does_not_move() {
+    let (person, mut watch) = (Person::real(), Plausibility::zeroed());
+    let mut before: Option<SuitSample> = None;
+    let mut watch_one = |number: u64, moved: u64| {
+        let mut sample = suit(&person, 0);
+        sample.sample_time_ns += number * 10 * MS_NS;
+        sample.position_m.iter_mut().for_each(|position_m| position_m[0] += 0.003 * moved as f64);
+        watch.leaps.show(700.0);
+        let is_believed = watch.watch_suit(&sample, before.as_ref(), &bones(&person));
+        before = if is_believed { Some(sample) } else { before };
+        is_believed
+    };
+    assert!((0..600).all(|number| watch_one(number, number)));
+    let believed = (600..620).map(|number| u64::from(watch_one(number, 599)));
+    assert_eq!(believed.sum::<u64>(), 11, "after 0.1 s it is a body that stands");
 }
 
 #[test]
