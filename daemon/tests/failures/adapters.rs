@@ -112,7 +112,7 @@ fn with_sensors_apart_the_daemon_has_no_network_socket_and_metrics_are_another_p
     drop(eyes);
     for place in [0, 1] {
         station.with_adapter(place, |adapter| {
-            assert_eq!(adapter.stop(Signal::TERM), Some(0), "{}", adapter.stderr())
+            assert_eq!(adapter.stop(Signal::TERM), Some(0), "{}", adapter.stderr());
         });
     }
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
@@ -149,19 +149,21 @@ fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_dae
     station
         .with_adapter(1, |ground| assert!(ground.stderr().contains("stays in force"), "{}", ground.stderr()));
 
-    // Another address, where no device is: the adapter's own sentence reaches the daemon.
-    let nowhere = equipoise_simulator::ports::free_address().expect("a free port");
-    station.write("live.toml", &text.replace(&station.plate.to_string(), &nowhere.to_string()));
+    // A device that is not there: the adapter's own sentence reaches the daemon.
+    let (head, rest) = text.split_once("[ground]").expect("a plate");
+    let (_, subject) = rest.split_once("[subject]").expect("a subject");
+    let missing = "source = \"bota-serial\"\n[ground.serial]\nport = \"/dev/serial/by-id/missing\"\n";
+    station.write("live.toml", &format!("{head}[ground]\n{missing}[subject]{subject}"));
     reload();
     let fault = wait_for("the adapter's fault", || incident("ground_adapter_down"));
-    assert!(fault.contains(&nowhere.to_string()), "{fault}");
+    assert!(fault.contains("/dev/serial/by-id/missing"), "{fault}");
     station.write("live.toml", &text);
     reload();
     eyes.until("both sensors", Eyes::both_fresh);
     wait_for("the end of the fault", || incident("ground_adapter_down").is_none().then_some(()));
 
     // Its process ends: the incident names the unit, and why it ended.
-    station.with_adapter(0, |suit| suit.kill());
+    station.with_adapter(0, Process::kill);
     let taken = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
     let path = station.file("live.toml").display().to_string();
     station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&station.suit.to_string()]);

@@ -43,12 +43,12 @@ impl Ended {
 }
 
 pub(crate) struct Station {
+    /// The adapters' processes, of a station whose sensors are not in the daemon. Dropped before their files.
+    apart: Option<RefCell<Vec<Process>>>,
     directory: TempDir,
     pub(crate) suit: SocketAddr,
     pub(crate) plate: SocketAddr,
     processes: Cell<u32>,
-    /// The adapters' processes, of a station whose sensors are not in the daemon.
-    apart: Option<RefCell<Vec<Process>>>,
 }
 
 impl Station {
@@ -56,17 +56,19 @@ impl Station {
         // Short: the root of a bus has at most 46 bytes.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").expect("a directory");
         Station {
+            apart: None,
             directory,
             suit: free_address().expect("a free port"),
             plate: free_address().expect("a free port"),
             processes: Cell::new(0),
-            apart: None,
         }
     }
 
     /// A station as the shipped units run it: the daemon without sensors, each adapter a process of its own, one file.
     pub(crate) fn apart() -> Station {
-        Station { apart: Some(RefCell::default()), ..Station::new() }
+        let mut station = Station::new();
+        station.apart = Some(RefCell::default());
+        station
     }
 
     /// Starts a daemon of a file, and its adapters if they are processes of their own.
