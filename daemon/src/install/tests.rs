@@ -126,7 +126,7 @@ fn outlets_of_the_configuration_are_named_with_what_starts_them_and_none_is_enab
     let build_opcua = "[outlets.opcua] needs equipoise-outlet-opcua, which is not installed: see above";
     assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [enable_udp, build_opcua]);
     let wants = root.join("etc/systemd/system/equipoise.service.wants");
-    assert_eq!(all(&wants).len(), 1, "the page alone: {:?}", all(&wants));
+    assert_eq!(all(&wants).len(), 3, "both sensors and the page: {:?}", all(&wants));
 
     fs::write(directory.path().join("equipoise-outlet-opcua"), "a server").unwrap();
     let enabled = wants.join("equipoise-outlet@udp.service");
