@@ -14,7 +14,7 @@ use crate::realtime::ThreadReport;
 use crate::sensors::AdapterError;
 use crate::{adapter_fault, realtime, sensors};
 
-/// Run one adapter as a process of its own, beside a daemon with --sensors-apart or with source = "external"
+/// Run one adapter as a process of its own, for a daemon with --sensors-apart or with source = "external"
 ///
 /// SIGHUP reads the configuration again and reopens the sensor. With source = "external" in this file it ends at once.
 #[derive(Debug, clap::Args)]

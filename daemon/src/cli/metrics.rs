@@ -16,7 +16,7 @@ use crate::metrics_feed;
 /// How often the watchdog is fed.
 const PING_EVERY: Duration = Duration::from_secs(1);
 
-/// Serve the metrics of the configuration's [metrics], beside a daemon that runs with --sensors-apart
+/// Serve the metrics of the configuration's [metrics], for a daemon that runs with --sensors-apart
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise metrics --config /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {

@@ -7,7 +7,8 @@ use super::Config;
 
 /// What the unit admits, as it stands there.
 #[cfg(test)]
-const ADMITTED: &str = "localhost link-local multicast 10.0.0.0/8 172.16.0.0/12 192.168.0.0/16 fc00::/7";
+const ADMITTED: &str =
+    "localhost link-local multicast 255.255.255.255 10.0.0.0/8 172.16.0.0/12 192.168.0.0/16 fc00::/7";
 
 /// Notes for `equipoise check`, one for each address that needs a drop-in; without effect outside systemd.
 pub fn notes(config: &Config) -> Vec<String> {
@@ -45,6 +46,7 @@ fn is_admitted(ip: IpAddr) -> bool {
                 || ip.is_private()
                 || ip.is_link_local()
                 || ip.is_multicast()
+                || ip.is_broadcast()
                 || ip.is_unspecified()
         }
         IpAddr::V6(ip) => {

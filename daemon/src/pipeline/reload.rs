@@ -39,7 +39,7 @@ impl Pipeline {
         let changed = before.config.keys_that_differ(&config);
         if changed.is_empty() && before.config.model_toml() == config.model_toml() {
             info!("the configuration is the one in force");
-            return Ok(told(&config, &not_live));
+            return Ok(restart_notes(&config, &not_live));
         }
         let mut settings = config.settings();
         settings.similar = before.settings.similar;
@@ -57,7 +57,7 @@ impl Pipeline {
         {
             info!("{}", model.tell());
         }
-        let not_live = told(&config, &not_live);
+        let not_live = restart_notes(&config, &not_live);
         self.in_force.replace(Forced { config, settings, similar: before.similar });
         for key in &changed {
             match Config::who_reads(key) {
@@ -87,7 +87,7 @@ impl Pipeline {
 }
 
 /// One sentence for each key that needs a restart; names the units where several processes read the file.
-fn told(config: &Config, keys: &[String]) -> Vec<String> {
+fn restart_notes(config: &Config, keys: &[String]) -> Vec<String> {
     let of = |key: &str| match key.split('.').next() {
         Some(stream @ ("suit" | "ground")) if config.sensors_apart => {
             format!(" of equipoise and equipoise-adapter@{stream}")
