@@ -10,6 +10,7 @@ mod identify;
 mod import;
 mod install;
 mod latency;
+mod metrics;
 mod outlet;
 mod reconcile;
 mod record;
@@ -78,6 +79,7 @@ enum Command {
     Export(export::Arguments),
     Reconcile(reconcile::Arguments),
     Latency(latency::Arguments),
+    Metrics(metrics::Arguments),
     Outlet(outlet::Arguments),
     Trace(trace::Arguments),
     Simulate(simulate::Arguments),
@@ -129,6 +131,7 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
+        Command::Metrics(arguments) => metrics::run(&arguments),
         Command::Outlet(arguments) => outlet::run(&arguments),
         Command::Trace(arguments) => trace::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),

@@ -7,6 +7,7 @@ mod message;
 pub mod method;
 pub mod overload;
 mod recording;
+pub mod sensor_network;
 pub mod suit;
 
 use std::borrow::Cow;
@@ -75,6 +76,9 @@ pub struct Config {
     /// The model that is in use; no key, but what `[model]` names.
     #[serde(skip)]
     pub loaded_model: Option<LoadedModel>,
+    /// Sensors and metrics are processes of their own that read the same file; no key, but `run --sensors-apart`.
+    #[serde(skip)]
+    pub sensors_apart: bool,
 }
 
 /// `[loop]`
@@ -328,6 +332,16 @@ impl Config {
     /// The text of the model in use: what a recording keeps; empty without one.
     pub fn model_toml(&self) -> String {
         self.loaded_model.as_ref().map(|model| model.text.clone()).unwrap_or_default()
+    }
+
+    /// Whether the daemon reads the suit itself.
+    pub fn reads_suit(&self) -> bool {
+        !self.sensors_apart && self.suit.source != SuitSourceKind::External
+    }
+
+    /// Whether the daemon reads the ground itself.
+    pub fn reads_ground(&self) -> bool {
+        !self.sensors_apart && self.ground.source != GroundSourceKind::External
     }
 
     /// How ingress and egress wait.

@@ -17,9 +17,10 @@ pub use others::PROGRAMS;
 const PROGRAM_IN_UNITS: &str = "/usr/local/bin/equipoise";
 /// Where systemd itself looks, whatever the prefix.
 const PREFIXES_OF_SYSTEMD: [&str; 2] = ["/usr", "/usr/local"];
-const UNITS: [(&str, &str); 5] = [
+const UNITS: [(&str, &str); 6] = [
     ("equipoise.service", include_str!("../../systemd/equipoise.service")),
     ("equipoise-adapter@.service", include_str!("../../systemd/equipoise-adapter@.service")),
+    ("equipoise-metrics.service", include_str!("../../systemd/equipoise-metrics.service")),
     ("equipoise-outlet@.service", include_str!("../../systemd/equipoise-outlet@.service")),
     ("equipoise-record.service", include_str!("../../systemd/equipoise-record.service")),
     ("equipoise-view.service", include_str!("../../systemd/equipoise-view.service")),
@@ -29,9 +30,13 @@ const TMPFILES: &str = include_str!("../../systemd/tmpfiles.d/equipoise.conf");
 const CONFIGURATION: &str = include_str!("../../systemd/equipoise.toml");
 /// Where administrators' units and links are.
 const ADMIN_UNITS: &str = "/etc/systemd/system";
-/// What `--enable` links: the daemon at boot, and the page with the daemon.
-const WANTED: [(&str, &str); 2] =
-    [("multi-user.target.wants", "equipoise.service"), ("equipoise.service.wants", "equipoise-view.service")];
+/// What `--enable` links, with the file that each link points at: the daemon at boot, sensors and page with the daemon.
+const WANTED: [(&str, &str, &str); 4] = [
+    ("multi-user.target.wants", "equipoise.service", "equipoise.service"),
+    ("equipoise.service.wants", "equipoise-adapter@suit.service", "equipoise-adapter@.service"),
+    ("equipoise.service.wants", "equipoise-adapter@ground.service", "equipoise-adapter@.service"),
+    ("equipoise.service.wants", "equipoise-view.service", "equipoise-view.service"),
+];
 const CONFIGURATION_FILE: &str = "/etc/equipoise/equipoise.toml";
 /// None is ever removed.
 const DATA: [&str; 3] = ["/etc/equipoise", "/var/lib/equipoise", "/var/lib/equipoise-outlets"];
@@ -150,9 +155,9 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
         }
         _ => drop(write(configuration, CONFIGURATION.as_bytes(), 0o644)?),
     }
-    for (folder, unit) in WANTED.iter().filter(|_| enable) {
+    for (folder, unit, file) in WANTED.iter().filter(|_| enable) {
         let link = Path::new(ADMIN_UNITS).join(folder).join(unit);
-        files::link(&place.link_under_root(&link)?, &place.units().join(unit))?;
+        files::link(&place.link_under_root(&link)?, &place.units().join(file))?;
         done.push(format!("enabled {unit}"));
     }
     done.extend(others::missing(place, program));

@@ -3,6 +3,7 @@
 //! `adapters → bus → ingress → ring → LOOP → ring → egress → bus → consumers`; one file each:
 //! [`sensors`], [`ingress`], [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
 
+pub mod adapter_fault;
 pub mod calibration;
 pub mod cli;
 pub mod commands;

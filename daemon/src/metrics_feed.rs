@@ -52,6 +52,9 @@ pub fn run(
     Ok(())
 }
 
+/// The role under which the metrics are found on the bus.
+pub const METRICS_ROLE: &str = "metrics";
+
 struct Feed {
     states: Subscriber<State>,
     cycles: Subscriber<CycleRecord>,
@@ -64,7 +67,7 @@ struct Feed {
 
 impl Feed {
     fn open(station: &str) -> Result<Feed, BusError> {
-        let bus = Bus::join(&BusSettings::new(station, "metrics"))?;
+        let bus = Bus::join(&BusSettings::new(station, METRICS_ROLE))?;
         let stream = |name, reasons| Stream { name, health: None, reasons };
         let snapshot = Snapshot {
             now_ns: now_ns(),

@@ -194,7 +194,7 @@ impl Start<'_> {
             Waiting::Polling => Asked { fifo_priority: 0, cpu: None },
         };
 
-        if let Some(metrics) = &config.metrics {
+        if let Some(metrics) = config.metrics.as_ref().filter(|_| !config.sensors_apart) {
             let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
             let (thread, address) = started("metrics-feed", ORDINARY, roster, move |ready| {
                 metrics_feed::run(&station, listen, &ready, &|| rings.is_stopping())

@@ -166,8 +166,10 @@ fn all_in(root: &Path) -> anyhow::Result<Vec<Status>> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(error).with_context(|| format!("cannot read {}", root.display())),
     };
+    // A station's name has no dot: with one it is the file of a page or of an adapter.
     let is_ours = |name: &str| {
-        name.starts_with("equipoise-") && name.ends_with(".json") && !name.ends_with(PAGE_ENDING)
+        let station = name.strip_prefix("equipoise-").and_then(|name| name.strip_suffix(".json"));
+        station.is_some_and(|station| !station.contains('.'))
     };
     let mut all = Vec::new();
     for file in files {
@@ -261,7 +263,9 @@ mod tests {
     fn a_status_that_cannot_be_understood_is_named_and_a_page_is_none() {
         let root = tempfile::tempdir().unwrap();
         assert!(all_in(&root.path().join("nothing")).unwrap().is_empty());
-        for passed_over in ["equipoise-a.page.json", "equipoise-a.json.new", "other.json"] {
+        for passed_over in
+            ["equipoise-a.page.json", "equipoise-a.suit.json", "equipoise-a.json.new", "other.json"]
+        {
             std::fs::write(root.path().join(passed_over), "{").unwrap();
         }
         assert!(all_in(root.path()).unwrap().is_empty());

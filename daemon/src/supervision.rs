@@ -20,6 +20,7 @@ use self::host_clock::{ClockWatch, HostClock, Stamped};
 use self::loop_time::LoopTime;
 use self::page_faults::PageFaults;
 use self::streams::{StreamLook, StreamWatch, Verdict, Wire};
+use crate::adapter_fault;
 use crate::config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use crate::incidents::IncidentBoard;
 use crate::realtime::now_ns;
@@ -78,7 +79,7 @@ impl Supervision {
                 silent: Incident::SuitSilent,
                 stale: Incident::SuitStampsStale,
                 down: Incident::SuitAdapterDown,
-                external: (config.suit.source == SuitSourceKind::External).then_some(sensors::SUIT_ROLE),
+                external: (!config.reads_suit()).then_some(sensors::SUIT_ROLE),
                 was_there: false,
             },
             ground: Stream {
@@ -86,8 +87,7 @@ impl Supervision {
                 silent: Incident::GroundSilent,
                 stale: Incident::GroundStampsStale,
                 down: Incident::GroundAdapterDown,
-                external: (config.ground.source == GroundSourceKind::External)
-                    .then_some(sensors::GROUND_ROLE),
+                external: (!config.reads_ground()).then_some(sensors::GROUND_ROLE),
                 was_there: false,
             },
             input_overflow: Growth::default(),
@@ -185,9 +185,16 @@ impl Supervision {
             let Some(role) = stream.external else { continue };
             let is_there = participants.iter().any(|one| one.role == role);
             stream.was_there |= is_there;
-            board.set(stream.down, !is_there && (stream.was_there || long_enough), || {
+            let fault = adapter_fault::read(bus.station(), role);
+            if is_there {
+                board.set(stream.down, fault.is_some(), || fault.unwrap_or_default());
+                continue;
+            }
+            board.set(stream.down, stream.was_there || long_enough, || {
+                let ended = fault.map(|fault| format!("; its adapter ended: {fault}")).unwrap_or_default();
                 format!(
-                    "no process publishes {}: start `equipoise adapter {role}` (systemd: equipoise-adapter@{role})",
+                    "no process publishes {}{ended}. Start `equipoise adapter {role}` (systemd: `systemctl start \
+                     equipoise-adapter@{role}`; why it ended: `journalctl -u equipoise-adapter@{role}`)",
                     stream.watch.what()
                 )
             });

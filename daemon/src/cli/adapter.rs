@@ -1,18 +1,24 @@
 //! `equipoise adapter`: one adapter as a process of its own, so that its crash takes nothing else along.
 
-use std::sync::atomic::Ordering;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::bail;
 use clap::ValueEnum;
 use tracing::{info, warn};
 
-use super::{ConfigArgument, Outcome, log_to_stderr};
+use super::{ConfigArgument, Outcome, in_one_sentence, log_to_stderr};
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
-use crate::{realtime, sensors};
+use crate::realtime::ThreadReport;
+use crate::sensors::AdapterError;
+use crate::{adapter_fault, realtime, sensors};
 
-/// Run one adapter as a process of its own; the daemon's config then says source = "external"
+/// Run one adapter as a process of its own, for a daemon with --sensors-apart or with source = "external"
+///
+/// SIGHUP reads the configuration again and reopens the sensor. With source = "external" in this file it ends at once.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: equipoise adapter suit --config /etc/equipoise/suit.toml")]
+#[command(after_help = "Example: equipoise adapter suit --config /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
     stream: Stream,
     #[command(flatten)]
@@ -30,50 +36,104 @@ enum Stream {
 impl Stream {
     fn name(self) -> &'static str {
         match self {
-            Stream::Suit => "suit",
-            Stream::Ground => "ground",
+            Stream::Suit => sensors::SUIT_ROLE,
+            Stream::Ground => sensors::GROUND_ROLE,
+        }
+    }
+
+    fn is_external(self, config: &Config) -> bool {
+        match self {
+            Stream::Suit => config.suit.source == SuitSourceKind::External,
+            Stream::Ground => config.ground.source == GroundSourceKind::External,
         }
     }
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
-    let config = Config::read(&arguments.config.config)?;
+    let (stream, path) = (arguments.stream, &arguments.config.config);
+    let mut config = Config::read(path)?;
     let stop = super::run::stop_on_signals()?;
-    let stopping = || stop.load(Ordering::Relaxed);
-    let report = realtime::ask(arguments.stream.name(), sensors::asked(&config));
+    let reload = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
+    let report = realtime::ask(stream.name(), sensors::asked(&config));
     match report.missing() {
-        Some(missing) if config.tick.strict => bail!("loop.strict: {missing}"),
+        Some(missing) if config.tick.strict => {
+            let fault = format!("loop.strict: {missing}");
+            adapter_fault::publish(&config.station, stream.name(), Some(&fault));
+            bail!("{fault}");
+        }
         Some(missing) => warn!("{missing}"),
         None => {}
     }
+    while !stop.load(Ordering::Relaxed) {
+        if stream.is_external(&config) {
+            let name = stream.name();
+            warn!(
+                "{}: {name}.source is \"external\": another process publishes the {name}, and this adapter ends. If it is \
+                 to read the {name}, name the device in this file",
+                path.display()
+            );
+            break;
+        }
+        reload.store(false, Ordering::Relaxed);
+        let stopping = || stop.load(Ordering::Relaxed) || reload.load(Ordering::Relaxed);
+        if let Err(error) = run_once(stream, &config, &report, &stopping) {
+            let error = anyhow::Error::from(error);
+            adapter_fault::publish(&config.station, stream.name(), Some(&in_one_sentence(&error)));
+            return Err(error);
+        }
+        if reload.load(Ordering::Relaxed) {
+            config = reread(path, config);
+        }
+    }
+    adapter_fault::publish(&config.station, stream.name(), None);
+    Ok(Outcome::Done)
+}
+
+/// Runs the adapter until `stopping`.
+fn run_once(
+    stream: Stream,
+    config: &Config,
+    report: &ThreadReport,
+    stopping: &dyn Fn() -> bool,
+) -> Result<(), AdapterError> {
+    let publish = |fault: Option<&str>| adapter_fault::publish(&config.station, stream.name(), fault);
     let mut ready = || {
+        publish(None);
         info!(
             fifo_asked = report.asked.fifo_priority,
             fifo_granted = report.granted.fifo_priority,
             "station {}: the {} adapter runs",
             config.station,
-            arguments.stream.name()
+            stream.name()
         );
         let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
     };
-    match arguments.stream {
-        Stream::Suit if config.suit.source == SuitSourceKind::External => external("suit")?,
-        Stream::Ground if config.ground.source == GroundSourceKind::External => external("ground")?,
-        Stream::Suit => sensors::run_suit(&config.station, &config.suit, &mut ready, &stopping)?,
+    match stream {
+        Stream::Suit => sensors::run_suit(&config.station, &config.suit, &mut ready, stopping),
         Stream::Ground => {
-            let trouble = |sentence: Option<&str>| match sentence {
-                Some(sentence) => warn!("{sentence}"),
-                None => info!("the ground's device is there"),
+            let trouble = |sentence: Option<&str>| {
+                match sentence {
+                    Some(sentence) => warn!("{sentence}"),
+                    None => info!("the ground's device is there"),
+                }
+                publish(sentence);
             };
-            sensors::run_ground(&config.station, &config.ground, &mut ready, &trouble, &stopping)?;
+            sensors::run_ground(&config.station, &config.ground, &mut ready, &trouble, stopping)
         }
     }
-    Ok(Outcome::Done)
 }
 
-fn external(stream: &str) -> anyhow::Result<()> {
-    bail!(
-        "{stream}.source is \"external\" in this file: it is for the daemon; give the adapter one with the device"
-    )
+/// The configuration read again; one that is refused is logged, and the one before stays in force.
+fn reread(path: &Path, before: Config) -> Config {
+    info!("the configuration is read again");
+    match Config::read(path) {
+        Ok(config) if config.station == before.station => return config,
+        Ok(config) => {
+            warn!("station changed to {}: takes effect at the next restart of this adapter", config.station);
+        }
+        Err(error) => warn!("{error}; the configuration before stays in force"),
+    }
+    before
 }

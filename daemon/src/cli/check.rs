@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use equipoise_core::cycle::PriorKind;
 
 use super::Outcome;
-use crate::config::Config;
+use crate::config::{Config, sensor_network};
 use crate::page_tokens::PageTokens;
 use crate::similar;
 use crate::state_directory::StateDirectory;
@@ -32,6 +32,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     );
     if let Some(model) = &config.loaded_model {
         println!("{}", model.tell());
+    }
+    for note in sensor_network::notes(&config) {
+        println!("{note}");
     }
     let settings = config.settings();
     if settings.prior == PriorKind::SimilarSubject {

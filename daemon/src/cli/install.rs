@@ -29,7 +29,7 @@ struct PlaceArguments {
 pub(super) struct Arguments {
     #[command(flatten)]
     place: PlaceArguments,
-    /// Start daemon and page at boot
+    /// Start daemon, sensors and page at boot
     #[arg(long)]
     enable: bool,
 }
@@ -37,7 +37,7 @@ pub(super) struct Arguments {
 /// Take away what install put there; configuration and workers stay
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example (units of sensors, outlets and recordings: as in systemd/README.md):\n  sudo systemctl disable --now equipoise equipoise-view && sudo equipoise uninstall"
+    after_help = "Example (units of sensors, outlets and recordings: as in systemd/README.md):\n  sudo systemctl disable --now equipoise equipoise-adapter@suit equipoise-adapter@ground equipoise-view && sudo equipoise uninstall"
 )]
 pub(super) struct UninstallArguments {
     #[command(flatten)]
@@ -53,7 +53,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let start = if arguments.enable { "start" } else { "enable --now" };
     println!(
         "next: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload\n\
-         then: equipoise check /etc/equipoise/equipoise.toml && systemctl {start} equipoise equipoise-view"
+         then: equipoise check /etc/equipoise/equipoise.toml && systemctl {start} equipoise \
+         equipoise-adapter@suit equipoise-adapter@ground equipoise-view"
     );
     Ok(Outcome::Done)
 }

@@ -80,7 +80,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let changes: Vec<Change> = frames.iter().flat_map(Placed::changes).collect();
         config_file::write(path, &changes)?;
         eprintln!(
-            "{}: written; restart the daemon, then `equipoise tare` and `equipoise identify reset`",
+            "{}: written; restart the daemon and, if the ground's adapter is a process of its own, that too (systemd: \
+             `systemctl restart equipoise equipoise-adapter@ground`), then `equipoise tare` and `equipoise identify reset`",
             path.display()
         );
     }

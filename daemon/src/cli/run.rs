@@ -23,6 +23,10 @@ pub(super) struct Arguments {
     /// Model file to run, in place of the configuration's own
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Open no sensor and no network socket: `equipoise adapter suit`, `equipoise adapter ground` and `equipoise metrics`
+    /// do that in processes of their own, with the same configuration file
+    #[arg(long)]
+    sensors_apart: bool,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -84,6 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 impl Arguments {
     fn read(&self) -> Result<Config, ConfigError> {
         let mut config = Config::read(&self.config.config)?;
+        config.sensors_apart = self.sensors_apart;
         if let Some(path) = &self.model {
             config.loaded_model = Some(LoadedModel::read(path)?);
         }

@@ -121,7 +121,11 @@ fn put_in_place(
     let changes: Vec<Change> =
         to_set.into_iter().map(|(key, ms)| (key.to_owned(), config_file::number(ms, 1))).collect();
     config_file::write(path, &changes)?;
-    eprintln!("{}: written; it holds from the daemon's next start on", path.display());
+    eprintln!(
+        "{}: written; restart the daemon and, if the sensor's adapter is a process of its own, that too (systemd: \
+         `systemctl restart equipoise 'equipoise-adapter@*'`)",
+        path.display()
+    );
     Ok(())
 }
 

@@ -14,6 +14,7 @@ use equipoise_core::message::{AdapterHealth, GroundSample, State, SuitSample, Va
 
 use super::ports::{Port, TCP, holds, port_of, sockets_at, suit_door};
 use crate::config::Config;
+use crate::metrics_feed::METRICS_ROLE;
 use crate::page_feed::PAGE_ROLE;
 use crate::pipeline::DAEMON_ROLE;
 use crate::provenance::Provenance;
@@ -82,7 +83,10 @@ impl StationFacts {
             daemon: of_role(DAEMON_ROLE),
             suit_port: of(suit_bound, &[DAEMON_ROLE, SUIT_ROLE], suit_tables, config.suit.listen),
             page_port: config.page.as_ref().map(|page| tcp(&[PAGE_ROLE], page.listen)),
-            metrics_port: config.metrics.as_ref().map(|metrics| tcp(&[DAEMON_ROLE], metrics.listen)),
+            metrics_port: config
+                .metrics
+                .as_ref()
+                .map(|metrics| tcp(&[DAEMON_ROLE, METRICS_ROLE], metrics.listen)),
             ..StationFacts::default()
         };
         if facts.daemon.is_some() {

@@ -39,7 +39,7 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
     assert!(done.contains(&"installed /usr/local/bin/equipoise".to_owned()), "{done:?}");
     assert!(done.contains(&"enabled equipoise-view.service".to_owned()), "{done:?}");
     let first = all(&root);
-    assert_eq!(first.len(), 11, "{first:?}");
+    assert_eq!(first.len(), 14, "{first:?}");
     for (path, mode) in &first {
         let expected = if path.ends_with("bin/equipoise") { 0o755 } else { 0o644 };
         assert!(*mode == expected || path.is_symlink(), "{} {mode:o}", path.display());
@@ -50,6 +50,12 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
         Path::new("/usr/local/lib/systemd/system/equipoise.service"),
         "as it is seen when it runs"
     );
+
+    for stream in ["suit", "ground"] {
+        let link = format!("etc/systemd/system/equipoise.service.wants/equipoise-adapter@{stream}.service");
+        let target = Path::new("/usr/local/lib/systemd/system/equipoise-adapter@.service");
+        assert_eq!(fs::read_link(root.join(link)).unwrap(), target, "{stream} has a unit of its own");
+    }
 
     let again = install(&place, &program, true).unwrap();
     assert!(!again.iter().any(|line| line.starts_with("installed")), "{again:?}");
@@ -63,8 +69,8 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
         fs::create_dir_all(file.parent().unwrap()).unwrap();
         fs::write(file, "mine").unwrap();
     }
-    let adapter = root.join("etc/systemd/system/equipoise.service.wants/equipoise-adapter@suit.service");
-    std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-adapter@.service", &adapter).unwrap();
+    let metrics = root.join("etc/systemd/system/equipoise.service.wants/equipoise-metrics.service");
+    std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-metrics.service", &metrics).unwrap();
     let done = uninstall(&place).unwrap();
     assert!(done.iter().any(|line| line.starts_with("left /var/lib/equipoise")), "{done:?}");
     let left: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
@@ -120,7 +126,7 @@ fn outlets_of_the_configuration_are_named_with_what_starts_them_and_none_is_enab
     let build_opcua = "[outlets.opcua] needs equipoise-outlet-opcua, which is not installed: see above";
     assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [enable_udp, build_opcua]);
     let wants = root.join("etc/systemd/system/equipoise.service.wants");
-    assert_eq!(all(&wants).len(), 1, "the page alone: {:?}", all(&wants));
+    assert_eq!(all(&wants).len(), 3, "both sensors and the page: {:?}", all(&wants));
 
     fs::write(directory.path().join("equipoise-outlet-opcua"), "a server").unwrap();
     let enabled = wants.join("equipoise-outlet@udp.service");

@@ -6,7 +6,7 @@ use std::time::Instant;
 use equipoise_core::message::Incident;
 
 use super::threads::{Other, started};
-use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::keeper::{World, keep};
 use crate::realtime::Asked;
@@ -23,7 +23,7 @@ pub(super) fn start(
     adapters: &mut Vec<Other>,
 ) -> anyhow::Result<()> {
     let asked = sensors::asked(config);
-    if config.suit.source != SuitSourceKind::External {
+    if config.reads_suit() {
         let kept = Kept { name: "suit", down: Incident::SuitAdapterDown, asked };
         let (station, suit) = (config.station.clone(), config.suit.clone());
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
@@ -31,7 +31,7 @@ pub(super) fn start(
         };
         kept.start(rings, roster, board, adapters, run)?;
     }
-    if config.ground.source != GroundSourceKind::External {
+    if config.reads_ground() {
         let kept = Kept { name: "ground", down: Incident::GroundAdapterDown, asked };
         let (station, ground) = (config.station.clone(), config.ground.clone());
         let told = Arc::clone(board);

@@ -39,7 +39,7 @@ impl Pipeline {
         let changed = before.config.keys_that_differ(&config);
         if changed.is_empty() && before.config.model_toml() == config.model_toml() {
             info!("the configuration is the one in force");
-            return Ok(told(&not_live));
+            return Ok(restart_notes(&config, &not_live));
         }
         let mut settings = config.settings();
         settings.similar = before.settings.similar;
@@ -57,6 +57,7 @@ impl Pipeline {
         {
             info!("{}", model.tell());
         }
+        let not_live = restart_notes(&config, &not_live);
         self.in_force.replace(Forced { config, settings, similar: before.similar });
         for key in &changed {
             match Config::who_reads(key) {
@@ -64,7 +65,7 @@ impl Pipeline {
                 None => info!("{key} changed: in force now"),
             }
         }
-        Ok(told(&not_live))
+        Ok(not_live)
     }
 
     /// Says which configuration comes into force; gives back what was said before. If it cannot be said, nothing is.
@@ -85,6 +86,14 @@ impl Pipeline {
     }
 }
 
-fn told(keys: &[String]) -> Vec<String> {
-    keys.iter().map(|key| format!("{key} changed: takes effect at the next restart")).collect()
+/// One sentence for each key that needs a restart; names the units where several processes read the file.
+fn restart_notes(config: &Config, keys: &[String]) -> Vec<String> {
+    let of = |key: &str| match key.split('.').next() {
+        Some(stream @ ("suit" | "ground")) if config.sensors_apart => {
+            format!(" of equipoise and equipoise-adapter@{stream}")
+        }
+        Some("metrics") if config.sensors_apart => " of equipoise-metrics".to_owned(),
+        _ => String::new(),
+    };
+    keys.iter().map(|key| format!("{key} changed: takes effect at the next restart{}", of(key))).collect()
 }

@@ -65,11 +65,123 @@ fn a_killed_adapter_is_seen_as_silence_and_its_successor_is_heard() {
 }
 
 #[test]
-fn an_adapter_given_the_daemon_s_configuration_says_so() {
+fn an_adapter_of_an_external_source_ends_without_failure_and_says_why() {
     let station = Station::new();
     let path = station.write("daemon.toml", &external(&station)).display().to_string();
     for stream in ["suit", "ground"] {
-        let sentence = format!("{stream}.source is \"external\" in this file");
-        station.run(&["adapter", stream, "--config", &path]).failed_with(1, &[&sentence]);
+        let ended = station.run(&["adapter", stream, "--config", &path]);
+        ended.done();
+        let sentence = format!("{stream}.source is \"external\"");
+        assert!(
+            ended.stderr.contains(&sentence) && ended.stderr.contains("name the device"),
+            "{}",
+            ended.stderr
+        );
     }
+}
+
+/// The sockets of a process that are no Unix sockets.
+fn network_sockets(process: u32) -> Vec<String> {
+    let unix = std::fs::read_to_string("/proc/self/net/unix").expect("the kernel's table of Unix sockets");
+    let entries = std::fs::read_dir(format!("/proc/{process}/fd")).expect("its descriptors");
+    let links = entries.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok());
+    let sockets =
+        links.filter_map(|link| Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned()));
+    sockets.filter(|inode| !unix.lines().any(|line| line.split_whitespace().nth(6) == Some(inode))).collect()
+}
+
+#[test]
+fn with_sensors_apart_the_daemon_has_no_network_socket_and_metrics_are_another_process() {
+    let station = Station::apart();
+    let person = station.person();
+    let address = equipoise_simulator::ports::free_address().expect("a free port");
+    let text = format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
+    let path = station.write("all.toml", &text).display().to_string();
+    let mut daemon = station.daemon_of("all.toml", &[]);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    eyes.until_poses(&person, 1);
+    assert_eq!(network_sockets(daemon.id()), Vec::<String>::new());
+    assert!(
+        !network_sockets(station.with_adapter(0, |suit| suit.id())).is_empty(),
+        "the test sees none at all"
+    );
+    let mut metrics = station.spawn(&["metrics", "--config", &path]);
+    wait_for("the metrics", || std::net::TcpStream::connect(address).ok());
+    assert_eq!(metrics.stop(Signal::TERM), Some(0), "{}", metrics.stderr());
+    drop(eyes);
+    for place in [0, 1] {
+        station.with_adapter(place, |adapter| {
+            assert_eq!(adapter.stop(Signal::TERM), Some(0), "{}", adapter.stderr());
+        });
+    }
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+    assert_nothing_left(&station);
+}
+
+#[test]
+fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_daemon() {
+    let station = Station::apart();
+    let _person = station.person();
+    let text = station.configuration();
+    station.write("live.toml", &text);
+    let daemon = station.daemon_of("live.toml", &[]);
+    let mut eyes = Eyes::open(&station);
+    eyes.until("both sensors", Eyes::both_fresh);
+    let incident = |name: &str| {
+        let status = station.status()?;
+        status["daemon"]["incidents"][name].as_str().map(str::to_owned)
+    };
+    let reload = || {
+        station.with_adapter(1, |ground| {
+            let times = ground.stderr().matches("is read again").count();
+            ground.send(Signal::HUP);
+            wait_for("the configuration to be read again", || {
+                (ground.stderr().matches("is read again").count() > times).then_some(())
+            });
+        });
+    };
+
+    // A configuration that is refused changes nothing.
+    station.write("live.toml", &text.replace("measures", "measure").replace("[subject]", "[subjects]"));
+    reload();
+    eyes.until("both sensors", Eyes::both_fresh);
+    station
+        .with_adapter(1, |ground| assert!(ground.stderr().contains("stays in force"), "{}", ground.stderr()));
+
+    // A device that is not there: the adapter's own sentence reaches the daemon.
+    let (head, rest) = text.split_once("[ground]").expect("a plate");
+    let (_, subject) = rest.split_once("[subject]").expect("a subject");
+    let missing = "source = \"bota-serial\"\n[ground.serial]\nport = \"/dev/serial/by-id/missing\"\n";
+    station.write("live.toml", &format!("{head}[ground]\n{missing}[subject]{subject}"));
+    reload();
+    let fault = wait_for("the adapter's fault", || incident("ground_adapter_down"));
+    assert!(fault.contains("/dev/serial/by-id/missing"), "{fault}");
+    station.write("live.toml", &text);
+    reload();
+    eyes.until("both sensors", Eyes::both_fresh);
+    wait_for("the end of the fault", || incident("ground_adapter_down").is_none().then_some(()));
+
+    // Its process ends: the incident names the unit, and why it ended.
+    station.with_adapter(0, Process::kill);
+    let taken = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
+    let path = station.file("live.toml").display().to_string();
+    station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&station.suit.to_string()]);
+    let fault = wait_for("a suit without adapter", || incident("suit_adapter_down"));
+    assert!(
+        fault.contains("journalctl -u equipoise-adapter@suit") && fault.contains(&station.suit.to_string()),
+        "{fault}"
+    );
+    drop(taken);
+    let mut suit = station.spawn(&["adapter", "suit", "--config", &path]);
+    eyes.until("both sensors", Eyes::both_fresh);
+    wait_for("the end of the fault", || incident("suit_adapter_down").is_none().then_some(()));
+    // What of the sensors' keys the daemon needs too is named with both units.
+    station.write("live.toml", &text.replace("[ground]", "latency_ms = 10.0\n[ground]"));
+    daemon.send(Signal::HUP);
+    wait_for("what needs a restart", || {
+        let sentence = "suit.latency_ms changed: takes effect at the next restart of equipoise and equipoise-adapter@suit";
+        daemon.stderr().contains(sentence).then_some(())
+    });
+    assert_eq!(suit.stop(Signal::TERM), Some(0), "{}", suit.stderr());
 }

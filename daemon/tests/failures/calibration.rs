@@ -56,15 +56,41 @@ fn number(told: &Value, pointer: &str) -> f64 {
     told.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no {pointer} in {told}"))
 }
 
-#[test]
-fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance() {
-    let station = Station::new();
+/// Each of these with the sensors in the daemon, and with each sensor in a process of its own.
+macro_rules! together_and_apart {
+    ($($name:ident)*) => {
+        $(mod $name {
+            use crate::station::Station;
+
+            #[test]
+            fn together() {
+                super::$name(&Station::new());
+            }
+
+            #[test]
+            fn apart() {
+                super::$name(&Station::apart());
+            }
+        })*
+    };
+}
+
+together_and_apart! {
+    a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
+    torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma
+    a_rod_tells_how_high_the_surface_is
+    a_plate_in_a_wrong_place_is_found_and_put_right
+    stomps_tell_how_much_later_the_suit_is
+    two_plates_are_tared_together_and_not_while_somebody_stands_there
+}
+
+fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
     let person = person(settings);
     person.put_on_plates(OnPlates::Nothing);
-    let _daemon = station.daemon(&configuration(&station, FRAME));
-    let mut eyes = Eyes::open(&station);
+    let _daemon = station.daemon(&configuration(station, FRAME));
+    let mut eyes = Eyes::open(station);
     eyes.until("both sensors", Eyes::both_fresh);
 
     // In the plate's own frame.
@@ -87,8 +113,9 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     });
     assert_eq!(code, Some(0), "{said}");
     // Half a percent more than it should be; gravity is the simulator's own.
+    // The worst of three places, each with 1-σ of up to 0.05 %.
     let gravity_percent = 100.0 * (9.81 / equipoise_core::overload::GRAVITY_M_PER_S2 - 1.0);
-    assert!((number(&told, "/worst_percent") - 0.5 - gravity_percent).abs() < 0.05, "{told}");
+    assert!((number(&told, "/worst_percent") - 0.5 - gravity_percent).abs() < 0.15, "{told}");
     assert_eq!((told["within"].as_bool(), told["places"].as_array().map(Vec::len)), (Some(true), Some(3)));
     for place in told["places"].as_array().expect("places") {
         assert!(number(place, "/mass_sigma_kg") < 0.05 && number(place, "/cop_sigma_m/0") < 0.002, "{place}");
@@ -118,12 +145,10 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     );
 }
 
-#[test]
-fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma() {
-    let station = Station::new();
+fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma(station: &Station) {
     let person = station.person();
     let _daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
+    let mut eyes = Eyes::open(station);
     eyes.until_poses(&person, 6);
     station.run(&["identify", "stop"]).done();
     eyes.until("the monitoring", |eyes| eyes.state.phase_name() == "monitoring");
@@ -171,17 +196,15 @@ fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond
     assert!(code == Some(1) && said.contains("sigma: check the plate"), "{code:?} {said}");
 }
 
-#[test]
-fn a_rod_tells_how_high_the_surface_is() {
-    let station = Station::new();
+fn a_rod_tells_how_high_the_surface_is(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
     let person = person(settings);
     person.put_on_plates(OnPlates::Nothing);
     // Its surface was configured without the mat that lies on it.
     let low = FRAME.replace("surface_height_m = 0.05", "surface_height_m = 0.038");
-    let _daemon = station.daemon(&configuration(&station, &low));
-    let mut eyes = Eyes::open(&station);
+    let _daemon = station.daemon(&configuration(station, &low));
+    let mut eyes = Eyes::open(station);
     eyes.until("both sensors", Eyes::both_fresh);
     let (code, told, said) = obey(station.spawn(&["verify", "--rod", "--for", "4", "--json"]), |line| {
         if line.contains("press the rod") {
@@ -193,16 +216,14 @@ fn a_rod_tells_how_high_the_surface_is() {
     assert!(off_m.abs() < 4.0 * number(&told, "/tip_sigma_m/2") && off_m.abs() < 0.003, "{told}");
 }
 
-#[test]
-fn a_plate_in_a_wrong_place_is_found_and_put_right() {
-    let station = Station::new();
+fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
     let person = person(settings);
-    let wrong = configuration(&station, "origin_m = [0.0, 0.0, -0.05] # by eye\nsurface_height_m = 0.05\n");
+    let wrong = configuration(station, "origin_m = [0.0, 0.0, -0.05] # by eye\nsurface_height_m = 0.05\n");
     let path = station.write("wrong.toml", &wrong).display().to_string();
     let mut daemon = station.daemon_of("wrong.toml", &[]);
-    let mut eyes = Eyes::open(&station);
+    let mut eyes = Eyes::open(station);
     eyes.until("both sensors", |eyes| eyes.both_fresh() && eyes.state.static_pose == 1);
     for (index, [x, y]) in
         [[0.095, 0.095], [0.095, -0.095], [-0.095, -0.095], [-0.095, 0.095]].iter().enumerate()
@@ -245,15 +266,13 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right() {
     }
 }
 
-#[test]
-fn stomps_tell_how_much_later_the_suit_is() {
-    let station = Station::new();
+fn stomps_tell_how_much_later_the_suit_is(station: &Station) {
     let mut settings = station.sensors();
     settings.suit.latency_s = 0.045;
     let person = person(settings);
     let path = station.write("late.toml", &station.configuration()).display().to_string();
     let _daemon = station.daemon_of("late.toml", &[]);
-    let mut eyes = Eyes::open(&station);
+    let mut eyes = Eyes::open(station);
     eyes.until("both sensors", Eyes::both_fresh);
     station.run(&["stomp", "--for", "2"]).failed_with(1, &["the plate felt no stomp"]);
     person.stomp(5);
@@ -269,9 +288,7 @@ fn stomps_tell_how_much_later_the_suit_is() {
     assert_eq!(written["suit"]["latency_ms"].as_float(), Some(later_ms.round()));
 }
 
-#[test]
-fn two_plates_are_tared_together_and_not_while_somebody_stands_there() {
-    let station = Station::new();
+fn two_plates_are_tared_together_and_not_while_somebody_stands_there(station: &Station) {
     let second = free_address().expect("a free port");
     let mut settings = station.sensors();
     let plate = Plate { origin_m: [0.0, -0.2, 0.0], ..Plate::default() };
@@ -283,7 +300,7 @@ fn two_plates_are_tared_together_and_not_while_somebody_stands_there() {
          1e6\ncounts_per_newton_metre = 1e6\nfoot = \"right\"\n[ground.second.frame]\norigin_m = [0.0, -0.2, 0.0]\n[subject]\n"
     );
     let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &both));
-    let mut eyes = Eyes::open(&station);
+    let mut eyes = Eyes::open(station);
     eyes.until("the person", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
     station.run(&["tare"]).failed_with(1, &["N stand on the plate; step off"]);
     let standing_n = eyes.look().ground_force_n[2];

@@ -71,6 +71,10 @@ fn a_taken_suit_port_is_named_with_its_key() {
 
     let path = station.write("adapter.toml", &station.configuration()).display().to_string();
     station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&sentence, "suit.listen"]);
+    // Its fault stays, for the daemon's incident.
+    let fault = station.root().join("equipoise-bench.suit.json");
+    assert!(std::fs::read_to_string(&fault).expect("the adapter's fault").contains(&sentence));
+    std::fs::remove_file(fault).expect("the file of the fault");
     assert_nothing_left(&station);
 
     drop(taken);

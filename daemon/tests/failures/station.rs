@@ -1,6 +1,6 @@
 //! A station of its own for each test: bus, state directory, ports, configuration.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -43,6 +43,8 @@ impl Ended {
 }
 
 pub(crate) struct Station {
+    /// The adapters' processes, of a station whose sensors are not in the daemon. Dropped before their files.
+    apart: Option<RefCell<Vec<Process>>>,
     directory: TempDir,
     pub(crate) suit: SocketAddr,
     pub(crate) plate: SocketAddr,
@@ -54,11 +56,36 @@ impl Station {
         // Short: the root of a bus has at most 46 bytes.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").expect("a directory");
         Station {
+            apart: None,
             directory,
             suit: free_address().expect("a free port"),
             plate: free_address().expect("a free port"),
             processes: Cell::new(0),
         }
+    }
+
+    /// A station as the shipped units run it: the daemon without sensors, each adapter a process of its own, one file.
+    pub(crate) fn apart() -> Station {
+        let mut station = Station::new();
+        station.apart = Some(RefCell::default());
+        station
+    }
+
+    /// Starts a daemon of a file, and its adapters if they are processes of their own.
+    fn spawn_daemon(&self, path: &str, environment: &[(&str, &std::ffi::OsStr)]) -> Process {
+        let Some(adapters) = &self.apart else {
+            return self.spawn_with(&["run", "--config", path], environment);
+        };
+        adapters.replace(Vec::new());
+        let daemon = self.spawn_with(&["run", "--sensors-apart", "--config", path], environment);
+        let start = |stream| self.spawn(&["adapter", stream, "--config", path]);
+        adapters.replace(["suit", "ground"].map(start).into());
+        daemon
+    }
+
+    /// The adapter of a station whose sensors are not in the daemon: 0 the suit's, 1 the ground's.
+    pub(crate) fn with_adapter<T>(&self, place: usize, ask: impl FnOnce(&mut Process) -> T) -> T {
+        ask(&mut self.apart.as_ref().expect("a station apart").borrow_mut()[place])
     }
 
     /// Where the bus keeps its files.
@@ -154,7 +181,7 @@ poses_min = 1000
     /// Starts a daemon of this configuration.
     pub(crate) fn try_daemon(&self, configuration: &str) -> Process {
         let path = self.write(&format!("{}.toml", self.processes.get()), configuration);
-        self.spawn(&["run", "--config", &path.to_string_lossy()])
+        self.spawn_daemon(&path.to_string_lossy(), &[])
     }
 
     /// A daemon whose cycles run.
@@ -165,7 +192,7 @@ poses_min = 1000
     /// A daemon of the configuration that lies in this file of the test, with more in its environment.
     pub(crate) fn daemon_of(&self, name: &str, environment: &[(&str, &std::ffi::OsStr)]) -> Process {
         let path = self.file(name).to_string_lossy().into_owned();
-        ready(self.spawn_with(&["run", "--config", &path], environment))
+        ready(self.spawn_daemon(&path, environment))
     }
 
     /// Starts a command with more in its environment.
