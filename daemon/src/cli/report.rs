@@ -61,6 +61,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         _ => None,
     };
+    // First: of a damaged recording there may be no page.
+    if let Some(authenticity) = &authenticity {
+        println!("{}: {authenticity}", file.display());
+    }
     let mut facts = Facts::gather(&name, &input, chosen, arguments.config.is_none())?;
     facts.authenticity = authenticity.as_ref().map(ToString::to_string);
     let html = page(&document(&facts));
@@ -70,9 +74,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Source::Replayed => "computed by a replay",
     };
     println!("{}: {} states, {source}", out.display(), facts.cycles);
-    if let Some(line) = &facts.authenticity {
-        println!("{}: {line}", file.display());
-    }
     if let Some(path) = &arguments.pdf {
         pdf::print(&html, path)?;
         println!("{}: printed", path.display());
