@@ -8,11 +8,12 @@
 //! Times in a recording are CLOCK_MONOTONIC ns of the recording machine; the head keeps the wall-clock time of the
 //! start. Nothing names the host or the person.
 //!
-//! Floors, ground first: [`topic`] → [`header`] → [`error`] → `channels`, `frame` → [`writer`], [`reader`]
+//! Floors, ground first: [`topic`] → [`header`] → [`error`] → `channels`, `frame`, `hashed_file` → [`writer`], [`reader`]
 
 mod channels;
 pub mod error;
 mod frame;
+mod hashed_file;
 pub mod header;
 pub mod reader;
 mod store;
@@ -20,7 +21,8 @@ pub mod topic;
 pub mod writer;
 
 pub use error::ReadError;
-pub use header::{RecordingHeader, Reloaded};
+pub use hashed_file::HashedFile;
+pub use header::{Predecessor, RecordingHeader, Reloaded};
 pub use reader::{Entries, Recording};
 pub use topic::{Entry, Recorded, TimedEntry};
 pub use writer::{ExtraChannel, Recorder, WriteError};

@@ -324,6 +324,7 @@ impl Config {
         self.latency.hlog = self.latency.hlog.as_deref().map(name_of);
         if let Some(recording) = &mut self.recording {
             recording.directory = name_of(&recording.directory);
+            recording.sign_key = recording.sign_key.as_deref().map(name_of);
         }
         self.outlets = self.outlets.without_paths();
         self

@@ -9,6 +9,7 @@ use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_files::open_regular;
 
+use crate::record::signature::{SIGNATURE_ENDING, signature_of};
 use crate::state_directory::{NoStateDirectory, StateDirectory};
 use crate::station_file::StationFile;
 use crate::status::{self, Status};
@@ -215,6 +216,9 @@ impl Deletion {
             bail!("--recordings {}: there is no such folder", folder.display());
         }
         for path in self.below(folder) {
+            if is_signature(&path) {
+                continue;
+            }
             if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("mcap")) {
                 self.skipped.push(path);
                 continue;
@@ -224,6 +228,7 @@ impl Deletion {
                 Ok(_) if delete => {
                     let written = being_written(&path);
                     remove(&path)?;
+                    remove(&signature_of(&path))?;
                     sync(path.parent().unwrap_or(folder));
                     if written.is_some_and(|file| !is_let_go(&file)) {
                         self.unknown.push(format!(
@@ -263,6 +268,12 @@ impl Deletion {
         files.sort();
         files
     }
+}
+
+/// Whether a file is the signature of a recording, by its name: it goes with the recording and holds nothing of a subject.
+fn is_signature(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.strip_suffix(SIGNATURE_ENDING).is_some_and(|of| of.to_ascii_lowercase().ends_with(".mcap"))
 }
 
 /// Whether a recording says that the subject is in it.

@@ -104,10 +104,19 @@ pub fn suggestion(state: &State, ask: Option<&Ask>) -> Option<Cow<'static, str>>
 /// # Errors
 /// It cannot be read.
 pub fn sha256_of(path: &Path) -> anyhow::Result<String> {
+    sha256_with(path, || {})
+}
+
+/// The same; `progress` is called after each MiB.
+///
+/// # Errors
+/// As [`sha256_of`].
+pub fn sha256_with(path: &Path, mut progress: impl FnMut()) -> anyhow::Result<String> {
     let mut hash = Sha256::new();
     let mut file = open_regular(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let mut buffer = vec![0; 1 << 16];
+    let mut buffer = vec![0; 1 << 20];
     loop {
+        progress();
         match file.read(&mut buffer).with_context(|| format!("cannot read {}", path.display()))? {
             0 => break,
             count => hash.update(&buffer[..count]),

@@ -4,9 +4,11 @@
 //! slow loses messages and says so; the loop never waits for it. After a loss it asks for a new checkpoint, so that
 //! the rest can be replayed exactly again.
 
+pub mod authenticity;
 pub mod keeping;
 mod pictures;
 pub mod service;
+pub mod signature;
 pub mod summary;
 
 use std::cell::Cell;
@@ -15,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use bytemuck::Zeroable;
-use equipoise_adapters::recording::{Recorded, Recorder, RecordingHeader, Reloaded};
+use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
@@ -50,7 +52,7 @@ const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 
 /// Records `station` into a new file until `stopping` says so, with `pictures_hz` pictures a second; 0 leaves them out.
 ///
-/// `started` is called once messages are being written.
+/// `started` is called once messages are being written. Returns what was recorded, and the SHA-256 of the file.
 ///
 /// # Errors
 /// A sentence: no daemon runs, the file exists or cannot be written (what was written stays readable), the bus breaks.
@@ -60,7 +62,7 @@ pub fn record(
     pictures_hz: f64,
     stopping: &dyn Fn() -> bool,
     started: impl FnOnce(),
-) -> anyhow::Result<RecordSummary> {
+) -> anyhow::Result<(RecordSummary, String)> {
     let mut tap = Tap::open(station)?;
     let (looked, gone) = (Cell::new(Instant::now()), Cell::new(false));
     let ending = |progress: &Progress<'_>| {
@@ -70,14 +72,14 @@ pub fn record(
         }
         gone.get() || stopping()
     };
-    tap.record(out, pictures_hz, &ending, started)?;
+    let sha256 = tap.record(out, None, pictures_hz, &ending, started)?;
     if gone.get() {
         bail!(
             "{} was removed or replaced while it was written: recording ends, and what it held is gone",
             out.display()
         );
     }
-    Ok(tap.summary)
+    Ok((tap.summary, sha256))
 }
 
 /// How a file fares that is being written.
@@ -125,7 +127,7 @@ impl Tap {
     }
 
     /// Makes a file with its head.
-    fn begin(&self, out: &Path, pictures_hz: f64) -> anyhow::Result<Sink> {
+    fn begin(&self, out: &Path, previous: Option<Predecessor>, pictures_hz: f64) -> anyhow::Result<Sink> {
         let Some(facts) = status::read(&self.station) else {
             bail!("the daemon of station {} has ended", self.station);
         };
@@ -136,6 +138,7 @@ impl Tap {
             started_unix_ns: unix_ns(),
             started_monotonic_ns: now_ns(),
             model_toml: facts.model_toml,
+            previous,
             ..RecordingHeader::default()
         };
         let mut recorder = Recorder::create(out, &header)?;
@@ -145,15 +148,16 @@ impl Tap {
         Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id })
     }
 
-    /// Records into a new file until `ending` says so.
+    /// Records into a new file, which follows `previous`, until `ending` says so; returns its SHA-256.
     fn record(
         &mut self,
         out: &Path,
+        previous: Option<Predecessor>,
         pictures_hz: f64,
         ending: &dyn Fn(&Progress<'_>) -> bool,
         started: impl FnOnce(),
-    ) -> anyhow::Result<()> {
-        let mut sink = self.begin(out, pictures_hz)?;
+    ) -> anyhow::Result<String> {
+        let mut sink = self.begin(out, previous, pictures_hz)?;
         started();
         let (ports, summary) = (&mut self.ports, &mut self.summary);
         let joined = &self.joined;

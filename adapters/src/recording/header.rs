@@ -15,6 +15,8 @@ const FORMAT_KEY: &str = "format";
 const SOFTWARE_VERSION_KEY: &str = "software_version";
 const STARTED_WALL_CLOCK_KEY: &str = "started_unix_ns";
 const STARTED_MONOTONIC_KEY: &str = "started_monotonic_ns";
+const PREVIOUS_FILE_KEY: &str = "previous_file";
+const PREVIOUS_SHA256_KEY: &str = "previous_sha256";
 const CONFIG_NAME: &str = "config.toml";
 const SUBJECT_NAME: &str = "subject.toml";
 const MODEL_NAME: &str = "model.toml";
@@ -38,6 +40,27 @@ pub struct RecordingHeader {
     pub reloads: BTreeMap<u64, Reloaded>,
     /// Profiles of subjects who were in use later, TOML, in order.
     pub later_subjects_toml: Vec<String>,
+    /// The recording before this one, if it is one of a series.
+    pub previous: Option<Predecessor>,
+}
+
+/// The preceding recording of a series: the link of a hash chain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Predecessor {
+    /// Name of the file, without a folder.
+    pub file: String,
+    /// SHA-256 of its bytes, 64 lowercase hexadecimal digits.
+    pub sha256: String,
+}
+
+impl Predecessor {
+    /// `None` unless the name is one of a file in the same folder, fit for display, and the hash has 64 digits.
+    fn parse(file: &str, sha256: &str) -> Option<Predecessor> {
+        let is_name = !matches!(file, "" | "." | "..") && !file.contains('/') && shown(file) == file;
+        let is_digit = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
+        let is_hash = sha256.len() == 64 && sha256.bytes().all(is_digit);
+        (is_name && is_hash).then(|| Predecessor { file: file.to_owned(), sha256: sha256.to_owned() })
+    }
 }
 
 /// What a reload brought.
@@ -82,12 +105,17 @@ impl RecordingHeader {
     }
 
     pub(super) fn metadata(&self) -> BTreeMap<String, String> {
-        BTreeMap::from([
+        let mut metadata = BTreeMap::from([
             (FORMAT_KEY.to_owned(), FORMAT.to_string()),
             (SOFTWARE_VERSION_KEY.to_owned(), self.software_version.clone()),
             (STARTED_WALL_CLOCK_KEY.to_owned(), self.started_unix_ns.to_string()),
             (STARTED_MONOTONIC_KEY.to_owned(), self.started_monotonic_ns.to_string()),
-        ])
+        ]);
+        if let Some(previous) = &self.previous {
+            metadata.insert(PREVIOUS_FILE_KEY.to_owned(), previous.file.clone());
+            metadata.insert(PREVIOUS_SHA256_KEY.to_owned(), previous.sha256.clone());
+        }
+        metadata
     }
 
     /// The texts to attach, by file name; empty ones are left out.
@@ -108,6 +136,10 @@ impl RecordingHeader {
         self.software_version = shown(version);
         self.started_unix_ns = number(STARTED_WALL_CLOCK_KEY);
         self.started_monotonic_ns = number(STARTED_MONOTONIC_KEY);
+        self.previous = metadata
+            .get(PREVIOUS_FILE_KEY)
+            .zip(metadata.get(PREVIOUS_SHA256_KEY))
+            .and_then(|(file, sha256)| Predecessor::parse(file, sha256));
         metadata.get(FORMAT_KEY)?.parse().ok()
     }
 
@@ -134,6 +166,22 @@ impl RecordingHeader {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_predecessor_is_a_file_of_the_same_folder() {
+        let hash = "0a".repeat(32);
+        let previous = Predecessor::parse("s.1700000000.mcap", &hash);
+        let header = RecordingHeader { previous, ..RecordingHeader::default() };
+        assert!(header.previous.is_some());
+        let mut read = RecordingHeader::default();
+        read.take_metadata(&header.metadata());
+        assert_eq!(read.previous, header.previous);
+        for (file, hash) in
+            [("../a.mcap", &*hash), ("..", &hash), ("a\u{1b}[2J", &hash), ("a.mcap", "0a"), ("", &hash)]
+        {
+            assert_eq!(Predecessor::parse(file, hash), None, "{file}");
+        }
+    }
 
     #[test]
     fn profiles_name_who_was_in_use_and_the_configuration_only_where_there_is_none() {

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{BufWriter, Cursor, Seek, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use thiserror::Error;
 
+use super::hashed_file::HashedFile;
 use super::header::{LATER_SUBJECT_NAME, METADATA_NAME, RecordingHeader, Reloaded, TOML_MEDIA_TYPE};
 use super::topic::{MESSAGE_ENCODING, Recorded, SCHEMA_ENCODING, TOPICS};
 
@@ -70,7 +71,7 @@ struct Channel {
 /// Writes one recording: zstd chunks of about a second, so a crash or a full disk costs at most the last of them.
 ///
 /// Call [`Recorder::finish`] at the end; a recorder that is dropped finishes too, but cannot say whether it could.
-pub struct Recorder<W: Write + Seek = BufWriter<File>> {
+pub struct Recorder<W: Write + Seek = BufWriter<HashedFile>> {
     path: PathBuf,
     writer: Writer<W>,
     channels: Vec<Channel>,
@@ -97,7 +98,7 @@ impl Recorder {
         // that is lost.
         let _ = file.try_lock();
         let found = file.metadata().map_err(|source| WriteError::Create { path: path.clone(), source })?;
-        let mut recorder = Recorder::on(path, BufWriter::new(file), header)?;
+        let mut recorder = Recorder::on(path, BufWriter::new(HashedFile::new(file)), header)?;
         recorder.file = Some([found.dev(), found.ino()]);
         Ok(recorder)
     }
@@ -109,17 +110,18 @@ impl Recorder {
         (Some([found.dev(), found.ino()]) == self.file).then_some(found.len())
     }
 
-    /// Writes the index and the foot, and waits until all of it lies on the disk.
+    /// Writes the index and the foot, and waits until all of it is on the disk; returns the SHA-256 of the file, 64
+    /// hexadecimal digits.
     ///
     /// # Errors
     /// [`WriteError::Write`] if something of it cannot be written.
-    pub fn finish(mut self) -> Result<(), WriteError> {
+    pub fn finish(mut self) -> Result<String, WriteError> {
         let path = self.path.clone();
         let failed = |source| WriteError::Write { path: path.clone(), source };
         self.writer.finish().map_err(failed)?;
         let file = self.writer.into_inner();
         let file = file.into_inner().map_err(|error| failed(McapError::Io(error.into_error())))?;
-        file.sync_all().map_err(|error| failed(McapError::Io(error)))
+        file.finish().map_err(|error| failed(McapError::Io(error)))
     }
 }
 

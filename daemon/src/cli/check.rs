@@ -7,10 +7,11 @@ use equipoise_core::cycle::PriorKind;
 use super::Outcome;
 use crate::config::{Config, sensor_network};
 use crate::page_tokens::PageTokens;
+use crate::record::service::signing_key;
 use crate::similar;
 use crate::state_directory::StateDirectory;
 
-/// Check a configuration file, the model that it names, and the files with the page's tokens
+/// Check a configuration file, the model that it names, and the files with the page's tokens and the recordings' key
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise check /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
@@ -20,8 +21,12 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let config = Config::read(&arguments.file)?;
+    let base = arguments.file.parent().unwrap_or(Path::new(""));
     if let Some(page) = &config.page {
-        PageTokens::read(page, arguments.file.parent().unwrap_or(Path::new("")))?;
+        PageTokens::read(page, base)?;
+    }
+    if let Some(recording) = &config.recording {
+        signing_key(recording, base)?;
     }
     println!(
         "{}: station {}, {} Hz, subject {}",

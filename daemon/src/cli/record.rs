@@ -10,6 +10,7 @@ use sd_notify::NotifyState;
 use super::run::stop_on_signals;
 use super::{Outcome, StationArgument, log_to_stderr};
 use crate::config::Config;
+use crate::record::signature::{SigningKey, make_key};
 use crate::record::{RecordSummary, record, service};
 
 /// Record a running station into an MCAP file, until Ctrl-C
@@ -20,13 +21,19 @@ use crate::record::{RecordSummary, record, service};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples: equipoise record shift.mcap --for 600\n          equipoise record --config \
-                        /etc/equipoise/equipoise.toml\n\nA file is never overwritten. Exit code 3: messages were \
+                        /etc/equipoise/equipoise.toml\n          equipoise record --new-key recording.key\n\nA file is never overwritten. Exit code 3: messages were \
                         lost; the summary says which."
 )]
 pub(super) struct Arguments {
     /// File to create
-    #[arg(value_name = "OUT.mcap", required_unless_present = "config", conflicts_with = "config")]
+    #[arg(value_name = "OUT.mcap", required_unless_present_any = ["config", "new_key"], conflicts_with = "config")]
     out: Option<PathBuf>,
+    /// Sign the finished file with this key, into OUT.mcap.minisig; `minisign -V` and `equipoise report` verify it
+    #[arg(long, value_name = "FILE", conflicts_with = "config")]
+    sign_key: Option<PathBuf>,
+    /// Record nothing, but make a key to sign with: a secret key without a password, and FILE.pub, the public key
+    #[arg(long, value_name = "FILE", exclusive = true)]
+    new_key: Option<PathBuf>,
     /// Record for as long as the station runs, by the [recording] of a configuration: one file after the other, the oldest
     /// removed
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seconds", "pictures_hz"])]
@@ -42,6 +49,12 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    if let Some(path) = &arguments.new_key {
+        let public = make_key(path)?;
+        println!("{} signs recordings; keep it secret", path.display());
+        println!("{} verifies them; keep a copy on another machine", public.display());
+        return Ok(Outcome::Done);
+    }
     match (&arguments.out, &arguments.config) {
         (Some(out), _) => run_once(arguments, out),
         (None, Some(config)) => serve(config),
@@ -55,13 +68,18 @@ fn run_once(arguments: &Arguments, out: &Path) -> anyhow::Result<Outcome> {
     if !(0.0..=100.0).contains(&arguments.pictures_hz) {
         bail!("--pictures-hz {}: give 0 to 100; 0 leaves pictures out", arguments.pictures_hz);
     }
+    let key = arguments.sign_key.as_deref().map(SigningKey::read).transpose().context("--sign-key")?;
     let stop = stop_on_signals()?;
     let begun = Instant::now();
     let stopping = || stop.load(Ordering::Relaxed) || length.is_some_and(|length| begun.elapsed() >= length);
-    let summary = record(&arguments.station.station, out, arguments.pictures_hz, &stopping, || {
-        eprintln!("recording station {} to {}", arguments.station.station, out.display());
-    })?;
+    let (summary, sha256) =
+        record(&arguments.station.station, out, arguments.pictures_hz, &stopping, || {
+            eprintln!("recording station {} to {}", arguments.station.station, out.display());
+        })?;
     println!("{}: {summary}", out.display());
+    if let Some(key) = &key {
+        key.sign(out, &sha256)?;
+    }
     Ok(outcome(&summary))
 }
 

@@ -4,8 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use equipoise_discrepancy::report::page;
+use minisign::PublicKey;
 
 use super::Outcome;
+use crate::config::Config;
+use crate::record::authenticity::{Authenticity, read_public_key};
+use crate::record::signature::public_key_of;
 use crate::replay::input::Input;
 use crate::report::{Facts, Source, document, pdf};
 
@@ -19,7 +23,8 @@ use crate::report::{Facts, Source, document, pdf};
     after_help = "Examples:\n  equipoise report shift.mcap                        writes shift.html\n  equipoise report \
                         shift.mcap --pdf shift.pdf        and prints it, where Chromium is installed\n  equipoise report \
                         take.mcap --config station.toml   computes the states anew with it\n\nExit \
-                        code 3: part of the recording was damaged or is missing; the page's last section says what."
+                        code 3: part of the recording was damaged or is missing; the page's last section says what. Or the recording \
+                        was altered, signed by another key, or the one before it is missing."
 )]
 pub(super) struct Arguments {
     /// Recording or capture
@@ -33,6 +38,9 @@ pub(super) struct Arguments {
     /// Configuration to compute the states with, in place of those recorded
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Public key of minisign to verify the recording's signature with; by default SIGN_KEY.pub of the configuration
+    #[arg(long, value_name = "FILE")]
+    public_key: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -46,7 +54,19 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let input = Input::open(file)?;
     let chosen = input.configuration(arguments.config.as_deref())?;
     let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
-    let facts = Facts::gather(&name, &input, chosen, arguments.config.is_none())?;
+    let authenticity = match &input {
+        Input::Recording(recording) => {
+            let public_key = public_key(arguments, &chosen.config)?;
+            Some(Authenticity::of(file, recording, public_key.as_ref())?)
+        }
+        _ => None,
+    };
+    // First: of a damaged recording there may be no page.
+    if let Some(authenticity) = &authenticity {
+        println!("{}: {authenticity}", file.display());
+    }
+    let mut facts = Facts::gather(&name, &input, chosen, arguments.config.is_none())?;
+    facts.authenticity = authenticity.as_ref().map(ToString::to_string);
     let html = page(&document(&facts));
     std::fs::write(&out, &html).with_context(|| format!("cannot write {}", out.display()))?;
     let source = match facts.source {
@@ -61,7 +81,18 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for told in &facts.rejected {
         eprintln!("rejected: {told}");
     }
-    Ok(if facts.is_whole() { Outcome::Done } else { Outcome::PartRejected })
+    let is_sound = authenticity.is_none_or(|authenticity| authenticity.is_sound());
+    Ok(if facts.is_whole() && is_sound { Outcome::Done } else { Outcome::PartRejected })
+}
+
+/// The key that is named, or the one next to the secret key of a configuration that is named.
+fn public_key(arguments: &Arguments, config: &Config) -> anyhow::Result<Option<PublicKey>> {
+    let beside_secret = || {
+        let base = arguments.config.as_ref()?.parent().unwrap_or(Path::new(""));
+        let path = public_key_of(&base.join(config.recording.as_ref()?.sign_key.as_ref()?));
+        path.exists().then_some(path)
+    };
+    arguments.public_key.clone().or_else(beside_secret).map(|path| read_public_key(&path)).transpose()
 }
 
 fn is_same_file(a: &Path, b: &Path) -> bool {

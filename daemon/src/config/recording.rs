@@ -27,6 +27,10 @@ pub struct RecordingConfig {
     /// Pictures a second for Foxglove and Lichtblick, 0 to 100; 0 leaves them out.
     #[serde(default = "default_pictures_hz")]
     pub pictures_hz: f64,
+    /// Secret key of minisign, without a password, that signs every finished file; without it none is signed. A relative
+    /// path counts from the configuration's own folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sign_key: Option<PathBuf>,
 }
 
 fn default_file_max_mib() -> u64 {

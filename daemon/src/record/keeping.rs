@@ -7,6 +7,9 @@ use std::time::{Duration, SystemTime};
 
 use rustix::fs::statvfs;
 
+use super::signature::{SIGNATURE_ENDING, signature_of};
+use crate::whole_file::clear_leftovers;
+
 /// How much may be kept.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
@@ -55,6 +58,43 @@ impl Shelf {
     pub fn open(directory: &Path, station: &str) -> io::Result<Shelf> {
         fs::create_dir_all(directory)?;
         Ok(Shelf { directory: directory.to_owned(), prefix: format!("{station}.") })
+    }
+
+    /// The series that a file belongs to by its name, and its number in it.
+    pub(super) fn with(path: &Path) -> Option<(Shelf, u64)> {
+        let (station, _) = path.file_stem()?.to_str()?.rsplit_once('.')?;
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let shelf = Shelf { directory: parent.to_owned(), prefix: format!("{station}.") };
+        let number = shelf.number(path.file_name()?.to_str()?)?;
+        Some((shelf, number))
+    }
+
+    /// The file with the next higher number.
+    pub(super) fn after(&self, number: u64) -> Option<PathBuf> {
+        let files = self.files().unwrap_or_default().into_iter();
+        files.filter(|kept| kept.number > number).min_by_key(|kept| kept.number).map(|kept| kept.path)
+    }
+
+    /// Whether there are files with lower numbers than the one in this name.
+    pub(super) fn has_before(&self, name: &str) -> bool {
+        let files = self.files().unwrap_or_default();
+        self.number(name).is_some_and(|number| files.iter().any(|kept| kept.number < number))
+    }
+
+    /// The newest file that no recorder writes.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub(super) fn newest_finished(&self) -> io::Result<Option<PathBuf>> {
+        let mut newest_first = self.files()?.into_iter().rev().map(|kept| kept.path);
+        Ok(newest_first.find(|path| !is_being_written(path)))
+    }
+
+    /// Removes signatures that were not written to their end.
+    pub(super) fn clear_leftovers(&self) {
+        let is_signature =
+            |name: &str| name.strip_suffix(SIGNATURE_ENDING).and_then(|of| self.number(of)).is_some();
+        clear_leftovers(&self.directory, is_signature);
     }
 
     /// A name that nothing has yet: `STATION.SECONDS.mcap`, with the first free second from `unix_s` on.
@@ -133,6 +173,7 @@ impl Shelf {
             if is_being_written(&kept.path) || fs::remove_file(&kept.path).is_err() {
                 continue;
             }
+            let _ = fs::remove_file(signature_of(&kept.path));
             total -= kept.bytes;
             cleared.removed.push((kept.path, reason));
             // Some file systems free later, and none while somebody reads the file: what was removed counts at once, else

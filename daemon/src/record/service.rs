@@ -5,12 +5,15 @@ use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
+use equipoise_adapters::recording::Predecessor;
 use tracing::{info, warn};
 
 use super::keeping::{Limits, Shelf, has_jumped};
+use super::signature::{Signer, SigningKey};
 use super::summary::RecordSummary;
 use super::{Progress, Tap};
 use crate::config::RecordingConfig;
+use crate::model::sha256_with;
 use crate::status;
 use crate::whole_file::runs;
 
@@ -49,9 +52,12 @@ pub fn serve(
     let directory = base.join(&config.directory);
     let shelf = Shelf::open(&directory, station)
         .with_context(|| format!("recording.directory: cannot make {}", directory.display()))?;
+    let mut signer = Signer::new(signing_key(config, base)?);
+    shelf.clear_leftovers();
     let keeper = Keeper::new(&shelf, config)?;
     keeper.clear_if_due()?;
     alive();
+    let mut previous = shelf.newest_finished()?.and_then(|path| link_to(&path, alive));
     let Some(mut tap) = wait_for_a_daemon(station, stopping, alive)? else {
         return Ok(RecordSummary::default());
     };
@@ -61,10 +67,17 @@ pub fn serve(
         let out = shelf.next(unix_s);
         let until = Until::new(station, &keeper, stopping, alive);
         let said = || info!("recording station {station} to {}", out.display());
-        match tap.record(&out, config.pictures_hz, &|progress| until.is_over(progress), said) {
-            Ok(()) => info!("{} {}; {}", out.display(), until.why.get(), tap.summary),
+        match tap.record(&out, previous, config.pictures_hz, &|progress| until.is_over(progress), said) {
+            Ok(sha256) => {
+                info!("{} {}; {}", out.display(), until.why.get(), tap.summary);
+                signer.start(&out, &sha256);
+                previous = Some(Predecessor { file: name_of(&out), sha256 });
+            }
             // What is joined no more may fail in any way.
-            Err(error) if tap.is_cut_off() => warn!("{} has ended: {error:#}", out.display()),
+            Err(error) if tap.is_cut_off() => {
+                warn!("{} has ended: {error:#}", out.display());
+                previous = link_to(&out, alive);
+            }
             Err(error) => return Err(error),
         }
         if let Some(error) = until.trouble.take() {
@@ -87,6 +100,31 @@ pub fn serve(
         }
     }
     Ok(tap.summary)
+}
+
+/// The key that is configured; `base` is the folder that a relative path counts from.
+///
+/// # Errors
+/// A sentence that begins with the key: the file is missing, is accessible to other users, or holds no secret key.
+pub fn signing_key(config: &RecordingConfig, base: &Path) -> anyhow::Result<Option<SigningKey>> {
+    let key = config.sign_key.as_ref().map(|file| SigningKey::read(&base.join(file)));
+    key.transpose().context("recording.sign_key")
+}
+
+/// The link to a file whose hash is not known yet, such as that of a recorder that was killed. Reads all of it: only while
+/// no messages are waiting.
+fn link_to(path: &Path, alive: &dyn Fn()) -> Option<Predecessor> {
+    match sha256_with(path, alive) {
+        Ok(sha256) => Some(Predecessor { file: name_of(path), sha256 }),
+        Err(error) => {
+            warn!("a new hash chain begins: {error:#}");
+            None
+        }
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// `None` once `stopping`.

@@ -107,7 +107,10 @@ impl Output {
         match self.sink {
             Sink::Nowhere => Ok(()),
             Sink::Json(mut file) | Sink::Csv(mut file) => file.flush().context("cannot write the result"),
-            Sink::Mcap(recorder) => Ok(recorder.finish()?),
+            Sink::Mcap(recorder) => {
+                recorder.finish()?;
+                Ok(())
+            }
         }
     }
 }

@@ -67,6 +67,8 @@ pub struct Facts {
     pub quality: Quality,
     /// What of the file could not be used, in words.
     pub rejected: Vec<String>,
+    /// Whether the recording is as it was written, in one line; `None` of a capture.
+    pub authenticity: Option<String>,
     started_ns: u64,
     records: Records,
     last: Option<Last>,
@@ -109,6 +111,7 @@ impl Facts {
             path: None,
             quality: Quality::default(),
             rejected: Vec::new(),
+            authenticity: None,
             started_ns: input.started_ns(),
             records: Records::default(),
             last: None,

@@ -33,6 +33,9 @@ pub(super) fn session(facts: &Facts) -> Section {
     let mut table = Table::new(&["what", "value"]);
     let mut row = |what: &str, value: Text| table.rows.push(vec![what.into(), value]);
     row("recording", code(facts.name.as_str()));
+    if let Some(line) = &facts.authenticity {
+        row("authenticity", line.clone().into());
+    }
     row("station", code(facts.config.station.as_str()));
     row("subject", code(subject(facts)));
     let begun = match header.started_unix_ns {
