@@ -160,10 +160,7 @@ fn a_body_that_stands_elsewhere_than_thought_has_other_legs_and_the_same_arms() 
 fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvis() {
     let pose = t_pose();
     let sigma = LoadingSigma { orientation_rad: 0.01, ..NO_SIGMA };
-    // Both axes alike.
-    let at = |name: &str| {
-        spread_nm(&torques(&pose, &loaded(&pose, 60.0), &sigma), name) * core::f64::consts::FRAC_1_SQRT_2
-    };
+    let at = |name: &str| spread_nm(&torques(&pose, &loaded(&pose, 60.0), &sigma), name);
     let length_m = |from: Segment, to: Segment| (pose.origin_of(to) - pose.origin_of(from)).norm();
     let forearm_m = length_m(Segment::RightForearm, Segment::RightHand);
     let upper_arm_m = length_m(Segment::RightUpperArm, Segment::RightForearm);
@@ -172,11 +169,12 @@ fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvi
         length_m(Segment::LeftLowerLeg, Segment::LeftFoot),
     ]);
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
-    // Half of the load's 60 N, a hundredth of each length aside.
+    // Half of the load's 60 N, a hundredth of each length across the segment: one horizontal axis of a level arm, both of a
+    // vertical leg.
     assert_eq!((at("RightWrist"), at("RightAnkle")), (0.0, 0.0));
     near(at("RightElbow"), 0.3 * forearm_m);
     near(at("RightShoulder"), 0.3 * math::hypot([forearm_m, upper_arm_m]));
-    near(at("LeftHip"), 0.3 * leg_m);
+    near(at("LeftHip"), 0.3 * leg_m * core::f64::consts::SQRT_2);
 }
 
 #[test]
