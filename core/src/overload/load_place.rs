@@ -10,13 +10,12 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::math;
 
-/// 1-σ of how far from even people share a load between their hands: one hand carries anywhere between 20 and 80 %; the
-/// variance of a uniform distribution is the square of its width over 12.
-const EVEN_SIGMA: f64 = 0.173;
-/// How far ahead of the grips a load's centre lies before it is measured, and its 1-σ, m: uniform between a handle, 0, and
-/// the centre of a box, at most 42 mm (103 mm ahead of the wrists as measured, the grips being 61 mm ahead of them).
-const AHEAD_M: f64 = 0.021;
-const AHEAD_SIGMA_M: f64 = 0.0121;
+/// 1-σ of how far from even people share a load between their hands.
+const EVEN_SIGMA: f64 = 0.2;
+/// How far ahead of the grips a load's centre lies before it is measured, and its 1-σ, m: anywhere between a handle, 0, and
+/// the centre of a box, 50 mm; the variance of a uniform distribution is the square of its width over 12.
+const AHEAD_M: f64 = 0.025;
+const AHEAD_SIGMA_M: f64 = 0.0144;
 /// Over this time the error of the centres of pressure changes: from one posture of work to the next, s.
 const POSTURE_S: f64 = 2.0;
 /// Grips change: what was measured longer ago than this counts for less, s.
