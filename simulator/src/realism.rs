@@ -222,7 +222,7 @@ mod tests {
             let exact = Realism::IDEAL.clocks(seed);
             assert_eq!([exact.plate_late_s, exact.plate_drift_ppm, exact.suit_rate_ppm], [0.0; 3]);
             let drift = Realism::REALISTIC.zero_drift(seed).at(100.0);
-            assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.4, "{drift:?}");
+            assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.65, "{drift:?}");
             assert_eq!(Realism::IDEAL.zero_drift(seed), ZeroDrift::NONE);
         }
         assert!(apart[0] < 0.25 && apart[1] > 0.75, "{apart:?}");
