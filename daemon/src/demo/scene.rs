@@ -59,12 +59,12 @@ impl Scene {
 /// Sums for one joint while lifting.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct JointSums {
-    pub(super) told_nm: f64,
+    pub(super) published_nm: f64,
     pub(super) true_nm: f64,
     pub(super) error_nm2: f64,
     pub(super) sigma_nm: f64,
     pub(super) true_max_nm: f64,
-    pub(super) told_max_nm: f64,
+    pub(super) published_max_nm: f64,
 }
 
 /// Sums of a pair of centres of pressure, m.
@@ -240,15 +240,15 @@ impl Script {
             self.delta_f_n += state.delta_f_n[2];
             for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
                 let Some(joint) = Joint::named(name).map(Joint::index) else { continue };
-                let told = Vector3::from(state.torque_nm[joint]);
+                let published = Vector3::from(state.torque_nm[joint]);
                 // Told in motion, so judged by the truth in motion; both feet's forces act at the common centre of
                 // pressure, as in Eq. 15.
                 let real = truth.overload_in_motion_nm[joint];
-                sums.told_nm += told.norm();
+                sums.published_nm += published.norm();
                 sums.true_nm += real.norm();
-                sums.told_max_nm = sums.told_max_nm.max(told.norm());
+                sums.published_max_nm = sums.published_max_nm.max(published.norm());
                 sums.true_max_nm = sums.true_max_nm.max(real.norm());
-                sums.error_nm2 += (told - real).norm_squared();
+                sums.error_nm2 += (published - real).norm_squared();
                 sums.sigma_nm += state.torque_sigma_nm[joint];
             }
         }

@@ -18,7 +18,7 @@ pub struct DemoSummary {
     pub poses_used: u32,
     /// How long identification took, s.
     pub identified_after_s: f64,
-    /// What the filter promised for the CoP, mm.
+    /// Predicted standard deviation of the CoP over the library of poses, mm.
     pub predicted_cop_sigma_mm: f64,
     /// Estimated against measured CoP, unloaded, in poses that were not learnt from.
     pub unloaded_cop: CopError,
@@ -64,7 +64,7 @@ pub struct Lift {
     pub mass_kg: f64,
     /// Suit samples with valid torques.
     pub samples: u64,
-    /// Mean external force told, N.
+    /// Mean published external force, N.
     pub delta_f_n: f64,
     /// The box's weight, N.
     pub delta_f_true_n: f64,
@@ -79,15 +79,15 @@ pub struct JointTorque {
     pub joint: &'static str,
     /// MVN's name.
     pub name: &'static str,
-    /// Magnitude told.
+    /// Published magnitude.
     pub torque_nm: f64,
     /// True magnitude, from the simulator.
     pub true_nm: f64,
-    /// 1-σ told.
+    /// Published 1-σ.
     pub sigma_nm: f64,
     /// Root mean square of the vector difference.
     pub error_nm: f64,
-    /// Largest magnitude told.
+    /// Largest published magnitude.
     pub torque_max_nm: f64,
     /// Largest true magnitude.
     pub true_max_nm: f64,
@@ -102,11 +102,11 @@ impl DemoSummary {
             .map(|((joint, name), sums)| JointTorque {
                 joint,
                 name,
-                torque_nm: sums.told_nm / samples,
+                torque_nm: sums.published_nm / samples,
                 true_nm: sums.true_nm / samples,
                 sigma_nm: sums.sigma_nm / samples,
                 error_nm: (sums.error_nm2 / samples).sqrt(),
-                torque_max_nm: sums.told_max_nm,
+                torque_max_nm: sums.published_max_nm,
                 true_max_nm: sums.true_max_nm,
             })
             .collect();
@@ -157,7 +157,7 @@ impl fmt::Display for DemoSummary {
         let cop = &self.unloaded_cop;
         writeln!(
             f,
-            "identified with {} poses in {:.0} s; the filter promised {:.1} mm",
+            "identified with {} poses in {:.0} s; predicted CoP standard deviation {:.1} mm",
             self.poses_used, self.identified_after_s, self.predicted_cop_sigma_mm
         )?;
         writeln!(
@@ -177,7 +177,7 @@ impl fmt::Display for DemoSummary {
             "\nlifting {} kg: external force {:.1} N, true {:.1} N ({} samples with valid torques)",
             self.lift.mass_kg, self.lift.delta_f_n, self.lift.delta_f_true_n, self.lift.samples
         )?;
-        writeln!(f, "  joint        told N m    1-sigma       true      error")?;
+        writeln!(f, "  joint       published    1-sigma       true      error")?;
         for joint in &self.lift.joints {
             writeln!(
                 f,

@@ -34,7 +34,7 @@ pub(in crate::report) fn latency(facts: &Facts) -> Section {
         ]);
     }
     section.table(table);
-    section.note("Stages are those of docs/latency.md. Skipped periods count with their whole lateness.");
+    section.note("Stages are those of docs/realtime.md. Skipped periods count with their whole lateness.");
     section
 }
 
