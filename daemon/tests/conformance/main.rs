@@ -40,7 +40,7 @@ fn every_adapter_answers_every_question() {
         let row = Row { case, answers };
         match disturbed {
             Some(late) if !table::wrong(std::slice::from_ref(&row)).is_empty() => {
-                inconclusive.push((row, late))
+                inconclusive.push((row, late));
             }
             _ => rows.push(row),
         }
