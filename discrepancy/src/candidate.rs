@@ -1,4 +1,4 @@
-//! What is tried: every effect of the catalogue, everywhere it can act, with every shape of a coarse grid.
+//! Candidates: every effect of the catalogue, at every place where it can act, with every shape of a coarse grid.
 
 use equipoise_core::body::Side;
 use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
@@ -24,13 +24,13 @@ pub(crate) struct Candidate {
     pub(crate) effect: Effect,
     /// Where.
     pub(crate) place: Place,
-    /// What is not linear ([`effect::Term::shape`]).
+    /// The non-linear parameter ([`effect::Term::shape`]).
     pub(crate) shape: f64,
     /// When.
     pub(crate) scope: Scope,
     /// Large turns are not linear in their angle: the parameters about which the columns hold; 0 for small ones.
     pub(crate) about: [f64; PARAMETERS_MAX],
-    /// Believed parameters.
+    /// Prior mean of the parameters.
     pub(crate) mean: Vec<f64>,
     /// How sure, 1-σ.
     pub(crate) sigma: Vec<f64>,
@@ -40,9 +40,10 @@ pub(crate) struct Candidate {
 
 /// Time constants of a drift, s; 0 is linear.
 const DRIFTS_S: [f64; 4] = [0.0, 20.0, 40.0, 90.0];
-/// Frequencies of breath and sway, Hz.
+/// Frequencies of respiration and sway, Hz.
 const SWAYS_HZ: [f64; 7] = [0.17, 0.2, 0.23, 0.26, 0.29, 0.32, 0.36];
-/// Headings of a segment, rad: about which angle, 1-σ, and share. Together as the effect's own belief, with longer arms.
+/// Mixture components for the heading of a segment, rad: mean angle, 1-σ, weight. Together they equal the effect's own
+/// prior, with heavier tails.
 const HEADINGS: [(f64, f64, f64); 7] = [
     (0.0, 0.12, 0.5),
     (-0.3, 0.12, 0.13),
@@ -74,12 +75,12 @@ impl Candidate {
         candidate
     }
 
-    /// Whether its only parameter is a share of what its shape says, near one.
+    /// Whether its only parameter is a factor near one on what its shape predicts.
     pub(crate) fn is_a_share(&self) -> bool {
         matches!(self.effect, Effect::SuitLag | Effect::PlateLowpass)
     }
 
-    /// The same about an angle, with how sure and which share of the belief.
+    /// The same candidate with a heading prior about an angle, with 1-σ and weight in the mixture.
     fn heading(&self, (psi_rad, sigma_rad, share): (f64, f64, f64)) -> Candidate {
         let mut about = self.about;
         about[0] = psi_rad;
@@ -140,7 +141,7 @@ impl Candidate {
     }
 }
 
-/// `right`, `both`, `T8`; empty for the whole.
+/// `right`, `both`, `T8`; empty for the whole body.
 pub(crate) fn place_name(place: Place) -> &'static str {
     match place {
         Place::Whole => "",
@@ -151,7 +152,7 @@ pub(crate) fn place_name(place: Place) -> &'static str {
     }
 }
 
-/// All that is tried in the work as a whole, or all the time.
+/// All candidates that act during the whole work phase or the whole recording.
 pub(crate) fn all(rows: &Rows<'_>) -> Vec<Candidate> {
     let mut list = Vec::new();
     for effect in Effect::ALL {
@@ -181,8 +182,8 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
     list
 }
 
-/// How usual a place is, as a log prior: things are worn on back and belt, held in hands, strapped to thighs and forearms,
-/// hardly ever to heads, upper arms and shins.
+/// Log prior of a place: loads are usually worn on back and belt, held in hands, strapped to thighs and forearms, and
+/// rarely on head, upper arms and shins.
 pub(crate) fn usual(effect: Effect, place: Place) -> f64 {
     use equipoise_core::body::Segment;
     match (effect, place) {
@@ -232,7 +233,8 @@ fn of_change(change: Change) -> Columns {
     columns
 }
 
-/// What a lag would change: between the kept lags by a cubic through the nearest four, of which none is one too.
+/// Change by a lag: cubic interpolation through the nearest four stored lags; lag zero with no change is one of the
+/// nodes.
 fn lag_change(block: &Block, lag_s: f64) -> Change {
     let zero = LAGS_S.iter().take_while(|&&kept_s| kept_s < 0.0).count();
     let at = |i: usize| match i.cmp(&zero) {
@@ -243,7 +245,7 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
     between(lag_s, LAGS_S.len() + 1, at)
 }
 
-/// What a cutoff would change: between the kept ones, over the time constant.
+/// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
 fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
     let last = CUTOFFS_HZ.len();
     let at = |i: usize| match i {

@@ -6,7 +6,8 @@ use crate::rows::Rows;
 const PIECES: usize = 24;
 /// Most leaps that are looked at.
 const LEAPS_MAX: usize = 8;
-/// Blocks on each side of a leap whose median counts, and those between that do not: what begins takes a while.
+/// Blocks on each side of a step whose median counts, and blocks in between that are ignored: the onset of an effect
+/// takes time.
 const SIDE_BLOCKS: usize = 6;
 const BETWEEN_BLOCKS: usize = 2;
 /// A leap is at least this large: centre of pressure x and y, m, and vertical force, N.
@@ -26,7 +27,7 @@ pub(crate) fn ends_s(rows: &Rows<'_>) -> [f64; 2] {
     [from_s, to_s]
 }
 
-/// All edges, s, rising: a large effect fits nowhere but between its own.
+/// All edges, s, ascending: a large effect fits only between its own edges.
 pub(crate) fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
     let [from_s, to_s] = ends_s(rows);
     let leaps_s = leaps_s(rows);
@@ -59,7 +60,7 @@ fn leaps_s(rows: &Rows<'_>) -> Vec<f64> {
     kept.into_iter().map(|at| 0.5 * (rows.time_s(at - 1) + rows.time_s(at))).collect()
 }
 
-/// How far the residual leaps just before a block, over what is looked at.
+/// Size of the residual's step just before a block, over the examined channels.
 fn leap(rows: &Rows<'_>, at: usize) -> f64 {
     let before = at - SIDE_BLOCKS - BETWEEN_BLOCKS..at - BETWEEN_BLOCKS;
     let after = at + BETWEEN_BLOCKS..at + BETWEEN_BLOCKS + SIDE_BLOCKS;

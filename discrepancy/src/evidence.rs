@@ -14,7 +14,7 @@ pub(crate) struct Estimate {
     pub(crate) sigma: Vec<f64>,
 }
 
-/// Inner products with what is already accepted taken into account.
+/// Inner products conditioned on the accepted terms.
 #[derive(Debug, Clone)]
 pub(crate) struct Conditioned {
     /// As [`Gram::products`].
@@ -48,7 +48,7 @@ impl Gram<'_> {
         )
     }
 
-    /// The inner products, given some terms.
+    /// The inner products, conditioned on some terms.
     pub(crate) fn given(&self, terms: &[usize]) -> Conditioned {
         let mut products = self.products.clone();
         let mut with_residual = self.with_residual.clone();
@@ -73,7 +73,7 @@ impl Gram<'_> {
         terms.iter().flat_map(|&term| self.terms[term].columns()).collect()
     }
 
-    /// Believed parameters of some terms and how sure.
+    /// Prior means of some terms' parameters, and their 1-σ.
     pub(crate) fn beliefs(&self, terms: &[usize]) -> (Vec<f64>, Vec<f64>) {
         let of =
             |pick: fn(&Term) -> &Vec<f64>| terms.iter().flat_map(|&t| pick(&self.terms[t]).clone()).collect();
@@ -120,7 +120,7 @@ pub(crate) fn log_odds(
     }
 }
 
-/// Posterior mean and 1-σ; `None` if the columns cannot be told apart at all.
+/// Posterior mean and 1-σ; `None` if the columns are not separable.
 pub(crate) fn estimate(
     products: &dyn Fn(usize, usize) -> f64,
     with_residual: &dyn Fn(usize) -> f64,

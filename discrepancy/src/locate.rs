@@ -1,5 +1,5 @@
-//! Where model and measurement are apart beyond noise: spans of time, signal, still or moving, and the segment whose pose
-//! goes with it.
+//! Discrepancies beyond noise: time spans, signal, static or moving, and the segment whose orientation correlates with
+//! them.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::Observation;
@@ -14,9 +14,9 @@ const PIECES: usize = 30;
 /// From here on a piece is suspicious: root mean square of the residual over its noise. Noise is coloured, so that a piece
 /// holds few independent values.
 const BEYOND: f64 = 2.0;
-/// Most spans that are told.
+/// Largest number of reported spans.
 const TOLD_MAX: usize = 8;
-/// A segment goes with a residual if it explains at least this share of its square.
+/// A segment correlates with a residual if it explains at least this fraction of its square.
 const GOES_WITH: f64 = 0.25;
 
 /// All suspicious spans, worst first.
@@ -65,7 +65,7 @@ fn when(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> &'sta
     }
 }
 
-/// The segment whose direction in space explains most of the residual's change, if it explains much of it.
+/// The segment whose direction in space explains most of the residual's change, if the fraction suffices.
 fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Option<String> {
     let rows = gram.rows;
     let mean =

@@ -1,13 +1,13 @@
-//! What may be asked of a reconciliation, and why it may fail.
+//! Options and errors of a reconciliation.
 
 use thiserror::Error;
 
-/// What may be asked.
+/// Options of a reconciliation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Least log Bayes factor from which an effect is named; what chance would reach on these data may be more.
+    /// Minimum log Bayes factor of a named effect; the level reached by chance on these data may be higher.
     pub least_log_odds: f64,
-    /// Number of clean sessions that are drawn to find out what chance reaches.
+    /// Number of simulated clean sessions from which the level reached by chance is estimated.
     pub draws: usize,
 }
 
@@ -21,7 +21,7 @@ impl Default for Options {
 /// Why a session cannot be reconciled.
 #[derive(Debug, Error)]
 pub enum ReconcileError {
-    /// There is hardly any work to judge.
+    /// The work phase has too few blocks.
     #[error(
         "only {found} usable blocks of {block_s:.1} s lie in the work in question ({from_s:.1} s to {to_s:.1} s), and \
          {needed} are needed; choose a longer span with --work"
@@ -29,7 +29,7 @@ pub enum ReconcileError {
     TooLittleWork {
         /// Blocks that there are.
         found: usize,
-        /// Blocks that it takes.
+        /// Blocks required.
         needed: usize,
         /// How long each is, s.
         block_s: f64,
@@ -46,7 +46,7 @@ pub enum ReconcileError {
     NothingToCompareWith {
         /// Blocks that there are.
         found: usize,
-        /// Blocks that it takes.
+        /// Blocks required.
         needed: usize,
     },
     /// A block holds something that is not a number.

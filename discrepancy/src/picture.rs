@@ -1,10 +1,11 @@
-//! What the report draws: the residual seen against time, pose and each effect's own predictor, and what is left of it.
+//! Data of the report's figures: the residual over time, pose and each effect's own predictor, and the remaining
+//! residual.
 //!
-//! Everything here is of the work in question and in the units of its [`Signal`]. "Before" is measured less predicted
-//! with the model as it was, less what the clean part of the recording makes one expect; "after" has what was named taken
-//! off with parameters that were fitted on *other* blocks of time. If nothing was named, the two are the same. The engine
-//! fills it block by block, however long the recording; the report thins it out. A value that could not be made is left
-//! out, never NaN.
+//! All data refer to the work in question, in the units of its [`Signal`]. "Before" is measured minus predicted with
+//! the original model, minus the expectation from the clean part of the recording; "after" subtracts the named effects
+//! as well, with parameters fitted on *other* time intervals. If no effect was named, the two are equal. The engine
+//! fills it block by block, however long the recording; the report decimates it. A value that could not be computed is
+//! left out, never NaN.
 
 use crate::block::Phase;
 use crate::session::Spans;
@@ -12,7 +13,7 @@ use crate::session::Spans;
 /// All that the report draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Which part of the recording was taken for what, s since its begin.
+    /// Phases of the recording, s since its start.
     pub spans_s: Spans,
     /// How long the recording is, s.
     pub length_s: f64,
@@ -22,11 +23,11 @@ pub struct Picture {
     pub threshold_log_odds: f64,
     /// The residual over time: one per signal, blocks by time.
     pub time: Vec<TimePlot>,
-    /// The residual against a feature of the pose: those that it goes with most, first.
+    /// The residual over pose features, highest correlation first.
     pub pose: Vec<PosePlot>,
-    /// The residual against what each named effect predicts of it; empty if nothing was named.
+    /// The residual over the prediction of each named effect; empty if none was named.
     pub predictors: Vec<PredictorPlot>,
-    /// What is left: one per signal.
+    /// Whiteness of the remaining residual, one per signal.
     pub whiteness: Vec<Whiteness>,
     /// Normalised innovations: how often the whitened residual is how large.
     pub surprise: Vec<SurpriseBin>,
@@ -34,7 +35,7 @@ pub struct Picture {
     pub windows: Vec<Window>,
     /// Gap by phase and signal.
     pub phases: Vec<PhaseGap>,
-    /// How large an effect could be and still not have been seen; told if nothing was named.
+    /// Upper bounds of undetected effects; reported if none was named.
     pub unseen: Vec<Unseen>,
 }
 
@@ -100,7 +101,7 @@ pub struct TimePoint {
     pub before: f64,
     /// Residual after, by parameters from other blocks.
     pub after: f64,
-    /// 1-σ of what noise alone would show here, coloured noise included.
+    /// 1-σ of noise alone here, coloured noise included.
     pub noise_sigma: f64,
 }
 
@@ -115,7 +116,7 @@ pub struct PosePlot {
     pub unit: &'static str,
     /// One per block, in any order.
     pub points: Vec<PosePoint>,
-    /// Root mean square of what noise alone would show.
+    /// Root mean square of noise alone.
     pub noise_sigma: f64,
 }
 
@@ -130,7 +131,7 @@ pub struct PosePoint {
     pub after: f64,
 }
 
-/// The residual of one signal against what one named effect predicts of it: on the diagonal if the effect is right.
+/// The residual of one signal over the prediction of one named effect: on the diagonal if the effect is correct.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictorPlot {
     /// Name with place, as in [`crate::finding::Candidate::name`].
@@ -139,7 +140,7 @@ pub struct PredictorPlot {
     pub signal: Signal,
     /// One per block in which the effect holds, in any order.
     pub points: Vec<PredictorPoint>,
-    /// Root mean square of what noise alone would show.
+    /// Root mean square of noise alone.
     pub noise_sigma: f64,
 }
 
@@ -152,7 +153,7 @@ pub struct PredictorPoint {
     pub residual: f64,
 }
 
-/// Whether what is left of one signal is white once its modelled colour is taken off.
+/// Whether the remaining residual of one signal is white once its modelled colour is removed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Whiteness {
     /// Which signal.

@@ -1,4 +1,4 @@
-//! What is not linear in an effect, to more digits than its grid: one-dimensional search of the evidence.
+//! Refines the non-linear parameter of an effect beyond its grid: one-dimensional search of the evidence.
 
 use equipoise_core::effect::Effect;
 
@@ -48,7 +48,7 @@ pub(crate) fn with_shape(candidate: &Candidate, shape: f64) -> Candidate {
     other
 }
 
-/// Where the shape may lie; `None` where there is none.
+/// Range of the shape; `None` where there is none.
 fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]) -> Option<[f64; 2]> {
     let shape = candidate.shape;
     match candidate.effect {
@@ -101,7 +101,7 @@ pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usiz
     if curvature > 0.0 { 1.0 / curvature.sqrt() } else { candidate.shape.abs() }
 }
 
-/// Fits a mass's first moment again with a belief that fits the mass: an arm's length, not a metre.
+/// Refits a mass's first moment with a prior consistent with the mass: the length of an arm, not a metre.
 pub(crate) fn tie_moments(gram: &mut Gram<'_>) {
     for index in 0..gram.terms.len() {
         let term = &gram.terms[index];

@@ -1,8 +1,8 @@
-//! The finding told for people: `report.html`, which needs nothing else, and `report.md` with drawings beside it.
+//! The finding as a report: `report.html`, which is self-contained, and `report.md` with drawings as separate files.
 //!
-//! Six steps, each in plain words with its picture: what disagrees, where beyond noise, what was set aside and why, the
-//! change, the same picture again on data held out, what is left. An answer that names nothing is told as openly. Both
-//! forms are made of one document, so they cannot tell different numbers.
+//! Six steps, each in plain words with its figure: what disagrees, where beyond noise, what was rejected and why, the
+//! change, the same figure on held-out data, what remains. A finding without named effects is reported in the same
+//! detail. Both forms are rendered from one document, so their numbers agree.
 
 pub mod document;
 mod escape;
@@ -19,25 +19,25 @@ use crate::finding::Finding;
 use crate::picture::Picture;
 use document::{Document, Piece};
 
-/// All that a report tells.
+/// Inputs of a report.
 #[derive(Debug, Clone, Copy)]
 pub struct Report<'a> {
-    /// What was found.
+    /// The finding.
     pub finding: &'a Finding,
-    /// What is drawn of it.
+    /// Data of the figures.
     pub picture: &'a Picture,
-    /// Where it comes from.
+    /// Provenance of the finding.
     pub origin: &'a Origin,
     /// The text of the model file, if one was written; its path is [`Finding::model`].
     pub model_toml: Option<&'a str>,
 }
 
-/// Where a finding comes from, so that it can be made again.
+/// Provenance of a finding, sufficient to reproduce it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Origin {
-    /// What was read.
+    /// Recordings read.
     pub recordings: Vec<Recording>,
-    /// Who was measured.
+    /// The measured subject.
     pub subject: String,
     /// Where.
     pub station: String,
@@ -45,22 +45,22 @@ pub struct Origin {
     pub date: String,
     /// Program with its version.
     pub software: String,
-    /// The command as it was given.
+    /// The command line as entered.
     pub command: String,
 }
 
 /// A recording that was read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recording {
-    /// Name of its file, as it was given.
+    /// Name of its file, as entered.
     pub name: String,
     /// SHA-256 of its bytes, in hexadecimal.
     pub sha256: String,
 }
 
-/// A document as one page that needs nothing else: no script, nothing from elsewhere; light, dark and printed.
+/// Renders a document as one self-contained page: no script, no external resources; light, dark and print styles.
 ///
-/// The style sheet knows the verdicts of a finding by their colour; any other word stands there without one.
+/// The style sheet has colours for the verdicts of a finding; any other word has none.
 pub fn page(document: &Document) -> String {
     html::html(document)
 }
@@ -78,7 +78,7 @@ pub struct Pages {
 }
 
 impl Report<'_> {
-    /// Tells the story, in both forms.
+    /// Renders both forms.
     pub fn pages(&self) -> Pages {
         let document = story::document(self);
         let mut files = vec![

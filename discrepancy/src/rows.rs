@@ -1,7 +1,7 @@
-//! The blocks that are worked on, as rows: residuals, and how the errors that are modelled act on them.
+//! The selected blocks as rows: residuals, and the sensitivity of the rows to the modelled errors.
 //!
-//! Rows of the centre of pressure alternate x and y, block by block: identification, clean work, work in question. What
-//! acts in the work only is then zero in all rows before [`Rows::work_from`].
+//! Rows of the centre of pressure alternate x and y, block by block: identification, clean work, work in question.
+//! Effects of the work phase only are therefore zero in all rows before [`Rows::work_from`].
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::{Columns, misaligned};
@@ -19,12 +19,12 @@ pub(crate) struct Rows<'a> {
     pub(crate) blocks: Vec<&'a Block>,
     /// The first block of the work in question.
     pub(crate) work_from: usize,
-    /// Per block and segment, what is measured off if it is seen turned about each of its axes, per rad.
+    /// Per block and segment: measurement error per rad of orientation error about each of the segment's axes.
     turned: Vec<[Columns; SEGMENTS]>,
 }
 
 impl<'a> Rows<'a> {
-    /// Of a whole session, thinned.
+    /// Rows of a whole session, thinned.
     pub(crate) fn of(session: &'a Session) -> Rows<'a> {
         Rows::from_blocks(session, thin(session))
     }
@@ -69,7 +69,7 @@ impl<'a> Rows<'a> {
         if self.session.has_inertia { self.blocks[block].observation.slope } else { [0.0; 2] }
     }
 
-    /// What the inertia of the body adds to the centre of pressure, m.
+    /// Contribution of the body's inertia to the centre of pressure, m.
     pub(crate) fn inertia_m(&self, block: usize) -> [f64; 2] {
         let seen = &self.blocks[block].observation;
         let height_m = seen.com_m[2] - seen.floor_m;
@@ -81,14 +81,14 @@ impl<'a> Rows<'a> {
         self.blocks[block].observation.time_s
     }
 
-    /// How far the centre of pressure (m) and the force (N) are measured off if a segment is seen turned about one of its
-    /// own axes, per rad.
+    /// Error of the centre of pressure (m) and of the force (N) per rad of a segment's orientation error about one of
+    /// its own axes.
     pub(crate) fn turned(&self, block: usize, segment: usize, axis: usize) -> ([f64; 2], [f64; 3]) {
         let columns = &self.turned[block][segment];
         (columns.cop_m[axis], columns.force_n[axis])
     }
 
-    /// The same if it is seen turned by a vector in the world's axes, rad.
+    /// The same for an orientation error given as a rotation vector in world axes, rad.
     pub(crate) fn turned_by(&self, block: usize, segment: usize, turn_rad: [f64; 3]) -> ([f64; 2], [f64; 3]) {
         let rotation = &self.blocks[block].observation.rotation[segment];
         let own_rad = [0, 1, 2].map(|axis| (0..3).map(|k| rotation[k][axis] * turn_rad[k]).sum());
@@ -96,7 +96,7 @@ impl<'a> Rows<'a> {
         self.turned[block][segment].times(&[x, y, z, 0.0])
     }
 
-    /// What a vector (m, or m per unit) added to the centre of mass adds to the centre of pressure.
+    /// Contribution of a vector (m, or m per unit) added to the centre of mass to the centre of pressure.
     pub(crate) fn on_cop(&self, block: usize, vector: [f64; 3]) -> [f64; 2] {
         let slope = self.slope(block);
         [vector[0] - slope[0] * vector[2], vector[1] - slope[1] * vector[2]]

@@ -1,5 +1,5 @@
-//! What a good fit alone does not make an explanation: too small to matter, a mass that is not where it is worn, a weight
-//! that only one channel wants.
+//! Plausibility checks beyond a good fit: minimum size, a mass at a plausible place, evidence from more than one
+//! channel.
 
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place};
@@ -10,16 +10,16 @@ use crate::gram::Gram;
 
 /// A term acting on forces and the centre of pressure must be wanted by the latter alone by this much, in log odds.
 const FROM_COP_ALONE: f64 = 3.0;
-/// And a turned segment by more: what moves fast is the worst known, and poses show a turn as well.
+/// Threshold for a turned segment: fast segments have the largest orientation errors, and poses show a turn as well.
 const TURN_FROM_COP_ALONE: f64 = 8.0;
-/// A turn below the trunk needs no word of the centre of pressure from here on, log odds.
+/// From this evidence on, a turn below the trunk requires no support by the centre of pressure, log odds.
 const BELOW_BY_FORCES: f64 = 35.0;
-/// Nothing is believed to be larger than so many σ.
+/// Estimates beyond this many prior σ are rejected.
 const ABSURD: f64 = 4.5;
 /// Of a drift, which may come of anything, and of a heading near iron, which may be any.
 const ABSURD_DRIFT: f64 = 20.0;
 const ABSURD_HEADING: f64 = 9.0;
-/// A first moment may be so many of its believed arms.
+/// Largest first moment as a multiple of the prior arm length.
 const ARMS: f64 = 2.5;
 /// A share of a lag or filter is near one if the shape is right.
 const LEAST_SHARE: f64 = 0.3;
@@ -76,10 +76,10 @@ pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> 
         .then(|| "the mass would not be where it is worn".to_owned())
 }
 
-/// Whether what speaks for a term is only the forces: then it is no mass and no turned segment.
+/// Whether only the forces support a term: then it is neither a mass nor a turned segment.
 pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> bool {
     let Some(candidate) = &gram.terms[term].candidate else { return false };
-    // What carries the whole body is felt by the forces, and a stance's place hides what it does to the pressure.
+    // Segments that carry the whole body act on the forces, and the stance offset masks their effect on the pressure.
     if is_turned_below(candidate) && log_odds > BELOW_BY_FORCES {
         return false;
     }
@@ -91,10 +91,10 @@ pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize, l
     !is_judged_otherwise && from_cop_alone(gram, accepted, term) < least
 }
 
-/// What must be certain by more than the threshold, in log odds. An offset that was always there shows only by where stances
-/// were put down, which is known by centimetres.
+/// Evidence required beyond the threshold, in log odds. An offset present from the start shows only in the stance
+/// offsets, which vary by centimetres.
 const OFFSET_BY_STANCES: f64 = 35.0;
-/// Orientations: the noise model knows of skin and wander, and not all of it.
+/// Orientations: the noise model covers soft tissue and drift only in part.
 const TURN: f64 = 22.0;
 /// A clock or a filter that is off for a while only.
 const TIMING_IN_PART: f64 = 40.0;

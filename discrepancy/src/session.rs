@@ -1,4 +1,4 @@
-//! A session: what one recording shows of one worker.
+//! A session: the data of one recording of one subject.
 
 use equipoise_core::body::SEGMENTS;
 
@@ -14,14 +14,14 @@ pub struct Session {
     pub blocks: Vec<Block>,
     /// Body mass, kg.
     pub mass_kg: f64,
-    /// What was believed of the chain's parameters (all 69, segment by segment) before any pose: covariance, m², row by
-    /// row. The blocks' `phi_m` is what was identified.
+    /// Prior covariance of the chain's parameters (all 69, segment by segment) before any pose, m², row by row. The
+    /// blocks' `phi_m` holds the identified parameters.
     pub prior_covariance_m2: Vec<f64>,
     /// Whether horizontal forces were measured.
     pub has_shear: bool,
-    /// Whether the model takes the body's inertia into account.
+    /// Whether the model includes the body's inertia.
     pub has_inertia: bool,
-    /// Whether the suit's position drifts, so that the feet are held and each stance has an offset of its own.
+    /// Whether the suit's position drifts, so that the anchor holds the feet and each stance has its own offset.
     pub suit_drifts: bool,
     /// How long a block is, s.
     pub block_s: f64,
@@ -31,7 +31,7 @@ pub struct Session {
     pub length_s: f64,
 }
 
-/// Which part of a recording is what, s since its begin.
+/// Phases of a recording, s since its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spans {
     /// Identification poses.
@@ -40,6 +40,6 @@ pub struct Spans {
     pub reference: Option<[f64; 2]>,
     /// Work in question.
     pub work: [f64; 2],
-    /// Whether they were found and not given.
+    /// Whether they were determined from the recording rather than given.
     pub found: bool,
 }

@@ -1,4 +1,4 @@
-//! Which blocks of a session are worked on: as many as a minute of computing bears, however long the recording.
+//! Selects the blocks that are processed: as many as one minute of computing allows, however long the recording.
 
 use crate::block::{Block, Phase};
 use crate::session::Session;
@@ -9,9 +9,9 @@ pub const IDENTIFY_MAX: usize = 140;
 pub const REFERENCE_MAX: usize = 300;
 /// Most blocks of the work in question that are kept.
 pub const WORK_MAX: usize = 450;
-/// What changes between clean work and work in question takes this long, s: something is put on, or leant on.
+/// Duration of the change between clean work and work in question, s: a load is put on, or a contact begins.
 const ONSET_S: f64 = 1.2;
-/// Blocks that a held pose keeps: what is held teaches nothing new but noise.
+/// Blocks kept of a static pose: further ones add only noise.
 const PER_POSE: usize = 2;
 
 /// The blocks to work on: identification, clean work, work in question, each by time.
@@ -27,7 +27,7 @@ pub(crate) fn thin(session: &Session) -> Vec<&Block> {
     kept
 }
 
-/// At most so many, evenly over the whole.
+/// At most so many, evenly spaced.
 fn evenly(blocks: Vec<&Block>, most: usize) -> Vec<&Block> {
     if blocks.len() <= most {
         return blocks;
@@ -35,7 +35,7 @@ fn evenly(blocks: Vec<&Block>, most: usize) -> Vec<&Block> {
     (0..most).map(|i| blocks[i * blocks.len() / most]).collect()
 }
 
-/// Of every run of still blocks a few; what moves is not a pose and is left as it is.
+/// Keeps a few blocks of every run of static ones; moving blocks are all kept.
 fn few_per_pose<'a>(blocks: &[&'a Block]) -> Vec<&'a Block> {
     let mut kept = Vec::new();
     for run in blocks.chunk_by(|a, b| a.still && b.still && a.stance == b.stance && near(a, b)) {

@@ -1,4 +1,4 @@
-//! What the whole catalogue scores at once, given what is already accepted; and what it would score by chance.
+//! Scores of the whole catalogue at once, conditioned on the accepted effects, and the scores reached by chance.
 
 use crate::evidence::{Conditioned, log_odds, log_sum};
 use crate::gram::Gram;

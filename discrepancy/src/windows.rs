@@ -10,16 +10,16 @@ use crate::evidence::log_odds;
 use crate::gram::Gram;
 use crate::linear::dot;
 
-/// What a part must gain over the whole to be believed, in log odds, beside the number of parts that were tried.
+/// Required gain of a part over the whole, in log odds, in addition to the penalty for the number of parts tried.
 pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
-/// And this share of what it explains: with two edges to choose, a wrong explanation fits a large effect well.
+/// And this fraction of the explained evidence: with two free edges, a wrong explanation fits a large effect well.
 const MODEL_ERROR: f64 = 0.12;
 /// The same where the name is not in question.
 const MODEL_ERROR_OF_EDGES: f64 = 0.02;
 /// Lags and cutoffs that are looked for in parts; their share does the rest.
 const PART_LAGS_S: [f64; 4] = [-0.03, -0.01, 0.01, 0.03];
 const PART_CUTOFFS_HZ: [f64; 3] = [1.0, 2.0, 4.5];
-/// Shortest part of those, s: clocks are not set, nor filters switched, for a moment.
+/// Shortest part of those, s: clocks and filters do not change for an instant.
 const SHORTEST_TIMING_S: f64 = 20.0;
 /// Shortest part, s.
 const SHORTEST_S: f64 = 2.0;
@@ -50,7 +50,8 @@ pub(crate) struct Windows {
     pieces: Vec<Pieces>,
 }
 
-/// What is looked for in parts: what is put on, leant on, taken up, knocked or disturbed, above the legs.
+/// Candidates that may act in parts of the work: loads put on or taken up, contacts, knocked sensors and disturbances,
+/// above the legs.
 fn can_come_and_go(candidate: &Candidate) -> bool {
     let is_above_the_legs = match candidate.place {
         Place::Segment(segment) => segment == Segment::Pelvis || segment.is_distal_to(Segment::T8),
@@ -80,7 +81,7 @@ impl Windows {
         Windows { edges_s, pieces }
     }
 
-    /// The best part of each, given what is accepted; best first.
+    /// The best part of each, conditioned on the accepted terms; best first.
     pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize]) -> Vec<Part> {
         let (directions, residual) = gram.directions_given(accepted);
         let mut parts: Vec<Part> =

@@ -19,8 +19,8 @@ struct Share {
 }
 
 impl Kept {
-    /// Each phase has a share of its own, so that hours of work do not thin out the poses: a quarter for the poses, a
-    /// quarter for the reference if there is one, the rest for the work.
+    /// Each phase has its own quota, so that hours of work do not displace the poses: one quarter for poses, one
+    /// quarter for the reference if there is one, the rest for work.
     pub(super) fn new(options: &Options) -> Kept {
         let quarter = options.blocks_max / 4;
         let work = if options.spans_s.reference.is_some() { 2 * quarter } else { 3 * quarter };
@@ -63,7 +63,7 @@ impl Share {
 
     fn push(&mut self, block: Block) {
         if self.blocks.len() >= self.most {
-            // Every other one goes, and of those to come every other one is not taken.
+            // Decimate by two: drop every second block, and accept only every second new one.
             let mut keep = false;
             self.blocks.retain(|_| {
                 keep = !keep;

@@ -11,7 +11,7 @@ use super::window::{Window, matrix};
 use super::worker::Worker;
 use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
 
-/// A block is whole if its points reach over this share of it.
+/// A block is complete if its points cover at least this fraction of it.
 const REACH_SHARE: f64 = 0.5;
 
 /// A block in the making.
@@ -28,13 +28,13 @@ pub(super) struct Mean {
     reach_s: [f64; 2],
     sum: Sum,
     by_cutoff: [Change; CUTOFFS_HZ.len()],
-    /// Number of the first moment that enters, and each one's summed weight in values and second derivatives.
+    /// Number of the first contributing moment, and the summed weights of each in values and second derivatives.
     first_moment: usize,
     weights: Vec<[f64; 2]>,
     bodies: Box<Bodies>,
 }
 
-/// What points sum up to.
+/// Sums over points.
 #[derive(Debug, Default)]
 struct Sum {
     time_s: f64,
@@ -52,7 +52,7 @@ struct Sum {
     force_measured_n: [f64; 3],
 }
 
-/// What moments sum up to: where every segment is and how it is turned.
+/// Sums over moments: positions and orientations of the segments.
 #[derive(Debug)]
 struct Bodies {
     origin_m: [[f64; 3]; SEGMENTS],
@@ -86,7 +86,7 @@ impl Mean {
         }
     }
 
-    /// Adds a point and what each filter would change there.
+    /// Adds a point and the change by each filter at it.
     pub(super) fn add(&mut self, point: &Point, by_cutoff: &[Change; CUTOFFS_HZ.len()]) {
         self.count += 1.0;
         self.stance = point.stance;
@@ -133,8 +133,8 @@ impl Mean {
         self.reach_s[1] - self.reach_s[0] >= REACH_SHARE * options.block_s
     }
 
-    /// Sums the moments up with their weights, once all points are in: the mean over points of what is smoothed or
-    /// differentiated linearly is one weighted sum of moments.
+    /// Sums the moments with their weights once all points are added: the mean over points of linearly smoothed or
+    /// differentiated quantities is one weighted sum over moments.
     pub(super) fn add_moments(&mut self, window: &Window) {
         let bodies = &mut *self.bodies;
         for (place, weights) in self.weights.iter().enumerate() {

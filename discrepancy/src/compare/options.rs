@@ -8,17 +8,17 @@ use crate::session::Spans;
 pub struct Options {
     /// Where the recording begins, CLOCK_MONOTONIC ns.
     pub begin_ns: u64,
-    /// Which part is what.
+    /// Phases of the recording.
     pub spans_s: Spans,
     /// Length of a block, s.
     pub block_s: f64,
     /// Half the window of the local parabola, s.
     pub half_window_s: f64,
-    /// Nothing is compared so near to a foot that leaves the ground or comes down, s.
+    /// Nothing is compared within this time of a foot's lift-off or contact, s.
     pub stance_margin_s: f64,
     /// Moments farther apart than this are a gap, s.
     pub gap_max_s: f64,
-    /// Whether the model takes the body's inertia into account.
+    /// Whether the model includes the body's inertia.
     pub has_inertia: bool,
     /// Most blocks that are kept; of a longer recording every second, fourth, … block of a phase.
     pub blocks_max: usize,
@@ -52,7 +52,7 @@ impl Options {
         self.stance_margin_s.max(predicted_s)
     }
 
-    /// The phase in which all of a stretch of time lies.
+    /// The phase that contains the whole interval.
     pub(super) fn phase_of(&self, [from_s, to_s]: [f64; 2]) -> Option<Phase> {
         let lies_in = |span_s: [f64; 2]| span_s[0] <= from_s && to_s <= span_s[1];
         let spans = &self.spans_s;

@@ -1,4 +1,4 @@
-//! One moment, smoothed and differentiated: what the model predicts, and what the plate measured.
+//! One moment, smoothed and differentiated: predictions of the model and measurements of the plate.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::motion::inertia::momentum_rate_by_segment;
@@ -10,23 +10,23 @@ use super::options::Options;
 use super::window::{Around, Window};
 use super::worker::Worker;
 
-/// Below this share of its weight a body leaps, and its centre of pressure means nothing.
+/// Below this fraction of the weight the body jumps and its centre of pressure is meaningless.
 const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
 /// A body that is accelerated more than this is struck or leaps: a parabola does not do, m/s².
 const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
 /// A body that turns so fast that its centre of pressure were this far off would fall, m: a leap of sample times.
 const TURNING_MAX_M: f64 = 0.3;
 
-/// What is predicted and measured at one moment.
+/// Predictions and measurements at one moment.
 #[derive(Debug)]
 pub(super) struct Point {
     /// Since the recording's begin, s.
     pub(super) time_s: f64,
     /// Number of the stance.
     pub(super) stance: u64,
-    /// Whether the model takes the body's inertia into account.
+    /// Whether the model includes the body's inertia.
     pub(super) has_inertia: bool,
-    /// Window and weights, for what is averaged over moments themselves.
+    /// Window and weights, for averages over the moments themselves.
     pub(super) around: Box<Around>,
     /// Height of the walking surface, m.
     pub(super) floor_m: f64,
@@ -45,7 +45,7 @@ pub(super) struct Point {
     /// Prediction of the loop's kind.
     pub(super) cop_predicted_m: [f64; 2],
     pub(super) force_predicted_n: [f64; 3],
-    /// What the plate measured, through the same parabola.
+    /// Measurements of the plate, through the same parabola.
     pub(super) cop_measured_m: [f64; 2],
     pub(super) force_measured_n: [f64; 3],
 }
@@ -62,7 +62,8 @@ struct Sums {
 }
 
 impl Point {
-    /// The moment of a number, seen through the window around it; `None` if the plate was silent in it, or nobody stood.
+    /// The point at a moment's number, from the window around it; `None` if the window lacks plate data or the plate
+    /// was unloaded.
     pub(super) fn of(
         window: &Window,
         number: usize,
@@ -121,7 +122,7 @@ impl Point {
         Some(point)
     }
 
-    /// Shift of the centre of pressure by the turning of the whole body, m.
+    /// Shift of the centre of pressure by the change of the whole body's angular momentum, m.
     pub(super) fn turning_m(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.turning_by_group_m.iter().map(|group| group[axis]).sum())
     }

@@ -37,7 +37,8 @@ fn options(identify_s: f64, end_s: f64) -> Options {
     Options::new(BEGIN_NS, spans(identify_s, end_s), true)
 }
 
-/// A stiff body whose pelvis is somewhere in the suit's world, on a plate that measures what it asks for.
+/// A rigid body with its pelvis at an arbitrary point of the suit's world, on a plate that measures the predicted
+/// reaction.
 fn made(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
     let pelvis = Vector3::from(pelvis_m);
     let origin = skeleton().t_pose_m().map(|origin| pelvis + Vector3::from(origin));
@@ -58,7 +59,7 @@ fn standing(time_s: f64) -> Moment {
     made(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
 }
 
-/// Blocks of so many seconds at a rate, each moment changed by `change`.
+/// Blocks over a duration in seconds at a rate; `change` modifies each moment.
 fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut Moment)) -> Vec<Block> {
     let mut comparison = Comparison::new(worker(), options);
     for number in 0..(for_s * rate_hz) as u64 {

@@ -23,7 +23,7 @@ const REACH_SHARE: f64 = 0.6;
 /// Times are as good as this, s: a sample on the edge of the window belongs to it.
 const TIME_EPSILON_S: f64 = 1e-6;
 
-/// A moment, and what is smoothed of it.
+/// A moment and its quantities to be smoothed.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
     /// Since the recording's begin, s.
@@ -31,17 +31,17 @@ pub(super) struct Seen {
     pub(super) moment: Moment,
     /// Centre of mass by the chain in the suit's own world: the anchor's shifts are no motion, m.
     pub(super) centre_m: Vector3<f64>,
-    /// What the plate shows; `None` without a centre of pressure.
+    /// Plate data; `None` without a centre of pressure.
     pub(super) ground: Option<Shown>,
 }
 
-/// What the plate shows at a moment.
+/// Plate data at a moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shown {
     pub(super) force_n: [f64; 3],
     /// Whether the horizontal part of it was measured.
     pub(super) has_shear: bool,
-    /// Centre of pressure times vertical force: what may be averaged, N m.
+    /// Centre of pressure times vertical force, N m: unlike the quotient, this may be averaged.
     pub(super) cop_nm: [f64; 2],
 }
 
@@ -49,15 +49,15 @@ pub(super) struct Shown {
 #[derive(Debug)]
 pub(super) struct Window {
     half_s: f64,
-    /// Moments older than this are forgotten, s.
+    /// Moments older than this are dropped, s.
     kept_s: f64,
     seen: VecDeque<Seen>,
-    /// How many moments were forgotten, and the number of the next to be looked at.
+    /// Number of dropped moments, and number of the next moment to be processed.
     forgotten: usize,
     next: usize,
 }
 
-/// The window around a moment: its first moment's number, and the weights of all in it.
+/// The window around a moment: number of its first moment, and the weights of all moments in it.
 #[derive(Debug)]
 pub(super) struct Around {
     pub(super) first: usize,
@@ -78,7 +78,7 @@ impl Window {
         self.seen.clear();
     }
 
-    /// Takes in a moment. Whether the plate shows a centre of pressure.
+    /// Ingests a moment; returns whether the plate has a centre of pressure.
     pub(super) fn push(&mut self, time_s: f64, moment: &Moment, worker: &Worker) -> bool {
         let oldest_s = time_s - self.kept_s;
         let old = |seen: &mut Seen| seen.time_s < oldest_s;
@@ -90,7 +90,7 @@ impl Window {
         let ground = moment.ground().and_then(|ground| {
             let [x, y] = ground.cop_m().ok()?;
             let vertical_n = ground.force_n[2];
-            // A device that does not say so, and shows exactly zero, did not measure it either.
+            // A device that does not declare shear as unmeasured but reports exactly zero does not measure it either.
             let has_shear = ground.measures(Component::Shear) && ground.force_n[..2] != [0.0; 2];
             Some(Shown { force_n: ground.force_n, has_shear, cop_nm: [x * vertical_n, y * vertical_n] })
         });
@@ -99,7 +99,7 @@ impl Window {
         has_cop
     }
 
-    /// The next moment whose future is known, compared; moments without enough around them are passed over.
+    /// Compares the next moment whose following samples have arrived; skips moments with an incomplete window.
     pub(super) fn next(&mut self, worker: &Worker, options: &Options) -> Option<Point> {
         let newest_s = self.seen.back()?.time_s;
         while self.next < self.forgotten + self.seen.len() {
@@ -117,12 +117,12 @@ impl Window {
         None
     }
 
-    /// A moment by its number.
+    /// The moment of a number.
     pub(super) fn at(&self, number: usize) -> &Seen {
         &self.seen[number - self.forgotten]
     }
 
-    /// A moment by its number, if it is still there.
+    /// The moment of a number, unless it has been dropped.
     pub(super) fn get(&self, number: usize) -> Option<&Seen> {
         self.seen.get(number.checked_sub(self.forgotten)?)
     }

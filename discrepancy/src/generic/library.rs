@@ -10,18 +10,19 @@ use crate::rows::Rows;
 pub(crate) struct Entry {
     /// In words.
     pub(crate) what: String,
-    /// Whether nothing in the catalogue is a part of it.
+    /// Whether no catalogue effect is a part of it.
     pub(crate) is_unlike: bool,
-    /// Whether it is an error of the suit: that must show in the centre of pressure, as accelerations alone say little.
+    /// Whether it is an error of the suit: evidence must then come from the centre of pressure, since accelerations
+    /// alone are weak evidence.
     pub(crate) is_of_the_suit: bool,
-    /// Believed size of each parameter, 1-σ.
+    /// Prior size of each parameter, 1-σ.
     pub(crate) sigma: Vec<f64>,
     /// Its columns, one for each block of the work.
     pub(crate) columns: Vec<Columns>,
 }
 
 impl Entry {
-    /// One that is given block by block.
+    /// An entry defined block by block.
     pub(crate) fn of(rows: &Rows<'_>, what: String, sigma: &[f64], of: impl Fn(usize) -> Columns) -> Entry {
         let columns = (rows.work_from..rows.len()).map(of).collect();
         Entry { what, is_unlike: true, is_of_the_suit: false, sigma: sigma.to_vec(), columns }

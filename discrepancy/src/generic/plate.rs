@@ -1,4 +1,4 @@
-//! What a plate or a sole may do that the catalogue does not have.
+//! Generic effects of a plate or an insole that the catalogue lacks.
 
 use equipoise_core::effect::Columns;
 
@@ -57,7 +57,7 @@ fn pair(x: [f64; 2], y: [f64; 2]) -> Columns {
     columns
 }
 
-/// Which way the centre of pressure has come to a block, per axis in \[−1, 1\]: what hangs back depends on it.
+/// Direction from which the centre of pressure arrived at a block, per axis in \[−1, 1\]: hysteresis depends on it.
 fn cop_way(rows: &Rows<'_>, block: usize) -> [f64; 2] {
     let seen = |block: usize| rows.blocks[block].observation.cop_predicted_m;
     let mut way = [0.0; 2];

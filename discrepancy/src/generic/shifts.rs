@@ -1,5 +1,5 @@
-//! Errors of where the centre of mass is: joints that glide, sensors that slip. What moves also accelerates, and the
-//! plate feels that.
+//! Errors of the centre of mass's position: joints that glide, sensors that slip. Such a shift also accelerates, which
+//! acts on the plate.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::{Columns, Effect, Place, arm_m};
@@ -22,7 +22,7 @@ impl<'a> Seen<'a> {
         Seen { block, lever_m: Segment::ALL.map(|segment| arm_m(segment, &block.observation)) }
     }
 
-    /// Where the centre of mass really is, if a segment is seen turned by this, rad in the world's axes.
+    /// True centre of mass if the suit measures a segment turned by this, rad, world axes.
     pub(super) fn turned_back(&self, segment: Segment, turn: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.lever_m[segment.index()];
         let [u, v, w] = turn;
@@ -104,8 +104,8 @@ impl<'a> Around<'a> {
     }
 }
 
-/// What a shift of the centre of mass (m) that accelerates (m/s²) adds to the centre of pressure and the force, as the
-/// effects of the catalogue have it.
+/// Contribution of a shift of the centre of mass (m) that accelerates (m/s²) to centre of pressure and force, as in the
+/// catalogue's effects.
 fn of_shift(rows: &Rows<'_>, block: usize, at: [f64; 3], acceleration: [f64; 3]) -> ([f64; 2], [f64; 3]) {
     let seen = &rows.blocks[block].observation;
     let leant = rows.on_cop(block, at);

@@ -12,7 +12,7 @@ const FIT_MAX: [usize; 2] = [70, 150];
 
 /// Everything of a channel's likelihood that does not depend on the sizes.
 pub(super) struct Question<const N: usize> {
-    /// Covariance of what has no size to be fitted.
+    /// Covariance of the parts without a fitted size.
     pub(super) fixed: Mat<f64>,
     /// Parts of size one; `None` for the white one, which `add_white` adds.
     pub(super) parts: [Option<Mat<f64>>; N],
@@ -22,7 +22,7 @@ pub(super) struct Question<const N: usize> {
     pub(super) add_white: fn(&mut Mat<f64>, &[f64; N]),
 }
 
-/// What is believed of logarithms of sizes, and between which they may lie.
+/// Prior of the logarithms of the sizes, and their bounds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Belief<const N: usize> {
     pub(super) mean: [f64; N],

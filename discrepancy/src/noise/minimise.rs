@@ -3,8 +3,8 @@
 /// Most steps: the sizes of noise need no more digits than this gives.
 const STEPS: usize = 16;
 
-/// Finds a minimum of `of` (value and gradient; `None` where it is not defined) from `start`, within `least` and `most`.
-/// `curvature` is the diagonal of a guess of the second derivative.
+/// Minimises `of` (value and gradient; `None` where it is undefined) from `start`, within `least` and `most`.
+/// `curvature` is the diagonal of an approximate second derivative.
 pub(super) fn minimise<const N: usize>(
     start: [f64; N],
     least: [f64; N],

@@ -1,4 +1,4 @@
-//! A report before it has a form: HTML and Markdown are made of the same pieces and so tell the same.
+//! A report independent of its format: HTML and Markdown are rendered from the same pieces and agree.
 
 use super::svg::Drawing;
 
@@ -11,7 +11,7 @@ pub struct Document {
     pub verdict: &'static str,
     /// The answer in a sentence or two.
     pub headline: Text,
-    /// The few numbers that matter: what, value, what it means.
+    /// Key figures: quantity, value, meaning.
     pub numbers: Vec<[String; 3]>,
     /// Its parts.
     pub sections: Vec<Section>,
@@ -22,12 +22,12 @@ pub struct Document {
 pub struct Section {
     /// Its heading.
     pub title: String,
-    /// What stands under it.
+    /// Its content.
     pub pieces: Vec<Piece>,
 }
 
 impl Section {
-    /// A part with nothing in it yet.
+    /// An empty section.
     pub fn new(title: impl Into<String>) -> Section {
         Section { title: title.into(), pieces: Vec::new() }
     }
@@ -42,7 +42,7 @@ impl Section {
         self.pieces.push(Piece::Note(text.into()));
     }
 
-    /// Adds a heading of its own.
+    /// Appends a subheading.
     pub fn head(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Subheading(text.into()));
     }
@@ -148,19 +148,19 @@ pub enum Inline {
 }
 
 impl Text {
-    /// Goes on with words.
+    /// Appends plain text.
     pub fn plain(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Plain(text.into()));
         self
     }
 
-    /// Goes on with words that matter.
+    /// Appends emphasised text.
     pub fn strong(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Strong(text.into()));
         self
     }
 
-    /// Goes on with a name or a command.
+    /// Appends a name or a command.
     pub fn code(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Code(text.into()));
         self

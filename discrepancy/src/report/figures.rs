@@ -1,4 +1,4 @@
-//! The drawings, from what the engine kept for them.
+//! Figures, from the data that the engine stored for them.
 
 use super::document::{Figure, Text};
 use super::svg;
@@ -50,7 +50,7 @@ pub(super) fn signal(signal: Signal) -> &'static str {
     }
 }
 
-/// Label of an axis of residuals: which way is positive, and the unit.
+/// Label of an axis of residuals: positive direction and unit.
 fn residual(signal: Signal) -> String {
     let way = match signal {
         Signal::CopX => "forward",
@@ -65,7 +65,7 @@ pub(super) fn sentence(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A letter for each suspicious span, as the table beside has it.
+/// Letter of a suspicious span, as in the accompanying table.
 pub(super) fn letter(n: usize) -> String {
     char::from_u32('A' as u32 + n as u32)
         .filter(char::is_ascii_uppercase)
@@ -158,12 +158,12 @@ pub(super) fn over_time(
     }
 }
 
-/// Only the step that shows both has to say which is which.
+/// Only the step that shows both figures requires a suffix to distinguish them.
 fn suffix(section: &str, when: &str) -> String {
     if section == AGAIN { format!(": {when}") } else { String::new() }
 }
 
-/// Stretches of held poses; neighbours are one. None in a recording so long that they cannot be told apart.
+/// Intervals of static poses, adjacent ones merged; none in a recording too long to resolve them.
 fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
     const MOST: usize = 300;
     const JOIN_MAX_S: f64 = 5.0;
@@ -234,7 +234,7 @@ fn level_band(x: Scale, sigma: f64) -> Mark {
     Mark::Band { look: Look::Noise, points, gap: f64::INFINITY }
 }
 
-/// The residual against what one effect predicts of it.
+/// The residual over the prediction of one effect.
 pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
     let points: Vec<[f64; 2]> = of.points.iter().map(|point| [point.predicted, point.residual]).collect();
     let x = Scale::covering(points.iter().map(|point| point[0]));

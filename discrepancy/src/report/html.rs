@@ -1,4 +1,4 @@
-//! The report as one HTML file that needs nothing else: no script, no network, light or dark as the reader likes.
+//! The report as one self-contained HTML file: no script, no network, light or dark by the reader's setting.
 
 use std::fmt::Write;
 

@@ -1,4 +1,4 @@
-//! The report as Markdown, with its drawings as files beside it.
+//! The report as Markdown, with its drawings as separate files.
 
 use std::fmt::Write;
 

@@ -12,10 +12,10 @@ use frame::Frame;
 pub use rows::{Row, Rows};
 pub use scale::Scale;
 
-/// Colours of all plots. Okabe and Ito's palette, which people with any colour vision can tell apart.
+/// Colours of all plots: Okabe and Ito's palette, distinguishable with any colour vision.
 pub(super) const STYLE: &str = include_str!("plot.css");
 
-/// Width of every plot, in its own units: what fits twice on a page.
+/// Width of every plot, in its own units: two fit next to each other on a page.
 pub(super) const WIDTH: f64 = 540.0;
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 14.0;
@@ -35,7 +35,7 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// A drawing of its own, 540 wide: `body` is SVG, in which names from elsewhere are escaped already.
+    /// A drawing 540 wide: `body` is SVG, in which external names are escaped already.
     pub fn new(name: &str, title: &str, description: &str, height: f64, body: String) -> Drawing {
         let (name, title, description) = (name.to_owned(), title.to_owned(), description.to_owned());
         Drawing { name, title, height, description, body }
@@ -46,7 +46,7 @@ impl Drawing {
         self.element("", "")
     }
 
-    /// As a file of its own.
+    /// As a separate file.
     pub(super) fn standalone(&self) -> String {
         let ground = format!("<style>{STYLE}</style><rect class=\"ground\" width=\"100%\" height=\"100%\"/>");
         let mut text = self.element(" xmlns=\"http://www.w3.org/2000/svg\" width=\"540\"", &ground);
@@ -67,18 +67,18 @@ impl Drawing {
     }
 }
 
-/// What a mark stands for; its name is its class in the style sheet.
+/// Meaning of a mark; its name is its class in the style sheet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
     /// The first of two.
     Before,
     /// The second of two, or the only one.
     After,
-    /// What is no more than noise.
+    /// Within noise.
     Noise,
-    /// What would be expected, or is aimed at.
+    /// Expected value or target.
     Expected,
-    /// What is suspicious.
+    /// Suspicious.
     Suspect,
     /// Stillness.
     Still,
@@ -100,23 +100,23 @@ impl Look {
 /// Something drawn into the axes.
 #[derive(Debug, Clone)]
 pub enum Mark {
-    /// From `−half` to `half`: x and half. Broken where there is nothing for longer than `gap`.
+    /// From `−half` to `half`: x and half. Interrupted at gaps longer than `gap`.
     Band {
         /// How it looks.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
-        /// The longest distance in x over which it goes on.
+        /// Longest distance in x that is bridged.
         gap: f64,
     },
-    /// A line through points by x, broken likewise. If they are too many to be told apart (`is_dense`), it is the line
-    /// of their means within their range.
+    /// A line through points by x, interrupted likewise. Points too dense to be resolved (`is_dense`) are drawn as the
+    /// line of their means within their range.
     Line {
         /// How it looks.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
-        /// The longest distance in x over which it goes on.
+        /// Longest distance in x that is bridged.
         gap: f64,
     },
     /// A cloud.
@@ -141,7 +141,7 @@ pub enum Mark {
         from: f64,
         /// End.
         to: f64,
-        /// What it is called.
+        /// Its letter.
         letter: String,
     },
     /// Stretches of x along the foot of the plot.
@@ -153,7 +153,7 @@ pub enum Mark {
     },
 }
 
-/// Whether so many points of a line cannot be told apart.
+/// Whether a line has too many points to be resolved.
 pub(super) const fn is_dense(points: usize) -> bool {
     points > 6 * frame::COLUMNS
 }
@@ -172,7 +172,7 @@ pub enum Key {
 /// An axis.
 #[derive(Debug, Clone)]
 pub struct Axis {
-    /// What it shows, with the unit.
+    /// Quantity and unit.
     pub label: String,
     /// Its range.
     pub scale: Scale,
@@ -203,7 +203,7 @@ pub struct Plot {
     pub name: String,
     /// What is seen, in a few words.
     pub title: String,
-    /// The same for those who do not see it.
+    /// Text alternative of the figure.
     pub description: String,
     /// Across.
     pub x: Axis,
@@ -274,7 +274,7 @@ pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, 
     (out, if entries.is_empty() { 0 } else { row + 1 })
 }
 
-/// A coordinate with a tenth of a unit, as short as it goes.
+/// A coordinate to a tenth of a unit, in the shortest form.
 pub(super) fn at(value: f64) -> String {
     let text = format!("{value:.1}");
     text.strip_suffix(".0").map_or(text.clone(), str::to_owned)

@@ -9,7 +9,7 @@ use equipoise_core::body::Segment;
 use crate::finding::{Estimate, Named};
 pub(super) use effects::{effect, remedy};
 
-/// Where a named effect acts, as in a candidate's name: `right`, `T8`, or nothing.
+/// Place of a named effect, as in a candidate's name: `right`, `T8`, or empty.
 pub(super) fn place_name(place: &BTreeMap<String, serde_json::Value>) -> String {
     ["hand", "segment"]
         .iter()
@@ -45,7 +45,7 @@ pub(super) fn place_in_words(place: &str) -> String {
     }
 }
 
-/// `RightUpperArm` becomes `the right upper arm`; what is no segment stays as it is.
+/// `RightUpperArm` becomes `the right upper arm`; other names are returned unchanged.
 fn segment(name: &str) -> String {
     if !Segment::ALL.iter().any(|known| known.name() == name) {
         return name.to_owned();
@@ -134,7 +134,7 @@ pub(super) fn in_everyday_units(of: &Estimate) -> Option<String> {
     Some(format!("{} {unit}", with_sigma(of.value * factor, of.sigma * factor)))
 }
 
-/// A size in everyday units, or in its own.
+/// A size in everyday units, or else in its original unit.
 pub(super) fn size(value: f64, unit: &str) -> String {
     let (factor, unit) = everyday_unit(unit, value).unwrap_or((1.0, unit));
     format!("{} {unit}", number(value * factor))
@@ -158,12 +158,12 @@ pub(super) fn seconds(time_s: f64) -> String {
     format!("{time_s:.1} s")
 }
 
-/// A part of the recording, as the command takes it.
+/// A part of the recording, in the syntax of the command line.
 pub(super) fn span(span_s: [f64; 2]) -> String {
     format!("{:.1}:{:.1}", span_s[0], span_s[1])
 }
 
-/// `3.1 times`, or that there is nothing to compare with.
+/// `3.1 times`, or a dash if there is no reference.
 pub(super) fn ratio(value: f64, floor: f64) -> String {
     if floor > 0.0 && value.is_finite() { format!("{:.1} times", value / floor) } else { "–".to_owned() }
 }

@@ -345,7 +345,7 @@ pub(crate) fn named(work_s: f64) -> Sample {
     Sample { finding, picture, origin: origin(), toml: Some(toml.to_owned()) }
 }
 
-/// Nothing is missing.
+/// No effect is missing in the model.
 pub(crate) fn none(work_s: f64) -> Sample {
     let mut sample = named(work_s);
     let picture = &mut sample.picture;

@@ -1,6 +1,6 @@
 //! Reading a report back: its words without markup, and whether its markup is sound.
 
-/// Words of a page as a reader sees them, without its drawings.
+/// Words of a page as displayed, without its drawings.
 pub(crate) fn html_words(html: &str) -> Vec<String> {
     let body = html.split_once("<body>").unwrap().1;
     let mut text = String::new();
@@ -8,7 +8,7 @@ pub(crate) fn html_words(html: &str) -> Vec<String> {
     while let Some(begin) = rest.find('<') {
         let end = begin + rest[begin..].find('>').unwrap();
         text.push_str(&rest[..begin]);
-        // Words on both sides of a tag are told apart.
+        // A tag separates words.
         text.push(' ');
         rest = rest[end + 1..].to_owned();
     }
@@ -19,7 +19,7 @@ pub(crate) fn html_words(html: &str) -> Vec<String> {
     words(&text)
 }
 
-/// Words of a Markdown text as a reader sees them, without its drawings.
+/// Words of a Markdown text as displayed, without its drawings.
 pub(crate) fn markdown_words(markdown: &str) -> Vec<String> {
     let mut text = String::new();
     for line in markdown.lines() {
@@ -41,7 +41,7 @@ pub(crate) fn markdown_words(markdown: &str) -> Vec<String> {
     words(&text)
 }
 
-/// Signs stand apart from words, wherever the markup put spaces.
+/// Separates signs from words, whatever spaces the markup has.
 fn words(text: &str) -> Vec<String> {
     let mut spaced = String::new();
     for letter in text.chars() {

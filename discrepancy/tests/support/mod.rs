@@ -1,4 +1,4 @@
-//! Sessions from simple means: a body of the table that goes through the poses of the library, a plate with coloured noise.
+//! Simple sessions: a body of the table in the poses of the library, on a plate with coloured noise.
 
 use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton};
 use equipoise_core::effect::{Effect, Observation, PARAMETERS_MAX, Place, Term};
@@ -23,7 +23,7 @@ pub(crate) const IDENTIFY_S: f64 = 120.0;
 pub(crate) const REFERENCE_S: f64 = 200.0;
 pub(crate) const END_S: f64 = 300.0;
 
-/// A person who has done everything right, and a plate with its noise.
+/// A session without errors of the subject, on a plate with noise.
 pub(crate) fn clean(seed: u64) -> Session {
     let mut blocks = Vec::new();
     let mut noise = Noise::new(seed);
@@ -65,7 +65,7 @@ pub(crate) fn clean(seed: u64) -> Session {
     }
 }
 
-/// Adds an effect to what was measured, from a time to another.
+/// Adds an effect to the measurements of an interval.
 pub(crate) fn hide(session: &mut Session, effect: Effect, place: Place, value: &[f64], span_s: [f64; 2]) {
     let mut all = [0.0; PARAMETERS_MAX];
     all[..value.len()].copy_from_slice(value);

@@ -9,7 +9,7 @@ use super::{changed, with_unit};
 use crate::block::Phase;
 use crate::finding::{Finding, Gap, Verdict};
 
-/// Up to this multiple of noise, what is left is noise.
+/// Up to this multiple of noise, the remaining residual counts as noise.
 const IS_NOISE: f64 = 1.1;
 /// Up to this, little is left.
 const IS_LITTLE: f64 = 1.5;

@@ -9,7 +9,7 @@ use super::changed;
 use crate::finding::Verdict;
 use crate::picture::Whiteness;
 
-/// White noise leaves its bounds in 5 lags of 100; up to twice that is nothing to speak of.
+/// White noise exceeds its bounds in 5 of 100 lags; up to twice that is negligible.
 const WHITE_UP_TO: f64 = 0.10;
 
 pub(super) fn section(report: &Report) -> Section {

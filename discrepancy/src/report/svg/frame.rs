@@ -6,7 +6,7 @@ use super::scale::Scale;
 use super::{LEFT, Mark, Plot, RIGHT, WIDTH, at, is_dense, thin};
 use crate::report::escape::xml;
 
-/// Where values come to lie.
+/// Coordinates of the plot area.
 pub(super) struct Frame {
     pub(super) x: Scale,
     pub(super) y: Scale,
@@ -168,7 +168,7 @@ impl Frame {
         path
     }
 
-    /// From `top` down to the foot, at least so wide that it is seen.
+    /// From `top` down to the bottom, with a minimum visible width.
     fn stretch(&self, from: f64, to: f64, top: f64, least: f64) -> String {
         let (left, right) = (self.px(from), self.px(to));
         let right = right.max(left + least);

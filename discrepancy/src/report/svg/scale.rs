@@ -10,7 +10,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Covers all finite values, and a little room at each end.
+    /// Covers all finite values, with a margin at each end.
     pub fn covering(values: impl IntoIterator<Item = f64>) -> Scale {
         let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values.into_iter().filter(|value| value.is_finite()) {
@@ -29,7 +29,7 @@ impl Scale {
         if from < to && (to - from).is_finite() { Scale { from, to } } else { Scale::covering([from, to]) }
     }
 
-    /// Where a value lies between the ends, in \[0, 1\]; what is outside is put on the edge.
+    /// Relative position of a value between the ends, in \[0, 1\]; values outside are clamped.
     pub(in crate::report) fn share(self, value: f64) -> f64 {
         ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0)
     }
