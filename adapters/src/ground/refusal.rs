@@ -1,4 +1,4 @@
-//! Why something that a ground device sent did not become a sample.
+//! Why input of a ground device did not become a sample.
 
 use crate::counts::refusals;
 
