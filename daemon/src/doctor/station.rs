@@ -51,7 +51,7 @@ pub struct Streamed {
     pub rate_hz: f64,
     /// Whether poses arrive as quaternions (type 02).
     pub quaternions: bool,
-    /// Another pose format, if one is in use instead.
+    /// A supported substitute for the pose quaternions that arrives, if any.
     pub stand_in: Option<&'static str>,
     /// Other datagrams, in words.
     pub others: Vec<String>,
