@@ -1,5 +1,5 @@
-//! What the physics of a worker has beside the body and the box: masses worn, forces on the body, a body that is not
-//! the one of before, a joint more than a suit knows of. Each may come and go.
+//! Deviations of the simulated physics from the bare body and the box: worn masses, external forces on the body,
+//! changed body parameters, a degree of freedom that the suit does not measure. Each may be limited in time.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use nalgebra::Vector3;
@@ -150,7 +150,7 @@ fn shift(body: &mut BodyState, segments: core::ops::Range<usize>, by_m: Vector3<
     }
 }
 
-/// How a suit's rotations err beside its ordinary noise.
+/// Errors of the suit's orientations in addition to its ordinary noise.
 #[derive(Debug, Clone)]
 pub enum SuitFault {
     /// The whole suit turns to the left, rad/s since the span's begin.

@@ -1,4 +1,4 @@
-//! What a device's own clock and counter do: they run, change their pace, leap, and start anew.
+//! A device's clock and sample counter, with drift, steps and restarts.
 
 /// Times and counts of a device's samples. Its own idea of time follows from its counter, as in the devices that are
 /// simulated; true time does not care.

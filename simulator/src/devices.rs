@@ -33,10 +33,10 @@ use crate::faults::Faults;
 
 /// A device on its wire.
 pub trait Device: Send {
-    /// Takes in what hosts say, and answers. `device_now_s` is the time on the device's own clock.
+    /// Receives requests of hosts and answers them. `device_now_s` is the time on the device's own clock.
     ///
     /// # Errors
-    /// Those of this machine; that nobody is there is none.
+    /// Errors of the operating system; an absent host is no error.
     fn poll(&mut self, device_now_s: f64) -> io::Result<Asked>;
 
     /// Samples a second by its own clock; hosts may change it.
@@ -54,13 +54,13 @@ pub trait Device: Send {
     /// The way to the host is another from now on.
     fn set_faults(&mut self, faults: Faults);
 
-    /// Pulled out: whoever is connected is cut off, and nobody can come.
+    /// Disconnects the device: closes all connections and refuses new ones.
     fn unplug(&mut self);
 
-    /// Back again under the same name, switched off and on: whatever the host had told it is forgotten.
+    /// Reconnects the device under the same name, after a power cycle: all settings of the host are reset.
     ///
     /// # Errors
-    /// The name or address was taken meanwhile.
+    /// The name or address is in use by now.
     fn plug(&mut self) -> io::Result<()>;
 
     /// The section of a configuration that fits it, without where it stands.

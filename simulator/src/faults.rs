@@ -111,10 +111,10 @@ impl FaultySender {
         self.0.suffered()
     }
 
-    /// Sends one datagram of one sample, or what the faults make of it.
+    /// Sends one datagram of one sample, modified by the faults.
     ///
     /// # Errors
-    /// Those of the socket, but not that nobody listens: a real sensor does not care.
+    /// Those of the socket, except an absent listener: a real sensor ignores it.
     pub fn send(&mut self, socket: &UdpSocket, datagram: &[u8], to: SocketAddr) -> io::Result<()> {
         self.send_samples(socket, datagram, 1, to)
     }

@@ -1,4 +1,5 @@
-//! A person who follows poses in time, breathes, sways, and lifts a box. A pure function of time once told what to do.
+//! A simulated human that follows poses over time, breathes, sways, and lifts a box. A pure function of time for a
+//! given sequence of commands.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::pose_suggestion::Posture;
@@ -254,10 +255,11 @@ impl Worker {
         self.put_down(at_s + 14.5);
     }
 
-    /// Marches on the spot: that many steps, the feet in turn some 9 cm off the floor. Returns when it is over, s.
+    /// Marches on the spot: the given number of steps, the feet alternately some 9 cm off the floor. Returns its end,
+    /// s.
     ///
-    /// The upper body goes on with what it does. It should stand without a load (the truth shares a load between both
-    /// feet, wherever they are), and no other march should be under way.
+    /// The upper body continues its motion. No load should be carried (the truth shares a load between both feet,
+    /// wherever they are), and no other march should be in progress.
     pub fn march_on_the_spot(&mut self, at_s: f64, steps: u32) -> f64 {
         let march = March::new(&self.person, &self.stance, at_s, steps);
         self.marches.push(march);

@@ -47,7 +47,7 @@ impl FaultyPlate {
         FaultyPlate { faults, ..FaultyPlate::default() }
     }
 
-    /// What it tells of a wrench at a time.
+    /// Output for a wrench at a time.
     pub fn feel(&mut self, wrench: Wrench, time_s: f64) -> Wrench {
         let step_s = time_s - self.last_s;
         self.last_s = time_s;
@@ -108,7 +108,7 @@ fn at_once(fault: PlateFault, wrench: Wrench, share: f64) -> Wrench {
             let plate_from_world = UnitQuaternion::from_scaled_axis(Vector3::z() * (-radians * share));
             Wrench { force_n: plate_from_world * force_n, moment_nm: plate_from_world * moment_nm }
         }
-        // The moment about Y tells the place along X.
+        // The moment about Y determines the position along X.
         PlateFault::Gain(more) => {
             moments(moment_nm.x * (1.0 + more.y * share), moment_nm.y * (1.0 + more.x * share))
         }
@@ -166,7 +166,7 @@ mod tests {
         let (sin, cos) = 0.1_f64.sin_cos();
         is(to(PlateFault::Yaw(0.1)), Vector2::new(cos * here.x + sin * here.y, cos * here.y - sin * here.x));
         assert!((told(PlateFault::ForceGain(0.02)).force_n.z - 714.0).abs() < 1e-9);
-        // A cell under the pressure's quarter bears more than a quarter of the weight.
+        // The load cell of the pressure's quadrant carries more than a quarter of the weight.
         let more_n = told(PlateFault::LoadCell(0.1, Vector2::new(0.2, -0.15))).force_n.z - 700.0;
         assert!((0.1 * 0.25 * 700.0 * 1.3 * 1.2 - more_n).abs() < 1e-9, "{more_n}");
     }

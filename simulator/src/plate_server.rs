@@ -1,4 +1,4 @@
-//! A force plate's RDT server: answers requests and streams records to whoever asked last.
+//! A force plate's RDT server: answers requests and streams records to the client of the last request.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};

@@ -1,7 +1,7 @@
-//! Ports for hosts that must be told a number.
+//! Port numbers for hosts that require a fixed one.
 //!
-//! A port that the kernel picked and that was given back may be picked again at once, for any other socket of the
-//! machine. These lie below the kernel's own range (from 32768 unless configured), and each is handed out once in a process.
+//! A port that the kernel chose and that was released may be chosen again at once for any other socket of the machine.
+//! These ports lie below the kernel's range (from 32768 unless configured), and each is assigned only once per process.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};

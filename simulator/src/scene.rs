@@ -34,7 +34,7 @@ pub struct Scene {
     pub worker: Worker,
     /// What is worn.
     pub suit: Suit,
-    /// What nobody is told.
+    /// Deviations that are not reported to the estimator.
     pub hidden: Hidden,
 }
 

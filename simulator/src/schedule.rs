@@ -15,7 +15,7 @@ struct Step<T> {
 }
 
 impl<T: Clone> Schedule<T> {
-    /// The value until told otherwise.
+    /// The value until the first change.
     pub fn starting_with(value: T) -> Schedule<T> {
         Schedule { first: value, steps: Vec::new() }
     }

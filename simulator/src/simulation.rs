@@ -86,7 +86,7 @@ impl Shared {
         look(&self.worker.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Calls `step` with the number of every sample at its time until told to stop.
+    /// Calls `step` for every sample at its time until the stop flag is set.
     fn pace(
         &self,
         sensor: usize,
@@ -100,7 +100,7 @@ impl Shared {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(());
             }
-            // Before it is sent, so that nobody sees a late sample and does not know; and after, for sending takes time.
+            // Checked before sending, so that no late sample goes out unmarked, and after it, since sending takes time.
             let due_s = clock.time_s() + latency_s;
             self.note_held_up(sensor, due_s);
             let rate_hz = step(&mut clock)?;
@@ -227,7 +227,7 @@ impl Simulation {
 #[error("the library has no pose {0}; the last is {last}", last = LIBRARY.len() - 1)]
 pub struct NoSuchPose(pub usize);
 
-/// Tells a running simulation what to do and asks it what is so. Dropped, it stops the simulation.
+/// Controls and queries a running simulation. Dropping it stops the simulation.
 #[derive(Debug)]
 pub struct SimulationHandle {
     shared: Arc<Shared>,

@@ -141,7 +141,7 @@ pub fn frame_at(
     let (origin_m, rotation) = see(time_s);
     let h = DIFFERENCE_S;
     let differs = streams.linear_kinematics || streams.angular || streams.trackers || streams.com_motion;
-    // Three times the work, which nobody wants who sends poses only.
+    // Evaluate the neighbouring times only if derivatives are sent: they triple the work.
     let [before, after] =
         if differs { [-h, h].map(|step_s| see(time_s + step_s)) } else { [(origin_m, rotation); 2] };
     let motion_of = |[before, now, after]: [nalgebra::Vector3<f64>; 3]| {

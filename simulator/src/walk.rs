@@ -1,9 +1,9 @@
-//! Stepping to another place: one foot after the other along an arc, the weight on the foot that stands meanwhile.
+//! Stepping to another place: one foot after the other along an arc, with the weight on the standing foot.
 //!
-//! Where the ground shall press is laid down first: on the standing foot while the other is in the air, and from foot
-//! to foot in between. A centre of mass `y` at height `z` presses at `p = y − T² ÿ` with `T = √(z/g)`; of all motions
-//! with that `p`, the one that does not run away is `y(t) = ∫ p(t + u) e^(−|u|/T) du / 2T`: a person who leans before
-//! the step begins, and comes to rest after it.
+//! The centre of pressure is planned first: on the standing foot while the other is in the air, and moving from foot to
+//! foot in between. A centre of mass `y` at height `z` has the centre of pressure `p = y − T² ÿ` with `T = √(z/g)`; of
+//! all motions with that `p`, the bounded one is `y(t) = ∫ p(t + u) e^(−|u|/T) du / 2T`: the body leans before the step
+//! begins, and comes to rest after it.
 
 use equipoise_core::body::Side;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -94,7 +94,7 @@ pub struct Walk {
 }
 
 impl Walk {
-    /// Nobody has gone anywhere yet.
+    /// A walk without steps so far.
     pub fn new(person: &Person, home: &Stance) -> Walk {
         let forward_m = PRESS * person.height_m;
         Walk {

@@ -1,4 +1,4 @@
-//! Laws that the simulated person obeys, whoever it is and whatever it does.
+//! Invariants of the simulated human, for every body and every motion.
 
 use equipoise_core::body::{Joint, Segment};
 use equipoise_core::pose_suggestion::library::LIBRARY;

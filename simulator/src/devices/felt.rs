@@ -42,12 +42,12 @@ pub struct Mounting {
     pub plate: Plate,
     /// Its z points down and its y to the other side, as those of Kistler and AMTI.
     pub z_down: bool,
-    /// It tells the force on the person instead of that on itself.
+    /// Reports the force on the person instead of the force on the sensor.
     pub reaction: bool,
 }
 
 impl Mounting {
-    /// What the sensor tells when the ground does `on_person` to the person, about the origin on the floor.
+    /// Output of the sensor for a wrench `on_person` of the ground on the person, about the origin on the floor.
     pub fn tells(&self, on_person: &Wrench) -> Wrench {
         let felt = self.plate.felt(&self.plate.in_the_station(on_person));
         let sign = if self.reaction { -1.0 } else { 1.0 };
@@ -88,7 +88,7 @@ pub struct OnFeet {
 }
 
 impl OnFeet {
-    /// What a worker's feet bear at a time, each pressing where it likes: `press_m` from the ankles.
+    /// Load of a worker's feet at a time, with the pressure point of each foot `press_m` from its ankle.
     pub fn of(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> OnFeet {
         let wrench = ground_reaction_per_foot(worker, time_s, press_m);
         let body = worker.sample(time_s);

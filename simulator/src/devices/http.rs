@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use super::port::Port;
 use super::tcp::TcpPort;
 
-/// Nobody sends a device more than this, bytes.
+/// Maximum size of a request, bytes.
 const REQUEST_MAX: usize = 1 << 16;
 
 /// A request.

@@ -85,7 +85,8 @@ impl LabAmp {
         Ok(None)
     }
 
-    /// Scans that say the same: no body changes within a millisecond, and nobody has the time to compute 200 000 a second.
+    /// Number of scans with the same values: a body hardly changes within a millisecond, and 200 000 evaluations a
+    /// second would take too long.
     fn repeated(&self) -> f64 {
         (self.rate_hz / 2500.0).ceil()
     }

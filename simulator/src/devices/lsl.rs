@@ -87,7 +87,7 @@ impl Lsl {
                 let (length, from) = match socket.recv_from(&mut bytes) {
                     Ok(received) => received,
                     Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                    // An answer that nobody wanted any more.
+                    // The peer no longer waits for an answer.
                     Err(_) => break,
                 };
                 let (answer, to) = match question(&bytes[..length]) {

@@ -4,10 +4,10 @@ use std::io;
 
 /// The device's end of a serial line, a TCP connection or a UDP socket.
 pub trait Port: Send {
-    /// What the host has said since the last call; lets a host in that waits at the door.
+    /// Bytes received from the host since the last call; accepts a pending connection.
     ///
     /// # Errors
-    /// Those of this machine; that nobody is there is none.
+    /// Errors of the operating system; an absent host is no error.
     fn hear(&mut self) -> io::Result<Vec<u8>>;
 
     /// Whether a host is there to listen.

@@ -36,7 +36,7 @@ pub struct Pace {
     pub seed: u64,
 }
 
-/// Orders to the thread, and what it tells.
+/// Commands to the thread, and its counters.
 #[derive(Debug, Default)]
 struct Orders {
     faults: Option<Faults>,
@@ -133,7 +133,7 @@ struct Runner {
     load: Load,
     pace: Pace,
     random: Random,
-    /// What each plate felt when it was last told that this is nothing.
+    /// Wrench of each plate at its last zeroing.
     zero: Vec<Wrench>,
     plugged: bool,
 }

@@ -37,7 +37,7 @@ pub struct SerialPort {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Host {
-    /// Nobody has opened the line.
+    /// No process has opened the line.
     Away,
     /// Somebody has, at another speed than ours.
     Deaf,
@@ -148,7 +148,7 @@ impl Port for SerialPort {
     }
 
     fn unplug(&mut self) {
-        // As with a converter that is pulled out: the name goes, and whoever has it open is told.
+        // As when a USB converter is unplugged: the name disappears, and processes that hold it open get an error.
         if self.master.take().is_some() {
             let _ = std::fs::remove_file(&self.name);
         }
@@ -164,7 +164,7 @@ impl Port for SerialPort {
         unlockpt(&master)?;
         let slave = ptsname(&master, Vec::new())?;
         let slave = slave.into_string().map_err(io::Error::other)?;
-        // Opened and closed once: only then does the system tell when nobody has it open.
+        // Open and close it once: only then does the kernel report that no process has it open.
         let opened = File::options().read(true).write(true).open(&slave)?;
         let mut settings = tcgetattr(&opened)?;
         settings.make_raw();

@@ -45,7 +45,7 @@ impl TcpPort {
                     self.session += 1;
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                // Whoever knocked has gone again.
+                // The peer has closed the connection already.
                 Err(_) => break,
             }
         }

@@ -40,7 +40,7 @@ impl Port for UdpPort {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let Some(socket) = &self.socket else { return Ok(()) };
         match socket.send_to(bytes, self.target) {
-            // Nobody listens: a sender does not care.
+            // No listener: irrelevant for a sender.
             Err(error) if error.kind() != ErrorKind::ConnectionRefused => Err(error),
             _ => Ok(()),
         }

@@ -23,7 +23,7 @@ const NOISE: [&str; 2] = ["plate noise", "second plate noise"];
 pub enum OnPlates {
     /// The worker.
     Worker,
-    /// Nobody, nothing.
+    /// Unloaded.
     Nothing,
     /// A dead weight, with the point that its centre of mass is above, m.
     Mass {
@@ -60,7 +60,7 @@ impl OnPlates {
 }
 
 impl Shared {
-    /// Serves the first plate (0) or the second until told to stop.
+    /// Serves the first plate (0) or the second until the stop flag is set.
     pub(super) fn run_plate(&self, mut server: PlateServer, which: usize) -> io::Result<()> {
         let settings = &self.settings.plate;
         let (plate, rate_hz) = self.plate(which);

@@ -1,4 +1,4 @@
-//! Who it is and how the suit was calibrated, as MVN tells once a second: types 12 and 13.
+//! Identity and calibration of the suit, as MVN sends them once a second: types 12 and 13.
 
 use equipoise_core::body::{Joint, SEGMENTS, Segment};
 use nalgebra::{UnitQuaternion, Vector3};

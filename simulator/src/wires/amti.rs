@@ -1,7 +1,8 @@
-//! AMTI plates with a serial line (AccuSway, AccuGait): single bytes to agree, then frames of twelve tagged words.
+//! AMTI plates with a serial line (AccuSway, AccuGait): single bytes for negotiation, then frames of twelve tagged
+//! words.
 //!
-//! After the public receiver `App-AMTIForcePlate` of the Lab Streaming Layer project. What no source tells, and is assumed
-//! here: a stop brings the device back to its first speed, and so does switching it off and on.
+//! After the public receiver `App-AMTIForcePlate` of the Lab Streaming Layer project. Assumed here without a source: a
+//! stop resets the device to its initial rate, and so does a power cycle.
 
 /// The speed at which a device that was just switched on listens, baud.
 pub const FIRST_BAUD: u32 = 57_600;

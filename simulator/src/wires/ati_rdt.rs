@@ -1,5 +1,5 @@
 //! ATI's raw data transfer (Net F/T, Axia): requests of 8 bytes, records of 36, big-endian, over UDP; and the page
-//! `netftapi2.xml` that tells what a count is worth.
+//! `netftapi2.xml` with the scale of the counts.
 //!
 //! After ATI 9620-05-Net FT, section 10, and the Axia manuals.
 

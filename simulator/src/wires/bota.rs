@@ -6,7 +6,7 @@ use super::crc;
 
 /// Length of a frame.
 pub const FRAME_LEN: usize = 37;
-/// The speed of a device that nobody has set otherwise, baud.
+/// Factory setting of the baud rate.
 pub const BAUD: u32 = 460_800;
 /// Speeds by their number in the command `c`.
 const BAUDS: [u32; 5] = [9_600, 57_600, 115_200, 230_400, 460_800];

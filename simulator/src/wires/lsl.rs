@@ -8,7 +8,7 @@ pub const DISCOVERY_PORT: u16 = 16_571;
 pub const SERVICE_PORTS: core::ops::Range<u16> = 16_572..16_604;
 /// The tag of a sample with a time; one without is 1.
 const TAG_TIMED: u8 = 2;
-/// What the test samples bear as their time.
+/// Timestamp of the test samples.
 const TEST_TIME: f64 = 123_456.789;
 
 /// What a stream says of itself.
@@ -92,7 +92,7 @@ impl Info {
 /// What comes over UDP.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Question {
-    /// Who has such a stream? The answer goes to this port of whoever asks.
+    /// Query for streams. The answer goes to this port of the sender.
     ShortInfo {
         /// What is looked for.
         query: String,

@@ -4,7 +4,7 @@
 
 use core::fmt::Write;
 
-/// What one insole tells.
+/// Data of one insole.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Insole {
     /// Acceleration, g.

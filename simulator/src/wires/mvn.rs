@@ -6,7 +6,7 @@
 pub mod describe;
 pub mod items;
 
-/// Where MVN sends to unless told otherwise: 9 X 6 M 3 E.
+/// MVN's default destination port: 9 X 6 M 3 E.
 pub const DEFAULT_PORT: u16 = 9763;
 /// Length of the header.
 pub const HEADER_LEN: usize = 24;
@@ -23,7 +23,7 @@ pub struct TooLong {
     pub bytes: usize,
 }
 
-/// What every datagram of a sample bears.
+/// Header fields of every sample datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stamp {
     /// +1 for every sample of the suit.

@@ -4,7 +4,7 @@
 
 /// The port that speaks little-endian.
 pub const PORT: u16 = 22_223;
-/// What QTM says to whoever connects.
+/// QTM's greeting for a new connection.
 pub const WELCOME: &str = "QTM RT Interface connected";
 
 /// Types of packets.
@@ -40,7 +40,7 @@ pub fn text_packet(kind: Kind, text: &str) -> Vec<u8> {
     packet(kind, &content)
 }
 
-/// What one plate tells in a frame.
+/// Data of one plate in a frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plate {
     /// Its number, from 1.
@@ -76,7 +76,7 @@ pub fn force_component(plates: &[Plate]) -> Vec<u8> {
     component(4, &content)
 }
 
-/// Component 15: one force of each plate, the last; a plate without any tells none.
+/// Component 15: the last force of each plate; a plate without forces is left out.
 pub fn force_single_component(plates: &[Plate]) -> Vec<u8> {
     let with_force: Vec<_> =
         plates.iter().filter_map(|plate| Some((plate.id, plate.forces.last()?))).collect();

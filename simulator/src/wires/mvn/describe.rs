@@ -42,7 +42,7 @@ pub struct Point {
     pub point_id: u16,
     /// For example `pHeelFoot`.
     pub name: String,
-    /// Characteristics; what the bits mean is not told.
+    /// Characteristics; the meaning of the bits is undocumented.
     pub flags: u32,
     /// From the segment's origin in the null pose, m.
     pub offset_m: [f32; 3],

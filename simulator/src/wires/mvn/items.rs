@@ -28,8 +28,8 @@ pub const JOINT_POINTS: [[u32; 2]; 22] = [
     [0x1602, 0x1701],
 ];
 
-/// The six ergonomic angles that may follow: head, left and right upper arm to T8, pelvis to T8, the vertical to pelvis and
-/// to T8. The fourth and the last bear the same points.
+/// The six ergonomic angles that may follow: head, left and right upper arm to T8, pelvis to T8, the vertical to pelvis
+/// and to T8. The fourth and the last have the same points.
 pub const ERGONOMIC_POINTS: [[u32; 2]; 6] = [
     [0x0500, 0x0700],
     [0x0500, 0x0D00],
