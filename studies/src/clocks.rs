@@ -95,7 +95,7 @@ pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: 
     }
 }
 
-/// The estimate beside the truth.
+/// The estimate compared with the truth.
 pub fn read(session: &Session, rig: &Rig) -> Option<Reading> {
     let skew = session.memory().skew.estimate()?;
     let sign_of_drift = -1.0;

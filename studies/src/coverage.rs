@@ -1,4 +1,4 @@
-//! Whether the told σ say the truth.
+//! Coverage of the reported σ: the fraction of errors within their multiples.
 
 use nalgebra::Vector3;
 

@@ -1,5 +1,4 @@
-//! Sensors that fail without saying so, in the middle of work: how soon it is noticed, what is withheld, and whether anything
-//! wrong is told as valid.
+//! Undeclared sensor faults during work: time to detection, withheld values, and wrong values reported as valid.
 
 pub mod injection;
 
@@ -22,7 +21,7 @@ const POSES_MAX: u32 = 20;
 const BOX_KG: f64 = 11.0;
 /// From taking up the box to the fault, s.
 const BEFORE_S: [f64; 2] = [2.5, 5.0];
-/// What is told is judged for so long after the fault, s.
+/// Output is evaluated for this long after the fault, s.
 const AFTER_S: f64 = 1.0;
 /// Until the next fault everything may be found again, s.
 const PATIENCE_S: f64 = 40.0;
@@ -40,13 +39,13 @@ const WRONG_SIGMAS: f64 = 4.0;
 pub struct Outcome {
     /// Times.
     pub times: u64,
-    /// What was told while it lasted and right after.
+    /// Output during the fault and right after it.
     pub telling: Telling,
-    /// States that told something wrong as valid: mass, a joint's torque, centre of pressure.
+    /// States with a wrong value reported as valid: mass, a joint's torque, centre of pressure.
     pub wrong: [u64; 3],
     /// From its beginning to the first state that withheld something for it, s.
     noticed_s: Vec<f64>,
-    /// From its end until torques or "nothing is carried" are told again, s.
+    /// From its end until torques or "no load" are reported again, s.
     back_s: Vec<f64>,
     /// Lifts counted beyond those that were made.
     pub lifts_too_many: i64,

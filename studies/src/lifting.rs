@@ -24,7 +24,7 @@ const LIFTED: f64 = 0.999;
 const REASONS: usize = 32;
 const _: () = assert!(Validity::NAMES.len() <= REASONS);
 
-/// How often torques were told, and why not.
+/// How often torques were reported, and the reasons if not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Telling {
     /// New states.

@@ -1,4 +1,4 @@
-//! Poses that nobody asked for: the trunk of one pose of the repertoire with the arms of two others.
+//! Poses outside the repertoire: the trunk of one of its poses with the arms of two others.
 
 use equipoise_simulator::balance::Standing;
 use equipoise_simulator::intention::Intention;

@@ -12,7 +12,7 @@ use crate::variants::paper;
 
 /// The box of the paper, kg.
 const BOX_KG: f64 = 4.0;
-/// More poses than this nobody takes.
+/// Upper limit of the number of poses.
 const POSES_MAX: u32 = 60;
 /// Poses that check the model.
 const CHECK_POSES: usize = 15;

@@ -28,7 +28,7 @@ const PATIENCE_S: f64 = 60.0;
 const SOON_S: f64 = 10.0;
 /// After that the place is held against the truth for so long, s.
 const JUDGED_S: f64 = 8.0;
-/// A box that is lifted then has its torques told within this, s.
+/// The torques of a box lifted afterwards are reported within this, s.
 const LIFTING_S: f64 = 6.0;
 /// What is carried in some of the restarts, and lifted after all, kg.
 const BOX_KG: f64 = 8.0;
@@ -63,7 +63,7 @@ impl Restart {
     }
 }
 
-/// How far the estimate is from the truth, of the values that are told.
+/// Errors of the reported values.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Errors {
     /// States that tell a centre of pressure.
@@ -78,7 +78,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Whether a centre of pressure is told.
+    /// Whether a centre of pressure is reported.
     fn are_of(moment: &Moment) -> bool {
         !moment.state.validity().any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
     }
@@ -121,11 +121,11 @@ pub struct Outcome {
     pub restart: Restart,
     /// Whether a box was carried then; it is put down afterwards.
     pub carrying: bool,
-    /// From when all is back until a centre of pressure is told again, s; `None`: not within a minute.
+    /// From the end of the interruption until a centre of pressure is reported again, s; `None`: not within a minute.
     pub found_s: Option<f64>,
-    /// Whether torques are told of a box that is lifted after that.
+    /// Whether torques of a box lifted afterwards are reported.
     pub tells_torques: bool,
-    /// Everything told from the restart to the end of the judged time.
+    /// Errors of all values reported from the restart to the end of the evaluated time.
     pub errors: Errors,
 }
 

@@ -1,4 +1,4 @@
-//! One subject before one estimator: time goes on, samples go in, every new state is seen beside the truth.
+//! One subject with one estimator: advances time, feeds samples, compares every new state with the truth.
 
 use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Inputs, Kept, Memory, Settings, Tick, step};
@@ -14,7 +14,7 @@ use crate::faults::injection::{Fault, Injection};
 use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
 use crate::subject::Subject;
 
-/// The loop's period: 200 Hz. The daemon's 1 kHz tells the same values more often; each is looked at once.
+/// The loop's period: 200 Hz. The daemon's 1 kHz only repeats the same values; each new state is evaluated once.
 const TICK_NS: u64 = 5_000_000;
 /// From one glimpse of the suit to the next while time leaps, ns.
 const GLIMPSE_NS: u64 = 200_000_000;
@@ -24,11 +24,11 @@ const REACTION_S: f64 = 0.02;
 /// One new state at its own time.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment<'a> {
-    /// What the estimator tells.
+    /// Output of the estimator.
     pub state: &'a State,
     /// Covariance of the horizontal components of each joint's overload, (N m)²: xx, xy, yy.
     pub torque_covariance_nm2: &'a [[f64; 3]; JOINTS],
-    /// Who it tells it of.
+    /// The worker it refers to.
     pub worker: &'a Worker,
     /// Simulated time that the state belongs to (`suit_sample_time_ns`, not the tick's), s.
     pub time_s: f64,
@@ -60,7 +60,7 @@ pub struct Session {
     silent_until_ns: [u64; 2],
     /// What fails without saying so.
     fault: (Fault, Injection),
-    /// Reasons that are waited for, and when one of them was told first, s.
+    /// Invalid reasons to watch for, and when the first of them was reported, s.
     notice: (Validity, Option<f64>),
 }
 
@@ -106,17 +106,17 @@ impl Session {
         &self.subject
     }
 
-    /// What the estimator was told.
+    /// Settings of the estimator.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What the estimator told last.
+    /// Latest output of the estimator.
     pub fn state(&self) -> &State {
         &self.memory.state
     }
 
-    /// Who it is told of.
+    /// The worker it refers to.
     pub fn worker(&self) -> &Worker {
         &self.worker
     }
@@ -174,7 +174,7 @@ impl Session {
         self.notice = (reasons, None);
     }
 
-    /// When one of them was told first, whatever moment it is about, s.
+    /// When the first of them was reported, whatever sample time the state has, s.
     pub fn noticed_s(&self) -> Option<f64> {
         self.notice.1
     }

@@ -30,7 +30,7 @@ pub struct Subject {
     pub height_m: f64,
     /// Body mass, kg.
     pub mass_kg: f64,
-    /// What the settings are told: it chooses the column of the table. The simulated body has no sex.
+    /// Sex in the settings: it chooses the column of the table. The simulated body has no sex.
     pub sex: Sex,
     /// How far body and contacts are from ideal ones.
     pub realism: Realism,

@@ -1,4 +1,4 @@
-//! Sums over samples: root mean squares, shares, quantiles, and the joints that are told together.
+//! Sums over samples: root mean squares, fractions, quantiles, and the joints that are reported as a group.
 
 use equipoise_core::body::{JOINTS, Joint};
 use nalgebra::Vector3;
@@ -54,16 +54,16 @@ impl Sums {
     }
 }
 
-/// Torques of one group of joints, told and true.
+/// Torques of one group of joints, estimated and true.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TorqueSums {
-    /// Magnitude that was told, N m.
+    /// Estimated magnitude, N m.
     pub told_nm: Sums,
     /// True magnitude, N m.
     pub true_nm: Sums,
     /// Length of the difference of the vectors, N m.
     pub error_nm: Sums,
-    /// σ that was told, N m.
+    /// Reported σ, N m.
     pub sigma_nm: Sums,
 }
 
@@ -88,7 +88,7 @@ impl TorqueSums {
 pub struct ByGroup(pub [TorqueSums; GROUPS.len()]);
 
 impl ByGroup {
-    /// Takes in all joints of one sample: what is told and its σ against what is so.
+    /// Adds all joints of one sample: estimate, its σ, and truth.
     pub fn add(
         &mut self,
         told_nm: &[[f64; 3]; JOINTS],

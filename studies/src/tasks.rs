@@ -35,12 +35,12 @@ pub struct Identified {
     pub variance_max_m2: f64,
 }
 
-/// Whether centre of pressure is told both as measured and as estimated.
+/// Whether centre of pressure is reported both as measured and as estimated.
 pub fn tells_cop(state: &State) -> bool {
     !state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED))
 }
 
-/// Whether torques are told.
+/// Whether torques are reported.
 pub fn tells_torques(state: &State) -> bool {
     !state.validity().any_of(Validity::SPOILS_TORQUES)
 }
@@ -211,7 +211,7 @@ pub struct CopErrors {
 }
 
 impl CopErrors {
-    /// Takes in a state, if it tells both.
+    /// Adds a state if it reports both.
     pub fn add(&mut self, moment: &Moment) {
         let state = moment.state;
         if !tells_cop(state) {

@@ -108,7 +108,7 @@ pub const POSE_CHOICES: [(&str, PoseChoice); 4] = [
     ("I-optimal", PoseChoice::IOptimal),
 ];
 
-/// How overload is told in motion, with its name.
+/// Methods for overload in motion, with their names.
 pub const MOTIONS: [(&str, Motion); 2] =
     [("compensated", Motion::Compensated { half_window_ns: HALF_WINDOW_NS }), ("paper", Motion::Paper)];
 

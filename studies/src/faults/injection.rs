@@ -13,7 +13,7 @@ const RAIL_SHARE: f64 = 1.02;
 /// A failure of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// No failure: what is told without one.
+    /// No fault: the reference.
     None,
     /// The wrench times two, for an instant.
     DoubleGlitch,

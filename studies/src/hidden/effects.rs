@@ -58,7 +58,7 @@ fn of_side(side: Side, left: Segment) -> Segment {
     if side == Side::Left { left } else { left.mirrored() }
 }
 
-/// Puts a kind of a size into a simulator, and says what the judge is told of it.
+/// Adds an effect of a kind and a size to the simulator; returns its description for the evaluator.
 pub fn put(
     kind: &str,
     size: f64,
@@ -88,7 +88,7 @@ pub fn put(
     told
 }
 
-/// What the judge is told of an effect.
+/// Description of an effect for the evaluator.
 #[derive(Debug, Clone)]
 pub struct Told {
     /// `hand` or `segment`, and which.
@@ -230,7 +230,7 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             let trunk = kind.ends_with("T8");
             let arm = pick(random, &[Segment::LeftUpperArm, Segment::LeftForearm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, arm) };
-            // A forearm bears half of what an upper arm does.
+            // A forearm's heading has half the effect of an upper arm's.
             let is_forearm = [Segment::LeftForearm, Segment::RightForearm].contains(&segment);
             let radians = signed.to_radians() * if is_forearm { 2.0 } else { 1.0 };
             told.on(segment);
@@ -241,7 +241,8 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             let trunk = kind.ends_with("T8");
             let limb = pick(random, &[Segment::LeftUpperLeg, Segment::LeftUpperArm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, limb) };
-            // Along a limb a turn shows little; of the trunk, turns about the upright least. An upper arm bears less.
+            // A rotation about a limb's own axis has little effect; of the trunk, rotations about the vertical have the
+            // least. An upper arm has less effect than a thigh.
             let (axis, share) = match segment {
                 Segment::LeftUpperArm | Segment::RightUpperArm => (Vector3::new(1.0, 0.2, 1.0), 1.5),
                 _ => (Vector3::new(1.0, 1.0, 0.2), 1.0),
@@ -286,9 +287,9 @@ fn of_the_body(
     told.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);
 }
 
-/// What the catalogue does not have. "Detectable" means here: a column of the very physics that is hidden, with its true
-/// shape (work less that of the clean twin, whitened by the program's own noise), reaches log odds of about 15 in half of
-/// the sessions. Nobody knows the true shape, so rung 1 is not easy; below it there is nothing to be seen.
+/// Effects outside the catalogue. "Detectable" means here: a column of the hidden physics, with its true shape (work
+/// minus that of the clean twin, whitened by the program's own noise), reaches log odds of about 15 in half of the
+/// sessions. The program does not have the true shape, so rung 1 is not easy; below it no detection is possible.
 fn outside(
     kind: &str,
     size: f64,

@@ -1,6 +1,6 @@
-//! What is declared as not to be told apart by these data (the method's table of confusable effects), for the judge.
+//! Effects declared as indistinguishable by these data (the method's table of confusable effects), for the evaluator.
 
-/// Labels (name with place) that may stand for each other wherever they come.
+/// Labels (name with place) that are interchangeable wherever they occur.
 const ALIKE: [&[&str]; 10] = [
     &["plate_offset", "unbalanced_parameters Pelvis"],
     &["plate_yaw", "suit_heading_drift"],

@@ -1,4 +1,4 @@
-//! Makes sessions: a recording each, and beside it the truth.
+//! Generates sessions: a recording each, and a separate file with the truth.
 
 use std::path::{Path, PathBuf};
 
@@ -82,10 +82,10 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
     Ok(dealt.into_iter().enumerate().map(plan).collect())
 }
 
-/// Makes all of them, as many at once as there are processors; `done` is told of each.
+/// Generates all sessions, in parallel on all processors; `done` is called for each.
 ///
 /// # Errors
-/// A sentence: a folder or file cannot be written, or nothing is called so.
+/// A message: a folder or file cannot be written, or a name is unknown.
 pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, String> {
     let plans = plans(order)?;
     prepare(order)?;
@@ -171,7 +171,7 @@ pub struct Session {
     pub script: scenario::Script,
     /// What is hidden.
     pub drawn: Drawn,
-    /// Whether the program is told of the reference.
+    /// Whether the program receives the reference span.
     pub tells_reference: bool,
 }
 

@@ -150,7 +150,7 @@ pub enum Sample {
     Suit(Box<SuitSample>),
     /// Of the plate.
     Ground {
-        /// As it is told.
+        /// The message as published.
         message: Box<GroundSample>,
         /// Which one.
         number: u32,
@@ -203,7 +203,7 @@ pub fn write(
     Ok(1e3 * (square_m2 / looks.len().max(1) as f64).sqrt())
 }
 
-/// The configuration that a recording bears: what the station's people know of worker, suit and plate.
+/// The configuration in a recording: the station's data of worker, suit and plate.
 pub fn config_toml(subject: &Subject, id: &str, poses_min: usize, without_inertia: bool) -> String {
     let sex = match subject.sex {
         Sex::Female => "female",

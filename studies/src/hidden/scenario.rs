@@ -38,7 +38,7 @@ const HELD_S: f64 = 2.5;
 const MOVE_S: f64 = 1.2;
 /// Standing up straight before a step, s.
 const RISE_S: f64 = 1.2;
-/// A turn by this much lets the plate's axes be told from the body's, degrees.
+/// A turn by this angle separates errors of the plate's axes from those of the body's, degrees.
 const TURNED_DEG: f64 = 25.0;
 
 /// A session's script, played.

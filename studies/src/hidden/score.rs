@@ -61,10 +61,10 @@ impl Files {
     }
 }
 
-/// Judges every session of a folder, as many at once as there are processors; `done` is told of each.
+/// Evaluates every session of a folder, in parallel on all processors; `done` is called for each.
 ///
 /// # Errors
-/// A sentence: the folder has no truth, or a truth cannot be read.
+/// A message: the folder has no truth, or a truth cannot be read.
 pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
     let entries = std::fs::read_dir(folder.join("truth"))
         .map_err(|error| format!("{}: {error}; make sessions first", folder.join("truth").display()))?;
