@@ -23,8 +23,8 @@ const SUIT_PERIOD_NS: u64 = 16_666_667;
 const SUIT_DELAY_NS: u64 = 500_000;
 /// A pose is held this long, steps.
 const HOLD_STEPS: u64 = 2_000;
-/// Between two poses nothing is heard for so long, ms: nobody moves from one to the other in a millisecond, and such a leap would
-/// not be believed.
+/// Gap in the suit's stream between two poses, ms: a jump from pose to pose within one millisecond would be rejected as
+/// implausible.
 const PAUSE_MS: u64 = 150;
 const POSES_LEARNT: u64 = 25;
 const POSES_LOADED: u64 = 15;
@@ -67,7 +67,7 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Before the first step; with or without the dense version beside it.
+    /// Before the first step; optionally with the dense version.
     pub(crate) fn new(with_dense: bool) -> Session {
         let settings = Settings {
             sex: Sex::Male,

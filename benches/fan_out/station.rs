@@ -45,7 +45,7 @@ pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
     let its_rings = Arc::clone(&rings);
     let egress = spawn(move || {
         realtime::ask("egress", Asked { fifo_priority: 60, cpu: Some(CPU) });
-        // Nobody keeps the figures; a full feed only counts.
+        // The latency log is not drained; a full feed only counts.
         let (latency_log, _drain) = feed(PLACES);
         let rings = Arc::clone(&its_rings);
         let mut egress =

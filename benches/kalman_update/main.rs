@@ -1,4 +1,4 @@
-//! How long does one pose, two rows, take the filter, beside the two dense forms that a textbook gives?
+//! Duration of the filter's update with one pose, two rows, compared with the two dense textbook forms.
 //!
 //! `cargo bench -p equipoise-benches --bench kalman_update`; figures in `docs/performance/README.md`.
 

@@ -1,6 +1,7 @@
-//! What does the loop pay, twice a second, for what must survive it, beside a copy of its whole memory?
+//! Cost for the loop of saving, twice a second, the state that must survive it, compared with a copy of its whole
+//! memory.
 //!
-//! Warm, and as the loop finds it: with caches that other work has filled since. `cargo bench -p equipoise-benches --bench
+//! With warm caches, and with caches filled by other work, as in the loop. `cargo bench -p equipoise-benches --bench
 //! keep`; figures in `docs/performance/README.md`.
 
 use std::hint::black_box;

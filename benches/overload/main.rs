@@ -1,4 +1,4 @@
-//! How long do the torques of 22 joints take, beside Eq. 15 with its Jacobians written out?
+//! Duration of the torques of 22 joints, compared with Eq. 15 with its Jacobians written out.
 //!
 //! The dense version computes no σ; the core's does. `cargo bench -p equipoise-benches --bench overload`; figures in
 //! `docs/performance/README.md`.

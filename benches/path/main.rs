@@ -1,8 +1,8 @@
-//! How long from a sample's arrival until another process has read the state, beside Unix and UDP sockets?
+//! Latency from a sample's arrival until another process has read the state, compared with Unix and UDP sockets.
 //!
 //! The same threads under the same policies carry the same bytes: `SuitSample` in, `State` out, by the bus or by
-//! datagrams. The loop is the real one; what a sample waits for the next cycle is left out on all sides.
-//! `cargo bench -p equipoise-benches --bench path`; figures in `docs/performance/README.md`.
+//! datagrams. The loop is the real one; a sample's wait for the next cycle is excluded in all cases. `cargo bench -p
+//! equipoise-benches --bench path`; figures in `docs/performance/README.md`.
 
 mod carrier;
 mod consumer;
@@ -30,13 +30,13 @@ struct Arrangement {
 }
 
 const NOWHERE: Cores = Cores { adapter: None, ingress: None, looping: None, egress: None, consumer: None };
-/// As with `[loop] cpu = 1` and nobody else on that core.
+/// As with `[loop] cpu = 1` and no other thread on that core.
 const CPU_1: Cores =
     Cores { adapter: Some(0), ingress: Some(0), looping: Some(1), egress: Some(1), consumer: Some(0) };
 /// The same with egress elsewhere.
 const APART: Cores =
     Cores { adapter: Some(0), ingress: Some(0), looping: Some(1), egress: Some(0), consumer: Some(0) };
-/// Two cores have room for one poller beside the threads that it waits for, hence one leg a turn.
+/// Two cores have room for one polling thread in addition to the threads that it waits for, hence one leg per turn.
 const POLLED_INLET: Cores =
     Cores { adapter: Some(0), ingress: Some(1), looping: Some(0), egress: None, consumer: None };
 const POLLED_OUTLET: Cores =

@@ -137,7 +137,7 @@ impl Plan {
         let thread = spawn(move || {
             realtime::ask("egress", Asked { fifo_priority: EGRESS, cpu: plan.cores.egress });
             if plan.carrier == Carrier::Bus {
-                // Nobody keeps the figures; a full feed only counts.
+                // The latency log is not drained; a full feed only counts.
                 let (latency_log, _drain) = feed(PLACES);
                 let egress = Egress::open(STATION, rings, plan.waiting, latency_log);
                 let _ = ready.send(());

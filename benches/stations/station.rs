@@ -16,7 +16,7 @@ use equipoise_latency::stage::Stage;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
 
-/// What a station tells, in this order.
+/// Figures that a station reports, in this order.
 pub(crate) const FIGURES: [&str; 6] =
     ["cpu_percent", "wake_p50_us", "wake_p99_us", "to_state_p99_us", "missed_percent", "memory_mb"];
 pub(crate) type Figures = [f64; FIGURES.len()];
@@ -26,7 +26,7 @@ const PLATE_HZ: f64 = 250.0;
 const THREADS: [&str; 8] =
     ["loop", "ingress", "egress", "suit", "ground", "commands", "saving", "housekeeping"];
 
-/// Runs until told `enough`; tells what there was since `go`.
+/// Runs until it receives `enough`; reports the figures since `go`.
 pub(crate) fn run(arguments: &[String]) {
     let [name, rate_hz] = arguments else { panic!("a station has a name and a rate") };
     let suit = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr());
@@ -88,7 +88,7 @@ fn listen() -> (Arc<AtomicBool>, Arc<AtomicBool>) {
     let told = flags.clone();
     spawn(move || {
         for flag in told {
-            // The end of the input counts as both: whoever started us has died.
+            // The end of the input counts as both: the parent process has died.
             let _ = std::io::stdin().read_line(&mut String::new());
             flag.store(true, Ordering::Relaxed);
         }

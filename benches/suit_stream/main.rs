@@ -1,5 +1,5 @@
-//! How many suits could one core read? A second of MVN's full stream (240 Hz; types 02, 20 to 25) through the assembler,
-//! beside a copy of the same bytes, which whoever receives them pays anyway.
+//! Number of suits that one core could read: a second of MVN's full stream (240 Hz; types 02, 20 to 25) through the
+//! assembler, compared with a copy of the same bytes, which every receiver has to make.
 //!
 //! `cargo bench -p equipoise-benches --bench suit_stream`; figures in `docs/performance/README.md`.
 

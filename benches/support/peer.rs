@@ -40,7 +40,7 @@ impl Peer {
         self.child.id()
     }
 
-    /// Tells it a line.
+    /// Sends it a line.
     pub fn tell(&mut self, line: &str) {
         let input = self.child.stdin.as_mut().expect("its input is piped");
         writeln!(input, "{line}").expect("it reads");
@@ -58,7 +58,7 @@ impl Peer {
 }
 
 impl Drop for Peer {
-    /// A bench that failed leaves nobody behind.
+    /// A failed benchmark leaves no process behind.
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -77,7 +77,7 @@ pub fn ready(more: &str) {
     std::io::stdout().flush().expect("whoever started us reads");
 }
 
-/// Becomes true when whoever started this process asks it to end, or has died.
+/// Becomes true when the parent process requests the end, or has died.
 pub fn asked_to_end() -> Arc<AtomicBool> {
     let ends = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&ends);
@@ -98,7 +98,7 @@ pub fn on_an_own_bus(body: impl FnOnce()) -> ExitCode {
     let program = std::env::current_exe().expect("this program has a path");
     let status =
         Command::new(program).args(std::env::args_os().skip(1)).env(ROOT_VARIABLE, root.path()).status();
-    // iceoryx2 leaves 16 bytes behind for each root, and whoever was killed leaves more.
+    // iceoryx2 leaves 16 bytes behind for each root, and killed processes leave more.
     let prefix = shared_memory_prefix(root.path());
     for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
         if file.file_name().to_string_lossy().starts_with(&prefix) {

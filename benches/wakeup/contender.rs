@@ -1,4 +1,4 @@
-//! Who is woken beside cyclictest, from nothing but a sleep up to the whole daemon.
+//! Contenders measured next to cyclictest, from a plain sleep up to the whole daemon.
 
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -129,7 +129,7 @@ fn daemon(policy: Policy, cpu: usize, length: Duration) -> Lateness {
     Lateness { missing, ..lateness(&all) }
 }
 
-/// Takes records now and then, so that nobody is woken for it.
+/// Takes records at intervals, so that it wakes no thread.
 fn follow(length: Duration, mut take: impl FnMut() -> Option<CycleRecord>) -> Vec<CycleRecord> {
     let (begun, mut all) = (Instant::now(), Vec::new());
     while begun.elapsed() < length {
@@ -151,7 +151,7 @@ fn lateness(records: &[CycleRecord]) -> Lateness {
     lateness
 }
 
-/// cyclictest tells whole microseconds, rounded down.
+/// cyclictest reports whole microseconds, rounded down.
 fn whole_us(time_ns: u64) -> f64 {
     (time_ns / 1000) as f64
 }
