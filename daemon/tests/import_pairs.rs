@@ -267,7 +267,7 @@ fn a_capture_of_the_suit_goes_with_a_text_of_the_plate() {
         said(&output)
     );
     assert_eq!(session.samples("a.mcap").1.len(), 10_000);
-    // Nobody stamps in it.
+    // It contains no stomp.
     let told =
         session.refused(&session.join_files("take.pcap", "plate.txt", "no.mcap", &["--join", "stomp"]));
     assert!(told.contains("the suit saw no stomp"), "{told}");

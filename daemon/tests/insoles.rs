@@ -1,4 +1,5 @@
-//! Insoles in place of a plate, over the wire: placed by the suit's feet, and nothing told that they cannot feel.
+//! Insoles in place of a plate, over the wire: located by the suit's feet, and without quantities that they cannot
+//! measure.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;

@@ -34,7 +34,7 @@ id = "anon-1"
 height_m = 1.77
 "#;
 
-/// What `status --json` says, once the bones are the null pose's, which is told once a second.
+/// Output of `status --json`, once the segment lengths are those of the null pose, which the suit sends once a second.
 fn state_of(station: &Station) -> serde_json::Value {
     let started = Instant::now();
     loop {

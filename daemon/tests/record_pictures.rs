@@ -78,7 +78,7 @@ fn a_killed_recorder_leaves_pictures_of_the_states_before() {
     let mut plain = station.command("record");
     plain.arg(&without).args(["--pictures-hz", "0", "--for", "4"]);
     let mut plain = plain.spawn().unwrap();
-    // Beside the head some chunks, each of a second.
+    // In addition to the header some chunks, each of a second.
     until("chunks with pictures", || bytes(&with) > 0 && read(&with).0.pictures.len() >= 80);
     recorder.kill().unwrap();
     recorder.wait().unwrap();
@@ -179,7 +179,7 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
         assert!(!truncated, "{}: each file is ended", path.display());
         assert!(!found.pictures.is_empty());
         let cycles: Vec<u64> = found.states.values().map(|state| state.cycle).collect();
-        // The next file goes on where the one before ended; on a busy machine states may be lost, never told twice.
+        // The next file continues where the previous one ended; on a busy machine states may be lost, never duplicated.
         assert!(last.is_none_or(|last| cycles[0] > last), "{}", path.display());
         last = cycles.last().copied();
     }

@@ -131,7 +131,7 @@ fn another_daemon_has_a_file_of_its_own_and_one_on_another_bus_is_found() {
     // A few hundredths of a second may pass until it is seen.
     assert!(cycles_at(&first, 200) > 100 && cycles_at(&first, 500) < 500, "{}", cycles_at(&first, 500));
 
-    // The service manager makes the bus's directory anew.
+    // The service manager recreates the bus's directory.
     recorded.station.restart(&config, |bus| std::fs::remove_dir_all(bus).unwrap());
     let third = recorded.next_after(&second);
     until("cycles on the new bus", || cycles_at(&third, 500) > 500);

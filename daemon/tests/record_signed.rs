@@ -138,7 +138,7 @@ fn alterations_of_signed_recordings_are_reported() {
     let (foreign, code) = line(&all[1], &["--public-key", station.file("other.key.pub").to_str().unwrap()]);
     assert!(foreign.starts_with("not valid: signed by key ") && code == Some(3), "{foreign}");
 
-    // One byte, in a message's payload; also of the file that nobody signed.
+    // One byte, in a message's payload; also of the unsigned file.
     let unsigned = all.iter().position(|path| path.file_name() == killed.file_name()).unwrap();
     for index in [1, unsigned] {
         let copy = Copy::of(&kept, &public_key);

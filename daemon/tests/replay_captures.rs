@@ -1,4 +1,4 @@
-//! Captures: what is sound becomes samples, what is not is counted and told by the exit code.
+//! Captures: valid data become samples; invalid data are counted and reported by the exit code.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;

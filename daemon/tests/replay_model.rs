@@ -30,7 +30,7 @@ fn model(recording_sha256: &str) -> String {
     )
 }
 
-/// Estimated centres of pressure of every state that tells one, by its time in s.
+/// Estimated centres of pressure of every state that has one, by its time in s.
 fn told(lines: &Path) -> Vec<(f64, [f64; 2])> {
     let text = std::fs::read_to_string(lines).unwrap();
     let states = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());

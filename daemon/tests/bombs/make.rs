@@ -190,7 +190,7 @@ impl Pcap {
         self.0.get_mut().set_len(length).unwrap();
     }
 
-    /// A pcapng file that is one block of a kind nobody knows.
+    /// A pcapng file that is one block of an unknown type.
     pub(crate) fn one_block_of(path: &Path, length: usize) {
         let mut file = File::create(path).unwrap();
         // The section's head.

@@ -51,7 +51,7 @@ pub(crate) struct Case {
     pub(crate) jitter_s: f64,
     /// Newtons and metres that a sample may be off.
     pub(crate) tolerance: (f64, f64),
-    /// Each foot is told by itself.
+    /// Each foot is reported separately.
     pub(crate) feet: bool,
     /// Share of packets that are lost.
     pub(crate) loss: f64,
@@ -338,7 +338,7 @@ fn lsl(_: &Path, _: &Arc<Person>) -> Built {
 }
 
 fn lsl_found(_: &Path, _: &Arc<Person>) -> Built {
-    // Nobody else's: other tests may run beside this one.
+    // A unique name: other tests may run at the same time.
     let name = format!("Plate of process {}", std::process::id());
     one(Lsl::bind(&name, loopback(), Z_UP(), 100.0, true, 16).unwrap(), Z_UP())
 }

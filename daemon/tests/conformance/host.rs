@@ -1,4 +1,4 @@
-//! Our side: the sources of the daemon, opened from a configuration, and what their samples say beside the truth.
+//! The host side: the daemon's sources, opened from a configuration, and their samples compared with the truth.
 
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::source::SuitSource;
@@ -17,7 +17,7 @@ fn whole(section: &str) -> String {
     let rest = if section.starts_with("[suit]") {
         "[ground]\nsource = \"external\"\n"
     } else {
-        // A LabAmp at 1 kHz gathers its scans for 100 ms; the daemon would not take that beside a suit without delay.
+        // A LabAmp at 1 kHz collects its scans for 100 ms; the daemon would reject that next to a suit without delay.
         "[suit]\nsource = \"external\"\nlatency_ms = 60.0\n"
     };
     format!("station = \"conformance\"\n{rest}[subject]\nid = \"anon-1\"\nheight_m = 1.77\n{section}")
@@ -95,7 +95,7 @@ pub(crate) enum Sample {
 pub(crate) struct Tolerance {
     pub(crate) force_n: f64,
     pub(crate) cop_m: f64,
-    /// Each foot must be told by itself.
+    /// Each foot must be reported separately.
     pub(crate) feet: bool,
 }
 
@@ -125,7 +125,7 @@ impl Sample {
         }
     }
 
-    /// What is wrong with it, beside the truth of its own time.
+    /// Its deviation from the truth at its own sample time.
     pub(crate) fn wrong(&self, person: &Person, start_ns: u64, tolerance: &Tolerance) -> Option<String> {
         let time_s = (self.time_ns() as f64 - start_ns as f64) * 1e-9;
         match self {

@@ -20,7 +20,7 @@ const PRESS_M: [Vector2<f64>; 2] = [Vector2::new(0.05, 0.004), Vector2::new(0.03
 const LEAN_N: [f64; 3] = [24.0, -11.0, 0.0];
 const TURN_NM: f64 = 4.0;
 
-/// The person, and what its feet bear.
+/// The simulated human and the load on its feet.
 pub(crate) struct Person {
     worker: Worker,
     suit: Suit,
@@ -53,7 +53,7 @@ impl Person {
         folded.min(2.0 * SPAN_S - folded)
     }
 
-    /// What the feet bear at a time.
+    /// Load on the feet at a time.
     pub(crate) fn on_feet(&self, time_s: f64) -> OnFeet {
         let place = Person::folded_s(time_s) * INSTANTS_HZ;
         let (index, share) = ((place as usize).min(self.on_feet.len() - 2), place.fract());

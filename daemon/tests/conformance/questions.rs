@@ -87,7 +87,7 @@ fn yes_unless(wrong: Option<String>) -> Answer {
     wrong.map_or_else(|| Ok("yes".into()), Err)
 }
 
-/// By the samples' own times: as many a second as the device measures. Undisturbed, it begins no session anew.
+/// By the sample times: as many a second as the device measures. Without a disturbance no new session begins.
 fn rate(case: &Case, rig: &mut Rig<'_>) -> Answer {
     rig.more("the first samples", SETTLED)?;
     let first = rig.samples.len();

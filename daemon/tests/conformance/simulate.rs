@@ -96,7 +96,7 @@ fn every_device_can_be_simulated_from_the_command_line() {
     for asked in asking {
         let (words, weight_n) = asked.join().unwrap();
         let weight_n = weight_n.unwrap_or_else(|error| panic!("{words}: {error}"));
-        // A person who takes poses moves; on the whole the ground bears the weight.
+        // The human moves between poses; on average the ground carries the weight.
         let share = weight_n / (MASS_KG * GRAVITY_M_PER_S2);
         assert!((0.9..1.1).contains(&share), "{words}: {weight_n} N");
     }

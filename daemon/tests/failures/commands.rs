@@ -47,7 +47,7 @@ fn identification_and_profiles_are_steered_and_nonsense_is_refused() {
     assert!(station.run(&["subject", "list"]).done().contains("anon-1"));
 
     station.run(&["identify", "reset"]).done();
-    // The pose that is held now may have been learnt anew.
+    // The present pose may already have been used again.
     eyes.until("all poses to be forgotten", |eyes| eyes.state.poses_used < 2);
     station.run(&["identify", "start"]).done();
     eyes.until("learning", |eyes| eyes.state.phase_name() == "identifying");

@@ -109,7 +109,8 @@ fn a_daemon_that_does_not_answer_keeps_a_subject_from_being_deleted() {
     assert!(!profile.exists());
 }
 
-/// Only the service manager tells a daemon where its state lies; who runs `subject` or `doctor` has another environment.
+/// Only the service manager sets the daemon's state directory; the user of `subject` or `doctor` has another
+/// environment.
 #[test]
 fn a_subject_is_found_where_the_daemon_keeps_it_whatever_the_environment_says() {
     let station = Station::new();

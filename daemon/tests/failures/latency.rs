@@ -1,4 +1,5 @@
-//! The end of the path: consumers that report, come, go and say nonsense, as `equipoise latency` tells it.
+//! The end of the path: consumers that report, join, leave and send invalid receipts, as displayed by `equipoise
+//! latency`.
 
 use std::time::Duration;
 

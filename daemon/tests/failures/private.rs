@@ -70,7 +70,7 @@ fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
         vec!["grete".to_owned(), station.file("").to_string_lossy().into_owned(), "/home".to_owned()];
     telling.extend(["HOME", "HOSTNAME"].iter().filter_map(|name| std::env::var(name).ok()));
     telling.push(host.trim().to_owned());
-    // Short words are found in any file; "localhost" is nobody's.
+    // Short words occur in any file; "localhost" is not personal.
     telling.retain(|word| word.len() > 4 && word != "localhost");
     let texts =
         [&header.config_toml, &header.subject_toml, &header.model_toml].map(|text| text.as_bytes().to_vec());

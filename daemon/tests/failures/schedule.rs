@@ -1,4 +1,4 @@
-//! A loop that is held up, and settings that no machine grants: both are told, neither is papered over.
+//! A delayed loop, and settings that no machine grants: both are reported.
 
 use std::time::Duration;
 

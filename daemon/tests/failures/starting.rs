@@ -1,4 +1,4 @@
-//! A daemon that cannot start says why, disturbs nobody and leaves nothing behind.
+//! A daemon that cannot start reports the reason, disturbs no other process and leaves no files behind.
 
 use std::net::UdpSocket;
 
@@ -8,12 +8,12 @@ use crate::ending::assert_nothing_left;
 use crate::eyes::Eyes;
 use crate::station::Station;
 
-/// Whoever reads it sooner may read what the daemon before has not written yet.
+/// An earlier read might miss data that the previous daemon has not written yet.
 #[test]
 fn state_is_read_only_once_the_station_is_held() {
     let station = Station::new();
     let mut first = station.daemon(&station.configuration());
-    // Reading a pipe into which nobody writes would never end.
+    // Reading a pipe without a writer would block for ever.
     let other = station.file("other");
     std::fs::create_dir_all(other.join("stations")).expect("a folder");
     let pipe = other.join("stations").join("bench.toml");

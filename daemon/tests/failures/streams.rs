@@ -69,7 +69,7 @@ pub(crate) fn suit(target: SocketAddr) -> Stream {
 /// The same as another character.
 pub(crate) fn suit_of(target: SocketAddr, avatar: u8) -> Stream {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    // Nobody may listen yet, and some tricks are too long for a datagram: neither is our affair.
+    // The listener may be absent, and some datagrams are too long to send: both errors are irrelevant here.
     Stream::start(move |tricks, stop| {
         run_suit(avatar, &tricks, stop, |bytes| drop(socket.send_to(bytes, target)));
     })

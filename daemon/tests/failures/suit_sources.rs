@@ -136,7 +136,7 @@ fn two_workers_on_one_port_each_get_a_station_and_the_death_of_one_disturbs_no_o
     other.expect(60, 1);
     let counts = other.health(|health| health.published > 60);
     assert_eq!((counts.lost, counts.refused.iter().sum::<u64>()), (0, 0), "{counts:?}");
-    // The third belongs to nobody.
+    // The third belongs to no station.
     own.health(|health| health.refused[SuitRefusal::OtherAvatar.index()] > 10);
 
     // The other station's daemon, with a plate of its own, takes what it is given.

@@ -12,7 +12,7 @@ const ROUNDS: u64 = 8;
 const HEADER: usize = 24;
 const ITEM: usize = 32;
 
-/// A sound datagram of type 02, spoilt.
+/// A valid datagram of type 02, corrupted.
 fn spoilt(sound: &[u8], spoil: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     let mut bad = sound.to_vec();
     spoil(&mut bad);

@@ -37,8 +37,8 @@ fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     f64::sqrt(sum / count)
 }
 
-/// What the loop tells with a frozen worker, over each block: measured less estimated, without what the stance's offset
-/// has changed since, m.
+/// Residual of the loop with a frozen worker, over each block: measured minus estimated, without the change of the
+/// stance offset since, m.
 fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(f64, [f64; 2])> {
     let settings = config.settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();

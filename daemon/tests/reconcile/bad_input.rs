@@ -36,7 +36,7 @@ impl Trial {
         Trial::of(&session().1, &session().0.config())
     }
 
-    /// Samples that `change` has spoilt.
+    /// Samples corrupted by `change`.
     fn spoilt(change: impl FnOnce(&mut Samples)) -> Trial {
         let mut samples = session().1.clone();
         change(&mut samples);

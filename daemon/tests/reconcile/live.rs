@@ -124,7 +124,8 @@ impl Live {
         seen
     }
 
-    /// What the daemon suspects, told by its event within so many seconds; `None` if there was none.
+    /// The suspected effect that the daemon announces by its event within this time in seconds; `None` if there was
+    /// none.
     fn suspicion(&self, seconds: f64) -> Option<String> {
         let listener = self.bus.listener(Channel::Results).unwrap();
         let started = Instant::now();

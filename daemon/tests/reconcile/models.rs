@@ -70,7 +70,7 @@ fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
     assert!(brought.session.blocks.iter().all(|block| block.phase == Phase::Work));
     let [phi, again] = [&known, &brought].map(|one| one.session.blocks[0].observation.phi_m);
     assert_eq!(phi, again);
-    // Poses that a person points at are learnt, whoever was known before.
+    // An explicit identification span replaces the subject identified before.
     let given = Given { identify: Some("0:12".parse().unwrap()), ..Given::default() };
     let learnt = compared(&work, &script.config(), given);
     assert_ne!(learnt.session.blocks[0].observation.phi_m, phi);

@@ -188,7 +188,7 @@ fn states(name: &str, states: &[State], more: impl FnOnce(&mut Recorder)) -> std
 fn what_was_withheld_is_drawn_nowhere() {
     let state = |cycle: u64| {
         let mut state = State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() };
-        // A spoilt value is zero, as the loop leaves it.
+        // An invalid value is zero, as in the loop's states.
         if (300..600).contains(&cycle) {
             state.valid = Validity::MOVING.0;
         } else {

@@ -45,7 +45,7 @@ pub(crate) fn session() -> &'static Session {
 }
 
 impl Session {
-    /// A file beside the others.
+    /// Path of a file next to the others.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)
     }
