@@ -112,7 +112,7 @@ fn unsafe_stands_where_it_is_expected() {
     }
 }
 
-/// What reads by itself: what the kernel tells, folders that are synced, locks, the program that is installed.
+/// Files that open files directly: kernel information, synced folders, locks, the installed program.
 const READ_BY_THEMSELVES: [&str; 12] = [
     "adapters/src/source/serial_line/refused.rs",
     "daemon/src/deletion.rs",
@@ -130,7 +130,7 @@ const READ_BY_THEMSELVES: [&str; 12] = [
 
 #[test]
 fn files_are_opened_in_one_place() {
-    // What runs beside a worker; studies and the simulator read what they wrote.
+    // Crates that run at the station; studies and the simulator read only their own files.
     let shipped = ["adapters", "bus", "daemon", "discrepancy", "export", "outlets", "view"];
     for found in crates().filter(|found| shipped.iter().any(|folder| found.folder.starts_with(folder))) {
         for file in

@@ -1,8 +1,8 @@
-//! Warm, the loop neither allocates nor frees, whoever comes or goes.
+//! Warm, the loop neither allocates nor frees memory, whichever processes join or leave.
 //!
 //! A counting allocator is armed on the loop's own thread, from inside the loop, after a warm-up; then sensors stream,
-//! held poses and motion are learnt, a box is lifted and adds up in the exposure, a model with terms of every sort is
-//! run, subscribers stay, join and leave, and checkpoints are asked for, over 100 000 cycles.
+//! static poses and motion samples update the filter, a box is lifted and accumulates exposure, a model with terms of
+//! every kind runs, subscribers stay, join and leave, and checkpoints are requested, over 100 000 cycles.
 
 #[path = "counting_alloc.rs"]
 mod counting_alloc;
@@ -207,7 +207,7 @@ fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
     let worked = keep_busy(&station, &person, &seen, |round| {
         let mut other = config.clone();
         other.overload.threshold_n = if round % 400 == 100 { 16.0 } else { 15.0 };
-        // The model's terms begin anew with it too.
+        // This resets the model's terms as well.
         pipeline.reload(Ok(other)).expect("a good configuration");
     });
     disarm.store(true, Ordering::Relaxed);

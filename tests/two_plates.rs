@@ -1,7 +1,7 @@
 //! Torques of the legs by two plates against those by one, for simulated people who do not press under their ankles.
 //!
-//! What each foot would bear without the load is nobody's measurement. The rule of the core and the simulator's split
-//! are alike in that, and would agree exactly; so these people press elsewhere once they carry nothing.
+//! The load of each foot without the carried load is not measurable. The core's rule and the simulator's split are the
+//! same, and would agree exactly; so these people press elsewhere once they carry nothing.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 

@@ -1,9 +1,9 @@
-//! Is what a state tells as valid true?
+//! Checks that every value reported as valid is true.
 //!
-//! The simulator's truth is asked at the time that the state says it is about. Device time is tied to host time only so
-//! well: the core lets pass what is dated wrong by 20 ms. So a value is wrong if it is farther than 6 σ, by the state's own σ,
-//! and a floor from the truth of *every* instant within 20 ms. The floors are what no σ tells: the suit's own errors,
-//! which put a hand centimetres off, and the sharing between hands and feet.
+//! The simulator's truth is queried at the state's sample time. The clock fit between device time and host time has a
+//! limited accuracy: the core accepts time errors up to 20 ms. A value is therefore wrong if it deviates by more than 6
+//! σ, by the state's own σ, plus a floor from the truth of *every* instant within 20 ms. The floors cover errors
+//! without a σ: the suit's own errors, which displace a hand by centimetres, and the load fractions of hands and feet.
 
 use std::collections::BTreeMap;
 
@@ -32,8 +32,8 @@ const BODY_N: f64 = 72.0 * 9.81;
 const COMPRESSION_FLOOR_N: f64 = BACK_FLOOR_NM / EXTENSOR_LEVER_M;
 /// Lever of the back's extensors about L5/S1 in the cantilever model of Chaffin, Andersson & Martin, m.
 const EXTENSOR_LEVER_M: f64 = 0.06;
-/// Silence that must have been told: two periods of the slowest stream that trouble may have taught, the tolerance,
-/// and, for what is told of the suit, its wait for the plate and half a window.
+/// Silence that must have been reported: two periods of the slowest stream that the faults may have established, the
+/// tolerance, and, for values of the suit, its wait for the plate and half a window.
 const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
 /// A sample cannot be newer than the newest that was sent; sent and dated are two clocks' readings.
 const AHEAD_AT_MOST_NS: u64 = 25_000_000;
@@ -53,7 +53,7 @@ const VALUES: [&str; 10] = [
     "compression",
 ];
 const JUDGED_ONE_IN: u64 = 5;
-/// A share of its bound from which the report says what was published beside a value.
+/// Fraction of the bound from which the report includes the other published values.
 const WORTH_TELLING: f64 = 0.8;
 /// States that the eyes may miss: one in so many.
 const MISSED_ONE_IN: u64 = 50;
@@ -75,7 +75,7 @@ pub(crate) struct Wrong {
     cycle: u64,
     error: f64,
     bound: f64,
-    /// What was told beside, and the reasons that were raised.
+    /// Other reported values, and the invalid reasons raised.
     beside: String,
 }
 
@@ -133,8 +133,8 @@ impl Judge {
         self.states += 1;
         self.missed += if self.state.cycle > 0 { state.cycle - self.state.cycle - 1 } else { 0 };
         self.state = state;
-        // A simulated sensor that its own machine holds up is none: it sends old samples as new ones, and nobody can
-        // tell that from a device that is late. What comes from the other sensor is judged all the same.
+        // A simulated sensor delayed by the overloaded host sends old samples as new ones, which is indistinguishable
+        // from a late device, so its values are excluded. Values of the other sensor are checked all the same.
         let now_ns = state.time_ns.max(person.sent_at_ns()[1]);
         self.held_up = person.held_up_ns().map(|at_ns| now_ns < at_ns + HELD_UP_FOR_NS);
         for (excused, held_up) in self.excused.iter_mut().zip(self.held_up) {
@@ -153,7 +153,7 @@ impl Judge {
         self.told.clear();
     }
 
-    /// A value that was judged too seldom for a verdict, or too many states that nobody saw.
+    /// A value that was checked too seldom for a verdict, or too many states that were missed.
     pub(crate) fn too_little(&self) -> Option<String> {
         let told = |value: &&str| self.told.get(value).copied().unwrap_or(0);
         if let Some(seldom) = VALUES.iter().find(|value| told(value) * JUDGED_ONE_IN < self.states) {
@@ -214,7 +214,7 @@ impl Judge {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
         }
-        // While device time is not tied to host time, the state says that nobody knows what time it is about.
+        // While device time is not tied to host time, the state's sample time is undefined.
         if !suit_told || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             return;
         }
@@ -280,7 +280,8 @@ impl Judge {
         }
     }
 
-    /// Holds a told value's error against its bound; instants around are asked only if the nearest truth is too far.
+    /// Compares the error of a reported value with its bound; neighbouring instants are queried only if the nearest
+    /// truth is too far.
     fn compare(
         &mut self,
         what: &'static str,

@@ -22,7 +22,7 @@ const LASTS: Duration = Duration::from_millis(2000);
 const CALM: Duration = Duration::from_millis(3500);
 /// A restart or a leap shows within this.
 const FELT_WITHIN: Duration = Duration::from_millis(300);
-/// All must be told again within this.
+/// All values must be reported again within this.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(40);
 /// After a restart of the suit the place is found from what the worker does, and this one holds poses most of the time.
 const PLACE_FOUND_WITHIN: Duration = Duration::from_secs(90);
@@ -272,8 +272,8 @@ impl Rig {
         self.adapters[which] = adapter_of(&self.station, stream, before);
     }
 
-    /// The suit's adapter comes back in another time namespace: its stamps are those of another clock. While it runs, no
-    /// state may believe them; people are told, unless they could be those of a slow wire.
+    /// The suit's adapter restarts in another time namespace: its stamps are those of another clock. While it runs, no
+    /// state may use them; a diagnostic is output, unless the stamps are consistent with a slow connection.
     fn other_clock(&mut self, ahead_s: i32) {
         let ahead = format!("--monotonic={ahead_s}");
         let elsewhen = ["unshare", "--time", &ahead, "--fork", "--kill-child"];
@@ -295,7 +295,7 @@ impl Rig {
         self.adapter_killed(0, &[]);
     }
 
-    /// All is told again within a bound, and stays so for a while. How long it took.
+    /// Checks that all values are reported again within a bound, and remain so for a while. Returns the duration.
     pub(crate) fn recover(&mut self, chaos: Chaos) -> Duration {
         let started = Instant::now();
         self.judge.during = chaos.name();

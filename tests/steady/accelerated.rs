@@ -1,4 +1,4 @@
-//! The loop on a clock that runs faster than time: the same cycles, rings, samples and commands, and nobody to wait for.
+//! The loop on a clock that runs faster than real time: the same cycles, rings, samples and commands, without waiting.
 
 use std::sync::Arc;
 

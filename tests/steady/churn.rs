@@ -1,4 +1,4 @@
-//! What goes on around a daemon beside its consumers: sensors, the page, recorders, commands.
+//! Activity around a daemon other than its consumers: sensors, the page, recorders, commands.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -98,7 +98,7 @@ impl Churn {
                 if browser.write_all(request.as_bytes()).is_ok()
                     && browser.read(&mut bytes).is_ok_and(|n| n > 0)
                 {
-                    // 503: on a machine that stood still, the page says that nobody tells it anything.
+                    // 503: after the machine was suspended, the page reports that it receives no data.
                     let answered =
                         [b"HTTP/1.1 200", b"HTTP/1.1 503"].iter().any(|head| bytes.starts_with(*head));
                     assert!(answered, "{}", String::from_utf8_lossy(&bytes));
@@ -134,7 +134,7 @@ impl Churn {
         }
     }
 
-    /// Asks for checkpoints, and now and then to learn anew.
+    /// Requests checkpoints, and at intervals a new identification.
     pub(crate) fn commands(&self, station: &str, stop: &AtomicBool) {
         let bus = Bus::join(&BusSettings::new(station, "commander")).expect("the bus");
         let client = bus.command_client().expect("a client");

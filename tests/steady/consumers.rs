@@ -23,7 +23,7 @@ pub(crate) struct Storm {
 }
 
 impl Storm {
-    /// Sends consumers until it shall stop. Their output goes to files in `directory`.
+    /// Starts consumers until `stop` is set. Their output goes to files in `directory`.
     pub(crate) fn rage(&self, directory: &Path, stop: &AtomicBool) {
         std::thread::scope(|scope| {
             for lane in 0..AT_ONCE {
