@@ -111,7 +111,7 @@ impl Bus {
         // If the list cannot be read, the next call tries again.
         let _ = Node::<ipc::Service>::list(self.config(), |state| {
             if let NodeState::Dead(dead) = state {
-                // Test for each node: a dead node creates no more empty memory.
+                // A dead node creates no more memory, so the result stays valid while it is removed.
                 if empty_memory::is_there(memory, &prefix) {
                     left += 1;
                     return CallbackProgression::Continue;

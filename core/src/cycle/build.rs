@@ -124,7 +124,7 @@ impl Build {
             return self.refuse(BodyRefusal::OtherCharacter);
         }
         if self.told.published_ns > 0 && self.told.is_same_build(body) {
-            // Said again; what the poses said of it holds.
+            // A repetition; the comparison with the poses stays valid.
             let of_this_one = [BodyRefusal::ContradictsPoses, BodyRefusal::ContradictsWorker];
             if !of_this_one.iter().any(|refusal| self.refused == *refusal as u64) {
                 self.refuse(BodyRefusal::None);

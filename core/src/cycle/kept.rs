@@ -29,11 +29,11 @@ const SHIFT_MAX_M: f64 = 1e4;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Registration {
-    /// Turn about the vertical from the suit's to the station's world, rad …
+    /// Rotation about the vertical from the suit world to the station world, rad …
     pub station_from_suit_rad: f64,
-    /// … its 1-σ beyond what was configured, rad: π if place and heading were not known …
+    /// … its 1-σ beyond the configured uncertainty, rad: π if position and heading were unavailable …
     pub station_from_suit_sigma_rad: f64,
-    /// … and the shift after it, m.
+    /// … and the shift after the rotation, m.
     pub station_from_suit_m: [f64; 2],
     /// Time of the suit sample, CLOCK_MONOTONIC; 0 before the first sample: the registration is unavailable then.
     pub suit_time_ns: u64,
