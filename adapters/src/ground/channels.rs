@@ -145,13 +145,13 @@ pub enum ChannelFault {
         /// How many it should have.
         want: usize,
     },
-    /// A number that is not finite, or zero where one divides by it.
+    /// A number that is not finite, or a zero divisor.
     #[error("{what} must be a finite number, and not zero")]
     Number {
         /// Which number.
         what: &'static str,
     },
-    /// A number that is not finite, or a zero divisor.
+    /// Load cells that do not support a plate.
     #[error("a plate needs three load cells or more that do not stand in one line")]
     Cells,
 }

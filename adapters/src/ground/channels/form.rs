@@ -64,7 +64,7 @@ pub struct Centre {
 pub struct Sole {
     /// Channel of the force on the foot.
     pub vertical: usize,
-    /// Channels of the centre of pressure: to the tip, to the left.
+    /// Channels of the centre of pressure: toward the toes, to the left.
     pub cop: [usize; 2],
     /// Value of one unit of the force channel, N.
     pub newtons_per_unit: f64,

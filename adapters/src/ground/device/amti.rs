@@ -13,7 +13,7 @@ use crate::wire::amti::{CHANNELS, Command, FRAME_SIZE, Frame, SPEED_FAST, SPEED_
 use crate::wire::sliding::{Found, Sliding};
 use dialogue::Dialogue;
 
-/// A streaming plate that is silent for this long was switched off, or the stream was an artefact.
+/// A started plate that is silent for this long was switched off, or did not start to stream.
 const SILENCE_NS: u64 = 500_000_000;
 /// Set in a sample's counter while the plate's trigger input is active.
 pub const TRIGGER: u32 = 1 << 31;

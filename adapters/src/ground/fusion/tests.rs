@@ -110,7 +110,7 @@ fn one_plate_of_two_is_never_the_whole() {
             told += 1;
         }
     }
-    // The samples of the silence, without those within the wait at its ends.
+    // The samples of the silence, including those whose wait extends beyond its end.
     assert_eq!((told, without_partner(&fusion)), (500, 500));
     assert_eq!(fusion.counts().published, 500);
 }

@@ -45,7 +45,7 @@ impl Controller {
         text.as_bytes().to_vec()
     }
 
-    /// Fz of each sample of plate 2 is its index from the start; plate 1 sends large values.
+    /// Fz of each sample of plate 2 is its index from the start; plate 1 sends full-scale values.
     fn block(&mut self) -> Vec<u8> {
         let first = self.blocks * 100;
         let samples = (first..first + 100).map(|number| number as i16);
