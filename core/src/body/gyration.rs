@@ -1,8 +1,8 @@
-//! How a segment's mass is spread about its own centre: radii of gyration.
+//! Radii of gyration of each segment about its own centre.
 //!
-//! Source: P. de Leva, J. Biomechanics 29 (1996), table 4, men's radii over segment length. Limbs take them as they
-//! are. The trunk's three parts are cut into MVN's five: a slice keeps its part's breadth and depth (the radius about
-//! each horizontal axis less what the part's own height contributes) and has its own height.
+//! Source: P. de Leva, J. Biomechanics 29 (1996), table 4, men's radii over segment length. Limbs use them directly.
+//! The trunk's three parts are cut into MVN's five: a slice has its part's breadth and depth (the radius about each
+//! horizontal axis without the contribution of the part's own height) and its own height.
 
 use super::{SEGMENTS, Segment, Skeleton};
 use crate::math;
