@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 const FIRST: u32 = 20_000;
 const PORTS: u32 = 12_000;
-/// Processes with neighbouring numbers begin this far from each other; prime to [`PORTS`], so each place is somebody's.
+/// Offset between processes with consecutive numbers; coprime to [`PORTS`], so that every port is reached.
 const STRIDE: u32 = 101;
 
 /// An address of loopback whose port is free for both UDP and TCP, on all addresses.

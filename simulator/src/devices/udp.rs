@@ -1,4 +1,4 @@
-//! UDP, the device sending of itself to the address that it was given.
+//! UDP: the device sends unsolicited to a given address.
 
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, UdpSocket};

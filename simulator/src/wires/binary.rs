@@ -3,7 +3,7 @@
 
 use super::crc;
 
-/// What a frame begins with.
+/// First bytes of a frame.
 pub const SYNC: [u8; 2] = [0xa5, 0x5a];
 /// Length of a frame.
 pub const FRAME_LEN: usize = 34;

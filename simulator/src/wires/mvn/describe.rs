@@ -1,4 +1,4 @@
-//! Types that say who it is and when: 12 (name), 13 (null pose), 25 (time of day).
+//! Types with identity and time: 12 (name), 13 (null pose), 25 (time of day).
 
 use super::{ONLY_DATAGRAM, Stamp, TooLong, floats, text};
 
@@ -48,8 +48,9 @@ pub struct Point {
     pub offset_m: [f32; 3],
 }
 
-/// Type 13: the null pose, in several datagrams. The first has the segments (name, origin in m, Z up) and no point, those
-/// behind it have points and no segment. Counters and times are those that MVN sends: sample 0 and no mark on the last.
+/// Type 13: the null pose, in several datagrams. The first has the segments (name, origin in m, Z up) and no point, the
+/// following have points and no segment. Counters and times are those that MVN sends: sample 0 and no end mark on the
+/// last.
 ///
 /// # Errors
 /// [`TooLong`].
