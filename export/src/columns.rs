@@ -89,7 +89,7 @@ impl Row {
         let value = |column: &Column| match column.place {
             Place::Time => {
                 let since_ns = i128::from(message.row_time_ns()) - i128::from(started_ns);
-                // Division is exact where multiplication by 1e-9 is not: 34 ms yields 0.034.
+                // Dividing by 1e9 rounds correctly, multiplying by 1e-9 does not: 34 ms yields 0.034.
                 Some(Value::F64(since_ns as f64 / 1e9))
             }
             Place::Text(index) => texts.get(index).cloned().map(Value::Text),

@@ -141,7 +141,7 @@ fn who_beats_faster_than_the_loop_tells_a_state_again_and_older() {
     let mut last = outlet.until("a state is told", |beat| beat);
     let (mut new, mut again) = (0, 0);
     while new + again < 1000 {
-        // On a busy machine a state may arrive too late.
+        // On a busy machine a tick may lack a current state.
         let Some(told) = outlet.beat() else { continue };
         assert_eq!(told.is_new, told.cycle > last.cycle, "{told:?} after {last:?}");
         if told.is_new {

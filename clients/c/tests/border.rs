@@ -77,7 +77,7 @@ fn the_controller_reads_a_station_and_reports() {
     let mut command = Command::new(program);
     command.args(["test", "arm", "2.5"]).env(ROOT_VARIABLE, root.path());
     let mut controller = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // The reports must be read while the writer exists, because subscribing happens on reading.
+    // A subscriber connects to a publisher only when it reads, so reports are read while the publisher exists.
     let mut last: Option<PickUp> = None;
     until("the controller ends", || {
         last = reports.latest().unwrap().or(last);

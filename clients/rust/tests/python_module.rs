@@ -1,5 +1,6 @@
-//! `clients/python/equipoise/_messages.py` is generated from the tables of core and bus: `EQUIPOISE_WRITE=1 cargo test
-//! -p equipoise-client --test python_module` writes it; without the variable the test compares it.
+//! `clients/python/equipoise/_messages.py` is generated from the tables of core and bus:
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module` writes it; without the variable the test
+//! compares it.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "common/names.rs"]

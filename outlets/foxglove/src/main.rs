@@ -7,8 +7,8 @@ use std::sync::{Arc, OnceLock};
 use equipoise_outlet_foxglove::FoxgloveOutlet;
 use equipoise_outlets::process::{Made, main_of, no_section};
 
-/// If the server ends, the process exits with an error, so that the service manager restarts it. READY is reported only
-/// while the server runs.
+/// If the server ends, the process exits with an error instead of running on without it, so that the service manager
+/// restarts it.
 fn main() -> ExitCode {
     let ended = Arc::new(OnceLock::new());
     let tell = Arc::clone(&ended);

@@ -27,7 +27,7 @@ const BACKLOG: i32 = 64;
 const SUBSCRIPTIONS_MAX: usize = 5;
 /// Maximum queue length of a monitored item, for slow clients.
 const QUEUE_MAX: usize = 20;
-/// Publishing intervals without a publish request after which a subscription expires.
+/// Maximum number of publishing intervals without a publish request before a subscription expires.
 const LIFETIME_MAX: u32 = 300;
 
 /// Shared parts of the server.

@@ -31,7 +31,8 @@ impl Clocks {
     pub fn now() -> Clocks {
         let before_ns = now_ns();
         let utc = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        // The wall clock is read between two readings of the monotonic clock; their midpoint is its best estimate.
+        // The wall clock is read between two readings of the monotonic clock; their midpoint is taken as the same
+        // instant.
         let monotonic_ns = before_ns + now_ns().saturating_sub(before_ns) / 2;
         Clocks { monotonic_ns, utc_ns: utc.as_nanos() as u64 }
     }

@@ -1,5 +1,5 @@
-//! Many stations' gateways in one process, without daemons, to test the load of a router and a dashboard: `stations
-//! ENDPOINT COUNT RATE_HZ SECONDS`.
+//! Many stations' gateways in one process, without daemons, to test the load of a router and a dashboard:
+//! `stations ENDPOINT COUNT RATE_HZ SECONDS`.
 
 use std::time::{Duration, Instant};
 

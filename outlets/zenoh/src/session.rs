@@ -126,7 +126,7 @@ mod tests {
     use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt as _;
 
-    /// A station's folder; files in it are private unless a test changes that.
+    /// A station's folder; its Zenoh file is readable by its owner only, unless a test changes that.
     struct Folder(tempfile::TempDir);
 
     impl Folder {

@@ -1,5 +1,5 @@
-//! Static files of the pages, embedded in the program. `view/web` builds them; `view/assets/LIBRARIES.md` lists their
-//! licences.
+//! Static files of the pages, embedded in the program. `view/web` builds them; `view/assets/LIBRARIES.md` lists the
+//! libraries in them.
 
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";

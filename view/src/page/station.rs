@@ -19,7 +19,7 @@ pub enum PageCommand {
     IdentifyReset,
     /// Suggest another pose.
     PoseSkip,
-    /// Set the zero of the empty plate.
+    /// Set the reading of the empty plate as zero.
     Tare,
     /// Load a stored profile by its pseudonymous id.
     SubjectLoad(String),
