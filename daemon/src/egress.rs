@@ -101,8 +101,7 @@ impl Egress {
         record.publish_start_ns = state.published_ns;
         self.state.send(&state)?;
         record.published_ns = now_ns();
-        // `NewState` is sent last, so that consumers wake once per cycle with all events pending, and before the cycle
-        // record, for which no consumer waits.
+        // One `NewState` per cycle, after other events and before the cycle record, for which no consumer waits.
         if state.phase != self.phase {
             self.phase = state.phase;
             // Not in the journal: a sensor with short gaps changes the phase several times a second. Incidents are
