@@ -183,7 +183,7 @@ fn a_crash_costs_at_most_the_last_second() {
     for cycle in 0..=3_500 {
         recorder.write(cycle * MS, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
     }
-    // The recorder still runs, so only its time limit has closed a chunk.
+    // The recorder still runs, so only its own limits have closed a chunk.
     let recording = Recording::open(&path).unwrap();
     assert!(recording.truncated());
     let last = recording.entries().map(Result::unwrap).last().unwrap();

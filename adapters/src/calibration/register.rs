@@ -78,7 +78,7 @@ pub enum RegisterRefusal {
     /// Too few positions.
     #[error("{found} places are too few; stand still at {HOLDS_MIN} at least")]
     TooFew {
-        /// How many there were.
+        /// Count of positions.
         found: usize,
     },
     /// The positions are too close to each other.
@@ -87,7 +87,7 @@ pub enum RegisterRefusal {
         1e3 * spread_m, 1e3 * SPREAD_MIN_M
     )]
     NotSpread {
-        /// Root mean square distance from their middle, m.
+        /// Root mean square distance from their mean, m.
         spread_m: f64,
     },
     /// No rotation and translation maps one set of points onto the other.

@@ -19,7 +19,7 @@ pub const BLOCK_NS: u64 = 100_000_000;
 const ZERO_BLOCKS: usize = 20;
 /// Count of steady blocks after which the plate has settled.
 const STEADY_BLOCKS: usize = 10;
-/// Largest change of a steady load: this many N, or this fraction of the weight, whichever is larger.
+/// Largest change of a steady load: the larger of this many N and this fraction of the weight.
 const STEADY: (f64, f64) = (1.0, 0.002);
 /// A load is detected from this fraction of the mass's weight on, and its absence below two fifths of that: low enough
 /// that a plate with a grossly wrong scale is still measured and reported.

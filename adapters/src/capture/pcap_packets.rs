@@ -89,8 +89,8 @@ impl Format {
     }
 }
 
-/// The length of a block of a kind that says nothing of packets: passed over here, since what these hold (names, secrets,
-/// statistics, logs) is no affair of ours and the parser trusts their lengths. `None` for the others.
+/// The length of a block without packets. It is skipped here, as its contents (names, secrets, statistics, logs) are
+/// irrelevant and the parser trusts their lengths. `None` for other blocks.
 fn passed_over(big_endian: bool, bytes: &[u8]) -> Result<Option<usize>, Fault> {
     const SECTION: u32 = 0x0a0d_0d0a;
     const INTERFACE: u32 = 1;

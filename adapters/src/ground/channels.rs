@@ -121,34 +121,34 @@ impl Centre {
 /// Why a configuration of channels is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ChannelFault {
-    /// There is no such channel.
+    /// A channel that does not exist.
     #[error("channel {channel} is asked for, and there are {count}, counted from 0")]
     Beyond {
         /// Counted from 0.
         channel: usize,
-        /// How many there are.
+        /// Count of channels.
         count: usize,
     },
     /// One channel of a pair (x, y) without the other.
     #[error("{what}: one of the two without the other says nothing; name both or neither")]
     Half {
-        /// Which two.
+        /// The two channels.
         what: &'static str,
     },
-    /// A matrix that is not six rows of one number a channel.
+    /// A matrix that does not have six rows with one number for each channel.
     #[error("row {row} of the matrix has {got} numbers, and there are {want} channels")]
     Row {
         /// Counted from 1.
         row: usize,
-        /// How many it has.
+        /// Actual count.
         got: usize,
-        /// How many it should have.
+        /// Expected count.
         want: usize,
     },
     /// A number that is not finite, or a zero divisor.
     #[error("{what} must be a finite number, and not zero")]
     Number {
-        /// Which number.
+        /// The number.
         what: &'static str,
     },
     /// Load cells that do not support a plate.

@@ -23,7 +23,7 @@ pub trait GroundDevice: Send {
     /// The connection was opened (again): partially received frames and unfinished exchanges are discarded.
     fn opened(&mut self, now_ns: u64);
 
-    /// Processes a whole datagram, or any piece of a stream. Never panics, whatever the bytes.
+    /// Processes a whole datagram, or any piece of a stream. Never panics, for any input.
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken);
 
     /// The next action of the connection; polled before each wait for bytes, at intervals of at most some tens of
@@ -32,7 +32,7 @@ pub trait GroundDevice: Send {
         Want::Nothing
     }
 
-    /// A last message before the connection is closed in order.
+    /// A last message before an orderly close of the connection.
     fn farewell(&mut self) -> Option<Vec<u8>> {
         None
     }
@@ -55,7 +55,7 @@ pub enum Want {
     Nothing,
     /// Send these bytes.
     Send(Vec<u8>),
-    /// Another speed of the serial line, baud.
+    /// Set this speed of the serial line, baud.
     Speed(u32),
     /// Close the connection and open it again, with the reason as text.
     Reopen(String),

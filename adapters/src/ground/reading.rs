@@ -114,7 +114,7 @@ impl Taken {
         self.found.push(Found::Lost(readings));
     }
 
-    /// The stream restarts here: the next sequence number, whatever it is, is the first.
+    /// The stream restarts here: the next sequence number is the first, at any value.
     pub fn restarted(&mut self) {
         self.found.push(Found::Restarted);
     }

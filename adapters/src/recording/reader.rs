@@ -26,7 +26,7 @@ impl Recording {
     /// Opens a recording, complete or truncated by a crash.
     ///
     /// # Errors
-    /// [`ReadError`] if the file cannot be read, is no recording, or was written by a release whose messages differ.
+    /// [`ReadError`] if the file cannot be read, is not a recording, or was written by a release whose messages differ.
     pub fn open(path: impl AsRef<Path>) -> Result<Recording, ReadError> {
         let path = path.as_ref();
         let failed = |source| ReadError::Io { path: path.to_owned(), source };

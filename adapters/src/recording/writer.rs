@@ -154,7 +154,7 @@ impl<W: Write + Seek> Recorder<W> {
         Ok(recorder)
     }
 
-    /// Every topic is announced in the first chunk, so that a reader knows them all after it.
+    /// Defines every topic in the first chunk, so that a reader needs no later part for them.
     fn add_channels(&mut self) -> Result<(), McapError> {
         for table in TOPICS {
             let schema_text = (table.schema_text)();

@@ -18,7 +18,7 @@ pub trait Transport: Send {
     /// Opens the connection; closes an existing one first.
     ///
     /// # Errors
-    /// [`SourceError::Absent`] if the device is absent now and may come; others if this machine cannot open it at all.
+    /// [`SourceError::Absent`] if the device is absent now and may appear later; others if this machine cannot open it.
     fn open(&mut self) -> Result<(), SourceError>;
 
     /// Whether the opened connection continues with the byte after the last one received; partially received lines are

@@ -22,9 +22,9 @@ const KERNEL_BUFFER_SIZE: usize = 4 << 20;
 /// Admitted senders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Senders {
-    /// This computer only.
+    /// Only this computer.
     Loopback,
-    /// This address only.
+    /// Only this address.
     Only(IpAddr),
     /// Any sender that can reach the socket.
     Anyone,

@@ -200,7 +200,7 @@ pub enum Malformed {
         /// Its first bytes.
         front: [u8; 8],
     },
-    /// A frame whose length does not fit its kind.
+    /// A frame whose length does not match its kind.
     #[error("a frame of {length} bytes has none of the two forms")]
     Length {
         /// Length in bytes.

@@ -248,7 +248,7 @@ fn parse(kind: u32, content: &[u8]) -> Result<Packet<'_>, Malformed> {
 /// Why bytes are not QTM's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
-    /// The length is impossible.
+    /// The length is invalid.
     #[error("a packet of {announced} bytes is none of Qualisys' track manager{}", hint(*announced))]
     Size {
         /// The length in the packet.

@@ -103,7 +103,7 @@ fn frames_come_through_pieces_noise_and_damage() {
     assert!(samples.iter().all(|sample| sample.force_n == [0.0, 5.0, 10.0]), "what is damaged is not used");
     let counts = source.counts();
     let garbage = counts.refused[GroundRefusal::Garbage.index()];
-    // Of ten frames sent, three are damaged and two lost; nine arrive.
+    // Ten transmissions contain three that are damaged, with two frames lost, and one double frame: nine frames arrive.
     let tens = counts.published / 9;
     // The plate has no counter: the loss follows from the elapsed time, and a simulated plate that was not scheduled
     // for some time did lose samples.

@@ -272,7 +272,7 @@ impl Reader {
 
     fn frame(&mut self, frame: &[u8], arrival_ns: u64, taken: &mut Taken) {
         for scan in 0..self.scans() {
-            // The format was validated to contain all fields; a missing one would be refused as no number.
+            // The format was validated to contain all fields; a missing one would be refused as not a number.
             if self.scan(frame, scan, arrival_ns, taken).is_none() {
                 taken.refuse(GroundRefusal::Number);
             }

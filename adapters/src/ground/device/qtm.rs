@@ -41,7 +41,7 @@ pub struct Qtm {
     cutter: Cutter,
     step: Step,
     pace: Pace,
-    /// Why no data arrive, in QTM's words or ours.
+    /// Why no data arrive: QTM's message or the decoder's own.
     trouble: Option<String>,
     /// QTM's last error message.
     refusal: Option<String>,
