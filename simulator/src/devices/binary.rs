@@ -15,7 +15,7 @@ pub struct Binary {
     mounting: Mounting,
 }
 
-/// Speed of its line, if it has one, baud.
+/// Baud rate of its serial line.
 const BAUD: u32 = 921_600;
 
 impl Binary {
