@@ -23,7 +23,7 @@ pub fn mixtures(worker: &Worker, seed: u64, count: usize) -> Vec<Intention> {
     found
 }
 
-/// Whether balance and joints allow it.
+/// Whether balance and joint limits permit it.
 fn can_hold(worker: &Worker, intention: &Intention) -> bool {
     let (person, stance) = (worker.person(), worker.stance());
     let standing = Standing { person, com_m: &person.com_m, stance, load_kg: 0.0 };

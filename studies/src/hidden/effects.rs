@@ -1,4 +1,4 @@
-//! How each kind of effect is put into body, suit or plate of a simulator, at a random place and direction.
+//! Adds each kind of effect to body, suit or plate of a simulator, at a random place and direction.
 
 use std::f64::consts::TAU;
 
@@ -13,18 +13,18 @@ use nalgebra::{Vector2, Vector3};
 use super::ladder::nominal;
 use super::truth::{Hidden, Spans};
 
-/// What is hidden in one session.
+/// The hidden effects of one session.
 #[derive(Debug, Clone, Default)]
 pub struct Drawn {
     /// For the simulator.
     pub hidden: scene::Hidden,
-    /// For the judge.
+    /// For the evaluator.
     pub effects: Vec<Hidden>,
     /// Whether the model runs without inertia.
     pub without_inertia: bool,
 }
 
-/// Who is concerned, and when.
+/// The session's circumstances: body and time spans.
 #[derive(Debug, Clone, Copy)]
 pub struct Circumstances<'a> {
     /// The body.
@@ -49,7 +49,7 @@ fn direction(random: &mut Random) -> Vector2<f64> {
     Vector2::new(cos, sin)
 }
 
-/// Where a limb's things are worn: left and right alike but mirrored.
+/// Side of an effect on a limb: left or right, mirrored.
 fn side_of(random: &mut Random) -> (Side, f64) {
     if random.happens(0.5) { (Side::Left, 1.0) } else { (Side::Right, -1.0) }
 }
@@ -95,7 +95,7 @@ pub struct Told {
     pub place: Option<(&'static str, String)>,
     /// By the catalogue's names and in its units.
     pub parameters: Vec<(&'static str, f64)>,
-    /// In words, where the name does not say it.
+    /// A description, where the name is insufficient.
     pub description: String,
 }
 
@@ -201,7 +201,7 @@ fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &
                 vec![("ax_m", bound_m.x), ("ay_m", bound_m.y), ("tau_s", tau_s)],
             )
         }
-        // A lower cutoff does more.
+        // A lower cutoff has a larger effect.
         _ => {
             let cutoff_hz = nominal(kind) / size;
             (PlateFault::LowPass(cutoff_hz), vec![("cutoff_hz", cutoff_hz)])
@@ -270,7 +270,7 @@ fn of_the_body(
     if kind == "periodic_sway" {
         let hertz = random.between(0.21, 0.33);
         let amplitude_m = 1e-3 * nominal(kind) * size;
-        // Of a mass at the height of a chest, inertia adds `ω² z/g` to what its weight does.
+        // For a mass at chest height, inertia adds `ω² z/g` to the effect of its weight.
         let inertia = (TAU * hertz).powi(2) * 0.72 * at.person.height_m / 9.81;
         let moves_m = amplitude_m / (share(Segment::T8) * (1.0 + inertia));
         let breath = BodyChange::Breath(Segment::T8, Vector3::x() * moves_m, hertz);
@@ -314,8 +314,8 @@ fn outside(
                 format!("the trunk leaves its place by {:.0} mm per radian of bend", 15.0 * size);
         }
         "outside magnetic_region" => {
-            // Iron at a bench disturbs every sensor that comes near it, not one: all of an arm. A forearm alone carries
-            // so little that 40° of it are not seen.
+            // Iron at a bench disturbs every sensor near it: all of an arm. A forearm alone has so little mass that 40°
+            // of it are undetectable.
             let arm = [Segment::LeftForearm, Segment::LeftUpperArm, Segment::LeftHand];
             let aside = if side == Side::Left { 0.2 } else { -0.2 };
             let centre_m = Vector3::new(0.25, aside, 0.60 * height_m);
@@ -332,7 +332,8 @@ fn outside(
         }
         "outside tissue_slip" => {
             let segment = pick(random, &[Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
-            // The joint between two spine segments turns little; a thigh carries all that stands on it.
+            // The joint between two spine segments rotates little; the rotation of a thigh moves the whole body above
+            // it.
             let nominal = if segment == Segment::T8 { 0.4 } else { 0.04 };
             let rate = nominal * size * sign(random);
             drawn.hidden.suit.push((SuitFault::Slip(segment, rate), span));
