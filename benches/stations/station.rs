@@ -82,7 +82,7 @@ pub(crate) fn run(arguments: &[String]) {
     std::io::Write::write_all(&mut out, bytemuck::cast_slice(&figures)).expect("whoever started us reads");
 }
 
-/// Whether it has begun to count, and whether that was enough.
+/// Flags for the start of counting and for its end.
 fn listen() -> (Arc<AtomicBool>, Arc<AtomicBool>) {
     let flags = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
     let told = flags.clone();
@@ -106,7 +106,7 @@ fn config(name: &str, rate_hz: &str, suit: SocketAddr, plate: SocketAddr) -> Con
     Config::parse(&text, "the bench's configuration").expect("a good configuration")
 }
 
-/// Time on a core of the daemon's threads, s.
+/// CPU time of the daemon's threads, s.
 fn cpu_s() -> f64 {
     let tasks = std::fs::read_dir("/proc/self/task").expect("proc is mounted");
     let read = |path: std::path::PathBuf| std::fs::read_to_string(path).unwrap_or_default();
@@ -118,7 +118,7 @@ fn cpu_s() -> f64 {
         * 1e-9
 }
 
-/// Memory of this process, its share of what it has in common with others; MB.
+/// Proportional set size of this process, MB.
 fn memory_mb() -> f64 {
     let text = std::fs::read_to_string("/proc/self/smaps_rollup").unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix("Pss:")).unwrap_or("0");

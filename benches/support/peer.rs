@@ -1,4 +1,4 @@
-//! Other processes: this very program again in another role, and a bus that only they share.
+//! Other processes: this program in another role, and a bus that only they share.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
@@ -17,7 +17,8 @@ pub struct Peer {
 }
 
 impl Peer {
-    /// Starts one with a role and its arguments, and waits until it says that it is ready; what else it said then.
+    /// Starts one with a role and its arguments, and waits until it reports that it is ready; returns the rest of that
+    /// line.
     pub fn start(role: &str, arguments: &[String]) -> (Peer, String) {
         let program = std::env::current_exe().expect("this program has a path");
         let mut child = Command::new(program)
@@ -35,7 +36,7 @@ impl Peer {
         (Peer { child, out }, said.trim().to_owned())
     }
 
-    /// Its process.
+    /// Its process id.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -46,7 +47,7 @@ impl Peer {
         writeln!(input, "{line}").expect("it reads");
     }
 
-    /// Asks it to end and waits for its last words.
+    /// Requests its end and reads its remaining output.
     pub fn finish(mut self) -> Vec<u8> {
         drop(self.child.stdin.take());
         let mut last = Vec::new();
@@ -71,7 +72,7 @@ pub fn role() -> Option<(String, Vec<String>)> {
     (arguments.next()? == PEER).then(|| (arguments.next().unwrap_or_default(), arguments.collect()))
 }
 
-/// Says that this peer is ready, and more on the same line.
+/// Reports that this peer is ready, with further text on the same line.
 pub fn ready(more: &str) {
     println!("ready {more}");
     std::io::stdout().flush().expect("whoever started us reads");
@@ -88,7 +89,7 @@ pub fn asked_to_end() -> Arc<AtomicBool> {
     ends
 }
 
-/// Runs `body` in a process that has a bus of its own, which is removed afterwards.
+/// Runs `body` in a process with its own bus, which is removed afterwards.
 pub fn on_an_own_bus(body: impl FnOnce()) -> ExitCode {
     if std::env::var_os(ROOT_VARIABLE).is_some() {
         body();

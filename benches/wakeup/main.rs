@@ -96,7 +96,7 @@ fn both_ways(contender: Contender, policy: Policy, options: &Options) -> Round {
     for (ours, theirs) in [(0, 1), (1, 0)] {
         let length = Duration::from_secs_f64(options.turn_s);
         let beside = Cyclictest::start(policy, theirs, length);
-        // Until it has its scheduler.
+        // Wait until its scheduler is set.
         std::thread::sleep(Duration::from_millis(100));
         if beside.has_policy() != Some(policy) {
             println!("cyclictest does not run under {}", policy.name());
