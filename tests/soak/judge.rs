@@ -15,7 +15,7 @@ use equipoise_simulator::simulation::SimulationHandle;
 use equipoise_simulator::truth::Truth;
 use nalgebra::{Vector2, Vector3};
 
-/// So many σ are no chance.
+/// Errors beyond this many σ are not due to chance.
 const SIGMAS: f64 = 6.0;
 /// `CLOCK_SIGMA_MAX_NS` of the core.
 const DATED_WITHIN_S: f64 = 0.020;
@@ -35,10 +35,10 @@ const EXTENSOR_LEVER_M: f64 = 0.06;
 /// Silence that must have been reported: two periods of the slowest stream that the faults may have established, the
 /// tolerance, and, for values of the suit, its wait for the plate and half a window.
 const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
-/// A sample cannot be newer than the newest that was sent; sent and dated are two clocks' readings.
+/// Tolerance of sample times against the newest sent one, since they are readings of two clocks.
 const AHEAD_AT_MOST_NS: u64 = 25_000_000;
 
-/// What must have been judged, and how much of all states since the model was known: one in so many. Trouble withholds the
+/// Values that must have been checked, in at least one of this many states since identification. Faults invalidate the
 /// rest.
 const VALUES: [&str; 10] = [
     "measured cop",
@@ -55,10 +55,11 @@ const VALUES: [&str; 10] = [
 const JUDGED_ONE_IN: u64 = 5;
 /// Fraction of the bound from which the report includes the other published values.
 const WORTH_TELLING: f64 = 0.8;
-/// States that the eyes may miss: one in so many.
+/// At most one of this many states may be missed by the test's subscriber.
 const MISSED_ONE_IN: u64 = 50;
 
-/// How long the clock fit needs to forget that the sensors were held up: a break must last a second before it is one.
+/// Time the clock fit takes to recover after the sensors were delayed: a break must last a second before it counts as
+/// one.
 const HELD_UP_FOR_NS: u64 = 3_000_000_000;
 
 /// The streams that a value depends on: suit, ground.
@@ -79,24 +80,24 @@ pub(crate) struct Wrong {
     beside: String,
 }
 
-/// The largest share of its bound that a value's error took.
+/// The largest ratio of a value's error to its bound.
 struct Worst {
     share: f64,
     during: &'static str,
-    /// As of a wrong value, if the share is worth it.
+    /// As for a wrong value, if the ratio is large enough.
     beside: String,
 }
 
-/// Looks at every state.
+/// Checks every state.
 pub(crate) struct Judge {
     pub(crate) state: State,
     pub(crate) during: &'static str,
     pub(crate) states: u64,
     pub(crate) missed: u64,
-    /// States that came while a simulated sensor was held up, or just after; suit, ground.
+    /// States received while a simulated sensor was delayed by the host, or just after; suit, ground.
     pub(crate) excused: [u64; 2],
     held_up: [bool; 2],
-    /// What every state must say now.
+    /// Invalid reason required in every state at present.
     pub(crate) must_say: Option<Validity>,
     pub(crate) told: BTreeMap<&'static str, u64>,
     worst: BTreeMap<&'static str, Worst>,
@@ -126,7 +127,7 @@ impl Judge {
         }
     }
 
-    /// Takes in the next state.
+    /// Checks the next state.
     pub(crate) fn see(&mut self, state: State, person: &SimulationHandle) {
         assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
         assert!(state.cycle > self.state.cycle, "cycle {} after {}", state.cycle, self.state.cycle);
@@ -147,7 +148,7 @@ impl Judge {
         self.values(person);
     }
 
-    /// From here on counts what is judged: the model is known.
+    /// Starts counting: the model is identified from here on.
     pub(crate) fn begin_to_count(&mut self) {
         (self.states, self.missed, self.excused) = (0, 0, [0; 2]);
         self.told.clear();
@@ -163,7 +164,7 @@ impl Judge {
             .then(|| format!("{} states were not seen beside {}", self.missed, self.states))
     }
 
-    /// Held up or not: silence and age are judged always.
+    /// Silence and age are checked even while the host delays the sensors.
     fn ages(&mut self, person: &SimulationHandle) {
         let (state, sent_ns, sent_at_ns) = (self.state, person.sent_ns(), person.sent_at_ns());
         let streams = [
@@ -174,8 +175,8 @@ impl Judge {
             if state.validity().any_of(stale) || age_ns == u64::MAX {
                 continue;
             }
-            // What was sent is read after the state came, so it can only be newer. A sample that was held up was as new
-            // as its sending, as far as anybody can know.
+            // The send times are read after the state was received, so they can only be newer. For a delayed sample the
+            // upper limit is its send time.
             let newest_ns = state.time_ns - age_ns;
             let sent_ns = if self.held_up[sensor] { sent_at_ns[sensor] } else { sent_ns[sensor] };
             let ahead_ns = newest_ns.saturating_sub(sent_ns);
@@ -189,7 +190,7 @@ impl Judge {
         let state = self.state;
         let valid = state.validity();
         let suit_told = !valid.any_of(Validity::SUIT_STALE) && state.suit_sample_time_ns > 0;
-        // Without the suit the ground is measured alone, at its own newest time.
+        // Without the suit only the ground is reported, at its own newest sample time.
         let about_ns = match suit_told {
             true => state.suit_sample_time_ns,
             false if state.ground_age_ns < u64::MAX => state.time_ns - state.ground_age_ns,
@@ -219,8 +220,8 @@ impl Judge {
             return;
         }
         if told(Validity::SPOILS_COM, SUIT) {
-            // In motion that is too fast for the centre of pressure the state has no σ; what the model does not know of
-            // the body is the same as before.
+            // In motion too fast for the centre of pressure the state has no σ; the model error of the body is the same
+            // as before.
             if state.cop_sigma_m != [0.0; 2] {
                 self.com_sigma_m = norm(state.cop_sigma_m);
             }
@@ -315,7 +316,7 @@ impl Judge {
         }
     }
 
-    /// The reasons that were raised, the true load, and the joint whose torque is farthest from truth.
+    /// The raised reasons, the true load, and the joint with the largest torque error.
     fn beside(&self) -> String {
         let (state, joint) = (&self.state, self.worst_joint);
         let reasons: Vec<_> = state.validity().names().collect();
@@ -342,7 +343,7 @@ impl Judge {
         format!("{reasons:?}, load {load_kg:.1} kg{torque}")
     }
 
-    /// The wrong values, a run of cycles each once, in words.
+    /// The wrong values in words, each run of cycles once.
     pub(crate) fn report(&self) -> Vec<String> {
         let mut runs: Vec<(Wrong, u64, f64)> = Vec::new();
         for wrong in &self.wrong {
@@ -372,8 +373,8 @@ impl Judge {
     }
 }
 
-/// The floor of a joint's torque, N m. A leg's has in it what the floor of the centre of pressure makes of half the body's
-/// weight, for that weight acts at the estimated centre of pressure.
+/// The floor of a joint's torque, N m. A leg's includes the effect of the centre of pressure's floor on half the body
+/// weight, which acts at the estimated centre of pressure.
 fn torque_floor_nm(joint: Joint) -> f64 {
     let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
     TORQUE_FLOOR_NM + if is_leg { COP_FLOOR_M * 0.5 * BODY_N } else { 0.0 }
@@ -423,7 +424,7 @@ mod tests {
             ..State::zeroed()
         };
         let mut judge = Judge::new();
-        // Whether this machine holds up the sensors at this moment is none of the test's business.
+        // This test must not depend on whether the host delays the sensors now.
         let mut see = |state: State, held_up: [bool; 2]| {
             (judge.state, judge.held_up) = (state, held_up);
             judge.values(&person);
