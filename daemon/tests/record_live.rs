@@ -1,4 +1,4 @@
-//! What a live daemon did is recorded by the real program and comes again, state by state, byte by byte.
+//! A recording of a live daemon by the real program is replayed identically, state by state, byte by byte.
 
 mod common;
 

@@ -97,7 +97,7 @@ fn it_waits_for_a_daemon_and_outlives_it() {
     });
     let mut daemon = station.daemon(&station.configuration());
     until_live(address);
-    // Not even an open connection holds it up, and the daemon does not notice.
+    // An open connection does not delay its end, and the daemon is unaffected.
     let _browser = TcpStream::connect(address).expect("the page");
     assert_eq!(view.stop(Signal::TERM), Some(0), "{}", view.stderr());
     assert!(station.status().expect("the daemon answers")["page"].is_null());
@@ -169,7 +169,7 @@ fn what_it_cannot_serve_is_told_with_its_key() {
         assert!(!said.contains("panicked") && !said.contains(SECRET), "{said}");
     };
     refused(&format!("listen = \"{address}\"\n"), &["page.listen", &address, "taken"]);
-    // `check` refuses the same tokens, before anything is started.
+    // `check` refuses the same tokens, before any process is started.
     let checked = |page: &str| {
         let text = format!("{}[page]\n{page}", station.configuration());
         let path = station.write("checked.toml", &text).display().to_string();

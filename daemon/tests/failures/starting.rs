@@ -37,7 +37,7 @@ fn a_second_daemon_names_the_first_and_does_it_no_harm() {
 
     let (pid, before) = (first.id(), eyes.state.cycle);
     for _ in 0..2 {
-        // Ports of its own: it is the station that is taken.
+        // Separate ports: only the station is in use.
         let other = Station::new();
         let configuration = station
             .configuration()
@@ -71,7 +71,7 @@ fn a_taken_suit_port_is_named_with_its_key() {
 
     let path = station.write("adapter.toml", &station.configuration()).display().to_string();
     station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&sentence, "suit.listen"]);
-    // Its fault stays, for the daemon's incident.
+    // Its fault file remains, for the daemon's incident.
     let fault = station.root().join("equipoise-bench.suit.json");
     assert!(std::fs::read_to_string(&fault).expect("the adapter's fault").contains(&sentence));
     std::fs::remove_file(fault).expect("the file of the fault");

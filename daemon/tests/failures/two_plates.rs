@@ -1,4 +1,4 @@
-//! Each foot on a plate of its own: two devices, one ground.
+//! Each foot on its own plate: two devices, one ground.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -21,13 +21,13 @@ use crate::eyes::Eyes;
 use crate::station::{NAME, Station};
 use equipoise_simulator::ports::free_address;
 
-/// Where both plates stand: origin (m), turn (degrees), height of the surface above the origin (m).
+/// Poses of both plates: origin (m), rotation (degrees), height of the surface above the origin (m).
 const PLACES: [([f64; 3], f64, f64); 2] =
     [([0.05, 0.21, -0.045], 12.0, 0.045), ([-0.02, -0.2, -0.03], -90.0, 0.03)];
-/// Poses that a worker is learnt from here: legs depend on the ground, not on them.
+/// Poses for the identification: torques of the legs depend on the ground, not on their number.
 const POSES: u32 = 3;
 
-/// A station whose person has each foot on a plate of its own, and its configuration.
+/// A station whose person has each foot on its own plate, and its configuration.
 struct TwoPlates {
     station: Station,
     second: SocketAddr,
@@ -71,7 +71,7 @@ impl TwoPlates {
     }
 }
 
-/// Root mean square error of the legs' torques while a box is lifted, N m, and of how many samples.
+/// Root mean square error of the legs' torques while a box is lifted, N m, and the number of samples.
 fn legs_error_nm(
     station: &Station,
     eyes: &mut Eyes,
@@ -235,6 +235,6 @@ fn one_plate_of_two_that_is_unplugged_takes_the_ground_away_with_a_reason_until_
     eyes.until("the counts", |eyes| eyes.ground_refused(GroundRefusal::NoPartner) > 50);
     assert!(daemon.is_running());
 
-    // Somebody stands there.
+    // A person stands there.
     two.station.run(&["tare", "--station", NAME]).failed_with(1, &["stand on the plate; step off"]);
 }

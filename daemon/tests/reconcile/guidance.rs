@@ -1,4 +1,4 @@
-//! What a model file asks for is shown by the running daemon until the worker has held it.
+//! The running daemon suggests the pose requested by a model file until the worker has held it.
 
 use std::time::{Duration, Instant};
 

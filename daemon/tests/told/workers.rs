@@ -52,7 +52,7 @@ fn a_change_of_worker_is_told_and_makes_no_lifts() {
                 // One additional lift may be a real lift: only the cycle record reveals the restart.
                 ..300 => State { lifts: 3, poses_used: 12, ..state },
                 300..600 => State { lifts: 4, poses_used: 40, converged: 1, ..state },
-                // Without a record seven lifts in a hundredth of a second tell.
+                // Without a record, seven lifts in a hundredth of a second reveal it.
                 _ => State { lifts: 11, poses_used: 30, converged: 1, ..state },
             }
         })
@@ -104,7 +104,7 @@ fn who_was_never_judged_has_no_risk_told() {
 
 #[test]
 fn times_are_of_the_daemon_that_ran_and_not_of_the_head() {
-    // The head says 100 Hz; the daemon after it ran at 200.
+    // The header has 100 Hz; the daemon after it ran at 200.
     let states: Vec<State> = (1..1001)
         .map(|number| State {
             cycle: if number <= 200 { number } else { number - 200 },
