@@ -153,7 +153,7 @@ mod tests {
         exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
         assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
         assert_eq!(exposure.dose.lifts, 1);
-        // Time that stands still or goes back is no time.
+        // Time that does not advance adds nothing.
         exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
         exposure.advance(4 * NS_PER_S, &carrying(30.0), &limits);
         assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));

@@ -312,11 +312,7 @@ impl Acting<'_> {
     /// joint, (N m)².
     ///
     /// The error φ of a segment's orientation moves the end of the segment d by `φ × d`: perpendicular to it, with the
-    /// covariance `σ² (
-    ///
-    /// d
-    ///
-    /// ² I − d dᵀ)`.
+    /// covariance `σ² (|d|² I − d dᵀ)`.
     fn place_covariance_nm2(
         &self,
         pose: &Pose<StationWorld>,

@@ -31,8 +31,9 @@ pub struct PlanarFit {
 }
 
 impl PlanarFit {
-    /// Forgets every pair. The heading is 0 give or take `heading_sigma_rad`; not known at all from π/2 on. Mean and
-    /// variance of a = cos and b = sin are those of such a heading: 0 and ½ where it is uniform, else 1 and σ⁴/2, 0 and σ².
+    /// Discards all pairs. The heading is 0 with the 1-σ `heading_sigma_rad`; from π/2 on it is uniform. Mean and
+    /// variance of a = cos and b = sin are those of such a heading: 0 and ½ if it is uniform, else 1 and σ⁴/2, 0 and
+    /// σ².
     pub fn start(&mut self, heading_sigma_rad: f64) {
         let variance = heading_sigma_rad * heading_sigma_rad;
         let is_unknown = heading_sigma_rad >= core::f64::consts::FRAC_PI_2;

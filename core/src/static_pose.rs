@@ -91,9 +91,9 @@ pub struct Stillness {
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Window {
     held: [Held; WINDOW],
-    /// Where the next sample goes, in [0, WINDOW).
+    /// Index of the next sample, in [0, WINDOW).
     next: u64,
-    /// How many samples are in, in [0, WINDOW].
+    /// Number of samples, in [0, WINDOW].
     count: u64,
 }
 

@@ -22,7 +22,7 @@ const FOOT_LENGTH: f64 = 0.148;
 /// Head: about X, Y and Z, over stature.
 const HEAD: [f64; 3] = [0.042, 0.044, 0.036];
 
-/// A trunk slice's breadth and depth as radii of gyration over stature, from de Leva's three parts.
+/// Breadth and depth of a trunk slice as radii of gyration over stature, from de Leva's three parts.
 const TRUNK: [(Segment, [f64; 2]); 5] = [
     (Segment::Pelvis, [0.045, 0.039]),
     (Segment::L5, [0.047, 0.034]),

@@ -121,8 +121,8 @@ impl ModelTerms {
 }
 
 impl Memory {
-    /// Data of this snapshot for the terms, as far as available before the ground's shear is evaluated; the slope is
-    /// still 0.
+    /// Data of this snapshot for the terms, as far as available before the ground's shear is evaluated; the slope is 0
+    /// until then.
     pub(super) fn observe(
         &mut self,
         pose: &Pose<StationWorld>,

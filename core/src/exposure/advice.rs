@@ -2,16 +2,9 @@
 //!
 //! From Eq. 15, with constant posture and load fractions: if the load moves rigidly with the hands by a horizontal δ,
 //! the ground reaction follows (C_wt moves by δ ΔF/(W + ΔF)), and the arm of joint j, `(−Δτ_y, Δτ_x)`, grows by `(Σ η_h
-//! − Σ ζ_k) ΔF δ` (`leverage`). So
-//!
-//! Δτ_j
-//!
-//! decreases fastest along that arm, by the leverage times
-//!
-//! ΔF
-//!
-//! per metre: joints of arms and trunk are relieved with the load above them, joints of legs with the ground reaction
-//! below them. ΔF is vertical, so vertical movements of the load change no torque: the direction is horizontal.
+//! − Σ ζ_k) ΔF δ` (`leverage`). So |Δτ_j| decreases fastest along that arm, by the leverage times |ΔF| per metre:
+//! joints of arms and trunk are relieved with the load above them, joints of legs with the ground reaction below them.
+//! ΔF is vertical, so vertical movements of the load change no torque: the direction is horizontal.
 
 use crate::body::Joint;
 use crate::math;
@@ -21,11 +14,7 @@ use crate::math;
 pub struct Advice {
     /// Unit vector, world; zero if no motion of the load helps, or if the overload is within 1-σ of zero.
     pub direction: [f64; 3],
-    /// Decrease of the joint's
-    ///
-    /// Δτ
-    ///
-    /// , N m per centimetre.
+    /// Decrease of the joint's |Δτ|, N m per centimetre.
     pub gain_nm_per_cm: f64,
 }
 

@@ -6,12 +6,9 @@
 //!
 //! `dV/dt = (1 − V) |Δτ_j| / C_j` under load, `dV/dt = −r V` at rest,
 //!
-//! so over a step with a constant torque, exactly, `1 − V' = (1 − V) e^(−
-//!
-//! Δτ_j
-//!
-//! Δt / C_j)` and `V' = V e^(−r Δt)`. (The form is quoted from memory.) That paper determines its parameters on each
-//! subject; here they follow from the joint's limit:
+//! so over a step with a constant torque, exactly, `1 − V' = (1 − V) e^(−|Δτ_j| Δt / C_j)` and `V' = V e^(−r Δt)`. (The
+//! form is quoted from memory.) That paper determines its parameters on each subject; here they follow from the joint's
+//! limit:
 //!
 //! - **C_j**: an overload of 0.3 τ_max, the end of green, held for its endurance time fills V to 0.993 (five time
 //!   constants, as in Peternel et al.; from memory). Endurance is `−ln(s)/(s k)` with k = 1/min for a fraction s of the

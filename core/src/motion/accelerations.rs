@@ -62,8 +62,8 @@ pub(super) fn take_in<'a>(
 struct Seen {
     /// Smoothed by a parabola, at the window's own time.
     smoothed: [Vector3<f64>; SEGMENTS],
-    /// What the parabola through positions makes of them: integrated twice over the window's times, and differentiated
-    /// twice by its weights. Where integration begins does not matter: the weights take no heed of a straight line.
+    /// As attenuated by the parabola through positions: integrated twice over the window's times, and differentiated
+    /// twice by its weights. The integration constants do not matter, because the weights cancel a straight line.
     flattened: [Vector3<f64>; SEGMENTS],
 }
 

@@ -145,7 +145,7 @@ impl History {
         self.count_out = 0;
     }
 
-    /// The newest moment.
+    /// The newest snapshot.
     pub fn newest(&self) -> Option<&Moment> {
         Some(self.at(self.count_in.checked_sub(1)?))
     }

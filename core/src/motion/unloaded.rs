@@ -98,9 +98,9 @@ impl Unloaded {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Load {
-    /// Log-likelihood ratio of the load against nothing; 0 while none is detected.
+    /// Log-likelihood ratio of the load against zero; 0 while none is detected.
     evidence: f64,
-    /// Mean force since detection, N, over so long, s: of samples that are nearer to it than to nothing.
+    /// Mean force since detection, N, over the time `length_s`, s: of samples that are closer to it than to zero.
     mean_n: f64,
     length_s: f64,
     /// Time of the previous sample, ns.

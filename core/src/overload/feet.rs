@@ -9,7 +9,6 @@
 //! feet; the rest (across that line, or beyond the point at which a foot is unloaded) shifts both feet's centres
 //! equally. So Σ f_k = W and Σ f_k c_k = W Ĉ_wo hold by construction, and with both centres in one position the rule is
 //! Eq. 15.
-//! Σ f_k c_k = W Ĉ_wo hold by construction, and with both centres in one place the rule is Eq. 15.
 
 use super::Loading;
 use super::sharing::{TOO_CLOSE_M, project};

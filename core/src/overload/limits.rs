@@ -6,15 +6,9 @@
 //!
 //! **Direction.** Extensors and flexors differ in strength. With the components τ_a of a torque along the axes of the
 //! parent segment (T-pose: X forward, Y left, Z up) and the limit L of each axis and sign, the fraction of the limits
-//! in use is `√Σ (τ_a / L_a)²`: for a single component its own fraction, and with equal limits `
-//!
-//! τ
-//!
-//! / L`. The published limit of the joint is `
-//!
-//! τ
-//!
-//! ` over that fraction: the limit in the direction of this torque. A configured limit applies to all directions.
+//! in use is `√Σ (τ_a / L_a)²`: for a single component its own fraction, and with equal limits `|τ| / L`. The published
+//! limit of the joint is `|τ|` over that fraction: the limit in the direction of this torque. A configured limit
+//! applies to all directions.
 //!
 //! The sign is that of the overload torque, not of the total torque: if a load relieves the muscles that hold the body,
 //! as it can the extensors of a squatting knee, it is compared with the strength of their antagonists, which is

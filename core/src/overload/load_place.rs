@@ -5,7 +5,6 @@
 //! constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`. For an error with
 //! the correlation time τ the mean has the variance `(T/Σw)/(1 + T/2τ)`, T being the time that the weights cover,
 //! `(Σw)²/Σ(w²/dt)`: that of one instant at first, `2τ/Σw` in the end. It is combined with a prior.
-//! instant at first, `2τ/Σw` in the end. It is combined with a prior.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -51,11 +51,7 @@ pub fn wander_variance_m2(pose: &Pose<StationWorld>, psi: &EffectiveVectors, sig
 }
 
 /// Changes of φ_s, segment axes, m, by a constant misalignment of the segment of `sigma_rad` about each of its axes: `ε
-/// × ψ`, one vector per axis. Their outer products add up to φ_s's covariance `σ² (
-///
-/// ψ
-///
-/// ² I − ψ ψᵀ)`.
+/// × ψ`, one vector per axis. Their outer products add up to φ_s's covariance `σ² (|ψ|² I − ψ ψᵀ)`.
 pub fn misalignment_m([x, y, z]: [f64; 3], sigma_rad: f64) -> [[f64; 3]; 3] {
     [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]].map(|moved| moved.map(|metres| sigma_rad * metres))
 }

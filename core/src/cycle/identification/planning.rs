@@ -23,7 +23,6 @@ impl Identification {
     ///
     /// `suit_time_ns` is the newest suit sample's; `stands` is whether a person stands on the plate, otherwise the time
     /// does not count. `body` is the body reported by the suit.
-    /// time passes. `body` is what the suit says of the worker's build.
     pub fn plan_one(
         &mut self,
         suit_time_ns: u64,
