@@ -12,7 +12,7 @@ const BYTES_MAX: u64 = 64 * 1024;
 /// Why a file with a secret is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum SecretError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {path}: {source}; name an existing file that this user may read")]
     Read {
         /// Path of the file.
@@ -20,12 +20,12 @@ pub enum SecretError {
         /// Error of the system.
         source: Error,
     },
-    /// It is a symbolic link, a directory, a pipe or a device.
+    /// The path is a symbolic link, a directory, a pipe or a device.
     #[error("{path} holds a secret, but {what}: name the regular file itself")]
     Kind {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What it is.
+        /// Kind of the file.
         what: String,
     },
     /// The file belongs to another user, who can change it.

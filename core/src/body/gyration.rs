@@ -41,7 +41,7 @@ pub fn gyration_m2(skeleton: &Skeleton, height_m: f64) -> [[f64; 3]; SEGMENTS] {
     };
     for (index, (segment, [breadth, depth])) in TRUNK.into_iter().enumerate() {
         let next = TRUNK.get(index + 1).map_or(Segment::Neck, |(next, _)| *next);
-        // An even slice of height h has a radius of h/√12 about its middle.
+        // A uniform slice of height h has a radius of h/√12 about its middle.
         let height = skeleton.length_m(next) / math::sqrt(12.0);
         let [breadth, depth] = [breadth * height_m, depth * height_m];
         let about = |across: f64| math::hypot([across, height]);

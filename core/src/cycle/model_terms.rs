@@ -1,6 +1,6 @@
 //! Model terms besides the body ([`crate::effect`]), applied to the current snapshot.
 //!
-//! The terms are subtracted wherever measurement and prediction are compared: in the published values and in every
+//! The terms are subtracted in every comparison of measurement and prediction: in the published values and in every
 //! innovation, so that terms and φ do not both absorb one error.
 
 use bytemuck::{Pod, Zeroable};

@@ -18,7 +18,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::body::JOINTS;
 
-/// Overload level of a joint (Fortini et al., Table I; above τ_max is ours).
+/// Overload level of a joint (Fortini et al., Table I; the level above τ_max is an extension).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Level {

@@ -75,7 +75,7 @@ const SYMMETRIC: [Group; 9] = [
 /// No parameter: the raw one is fixed.
 const FIXED: u64 = u64::MAX;
 
-/// The matrix T, which has at most one entry a row, and Φ_fixed.
+/// The matrix T, which has at most one entry per row, and Φ_fixed.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Reduction {
