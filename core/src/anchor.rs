@@ -23,7 +23,7 @@ const MOVED_M: f64 = 0.03;
 pub struct Anchor {
     /// Position of each standing foot in the station world, m: left, right.
     standing_at_m: [[f64; 2]; 2],
-    /// Shift from the suit's to the station's world, m.
+    /// Shift from the suit world to the station world, m.
     station_from_suit_m: [f64; 2],
     /// 1 once a first pose was ingested.
     started: u64,
@@ -54,7 +54,7 @@ impl Anchor {
             && self.stance < 1 << 48
     }
 
-    /// Shift from the suit's to the station's world, m.
+    /// Shift from the suit world to the station world, m.
     pub fn station_from_suit_m(&self) -> [f64; 2] {
         self.station_from_suit_m
     }

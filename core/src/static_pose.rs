@@ -57,7 +57,7 @@ pub struct Held {
     pub time_ns: u64,
     /// The anchor's stance.
     pub stance: u64,
-    /// Segment origins, station's world, m.
+    /// Segment origins, station world, m.
     pub origin_m: [[f64; 3]; SEGMENTS],
     /// `world_from_segment`, scalar first.
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],

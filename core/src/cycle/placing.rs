@@ -197,7 +197,7 @@ impl Placing {
 }
 
 impl Memory {
-    /// 1-σ of a segment's orientation in the station's world, rad.
+    /// 1-σ of a segment's orientation in the station world, rad.
     pub(super) fn orientation_sigma_rad(&self, settings: &Settings) -> f64 {
         math::hypot([settings.suit_orientation_sigma_rad(), self.placing.sigma_rad()])
     }

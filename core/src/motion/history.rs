@@ -32,7 +32,7 @@ pub struct Moment {
     pub both_feet_stand: u64,
     /// 1-σ of the sample's time, ns.
     pub time_sigma_ns: u64,
-    /// Segment origins, station's world, m.
+    /// Segment origins, station world, m.
     pub origin_m: [[f64; 3]; SEGMENTS],
     /// `world_from_segment`, scalar first.
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],
@@ -294,7 +294,7 @@ impl Moment {
         self.centre(segment) + Vector3::new(x, y, 0.0) - Vector3::from(self.origin_m[segment])
     }
 
-    /// Centre of mass of a segment by the table, suit's world, m.
+    /// Centre of mass of a segment by the table, suit world, m.
     pub(super) fn centre(&self, segment: usize) -> Vector3<f64> {
         Vector3::from(self.centre_m[segment])
     }

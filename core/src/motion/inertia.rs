@@ -137,7 +137,7 @@ pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build
     })
 }
 
-/// Centre of mass by the table, suit's world, m.
+/// Centre of mass by the table, suit world, m.
 fn centre_of_mass(moment: &Moment, worker: &Build) -> Vector3<f64> {
     let weighed = worker.body.mass_fraction.iter().enumerate();
     weighed.map(|(segment, mass)| *mass * moment.centre(segment)).sum()

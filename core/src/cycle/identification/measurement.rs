@@ -1,7 +1,7 @@
 //! Measurement model of a CoP: updates θ and the stance offset.
 //!
-//! `CoP = offset + h θ + s + noise`: s is the difference between the position at which the anchor placed this stance
-//! and the true one. It is the same in all poses of a stance, so it is a state of the filter and not noise, which many
+//! `CoP = offset + h θ + s + noise`: s is the displacement from the position at which the anchor placed this stance to
+//! the true one. It is the same in all poses of a stance, so it is a state of the filter and not noise, which many
 //! poses would average out.
 
 use bytemuck::{Pod, Zeroable};

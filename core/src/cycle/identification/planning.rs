@@ -120,7 +120,7 @@ impl Identification {
         let centre = centre_of_mass(&pose, &self.phi());
         let soles = sole::both(&pose, body, settings.height_m);
         let balanced = is_supported(&pose, [centre.x, centre.y], &soles, -BALANCE_MARGIN_M);
-        // The library's first pose is the one to start from: it needs no skill.
+        // The library's first pose is the one to start from: any person can hold it.
         if self.performed.count() == 0 && index == 0 {
             return (f64::MAX, balanced);
         }

@@ -17,7 +17,7 @@ const LOADING_RATE_MAX_N_PER_S: f64 = 20e3;
 /// Tolerance beyond that rate, as a multiple of the RMS difference of readings the same interval apart.
 const LEAP_SIGMAS: f64 = 8.0;
 /// Averaging times of the RMS difference, s. The smaller average counts, so that past noise does not mask leaps for
-/// long, and the two times prevent that one quiet second makes ordinary work a leap.
+/// long.
 const DIFFERENCES_OVER_S: [f64; 2] = [1.0, 10.0];
 /// Maximum distance from the CoP at which loads act, m: the span of a stance.
 pub(super) const LEVER_MAX_M: f64 = 0.3;

@@ -217,7 +217,7 @@ fn a_suit_that_has_turned_for_a_while_shifts_the_prediction_by_its_column() {
 fn measured(truth: &Reaction) -> GroundSample {
     let [x, y] = truth.cop_m();
     let f = truth.force_n;
-    // The wrench of that force at that point on the floor, about the world's origin.
+    // Wrench of that force at that point on the floor, about the world's origin.
     let moment_nm = [y * f.z - FLOOR_M * f.y, FLOOR_M * f.x - x * f.z, x * f.y - y * f.x];
     GroundSample { force_n: f.into(), moment_nm, surface_z_m: FLOOR_M, ..bytemuck::Zeroable::zeroed() }
 }
