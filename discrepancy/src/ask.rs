@@ -15,9 +15,9 @@ use crate::gram::Gram;
 use crate::select::{Selection, last_of};
 use crate::trials::trials;
 
-/// A declared relative is asked about if it is within so many log odds, or this share of the winner's.
+/// A declared relative is included if it is within this many log odds, or this fraction of the winner's.
 const RELATIVE: (f64, f64) = (15.0, 0.15);
-/// Turns that are thought of, degrees to the left.
+/// Candidate turns, degrees to the left.
 const TURNS_DEG: [f64; 3] = [0.0, 90.0, 180.0];
 /// A step aside, m.
 const STEP_M: f64 = 0.15;
@@ -28,7 +28,7 @@ const FASTER: f64 = 2.0;
 /// Separations below this many σ do not justify an additional pose.
 const WORTH_SIGMA: f64 = 0.5;
 
-/// An explanation with the parameters that it would have.
+/// An explanation with its fitted parameters.
 struct Hypothesis {
     candidate: Candidate,
     estimate: Estimate,
@@ -59,7 +59,7 @@ pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Opti
     best
 }
 
-/// To be filled in.
+/// An empty request, to be filled in.
 fn nothing() -> Ask {
     Ask {
         between: Default::default(),
@@ -93,7 +93,7 @@ impl Hypothesis {
     }
 }
 
-/// The first named effect that has a rival or a near relative, and that.
+/// The first named effect with a rival or a near relative, and that alternative.
 fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
     for accepted in &selection.accepted {
         let others: Vec<usize> =
@@ -138,7 +138,7 @@ fn activities(gram: &Gram<'_>) -> Vec<(Ask, Observation)> {
     list
 }
 
-/// The block of the work with most acceleration.
+/// The block of the work with the largest acceleration.
 fn fastest(gram: &Gram<'_>) -> Option<usize> {
     let acceleration = |block: usize| {
         crate::noise::kernels::norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2)
@@ -184,7 +184,7 @@ fn standing(
     }
 }
 
-/// Segment origins in a pose, the middle between the feet where it was, plus a step.
+/// Segment origins in a pose, with the middle between the feet in its place, plus a step.
 fn place_on(
     like: &Observation,
     rotation: &[UnitQuaternion<f64>; SEGMENTS],

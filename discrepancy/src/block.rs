@@ -23,7 +23,7 @@ pub struct Change {
 pub enum Phase {
     /// Poses from which the worker was identified.
     Identify,
-    /// Work that is known to be clean.
+    /// Work declared clean.
     Reference,
     /// Work in question.
     Work,
@@ -33,20 +33,20 @@ pub enum Phase {
 /// that filtering does not appear as an effect.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Where it belongs.
+    /// Its phase.
     pub phase: Phase,
     /// Number of the stance: the feet have not moved within one.
     pub stance: u64,
-    /// Whether all of it is a held pose.
+    /// Whether the whole block is a static pose.
     pub still: bool,
     /// Means of the inputs of all effects; `time_s` is the mean time of its suit samples, s since the start of the
     /// recording.
     pub observation: Observation,
     /// Velocity of the centre of mass, m/s.
     pub com_velocity_m_per_s: [f64; 3],
-    /// Shift of the centre of pressure by the turning of trunk, right arm, left arm, legs (sum: `turning_m`), m.
+    /// Shift of the centre of pressure by the rotation of trunk, right arm, left arm, legs (sum: `turning_m`), m.
     pub turning_by_group_m: [[f64; 2]; 4],
-    /// Rotation vector of each segment against its parent (pelvis: against the feet's heading), rad.
+    /// Rotation vector of each segment relative to its parent (pelvis: relative to the feet's heading), rad.
     pub joint_rad: [[f64; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,

@@ -6,10 +6,10 @@ use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
 use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S};
 use crate::rows::Rows;
 
-/// When a candidate acts.
+/// Time span of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Scope {
-    /// All the time, identification included.
+    /// The whole recording, identification included.
     All,
     /// In the work in question.
     Work,
@@ -20,21 +20,22 @@ pub(crate) enum Scope {
 /// An effect at a place, with a shape, at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Candidate {
-    /// Which effect.
+    /// The effect.
     pub(crate) effect: Effect,
-    /// Where.
+    /// Its place.
     pub(crate) place: Place,
     /// The non-linear parameter ([`effect::Term::shape`]).
     pub(crate) shape: f64,
-    /// When.
+    /// Its time span.
     pub(crate) scope: Scope,
-    /// Large turns are not linear in their angle: the parameters about which the columns hold; 0 for small ones.
+    /// Large rotations are not linear in their angle: the parameters at which the columns are linearised; 0 for small
+    /// ones.
     pub(crate) about: [f64; PARAMETERS_MAX],
     /// Prior mean of the parameters.
     pub(crate) mean: Vec<f64>,
-    /// How sure, 1-σ.
+    /// Prior 1-σ.
     pub(crate) sigma: Vec<f64>,
-    /// Logarithm of its share among the variants of its name.
+    /// Logarithm of its prior weight among the variants of its name.
     pub(crate) log_prior: f64,
 }
 
@@ -42,8 +43,8 @@ pub(crate) struct Candidate {
 const DRIFTS_S: [f64; 4] = [0.0, 20.0, 40.0, 90.0];
 /// Frequencies of respiration and sway, Hz.
 const SWAYS_HZ: [f64; 7] = [0.17, 0.2, 0.23, 0.26, 0.29, 0.32, 0.36];
-/// Mixture components for the heading of a segment, rad: mean angle, 1-σ, weight. Together they equal the effect's own
-/// prior, with heavier tails.
+/// Mixture components for the heading of a segment, rad: mean angle, 1-σ, weight. Together they approximate the
+/// effect's own prior, with heavier tails.
 const HEADINGS: [(f64, f64, f64); 7] = [
     (0.0, 0.12, 0.5),
     (-0.3, 0.12, 0.13),
@@ -54,7 +55,7 @@ const HEADINGS: [(f64, f64, f64); 7] = [
     (1.1, 0.25, 0.04),
 ];
 impl Candidate {
-    /// One with the effect's own beliefs.
+    /// A candidate with the effect's own prior.
     pub(crate) fn new(effect: Effect, place: Place, shape: f64, scope: Scope) -> Candidate {
         let sigma = effect.prior_sigma(place, shape)[..effect.parameters().len()].to_vec();
         let mean = vec![0.0; sigma.len()];
@@ -101,7 +102,7 @@ impl Candidate {
         }
     }
 
-    /// Whether it acts at a time of the work or before it.
+    /// Whether it acts at the time of a block.
     pub(crate) fn acts(&self, rows: &Rows<'_>, block: usize) -> bool {
         match self.scope {
             Scope::All => true,
@@ -112,7 +113,7 @@ impl Candidate {
         }
     }
 
-    /// From when to when it holds, s.
+    /// Its time span, s.
     pub(crate) fn span_s(&self, rows: &Rows<'_>) -> [f64; 2] {
         match self.scope {
             Scope::All => [0.0, f64::INFINITY],
@@ -255,7 +256,7 @@ fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
     between(1.0 / cutoff_hz, last + 1, at)
 }
 
-/// Lagrange's cubic through the four knots nearest to a value; knots rise.
+/// Lagrange's cubic through the four knots nearest to a value; knots ascending.
 fn between(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -> Change {
     let above = (0..knots).position(|i| at(i).0 >= value).unwrap_or(knots - 1);
     let first = above.saturating_sub(2).min(knots - PARAMETERS_MAX);

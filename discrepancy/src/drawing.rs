@@ -17,7 +17,7 @@ use crate::telling::{Told, scale};
 const LAGS: usize = 20;
 /// Edges of the bins of squared innovations.
 const SURPRISES: [f64; 7] = [0.0, 0.5, 1.0, 2.0, 4.0, 9.0, f64::INFINITY];
-/// Pieces of the work that are compared.
+/// Pieces of the work that are ranked as windows.
 const PIECES: usize = 18;
 /// Largest number of reported windows.
 const WINDOWS_MAX: usize = 6;
@@ -64,7 +64,7 @@ fn time(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> TimePlot
     TimePlot { signal: Signal::ALL[axis], points }
 }
 
-/// A feature of the pose: in words, its unit, and how to read it off a block.
+/// A feature of the pose: description, unit, and its value for a block.
 type Feature = (String, &'static str, Box<dyn Fn(&Block) -> f64>);
 
 /// Pose features with their names and how to compute them from a block: elevation and direction of each arm,
@@ -205,7 +205,7 @@ fn surprise(gram: &Gram<'_>, told: &Told) -> Vec<SurpriseBin> {
         .collect()
 }
 
-/// How often the square of a standard normal is below a value: `erf(√(x/2))` by Abramowitz and Stegun 7.1.26.
+/// Probability that the square of a standard normal is below a value: `erf(√(x/2))` by Abramowitz and Stegun 7.1.26.
 fn below(value: f64) -> f64 {
     if value.is_infinite() {
         return 1.0;

@@ -8,7 +8,7 @@ use crate::linear::Factor;
 /// Parameters of some terms, fitted together.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimate {
-    /// Of all terms one after the other.
+    /// Values of all terms in sequence.
     pub(crate) value: Vec<f64>,
     /// 1-σ of each.
     pub(crate) sigma: Vec<f64>,
@@ -82,7 +82,7 @@ impl Gram<'_> {
 }
 
 impl Conditioned {
-    /// Log Bayes factor of one more term.
+    /// Log Bayes factor of one additional term.
     pub(crate) fn log_odds(&self, term: &Term) -> f64 {
         let first = term.first;
         log_odds(
@@ -128,7 +128,7 @@ pub(crate) fn estimate(
     sigma: &[f64],
 ) -> Option<Estimate> {
     let count = mean.len();
-    // In units of the prior's sigma, so that metres and newtons are alike.
+    // In units of the prior's sigma, so that metres and newtons are comparable.
     let scaled =
         Mat::from_fn(count, count, |i, j| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j));
     let inverse = Factor::inverse(&scaled)?;

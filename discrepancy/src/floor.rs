@@ -12,13 +12,13 @@ use crate::noise::kernels::features;
 pub(crate) struct Floor {
     /// Expectation conditioned on the clean rows.
     pub(crate) mean: Vec<[f64; 3]>,
-    /// How far from that noise strays.
+    /// 1-σ of noise around that expectation.
     pub(crate) sigma: Vec<[f64; 3]>,
 }
 
 impl Floor {
-    /// Of all work rows, once it is known where the stances were put down. The clean rows stand first, so the factor
-    /// already holds both answers: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
+    /// Of all work rows, given the stance offsets. The clean rows come first, so the factor already contains both
+    /// results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
     pub(crate) fn of(gram: &Gram<'_>, stances_m: &[[f64; 2]]) -> Floor {
         let rows = gram.rows;
         let (work, from) = (rows.len() - rows.work_from, rows.work_from);

@@ -16,15 +16,15 @@ use crate::rows::Rows;
 pub(crate) struct Term {
     /// The catalogue candidate, if it is one.
     pub(crate) candidate: Option<Candidate>,
-    /// Its first column and their number.
+    /// Index of its first column.
     pub(crate) first: usize,
     /// Number of columns.
     pub(crate) count: usize,
     /// Prior mean of the parameters.
     pub(crate) mean: Vec<f64>,
-    /// How sure, 1-σ.
+    /// Prior 1-σ.
     pub(crate) sigma: Vec<f64>,
-    /// Logarithm of its share among the variants of its name.
+    /// Logarithm of its prior weight among the variants of its name.
     pub(crate) log_prior: f64,
     /// Whether it was derived during the search (refined, or limited to a part of the work) and is not part of every
     /// trial.
@@ -51,18 +51,18 @@ pub(crate) struct Gram<'a> {
     pub(crate) columns: Vec<Vec<f64>>,
     /// The terms.
     pub(crate) terms: Vec<Term>,
-    /// Directions that count as model error.
+    /// Directions marginalised as model error.
     pub(crate) forgiven: Vec<Vec<f64>>,
-    /// Those of them that are errors of the sensors, whatever was named.
+    /// Those of them that are errors of the sensors, independent of the named effects.
     pub(crate) errors: Vec<Vec<f64>>,
-    /// Inner products of columns, lower and upper.
+    /// Inner products of columns, full symmetric matrix.
     pub(crate) products: Vec<Vec<f64>>,
     /// Inner products of columns with the residual.
     pub(crate) with_residual: Vec<f64>,
 }
 
 impl<'a> Gram<'a> {
-    /// Of all candidates.
+    /// Built from all candidates.
     pub(crate) fn of(rows: &'a Rows<'a>, noise: &'a Noise, candidates: Vec<Candidate>) -> Gram<'a> {
         let residual = whitened_residual(rows, noise);
         let mut gram = Gram {
@@ -252,7 +252,7 @@ impl Gram<'_> {
         (directions, residual)
     }
 
-    /// Log Bayes factor of a candidate that is not among the terms, with some directions projected out.
+    /// Log Bayes factor of a candidate outside the terms, with some directions projected out.
     pub(crate) fn score_alone(
         &self,
         candidate: &Candidate,

@@ -8,7 +8,7 @@ use crate::gram::Gram;
 use crate::linear::{Factor, dot, inner};
 use crate::rows::Rows;
 
-/// Shares of the work that are held out in turn.
+/// Number of folds.
 const FOLDS: usize = 5;
 /// Intervals per fold. Folds consist of intervals, not of samples, since neighbouring samples share their noise.
 const STRETCHES: usize = 6;
@@ -17,7 +17,7 @@ const STRETCHES: usize = 6;
 /// conditioned on the clean rows.
 #[derive(Debug, Clone)]
 pub(crate) struct HeldOut {
-    /// As the model was.
+    /// With the original model.
     pub(crate) before: Vec<[f64; 3]>,
     /// With the named effects, by parameters from the other folds.
     pub(crate) after: Vec<[f64; 3]>,
@@ -37,7 +37,7 @@ impl HeldOut {
     }
 }
 
-/// Which share each block of the work belongs to.
+/// Fold of each block of the work.
 fn folds(rows: &Rows<'_>) -> Vec<usize> {
     let work = rows.work_from..rows.len();
     let Some(first_s) = work.clone().next().map(|block| rows.time_s(block)) else { return Vec::new() };
@@ -105,7 +105,7 @@ fn without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<
     Some(estimate(&products, &pull, &mean, &sigma)?.value)
 }
 
-/// Orthonormal directions of the whitened rows that these blocks span, per channel: where it begins, and the directions.
+/// Orthonormal directions of the whitened rows that these blocks span, per channel: first row, and directions.
 fn unseen_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Mat<f64>)>> {
     let count = gram.rows.len();
     let first = blocks[0];

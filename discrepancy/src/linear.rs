@@ -12,7 +12,7 @@ pub(crate) struct Factor {
 }
 
 impl Factor {
-    /// Of a symmetric matrix, of which only the lower half is read; `None` if it is not positive definite.
+    /// Factor of a symmetric matrix, of which only the lower half is read; `None` if it is not positive definite.
     pub(crate) fn of(matrix: &Mat<f64>) -> Option<Factor> {
         let lower = matrix.llt(Side::Lower).ok()?.L().to_owned();
         (0..lower.nrows())

@@ -9,9 +9,9 @@ use crate::floor::{Floor, root_mean};
 use crate::gram::Gram;
 use crate::picture::Signal;
 
-/// Pieces of the work that are looked at.
+/// Pieces of the work that are examined.
 const PIECES: usize = 30;
-/// From here on a piece is suspicious: root mean square of the residual over its noise. Noise is coloured, so that a piece
+/// Threshold of a suspicious piece: root mean square of the residual over its noise. Noise is coloured, so that a piece
 /// holds few independent values.
 const BEYOND: f64 = 2.0;
 /// Largest number of reported spans.
@@ -89,7 +89,7 @@ fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Op
     (best.0 > GOES_WITH && blocks.len() > 8).then(|| Segment::ALL[best.1].name().to_owned())
 }
 
-/// A segment's share of the centre of mass on one axis of the world, m.
+/// A segment's contribution to the centre of mass on one axis of the world, m.
 fn share_m(seen: &Observation, segment: usize, axis: usize) -> f64 {
     (0..3).map(|k| seen.rotation[segment][axis][k] * seen.phi_m[segment][k]).sum()
 }

@@ -17,14 +17,14 @@ use crate::linear::Factor;
 use crate::options::ReconcileError;
 use crate::rows::Rows;
 
-/// The noise of all channels, ready to whiten with.
+/// The noise of all channels, factored for whitening.
 #[derive(Debug, Clone)]
 pub(crate) struct Noise {
     /// Factor of the covariance of the centre of pressure; two rows a block.
     pub(crate) cop: Factor,
     /// The same without the uncertainty of the stance offsets.
     pub(crate) cop_without_stances: Factor,
-    /// Covariance of where the stances were put down, m².
+    /// Covariance of the stance offsets, m².
     pub(crate) stances_m2: Mat<f64>,
     /// Factor of each measured force channel, in the order of [`Rows::force_axes`].
     pub(crate) force: Vec<Factor>,

@@ -12,7 +12,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// As calibrated on clean sessions (docs/discrepancy.md).
+    /// Calibrated on clean sessions (docs/discrepancy.md).
     fn default() -> Options {
         Options { least_log_odds: 10.0, draws: 100 }
     }
@@ -27,40 +27,40 @@ pub enum ReconcileError {
          {needed} are needed; choose a longer span with --work"
     )]
     TooLittleWork {
-        /// Blocks that there are.
+        /// Blocks found.
         found: usize,
         /// Blocks required.
         needed: usize,
-        /// How long each is, s.
+        /// Length of a block, s.
         block_s: f64,
-        /// Begin of the work, s.
+        /// Start of the work, s.
         from_s: f64,
         /// Its end, s.
         to_s: f64,
     },
-    /// There is hardly anything to compare the work with.
+    /// The recording has too few blocks outside the work.
     #[error(
         "only {found} usable blocks lie outside the work in question, and {needed} are needed to know the noise; give \
          identification poses (--identify) or clean work (--reference)"
     )]
     NothingToCompareWith {
-        /// Blocks that there are.
+        /// Blocks found.
         found: usize,
         /// Blocks required.
         needed: usize,
     },
-    /// A block holds something that is not a number.
+    /// A block contains a value that is not finite.
     #[error("a value of the block at {time_s:.1} s is not a number; the recording is damaged there")]
     NotANumber {
         /// Middle of the block, s.
         time_s: f64,
     },
-    /// Measured values repeat each other exactly, or the numbers do not allow a fit.
+    /// Measured values are constant, or the numbers do not permit a fit.
     #[error(
         "the noise of the {channel} cannot be fitted: do its values ever change? Check the sensor's wiring and channel"
     )]
     NoNoise {
-        /// Which channel.
+        /// The channel.
         channel: &'static str,
     },
 }

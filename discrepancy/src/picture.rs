@@ -10,14 +10,14 @@
 use crate::block::Phase;
 use crate::session::Spans;
 
-/// All that the report draws.
+/// Data of all figures of the report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// Phases of the recording, s since its start.
     pub spans_s: Spans,
-    /// How long the recording is, s.
+    /// Length of the recording, s.
     pub length_s: f64,
-    /// How long a block is, s.
+    /// Length of a block, s.
     pub block_s: f64,
     /// Log Bayes factor from which an effect is named.
     pub threshold_log_odds: f64,
@@ -29,9 +29,9 @@ pub struct Picture {
     pub predictors: Vec<PredictorPlot>,
     /// Whiteness of the remaining residual, one per signal.
     pub whiteness: Vec<Whiteness>,
-    /// Normalised innovations: how often the whitened residual is how large.
+    /// Normalised innovations: histogram of the squared whitened residual.
     pub surprise: Vec<SurpriseBin>,
-    /// Windows of the work by how far they are beyond noise after the change, worst first; a handful.
+    /// The few windows of the work with the largest residual over noise after the change, worst first.
     pub windows: Vec<Window>,
     /// Gap by phase and signal.
     pub phases: Vec<PhaseGap>,
@@ -84,7 +84,7 @@ impl Signal {
 /// The residual of one signal over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimePlot {
-    /// Which signal; its unit is that of the values.
+    /// The signal; its unit is that of the values.
     pub signal: Signal,
     /// Blocks by time.
     pub points: Vec<TimePoint>,
@@ -93,9 +93,9 @@ pub struct TimePlot {
 /// One block of a [`TimePlot`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimePoint {
-    /// Middle of the block, s since the recording's begin.
+    /// Middle of the block, s since the recording's start.
     pub time_s: f64,
-    /// Whether it is a held pose.
+    /// Whether it is a static pose.
     pub still: bool,
     /// Residual before.
     pub before: f64,
@@ -108,7 +108,7 @@ pub struct TimePoint {
 /// The residual of one signal against one feature of the pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PosePlot {
-    /// Which signal.
+    /// The signal.
     pub signal: Signal,
     /// The feature in words: "trunk inclination", "right arm elevation".
     pub feature: String,
@@ -138,7 +138,7 @@ pub struct PredictorPlot {
     pub effect: String,
     /// The signal that the effect changes most.
     pub signal: Signal,
-    /// One per block in which the effect holds, in any order.
+    /// One per block in which the effect acts, in any order.
     pub points: Vec<PredictorPoint>,
     /// Root mean square of noise alone.
     pub noise_sigma: f64,
@@ -149,46 +149,46 @@ pub struct PredictorPlot {
 pub struct PredictorPoint {
     /// Column times value, with parameters from other blocks.
     pub predicted: f64,
-    /// Residual with the other named effects taken off, but not this one.
+    /// Residual after subtraction of the other named effects, but not of this one.
     pub residual: f64,
 }
 
 /// Whether the remaining residual of one signal is white once its modelled colour is removed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Whiteness {
-    /// Which signal.
+    /// The signal.
     pub signal: Signal,
     /// Autocorrelation of the whitened residual before, from a lag of one block on.
     pub before: Vec<f64>,
     /// The same after.
     pub after: Vec<f64>,
-    /// White noise stays within plus and minus this in 95 of 100 lags.
+    /// 95 of 100 lags of white noise are within plus and minus this.
     pub bound: f64,
 }
 
-/// How often the whitened residual squared, per block and signal, is this large.
+/// One bin of the histogram of the squared whitened residual, per block and signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurpriseBin {
-    /// Begin and end; the end of the last may be infinite.
+    /// Lower bound.
     pub from: f64,
-    /// End.
+    /// Upper bound; that of the last bin may be infinite.
     pub to: f64,
-    /// Share of blocks before, in \[0, 1\].
+    /// Fraction of blocks before, in \[0, 1\].
     pub before: f64,
-    /// Share of blocks after.
+    /// Fraction of blocks after.
     pub after: f64,
-    /// Share that noise alone would have.
+    /// Fraction expected by noise alone.
     pub expected: f64,
 }
 
-/// A stretch of the work and how far it is beyond noise.
+/// An interval of the work and its ratio of residual to noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
-    /// Begin, s.
+    /// Start, s.
     pub from_s: f64,
     /// End, s.
     pub to_s: f64,
-    /// Signal that shows it most.
+    /// Signal with the largest ratio.
     pub signal: Signal,
     /// Root mean square of the whitened residual there, before: 1 is noise alone.
     pub times_noise_before: f64,
@@ -199,26 +199,26 @@ pub struct Window {
 /// Gap of one signal in one phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseGap {
-    /// Which phase.
+    /// The phase.
     pub phase: Phase,
-    /// Which signal.
+    /// The signal.
     pub signal: Signal,
     /// Root mean square before.
     pub before: f64,
-    /// After, held out.
+    /// Root mean square after, held out.
     pub after: f64,
-    /// By noise alone.
+    /// Root mean square of noise alone.
     pub noise_floor: f64,
 }
 
-/// An effect that was looked for and is smaller than this, if it is there.
+/// Upper bound of an effect that was tested and not detected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unseen {
     /// Name with place.
     pub effect: String,
     /// Parameter's name.
     pub parameter: String,
-    /// Largest size that these data allow with 95 %.
+    /// 95 % upper bound of its size.
     pub at_most: f64,
     /// Unit.
     pub unit: &'static str,

@@ -24,7 +24,7 @@ use crate::{drawing, telling};
 
 /// Minimum number of work blocks.
 const WORK_MIN: usize = 30;
-/// Fewest blocks outside the work from which noise is known.
+/// Minimum number of blocks outside the work for the noise fit.
 const CLEAN_MIN: usize = 12;
 /// The threshold is the level below which chance stays in so many of a hundred clean sessions.
 const CHANCE_OF_100: f64 = 99.0;
@@ -40,14 +40,14 @@ pub struct Outcome {
     pub picture: Picture,
 }
 
-/// A term that was fitted.
+/// A fitted term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fitted {
-    /// The term, as the loop runs it; an effect that lasted to the end of the recording has no end.
+    /// The term, as the loop runs it; an effect that lasts to the end of the recording has no end.
     pub term: effect::Term,
     /// 1-σ of its values.
     pub sigma: [f64; effect::PARAMETERS_MAX],
-    /// 1-σ of its shape, where that was fitted; else 0.
+    /// 1-σ of its shape if fitted; else 0.
     pub shape_sigma: f64,
     /// Log Bayes factor when it was accepted.
     pub log_odds: f64,

@@ -39,9 +39,9 @@ pub struct Origin {
     pub recordings: Vec<Recording>,
     /// The measured subject.
     pub subject: String,
-    /// Where.
+    /// The station.
     pub station: String,
-    /// When the finding was made: RFC 3339.
+    /// Time of the finding: RFC 3339.
     pub date: String,
     /// Program with its version.
     pub software: String,
@@ -49,7 +49,7 @@ pub struct Origin {
     pub command: String,
 }
 
-/// A recording that was read.
+/// A recording used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recording {
     /// Name of its file, as entered.
@@ -65,7 +65,7 @@ pub fn page(document: &Document) -> String {
     html::html(document)
 }
 
-/// Text from elsewhere made harmless, for the body of a drawing.
+/// Escapes external text for the body of a drawing.
 pub fn escaped(text: &str) -> String {
     escape::xml(text)
 }
@@ -73,7 +73,7 @@ pub fn escaped(text: &str) -> String {
 /// A report, ready to be written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pages {
-    /// Names of files and what is in them: the HTML page, the Markdown text, its drawings.
+    /// Names and contents of its files: the HTML page, the Markdown text, its drawings.
     pub files: Vec<(String, String)>,
 }
 

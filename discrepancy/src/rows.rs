@@ -13,7 +13,7 @@ use crate::thin::thin;
 /// The rows of a session.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows<'a> {
-    /// Where they come from.
+    /// The session.
     pub(crate) session: &'a Session,
     /// One per row of a force channel, two rows of the centre of pressure.
     pub(crate) blocks: Vec<&'a Block>,
@@ -29,7 +29,7 @@ impl<'a> Rows<'a> {
         Rows::from_blocks(session, thin(session))
     }
 
-    /// Of some blocks, in the order of their phases.
+    /// Rows of some blocks, in the order of their phases.
     pub(crate) fn from_blocks(session: &'a Session, blocks: Vec<&'a Block>) -> Rows<'a> {
         let work_from = blocks.iter().position(|block| block.phase == Phase::Work).unwrap_or(blocks.len());
         let of_block = |block: &&Block| Segment::ALL.map(|segment| misaligned(segment, &block.observation));
@@ -37,7 +37,7 @@ impl<'a> Rows<'a> {
         Rows { session, blocks, work_from, turned }
     }
 
-    /// Only some of them, in order.
+    /// A subset of the blocks, in order.
     pub(crate) fn subset(&self, indices: &[usize]) -> Rows<'a> {
         Rows::from_blocks(self.session, indices.iter().map(|&i| self.blocks[i]).collect())
     }
@@ -47,13 +47,13 @@ impl<'a> Rows<'a> {
         self.blocks.len()
     }
 
-    /// Measured less predicted centre of pressure of a block, m.
+    /// Measured minus predicted centre of pressure of a block, m.
     pub(crate) fn cop_residual_m(&self, block: usize) -> [f64; 2] {
         let seen = &self.blocks[block].observation;
         [0, 1].map(|axis| seen.cop_measured_m[axis] - seen.cop_predicted_m[axis])
     }
 
-    /// Measured less predicted force of a block on one axis, N.
+    /// Measured minus predicted force of a block on one axis, N.
     pub(crate) fn force_residual_n(&self, block: usize, axis: usize) -> f64 {
         let seen = &self.blocks[block].observation;
         seen.force_measured_n[axis] - seen.force_predicted_n[axis]
@@ -64,7 +64,7 @@ impl<'a> Rows<'a> {
         if self.session.has_shear { &[2, 0, 1] } else { &[2] }
     }
 
-    /// How high forces act: by how much the centre of pressure moves per height of the centre of mass.
+    /// Slope of the reaction: shift of the centre of pressure per height of the centre of mass.
     pub(crate) fn slope(&self, block: usize) -> [f64; 2] {
         if self.session.has_inertia { self.blocks[block].observation.slope } else { [0.0; 2] }
     }

@@ -14,18 +14,18 @@ use crate::sanity::{
 use crate::trials::{Trial, trials};
 use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
 
-/// Most effects that are named at once.
+/// Maximum number of named effects.
 const EFFECTS_MAX: usize = 4;
-/// Most trifles that are counted as errors of the sensors.
+/// Maximum number of negligible effects counted as errors of the sensors.
 const TRIFLES_MAX: usize = 6;
-/// How many of the best are checked each time before giving up.
+/// Number of best hypotheses that are checked in each step before giving up.
 const CHECKED: usize = 8;
 /// Onset and end of an effect take up to this time, s.
 const EDGE_S: f64 = 1.2;
-/// Rivals within this many log odds, or within this share of the winner's, explain the data as well.
+/// Rivals within this many log odds, or within this fraction of the winner's, explain the data equally well.
 pub(crate) const RIVAL: (f64, f64) = (5.0, 0.05);
 
-/// An effect that was accepted.
+/// An accepted effect.
 #[derive(Debug, Clone)]
 pub(crate) struct Accepted {
     /// The term in the Gram matrix.
@@ -34,7 +34,7 @@ pub(crate) struct Accepted {
     pub(crate) name: String,
     /// Log Bayes factor when it was accepted.
     pub(crate) log_odds: f64,
-    /// All that was considered instead, best first.
+    /// All alternatives considered, best first.
     pub(crate) considered: Vec<Considered>,
 }
 
@@ -101,11 +101,11 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> 
 
 /// Result of one search over the hypotheses.
 enum Answer {
-    /// This term, with its log odds.
+    /// An accepted term, with its log odds.
     Stands(usize, f64),
-    /// Something too small to matter explains more than all that matters: with these parameters.
+    /// A negligible effect, with its parameters, explains more than all relevant ones.
     Trifle(Candidate, Vec<f64>),
-    /// Nothing.
+    /// No hypothesis passes.
     Nothing,
 }
 
@@ -141,7 +141,8 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
         }
         let whole = ways.iter_mut().find(|way| way.name == name);
         match whole {
-            // Which time is a smaller question than which name: here a wrong one is not let in by its edges.
+            // Once the effect is known, its time span requires less evidence; here a wrong effect must not be accepted
+            // by fitting edges.
             Some(whole)
                 if matches!(whole.what, What::Term(_))
                     && part.same_name > whole.log_odds + GAIN_OVER_WHOLE =>
@@ -241,7 +242,7 @@ fn is_of_a_push(gram: &Gram<'_>, selection: &Selection, term: usize, log_odds: f
         .then(|| "may as well be that the push varies".to_owned())
 }
 
-/// Whether an effect acts as a weight does.
+/// Whether an effect acts like a weight.
 fn weighs(candidate: &Candidate) -> bool {
     matches!(candidate.effect, Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain)
 }
@@ -277,7 +278,7 @@ fn takes_back(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value:
     is_less && known.into_iter().any(weighs)
 }
 
-/// Parameters of one term, fitted together with those that are accepted.
+/// Parameters of one term, fitted together with the accepted ones.
 pub(crate) fn last_of(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Estimate> {
     let all: Vec<usize> = accepted.iter().copied().filter(|&other| other != term).chain([term]).collect();
     let estimate = gram.estimate(&all)?;
@@ -331,7 +332,7 @@ fn forgive(gram: &mut Gram<'_>, accepted: &[usize]) {
     }
 }
 
-/// As many values as an effect has parameters at most.
+/// Pads the values to the maximum number of parameters of an effect.
 pub(crate) fn padded(value: &[f64]) -> [f64; equipoise_core::effect::PARAMETERS_MAX] {
     let mut all = [0.0; equipoise_core::effect::PARAMETERS_MAX];
     all.iter_mut().zip(value).for_each(|(all, value)| *all = *value);

@@ -23,11 +23,11 @@ pub struct Session {
     pub has_inertia: bool,
     /// Whether the suit's position drifts, so that the anchor holds the feet and each stance has its own offset.
     pub suit_drifts: bool,
-    /// How long a block is, s.
+    /// Length of a block, s.
     pub block_s: f64,
-    /// Begin and end of the phases that were taken, s since the recording's begin; `None` where there is none.
+    /// Phases of the recording, s since its start; `None` where there is none.
     pub spans_s: Spans,
-    /// How long the recording is, s.
+    /// Length of the recording, s.
     pub length_s: f64,
 }
 
@@ -36,7 +36,7 @@ pub struct Session {
 pub struct Spans {
     /// Identification poses.
     pub identify: [f64; 2],
-    /// Work known to be clean.
+    /// Work declared clean.
     pub reference: Option<[f64; 2]>,
     /// Work in question.
     pub work: [f64; 2],

@@ -7,19 +7,19 @@ use crate::session::Spans;
 
 /// A phase shorter than this carries no information, s.
 const SHORTEST_S: f64 = 2.0;
-/// Work shorter than this is not worth looking for, s.
+/// Minimum length of the work, s.
 const WORK_MIN_S: f64 = 10.0;
-/// Where identification did not end, this share of the recording stands for it.
+/// Fraction of the recording taken as identification if that did not end.
 const IDENTIFY_SHARE: f64 = 0.4;
 /// In a recording that continues for at least this long after identification, s …
 const LONG_S: f64 = 900.0;
-/// … the first part is taken for clean work, s.
+/// … the first part is taken as clean work, s.
 const REFERENCE_S: f64 = 180.0;
 
-/// A span as people write it: `12:90.5`, seconds since the recording's begin.
+/// A span as on the command line: `12:90.5`, seconds since the recording's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Begin, s.
+    /// Start, s.
     pub from_s: f64,
     /// End, s.
     pub to_s: f64,
@@ -62,7 +62,7 @@ impl fmt::Display for Span {
 pub struct Given {
     /// Identification poses.
     pub identify: Option<Span>,
-    /// Work known to be clean.
+    /// Work declared clean.
     pub reference: Option<Span>,
     /// Work in question.
     pub work: Option<Span>,
@@ -71,7 +71,7 @@ pub struct Given {
 /// Events in the recording, s since its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shown {
-    /// Where samples begin and end.
+    /// Start and end of the samples.
     pub samples_s: [f64; 2],
     /// Time at which the subject was reported as identified.
     pub identified_s: Option<f64>,
@@ -81,7 +81,7 @@ pub struct Shown {
     pub brings_worker: bool,
 }
 
-/// Why spans cannot be used.
+/// Reasons why spans are unusable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpanError {
     /// A span lies outside the recording.
@@ -89,16 +89,16 @@ pub enum SpanError {
         "{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it"
     )]
     Outside {
-        /// Which option.
+        /// The option.
         option: &'static str,
         /// The kind of span.
         span: Span,
-        /// Where samples begin, s.
+        /// Start of the samples, s.
         from_s: f64,
-        /// Where they end, s.
+        /// End of the samples, s.
         to_s: f64,
     },
-    /// Two spans share time.
+    /// Two spans overlap.
     #[error("{first} and {second} overlap; a moment can only be one of them")]
     Overlap {
         /// One of them, with its times.
@@ -109,11 +109,11 @@ pub enum SpanError {
     /// A phase is too short.
     #[error("{what} lasts {length_s:.1} s; at least {least_s} s are needed")]
     Short {
-        /// Which phase.
+        /// The phase.
         what: &'static str,
-        /// How long it is, s.
+        /// Its length, s.
         length_s: f64,
-        /// How long it should be, s.
+        /// The required length, s.
         least_s: f64,
     },
 }
@@ -123,7 +123,7 @@ pub enum SpanError {
 pub struct Found {
     /// The phases.
     pub spans_s: Spans,
-    /// One sentence for people.
+    /// A sentence for the user.
     pub told: String,
 }
 
@@ -216,7 +216,7 @@ impl Given {
         Ok(Found { spans_s, told })
     }
 
-    /// The longest stretch of the recording that is neither identification nor reference.
+    /// The longest interval of the recording that is neither identification nor reference.
     fn longest_rest(
         &self,
         identify: [f64; 2],

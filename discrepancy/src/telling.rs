@@ -1,4 +1,4 @@
-//! The answer, put together.
+//! Assembles the finding.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ use crate::verdict::{Rest, verdict};
 
 /// The finding and the quantities from which it was made.
 pub(crate) struct Told {
-    /// The answer.
+    /// The finding.
     pub(crate) finding: Finding,
     /// The terms of the model.
     pub(crate) terms: Vec<Fitted>,
@@ -33,7 +33,7 @@ pub(crate) struct Told {
 
 /// The remaining residual, and the level of noise alone.
 pub(crate) struct Left<'a> {
-    /// Before and after, on blocks that were held out.
+    /// Residuals before and after, on held-out blocks.
     pub(crate) held: &'a HeldOut,
     /// The remaining residual, whitened.
     pub(crate) rest: Rest,
@@ -41,7 +41,7 @@ pub(crate) struct Left<'a> {
     pub(crate) floor: Floor,
 }
 
-/// Puts it together.
+/// Assembles the finding.
 pub(crate) fn tell(
     gram: &Gram<'_>,
     selection: &Selection,
@@ -202,7 +202,7 @@ fn gap(gram: &Gram<'_>, floor: &Floor, held: &HeldOut) -> Gap {
     Gap { before_mm, after_mm, noise_floor_mm, held_out: true, per_axis }
 }
 
-/// From metres and newtons to the unit of a signal.
+/// Factor from metres and newtons to the unit of a signal.
 pub(crate) fn scale(axis: usize) -> f64 {
     if axis < 2 { 1e3 } else { 1.0 }
 }

@@ -13,12 +13,12 @@ use crate::select::{RIVAL, Selection};
 /// Pieces of the work that are evaluated separately.
 const PIECES: usize = 18;
 
-/// The whitened residual after all that was accepted, and how far it is from white.
+/// The whitened residual after all accepted effects, and its deviation from white noise.
 #[derive(Debug, Clone)]
 pub(crate) struct Rest {
-    /// Whitened residual before anything was accepted.
+    /// Whitened residual before any effect.
     pub(crate) before: Vec<f64>,
-    /// And after.
+    /// Whitened residual after the accepted effects.
     pub(crate) after: Vec<f64>,
     /// Mean square of the work's rows over that of the clean work's (at least 1): centre of pressure, vertical force.
     pub(crate) times_clean: [f64; 2],
@@ -37,14 +37,14 @@ const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
 const LEFT_SHARE: f64 = 0.04;
 /// The same two fractions next to a push, which is never constant.
 const OF_A_PUSH: [f64; 2] = [0.25, 0.2];
-/// Generic terms alone must beat the catalogue by this much, or this share.
+/// Generic terms alone must beat the catalogue by this much, or this fraction.
 const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
 
 impl Rest {
-    /// After some accepted terms.
+    /// The residual after some accepted terms.
     pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize]) -> Rest {
         let (directions, mut after) = gram.directions_given(accepted);
-        // All inner products with the residual before any is taken off: the directions are not orthogonal.
+        // Compute all inner products before any subtraction: the directions are not orthogonal.
         let along: Vec<f64> = directions.iter().map(|direction| dot(direction, &after)).collect();
         for (direction, along) in directions.iter().zip(along) {
             after.iter_mut().zip(direction).for_each(|(value, direction)| *value -= along * direction);
@@ -55,7 +55,7 @@ impl Rest {
         Rest { before: gram.residual.clone(), after, times_clean, correlation, worst_piece_sigma }
     }
 
-    /// Whether it is beyond what clean sessions leave.
+    /// Whether it exceeds the level of clean sessions.
     pub(crate) fn is_beyond_noise(&self) -> bool {
         let (squares, correlation, worst) = BOUNDS;
         self.times_clean.iter().zip(squares).any(|(times, bound)| *times > bound)

@@ -11,7 +11,7 @@ use crate::block::{CUTOFFS_HZ, Change, LAGS_S};
 
 /// No change.
 pub(super) const NONE: Change = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
-/// Points farther apart than this are not interpolated between, s.
+/// No interpolation between points farther apart than this, s.
 const APART_MAX_S: f64 = 0.25;
 
 /// Mean change over a block by each lag: the prediction `tau` later minus the present one. If the suit's stamps are

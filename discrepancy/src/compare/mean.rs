@@ -14,10 +14,10 @@ use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
 /// A block is complete if its points cover at least this fraction of it.
 const REACH_SHARE: f64 = 0.5;
 
-/// A block in the making.
+/// A block under construction.
 #[derive(Debug)]
 pub(super) struct Mean {
-    /// Which block since the recording's begin.
+    /// Number of the block since the recording's start.
     pub(super) number: f64,
     /// Begin and end, s.
     pub(super) span_s: [f64; 2],
@@ -128,7 +128,7 @@ impl Mean {
         }
     }
 
-    /// Whether the points reach over most of the block.
+    /// Whether the points cover most of the block.
     pub(super) fn is_whole(&self, options: &Options) -> bool {
         self.reach_s[1] - self.reach_s[0] >= REACH_SHARE * options.block_s
     }
@@ -144,7 +144,7 @@ impl Mean {
             for segment in 0..SEGMENTS {
                 let [x, y, z] = seen.moment.origin_m[segment];
                 add_scaled(&mut bodies.origin_m[segment], value, &[x, y, z]);
-                // In the suit's own world: the anchor's shift is no motion.
+                // In the suit's own world: the anchor's shift is no motion of the body.
                 let in_suit_world = [x - shift_x, y - shift_y, z];
                 add_scaled(&mut bodies.origin_acceleration_m_per_s2[segment], second, &in_suit_world);
                 add_scaled(&mut bodies.quaternion[segment], value, &seen.moment.orientation_wxyz[segment]);
@@ -222,14 +222,14 @@ fn mean<const N: usize>(sum: [f64; N], count: f64) -> [f64; N] {
     sum.map(|sum| sum / count)
 }
 
-/// Where the feet point to together, rad from forward, left positive.
+/// Common heading of the feet, rad from forward, left positive.
 fn heading_rad(rotation: &[[[f64; 3]; 3]; SEGMENTS]) -> f64 {
     let forward =
         |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
     forward(1).atan2(forward(0))
 }
 
-/// Rotation vector of each segment against its parent; of the pelvis against the feet's heading.
+/// Rotation vector of each segment relative to its parent; of the pelvis relative to the feet's heading.
 fn joint_rad(quaternion: &[[f64; 4]; SEGMENTS], heading_rad: f64) -> [[f64; 3]; SEGMENTS] {
     let turned = |segment: Segment| {
         let [w, x, y, z] = quaternion[segment.index()];

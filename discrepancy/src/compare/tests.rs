@@ -106,7 +106,7 @@ fn a_still_body_is_predicted_where_its_chain_ends_and_measured_where_the_plate_s
 fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
         shift(moment, [0.1 * time_s * time_s, 0.0, 0.0]);
-        // The feet are held although the suit drifts.
+        // The anchor holds the feet although the suit drifts.
         for origin in &mut moment.origin_m {
             origin[1] += 0.02 * time_s * time_s;
         }
@@ -179,7 +179,7 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
     };
     for (from_s, to_s) in [(4.6, 5.4), (9.6, 10.85), (14.92, 15.15), (19.95, 21.05)] {
         assert!(blocks.iter().all(|block| !spoilt(block, from_s, to_s)), "{from_s}");
-        // And no more is lost than that needs.
+        // No more blocks are masked than required.
         let near = |block: &&Block| spoilt(block, from_s - 0.9, to_s + 0.9);
         let near = blocks.iter().filter(near).count();
         assert!(near >= 6, "{from_s}: {near}");

@@ -1,4 +1,4 @@
-//! The moments around the one in hand, and the parabola through them.
+//! The moments around the current one, and the parabola through them.
 
 use std::collections::VecDeque;
 
@@ -14,13 +14,13 @@ use super::options::Options;
 use super::point::Point;
 use super::worker::Worker;
 
-/// A parabola needs so many moments on each side.
+/// Minimum number of moments on each side of a parabola.
 const SIDE_MIN: usize = 2;
-/// Most moments on each side.
+/// Maximum number of moments on each side.
 const SIDE_MAX: usize = CAPACITY / 2 - 1;
-/// Each side must reach over this share of half the window, else value and derivatives are those of another time.
+/// Each side must cover this fraction of half the window; otherwise value and derivatives belong to another time.
 const REACH_SHARE: f64 = 0.6;
-/// Times are as good as this, s: a sample on the edge of the window belongs to it.
+/// Tolerance of times, s: a sample on the edge of the window belongs to it.
 const TIME_EPSILON_S: f64 = 1e-6;
 
 /// A moment and its quantities to be smoothed.
@@ -29,7 +29,7 @@ pub(super) struct Seen {
     /// Since the recording's begin, s.
     pub(super) time_s: f64,
     pub(super) moment: Moment,
-    /// Centre of mass by the chain in the suit's own world: the anchor's shifts are no motion, m.
+    /// Centre of mass by the chain in the suit's own world, m: the anchor's shifts are no motion of the body.
     pub(super) centre_m: Vector3<f64>,
     /// Plate data; `None` without a centre of pressure.
     pub(super) ground: Option<Shown>,

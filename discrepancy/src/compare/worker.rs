@@ -17,7 +17,7 @@ pub struct Worker {
     pub mass_kg: f64,
     /// The chain's parameters.
     pub phi: Phi,
-    /// Whether the standing feet hold the body in its place, because the suit's position drifts.
+    /// Whether the anchor holds the body at its standing feet, because the suit's position drifts.
     pub feet_hold: bool,
     /// Constant offset of the centre of pressure from that of the chain, due to the plate's place in the suit's world,
     /// m.

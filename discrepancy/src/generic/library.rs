@@ -8,7 +8,7 @@ use crate::rows::Rows;
 /// A term of the library.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
-    /// In words.
+    /// Description.
     pub(crate) what: String,
     /// Whether no catalogue effect is a part of it.
     pub(crate) is_unlike: bool,
@@ -28,12 +28,12 @@ impl Entry {
         Entry { what, is_unlike: true, is_of_the_suit: false, sigma: sigma.to_vec(), columns }
     }
 
-    /// The same, but a part of it is in the catalogue.
+    /// The same entry, marked as partly in the catalogue.
     pub(crate) fn like_the_catalogue(self) -> Entry {
         Entry { is_unlike: false, ..self }
     }
 
-    /// The same, as an error of the suit.
+    /// The same entry, marked as an error of the suit.
     pub(crate) fn of_the_suit(self) -> Entry {
         Entry { is_of_the_suit: true, ..self }
     }

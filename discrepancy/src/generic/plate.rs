@@ -5,7 +5,7 @@ use equipoise_core::effect::Columns;
 use super::library::Entry;
 use crate::rows::Rows;
 
-/// Memory, and maps of the pressure's place.
+/// Hysteresis, and position-dependent errors of the centre of pressure.
 pub(super) fn all(rows: &Rows<'_>) -> Vec<Entry> {
     let seen = |block: usize| &rows.blocks[block].observation;
     let entry = |what: &str, sigma: &[f64], of: &dyn Fn(usize) -> Columns| {

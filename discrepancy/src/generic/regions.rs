@@ -9,11 +9,11 @@ use super::words;
 
 /// Reach of a disturbance, m: for arms, which move anywhere, and for segments that stay in place.
 const REACH_M: [&[f64]; 2] = [&[0.15, 0.25, 0.4], &[0.25]];
-/// Number of places, likewise.
+/// Numbers of centres, in the same order.
 const PLACES: [usize; 2] = [8, 5];
-/// A heading that is off, 1-σ, rad.
+/// Prior heading error, 1-σ, rad.
 const OFF_RAD: f64 = 0.4;
-/// Length over which a field changes by as much as it is, m.
+/// Length over which a field changes by its own magnitude, m.
 const FIELD_M: f64 = 0.3;
 
 /// Every segment on its own, and each arm as a whole.
@@ -37,7 +37,7 @@ pub(super) fn all(around: &Around<'_>) -> Vec<Entry> {
     list
 }
 
-/// Some segments, each disturbed where it is itself; places are those of the middle one.
+/// Some segments, each disturbed at its own position; centres are among the positions of the middle one.
 fn of(around: &Around<'_>, name: &str, segments: &[Segment], is_of_an_arm: bool) -> Vec<Entry> {
     let kind = usize::from(!is_of_an_arm);
     let middle = segments[segments.len() / 2];

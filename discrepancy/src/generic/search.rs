@@ -11,7 +11,7 @@ use crate::trials::Random;
 
 /// Number of simulated clean sessions; the best score among all is the level reached by chance.
 const DRAWS: usize = 100;
-/// An error of the suit must be wanted by the centre of pressure alone by this much, in log odds.
+/// Minimum evidence by the centre of pressure alone for an error of the suit, log odds.
 const FROM_COP_ALONE: f64 = 3.0;
 
 /// A library, whitened.

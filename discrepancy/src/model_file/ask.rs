@@ -8,7 +8,7 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use super::text;
 use crate::finding::Ask;
 
-/// Longest name of an explanation that is shown.
+/// Maximum length of a displayed name of an explanation.
 const NAME_MAX: usize = 64;
 
 /// The table as written; absent values are left out.

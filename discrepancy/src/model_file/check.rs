@@ -6,10 +6,10 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
 use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 
-/// Longest recording, s: a year.
+/// Maximum length of a recording, s: a year.
 const TIME_MAX_S: f64 = 366.0 * 86_400.0;
 
-/// The file, if all of it may be used.
+/// The validated file.
 pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError> {
     let wrong = |place: String, what: String| Err(ModelFileError::Wrong { place, what });
     if raw.version != VERSION {
@@ -124,7 +124,7 @@ fn place(raw: &RawEffect, effect: Effect) -> Result<Place, Refusal> {
 fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
     let Some(name) = effect.shape_name() else { return Ok((0.0, 0.0)) };
     let Some(told) = raw.parameters.get(name) else {
-        // A drift without a time constant is an even one.
+        // A drift without a time constant is linear.
         return if effect == Effect::PlateDrift {
             Ok((0.0, 0.0))
         } else {
@@ -188,7 +188,7 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<(), Refusal> 
     refuse(&format!("parameters.{name}.value"), format!("{value} is not between {least} and {most}"))
 }
 
-/// Beyond this a parameter is a slip of the pen, in its unit.
+/// Larger parameters count as typing errors, in the parameter's unit.
 fn largest(unit: &str) -> f64 {
     match unit {
         "kg" => 150.0,

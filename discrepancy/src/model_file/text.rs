@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 use crate::finding::Ask;
 
-/// The file as it stands there.
+/// The file as parsed, before validation.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {

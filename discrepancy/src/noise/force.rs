@@ -16,11 +16,11 @@ const COUNT: usize = 5;
 const WHITE: usize = 1;
 /// Prior of shear and of the vertical force.
 const BELIEVED: [[f64; COUNT]; 2] = [[1.0, 0.5, 0.08, 0.05, 1.0], [1.0, 0.5, 0.05, 0.05, 1.0]];
-/// How sure that is, 1-σ of the logarithms.
+/// Prior 1-σ of the logarithms.
 const BELIEF_SIGMA: [f64; COUNT] = [0.8, 0.8, 0.7, 0.7, 0.25];
 /// Lower bounds, shear and vertical.
 const LEAST: [[f64; COUNT]; 2] = [[0.3, 0.2, 0.06, 0.05, 0.7], [0.3, 0.2, 0.03, 0.03, 0.7]];
-/// Zero of the channel and of the weight, 1-σ, N.
+/// Error of the channel's zero and of the weight, 1-σ, N.
 const ZERO_N: f64 = 1.5;
 /// Correlation time of the plate's slow noise, s.
 const SLOW_S: f64 = 20.0;

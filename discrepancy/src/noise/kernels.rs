@@ -27,16 +27,17 @@ const WHOLE_HEADING: (f64, f64) = (0.006, 60.0);
 /// Offset of the first stance and increment with each change of stance, 1-σ, m: of a suit that drifts and of one that
 /// does not. Recordings of the simulated suit show a centimetre for each foot placed elsewhere.
 const STANCE_M: [[f64; 2]; 2] = [[0.005, 0.015], [0.002, 0.0]];
-/// Height at which the reaction's slope acts: 1-σ of its error, m. Smoothing and tables of inertia make it centimetres.
+/// Height at which the reaction's slope acts: 1-σ of its error, m. Smoothing and tabulated inertias contribute
+/// centimetres.
 const LEVER_M: f64 = 0.08;
 /// Present model error that was absent in the clean phases: function of the pose, offset with the body, offset in the
 /// room, 1-σ, m. A minimum by design, never fitted.
 const NOT_SHARED_M: [f64; 3] = [0.002, 0.002, 0.0015];
 /// The part that is not shared changes over this time, s, without steps: a step is an effect.
 const NOT_SHARED_S: f64 = 30.0;
-/// Slow noise of the plate: 1-σ, m, and its time, s.
+/// Slow noise of the plate: 1-σ, m, and correlation time, s.
 const PLATE: (f64, f64) = (0.0005, 3.0);
-/// How wrong the turning of each group of segments is, as a share.
+/// Relative error of the rotational inertia of each group of segments.
 const TURNING_SHARE: f64 = 0.2;
 /// Lower bound of the white noise, 1-σ, m.
 const WHITE_FLOOR_M: f64 = 2e-4;
@@ -60,7 +61,7 @@ pub(crate) fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
     }
 }
 
-/// A part of size one; the white one is not made.
+/// A part of unit size; not for the white one.
 pub(crate) fn unit_part(rows: &Rows<'_>, part: usize) -> Mat<f64> {
     match part {
         0..3 => wander(rows, &[0, 1, 2], WANDER_S[part]),
@@ -94,7 +95,7 @@ pub(crate) fn fixed_m2(rows: &Rows<'_>) -> Mat<f64> {
     sum
 }
 
-/// Every stance is put down somewhere, and the next from there: a walk of as many steps as there were changes.
+/// Stance offsets: a random walk with one step per change of stance.
 pub(crate) fn stance_m2(rows: &Rows<'_>) -> Mat<f64> {
     let [first_m, step_m] = STANCE_M[usize::from(!rows.session.suit_drifts)];
     let begin = rows.blocks.iter().map(|block| block.stance).min().unwrap_or(0);
@@ -111,7 +112,7 @@ fn lever_m2(rows: &Rows<'_>) -> Mat<f64> {
     outer(column.as_ref(), column.as_ref())
 }
 
-/// The chain's parameters were identified, not known.
+/// Uncertainty of the identified parameters of the chain.
 fn parameters_m2(rows: &Rows<'_>) -> Mat<f64> {
     let size = 3 * SEGMENTS;
     let root = root(&rows.session.prior_covariance_m2, size);
@@ -123,7 +124,7 @@ fn parameters_m2(rows: &Rows<'_>) -> Mat<f64> {
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// The turning of the body uses inertias of a table.
+/// Error of the tabulated inertias in the body's rotation.
 fn turning_m2(rows: &Rows<'_>) -> Mat<f64> {
     let columns = features(rows, 4, |block, group| {
         rows.blocks[block].turning_by_group_m[group].map(|turning_m| TURNING_SHARE * turning_m)
@@ -152,13 +153,13 @@ fn wander(rows: &Rows<'_>, axes: &[usize], time_s: f64) -> Mat<f64> {
     times(rows, outer(columns.as_ref(), columns.as_ref()), |i, j| matern(rows, i, j, time_s))
 }
 
-/// Sensors sit crooked, all the time.
+/// Constant misalignment of the sensors.
 fn crooked(rows: &Rows<'_>) -> Mat<f64> {
     let columns = features(rows, 3 * SEGMENTS, |block, column| rows.turned(block, column / 3, column % 3).0);
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// Sensors turn with the skin: each axis of a segment's error is any linear function of its joint's rotation.
+/// Soft tissue: each axis of a segment's error is any linear function of its joint's rotation.
 fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
     let columns = features(rows, 9 * SEGMENTS, |block, column| {
         let (segment, axis, joint) = (column / 9, column / 3 % 3, column % 3);
@@ -168,7 +169,7 @@ fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// How much skin there is between sensor and bone, over that of an arm: less on pelvis, legs and feet.
+/// Amount of soft tissue between sensor and bone, relative to an arm's: less on pelvis, legs and feet.
 pub(super) fn looseness(segment: usize) -> f64 {
     match Segment::ALL[segment] {
         Segment::Pelvis | Segment::RightFoot | Segment::LeftFoot | Segment::RightToe | Segment::LeftToe => {
@@ -197,7 +198,7 @@ fn motion(rows: &Rows<'_>) -> Mat<f64> {
     })
 }
 
-/// An unknown smooth function of the pose that turns with the feet (Kennedy and O'Hagan's model inadequacy).
+/// An unknown smooth function of the pose that rotates with the feet (Kennedy and O'Hagan's model inadequacy).
 fn pose(rows: &Rows<'_>) -> Mat<f64> {
     let joints = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
         rows.blocks[block].joint_rad[column / 3][column % 3]
@@ -211,7 +212,7 @@ fn pose(rows: &Rows<'_>) -> Mat<f64> {
     })
 }
 
-/// Sine and cosine of how far the feet turned from block i to block j.
+/// Sine and cosine of the feet's rotation from block i to block j.
 fn turned(rows: &Rows<'_>, i: usize, j: usize) -> (f64, f64) {
     (rows.blocks[j].heading_rad - rows.blocks[i].heading_rad).sin_cos()
 }
@@ -252,7 +253,7 @@ fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> Mat<f6
     matrix
 }
 
-/// Each pair of blocks times a factor.
+/// Multiplies each pair of blocks by a factor.
 fn times(rows: &Rows<'_>, mut matrix: Mat<f64>, of: impl Fn(usize, usize) -> f64) -> Mat<f64> {
     for j in 0..rows.len() {
         for i in j..rows.len() {

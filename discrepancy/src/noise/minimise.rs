@@ -1,6 +1,6 @@
-//! A small quasi-Newton search between bounds: half a dozen unknowns, a gradient, a good first guess of the curvature.
+//! A small quasi-Newton search between bounds: half a dozen unknowns, a gradient, a good initial curvature.
 
-/// Most steps: the sizes of noise need no more digits than this gives.
+/// Maximum number of steps: the sizes of the noise need no more digits than this gives.
 const STEPS: usize = 16;
 
 /// Minimises `of` (value and gradient; `None` where it is undefined) from `start`, within `least` and `most`.
@@ -36,7 +36,7 @@ pub(super) fn minimise<const N: usize>(
 
 type Found<const N: usize> = ([f64; N], f64, [f64; N]);
 
-/// Halves the step until it gains; each unknown moves by at most 1.5.
+/// Halves the step until the value decreases; each unknown moves by at most 1.5.
 fn search<const N: usize>(
     at: &[f64; N],
     value: f64,

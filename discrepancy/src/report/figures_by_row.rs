@@ -31,7 +31,7 @@ pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
     axes
 }
 
-/// How many times noise the gap is, per axis; before only, or before and after.
+/// The gap as a multiple of noise, per axis; before only, or before and after.
 pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
     let rows: Vec<Row> = axes(gap)
         .into_iter()

@@ -50,7 +50,7 @@ pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
     Figure { drawing: plot.draw(), caption: Text::default() }
 }
 
-/// How often the residual is how surprising: a class a bin, whatever its width.
+/// Histogram of the normalised innovations: one column per bin, independent of its width.
 pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
     let highest = bins.iter().flat_map(|bin| [bin.before, bin.after, bin.expected]).fold(0.0, f64::max);
     let columns = |[from, to]: [f64; 2], value: fn(&SurpriseBin) -> f64| -> Vec<[f64; 3]> {

@@ -1,4 +1,4 @@
-//! The story of a finding, step by step.
+//! The sections of a report, step by step.
 
 mod again;
 mod change;
@@ -79,7 +79,7 @@ fn mostly_unexplained(finding: &Finding) -> bool {
     finding.unexplained.iter().any(|generic| generic.log_odds > named)
 }
 
-/// A named effect with its surest parameter.
+/// A named effect with its most significant parameter.
 fn in_a_phrase(named: &Named) -> String {
     let words = words::candidate(&words::full_name(named));
     match surest(named) {
@@ -88,7 +88,7 @@ fn in_a_phrase(named: &Named) -> String {
     }
 }
 
-/// The parameter that is farthest from zero in σ.
+/// The parameter farthest from zero in σ.
 fn surest(named: &Named) -> Option<(&str, &Estimate)> {
     let sigmas = |estimate: &Estimate| estimate.value.abs() / estimate.sigma.max(f64::MIN_POSITIVE);
     let parameters = named.parameters.iter().map(|(name, estimate)| (name.as_str(), estimate));
@@ -112,7 +112,7 @@ fn numbers(finding: &Finding) -> Vec<[String; 3]> {
     numbers
 }
 
-/// Whether there is an "after" that differs from the "before".
+/// Whether "after" differs from "before".
 fn changed(finding: &Finding) -> bool {
     !finding.effects.is_empty()
 }

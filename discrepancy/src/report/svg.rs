@@ -1,4 +1,5 @@
-//! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; none carries meaning alone.
+//! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; no information is
+//! conveyed by colour alone.
 
 mod frame;
 mod rows;
@@ -26,7 +27,7 @@ const BOTTOM: f64 = 40.0;
 pub struct Drawing {
     /// Stem of its file's name, and its identifier in the page.
     pub name: String,
-    /// What is seen, in a few words.
+    /// A short title.
     pub title: String,
     /// Outer height.
     height: f64,
@@ -41,7 +42,7 @@ impl Drawing {
         Drawing { name, title, height, description, body }
     }
 
-    /// To stand in a page that has [`STYLE`].
+    /// For a page that contains [`STYLE`].
     pub(super) fn inline(&self) -> String {
         self.element("", "")
     }
@@ -80,7 +81,7 @@ pub enum Look {
     Expected,
     /// Suspicious.
     Suspect,
-    /// Stillness.
+    /// Static poses.
     Still,
 }
 
@@ -97,12 +98,12 @@ impl Look {
     }
 }
 
-/// Something drawn into the axes.
+/// An element drawn in the axes.
 #[derive(Debug, Clone)]
 pub enum Mark {
     /// From `−half` to `half`: x and half. Interrupted at gaps longer than `gap`.
     Band {
-        /// How it looks.
+        /// Style.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
@@ -112,43 +113,43 @@ pub enum Mark {
     /// A line through points by x, interrupted likewise. Points too dense to be resolved (`is_dense`) are drawn as the
     /// line of their means within their range.
     Line {
-        /// How it looks.
+        /// Style.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
         /// Longest distance in x that is bridged.
         gap: f64,
     },
-    /// A cloud.
+    /// A scatter plot.
     Dots {
-        /// How it looks.
+        /// Style.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
     },
-    /// Columns from zero: begin, end, value.
+    /// Columns from zero: start, end, value.
     Columns {
-        /// How it looks.
+        /// Style.
         look: Look,
-        /// Begin, end, value.
+        /// Start, end, value.
         columns: Vec<[f64; 3]>,
     },
-    /// A stretch of x with a letter.
+    /// An interval of x with a letter.
     Stretch {
-        /// How it looks.
+        /// Style.
         look: Look,
-        /// Begin.
+        /// Start.
         from: f64,
         /// End.
         to: f64,
         /// Its letter.
         letter: String,
     },
-    /// Stretches of x along the foot of the plot.
+    /// Intervals of x along the bottom of the plot.
     Strip {
-        /// How it looks.
+        /// Style.
         look: Look,
-        /// Begin and end of each.
+        /// Start and end of each.
         stretches: Vec<[f64; 2]>,
     },
 }
@@ -158,7 +159,7 @@ pub(super) const fn is_dense(points: usize) -> bool {
     points > 6 * frame::COLUMNS
 }
 
-/// How an entry of the legend looks.
+/// Symbol of a legend entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Key {
     /// A line.
@@ -176,7 +177,7 @@ pub struct Axis {
     pub label: String,
     /// Its range.
     pub scale: Scale,
-    /// Classes instead of a scale: where each stands, and its name.
+    /// Categories instead of a scale: position and name of each.
     pub classes: Vec<(f64, String)>,
 }
 
@@ -186,7 +187,7 @@ impl Axis {
         Axis { label: label.into(), scale, classes: Vec::new() }
     }
 
-    /// Where ticks stand, and their names.
+    /// Positions and labels of the ticks.
     fn named_ticks(&self, most: usize) -> Vec<(f64, String)> {
         if !self.classes.is_empty() {
             return self.classes.clone();
@@ -201,17 +202,17 @@ impl Axis {
 pub struct Plot {
     /// Identifier, unique in its page.
     pub name: String,
-    /// What is seen, in a few words.
+    /// A short title.
     pub title: String,
     /// Text alternative of the figure.
     pub description: String,
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub y: Axis,
-    /// What is drawn.
+    /// Elements.
     pub marks: Vec<Mark>,
-    /// What it means.
+    /// Legend entries.
     pub legend: Vec<(Key, Look, String)>,
 }
 
@@ -242,15 +243,15 @@ impl Plot {
 }
 
 impl Mark {
-    /// Whether the grid is drawn over it.
+    /// Whether it is drawn beneath the grid.
     fn is_behind(&self) -> bool {
         matches!(self, Mark::Band { .. } | Mark::Stretch { .. } | Mark::Strip { .. })
     }
 }
 
-/// Lays entries side by side; returns how many rows they took.
+/// Lays out entries in rows; returns the number of rows.
 pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
-    /// Advance of an average letter of the legend's type.
+    /// Average advance of a letter in the legend's font.
     const LETTER: f64 = 5.8;
     let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
     for (key, look, text) in entries {

@@ -1,4 +1,4 @@
-//! Plain words: for effects and places, odds, and numbers with their uncertainty.
+//! Wording of effects and places, odds, and numbers with their uncertainty.
 
 mod effects;
 
@@ -60,7 +60,7 @@ fn segment(name: &str) -> String {
     words.replace("right shoulder", "right collarbone").replace("left shoulder", "left collarbone")
 }
 
-/// How much less likely something is, by the difference of log odds (natural), which is positive if it is.
+/// How much less likely an explanation is, by the difference of log odds (natural), positive if it is less likely.
 pub(super) fn less_likely(by: f64) -> String {
     match times(by) {
         None => "about as likely".to_owned(),
@@ -89,7 +89,7 @@ fn one_digit(value: f64) -> String {
     format!("{:.0}", (value / power).round() * power)
 }
 
-/// Three digits that count.
+/// Three significant digits.
 pub(super) fn number(value: f64) -> String {
     let decimals = decimals(value, 3);
     if !value.is_finite() {
@@ -101,12 +101,12 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
-/// Log odds: one decimal is more than anyone needs.
+/// Log odds with one decimal.
 pub(super) fn odds(log_odds: f64) -> String {
     if log_odds.is_finite() { format!("{log_odds:.1}").replace('-', "−") } else { "not known".to_owned() }
 }
 
-/// Two numbers as `value ± sigma`: as many decimals as σ has in two digits.
+/// Two numbers as `value ± sigma`, to two significant digits of σ.
 pub(super) fn with_sigma(value: f64, sigma: f64) -> String {
     if !(sigma.is_finite() && sigma > 0.0) || sigma < 1e-6 || !value.is_finite() {
         return format!("{} ± {}", number(value), number(sigma));
@@ -128,7 +128,7 @@ pub(super) fn estimate(estimate: &Estimate) -> String {
     if ["", "1"].contains(&estimate.unit) { value } else { format!("{value} {}", estimate.unit) }
 }
 
-/// The same in a unit that people use, where there is one.
+/// The same in an everyday unit, where there is one.
 pub(super) fn in_everyday_units(of: &Estimate) -> Option<String> {
     let (factor, unit) = everyday_unit(of.unit, of.value)?;
     Some(format!("{} {unit}", with_sigma(of.value * factor, of.sigma * factor)))

@@ -1,4 +1,4 @@
-//! Reading a report back: its words without markup, and whether its markup is sound.
+//! Reads a report back: its words without markup, and whether its markup is well-formed.
 
 /// Words of a page as displayed, without its drawings.
 pub(crate) fn html_words(html: &str) -> Vec<String> {
@@ -51,7 +51,7 @@ fn words(text: &str) -> Vec<String> {
             spaced.push(letter);
         }
     }
-    // A full stop may stand behind markup.
+    // A full stop may follow markup.
     spaced
         .split_whitespace()
         .map(|word| word.trim_end_matches('.').to_owned())
@@ -75,7 +75,7 @@ pub(crate) fn attributes(markup: &str, name: &str) -> Vec<String> {
     markup.split(&begin).skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
 }
 
-/// Every tag is closed in order, every attribute is quoted, every ampersand begins an entity.
+/// Checks that every tag is closed in order, every attribute is quoted, every ampersand begins an entity.
 pub(crate) fn well_formed(markup: &str) -> Result<(), String> {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = without(markup, "<style>", "</style>");
@@ -123,7 +123,7 @@ pub(crate) fn without_code(markdown: &str) -> String {
     out
 }
 
-/// To behind the run of backticks that is as long as the one that began.
+/// Skips to the end of a run of backticks as long as the opening one.
 fn skip_code(letters: &mut std::iter::Peekable<std::str::Chars<'_>>) {
     let run = |letters: &mut std::iter::Peekable<std::str::Chars<'_>>| {
         std::iter::from_fn(|| letters.next_if_eq(&'`')).count()

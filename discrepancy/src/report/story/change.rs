@@ -102,7 +102,7 @@ fn nothing(report: &Report, section: &mut Section) {
     section.table(table);
 }
 
-/// One row per effect: the place that allows the most.
+/// One row per effect: the place with the largest bound.
 fn unseen(all: &[Unseen]) -> Table {
     let mut table = Table::new(&["effect", "that is", "parameter", ">not larger than (95 %)"]);
     let kind = |each: &Unseen| each.effect.split(' ').next().unwrap_or_default().to_owned();

@@ -1,4 +1,4 @@
-//! Step 6: what is left.
+//! Step 6: the remaining residual.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text, strong};

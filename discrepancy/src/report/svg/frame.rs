@@ -1,4 +1,4 @@
-//! The inside of a plot: values become places, marks become paths.
+//! The inside of a plot: converts values to coordinates and marks to paths.
 
 use std::fmt::Write;
 
@@ -14,11 +14,11 @@ pub(super) struct Frame {
     pub(super) bottom: f64,
 }
 
-/// Columns into which long lines are thinned.
+/// Columns to which long lines are decimated.
 pub(super) const COLUMNS: usize = 240;
 
 impl Frame {
-    /// Most dots of a cloud.
+    /// Maximum number of dots of a scatter plot.
     const DOTS: usize = 500;
 
     fn px(&self, x: f64) -> f64 {
@@ -111,7 +111,7 @@ impl Frame {
         }
     }
 
-    /// Letters stand over everything else.
+    /// Letters are drawn above everything else.
     pub(super) fn letters(&self, marks: &[Mark], out: &mut String) {
         for mark in marks {
             let Mark::Stretch { from, to, letter, .. } = mark else { continue };
@@ -131,7 +131,7 @@ impl Frame {
         self.path(&there.chain(back).collect::<Vec<_>>()) + "z"
     }
 
-    /// Fewer columns than a line has: noise changes slowly.
+    /// Fewer columns than for a line, since noise changes slowly.
     fn band(&self, points: &[[f64; 2]], gap: f64) -> String {
         let mut path = String::new();
         for run in thin::line(points, self.x, COLUMNS / 4, gap) {

@@ -6,12 +6,12 @@ use super::scale::Scale;
 use super::{Drawing, Key, Look, RIGHT, WIDTH, at, legend};
 use crate::report::escape::xml;
 
-/// Where names end and values begin.
+/// Width of the names, where values begin.
 const NAMES: f64 = 196.0;
 /// Space for a value behind its bar.
 const VALUES: f64 = 52.0;
 const ROW: f64 = 22.0;
-/// Longest name that fits, in letters.
+/// Maximum length of a name, in letters.
 const LETTERS: usize = 27;
 
 /// A row of bars or dots.
@@ -30,19 +30,19 @@ pub struct Row {
 pub struct Rows {
     /// Identifier, unique in its page.
     pub name: String,
-    /// What is seen, in a few words.
+    /// A short title.
     pub title: String,
     /// Text alternative of the figure.
     pub description: String,
-    /// What is drawn, with the unit.
+    /// Quantity and unit.
     pub label: String,
-    /// One below another.
+    /// Rows from top to bottom.
     pub rows: Vec<Row>,
     /// A reference value with its label.
     pub rule: Option<(f64, String)>,
     /// Bars from zero; else dots.
     pub bars: bool,
-    /// What it means.
+    /// Legend entries.
     pub legend: Vec<(Key, Look, String)>,
 }
 

@@ -1,4 +1,4 @@
-//! Thinning out: as many points as a picture can show, without losing the highest and the lowest.
+//! Decimation: as many points as a picture can show, with the extremes kept.
 
 use std::collections::HashSet;
 
