@@ -13,7 +13,7 @@ pub(crate) enum Scope {
     All,
     /// In the work in question.
     Work,
-    /// In a part of it: begin and end, s.
+    /// In a part of it: start and end, s.
     Span([f64; 2]),
 }
 

@@ -26,7 +26,7 @@ const SEARCHED: f64 = 2.0;
 /// Results of the library search.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Generics {
-    /// Terms that explain what the catalogue leaves, best first.
+    /// Terms that explain the residual of the catalogue, best first.
     pub(crate) after: Vec<Generic>,
     /// Log Bayes factor of as many generic terms as effects were named (at least one) without the catalogue.
     pub(crate) alone: f64,

@@ -26,7 +26,7 @@ use crate::{drawing, telling};
 const WORK_MIN: usize = 30;
 /// Minimum number of blocks outside the work for the noise fit.
 const CLEAN_MIN: usize = 12;
-/// The threshold is the level below which chance stays in so many of a hundred clean sessions.
+/// The threshold is the level that chance does not exceed in this many of a hundred clean sessions.
 const CHANCE_OF_100: f64 = 99.0;
 
 /// Result of a reconciliation.

@@ -84,7 +84,7 @@ pub struct Shown {
 /// Reasons why spans are unusable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpanError {
-    /// A span lies outside the recording.
+    /// A span is outside the recording.
     #[error(
         "{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it"
     )]

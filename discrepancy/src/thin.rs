@@ -27,7 +27,7 @@ pub(crate) fn thin(session: &Session) -> Vec<&Block> {
     kept
 }
 
-/// At most so many, evenly spaced.
+/// At most `most` blocks, evenly spaced.
 fn evenly(blocks: Vec<&Block>, most: usize) -> Vec<&Block> {
     if blocks.len() <= most {
         return blocks;

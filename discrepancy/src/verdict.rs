@@ -24,7 +24,7 @@ pub(crate) struct Rest {
     pub(crate) times_clean: [f64; 2],
     /// Correlation of one row of the centre of pressure with the next of its axis.
     pub(crate) correlation: f64,
-    /// Worst piece of the work: how many σ its sum of squares lies above its number of rows.
+    /// Worst piece of the work: how many σ its sum of squares exceeds its number of rows.
     pub(crate) worst_piece_sigma: f64,
 }
 

@@ -24,7 +24,7 @@ const SHORTEST_TIMING_S: f64 = 20.0;
 /// Shortest part, s.
 const SHORTEST_S: f64 = 2.0;
 
-/// An effect in the part of the work where it fits best.
+/// An effect in the best-fitting part of the work.
 #[derive(Debug, Clone)]
 pub(crate) struct Part {
     /// The effect with that time span.

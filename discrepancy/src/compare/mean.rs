@@ -19,7 +19,7 @@ const REACH_SHARE: f64 = 0.5;
 pub(super) struct Mean {
     /// Number of the block since the recording's start.
     pub(super) number: f64,
-    /// Begin and end, s.
+    /// Start and end, s.
     pub(super) span_s: [f64; 2],
     stance: u64,
     has_inertia: bool,

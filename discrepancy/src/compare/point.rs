@@ -21,7 +21,7 @@ const TURNING_MAX_M: f64 = 0.3;
 /// Predictions and measurements at one moment.
 #[derive(Debug)]
 pub(super) struct Point {
-    /// Since the recording's begin, s.
+    /// Time since the recording's start, s.
     pub(super) time_s: f64,
     /// Number of the stance.
     pub(super) stance: u64,

@@ -26,7 +26,7 @@ const TIME_EPSILON_S: f64 = 1e-6;
 /// A moment and its quantities to be smoothed.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
-    /// Since the recording's begin, s.
+    /// Time since the recording's start, s.
     pub(super) time_s: f64,
     pub(super) moment: Moment,
     /// Centre of mass by the chain in the suit's own world, m: the anchor's shifts are no motion of the body.

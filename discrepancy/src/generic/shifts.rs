@@ -22,7 +22,7 @@ impl<'a> Seen<'a> {
         Seen { block, lever_m: Segment::ALL.map(|segment| arm_m(segment, &block.observation)) }
     }
 
-    /// True centre of mass if the suit measures a segment turned by this, rad, world axes.
+    /// True centre of mass if the suit measures a segment rotated by this, rad, world axes.
     pub(super) fn turned_back(&self, segment: Segment, turn: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.lever_m[segment.index()];
         let [u, v, w] = turn;

@@ -198,7 +198,7 @@ fn largest(unit: &str) -> f64 {
         "rad" => std::f64::consts::PI,
         "rad/s" => 0.1,
         "Hz" => 500.0,
-        // Metres, gains and shares, seconds.
+        // Metres, gains and fractions, seconds.
         _ => 1.5,
     }
 }

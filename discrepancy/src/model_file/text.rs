@@ -139,7 +139,7 @@ pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> ModelF
     ModelFileError::Wrong { place, what }
 }
 
-/// File, line, and the number of the effect that the line belongs to.
+/// File, line, and the number of the effect that the line is part of.
 fn place_at(text: &str, byte: usize, name: &str) -> String {
     let end = text.bytes().take(byte).filter(|byte| *byte == b'\n').count() + 1;
     let effect = text.lines().take(end).filter(|line| line.trim() == "[[effect]]").count();
