@@ -41,15 +41,15 @@ impl Arm {
 pub struct Intention {
     /// Lowering of the pelvis, as a fraction of its height on straight legs.
     pub pelvis_drop: f64,
-    /// Pelvis: forward tilt, lean to the right, turn to the left.
+    /// Pelvis: forward tilt, lean to the right, rotation to the left.
     pub pelvis_deg: [f64; 3],
     /// Flexion of the spine, forward.
     pub trunk_flex_deg: f64,
     /// Bend of the spine to the right.
     pub trunk_side_deg: f64,
-    /// Turn of the spine to the left.
+    /// Rotation of the spine to the left.
     pub trunk_twist_deg: f64,
-    /// Head: nod, tilt to the right, turn to the left.
+    /// Head: nod, tilt to the right, rotation to the left.
     pub head_deg: [f64; 3],
     /// Left arm.
     pub left_arm: Arm,
@@ -83,7 +83,7 @@ impl Intention {
 
     /// The resulting pose.
     pub fn pose(&self) -> Pose {
-        // World X is the axis of a lean to the right, Y of a tilt forward, Z of a turn to the left.
+        // World X is the axis of a lean to the right, Y of a tilt forward, Z of a rotation to the left.
         let turn = |[forward, right, left]: [f64; 3], share: f64| {
             UnitQuaternion::from_scaled_axis(Vector3::new(right, forward, left).map(f64::to_radians) * share)
         };

@@ -1,4 +1,4 @@
-//! A simulated human on the real wires, with physics of its own.
+//! A simulated human on the real wires, with its own physics.
 //!
 //! Layers, lowest first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
 //! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →

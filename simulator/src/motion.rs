@@ -260,7 +260,7 @@ impl Worker {
     /// s.
     ///
     /// The upper body continues its motion. No load should be carried (the truth shares a load between both feet,
-    /// wherever they are), and no other march should be in progress.
+    /// regardless of their positions), and no other march should be in progress.
     pub fn march_on_the_spot(&mut self, at_s: f64, steps: u32) -> f64 {
         let march = March::new(&self.person, &self.stance, at_s, steps);
         self.marches.push(march);

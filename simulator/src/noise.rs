@@ -34,7 +34,7 @@ impl SuitNoise {
         soft_tissue_m_per_rad: 0.0,
     };
     /// The same on a body with soft tissue. Over recordings of people who lift, bones as measured change by 3 to 19 mm
-    /// in most segments and by up to 60 mm at thigh and trunk; a test holds this size.
+    /// in most segments and by up to 60 mm at thigh and trunk; a test checks this size.
     pub const REALISTIC: SuitNoise = SuitNoise { soft_tissue_m_per_rad: 0.008, ..SuitNoise::ORDINARY };
     /// A suit without error.
     pub const NONE: SuitNoise =
@@ -164,7 +164,7 @@ pub struct ZeroDrift {
 }
 
 impl ZeroDrift {
-    /// A plate whose zero stays.
+    /// A plate without drift.
     pub const NONE: ZeroDrift = ZeroDrift { corner_n_per_s: [[0.0; 3]; 4] };
     /// Sensors from the plate's centre, m, forward and sideways: a plate of 600 by 400 mm.
     const CORNERS_M: [[f64; 2]; 4] = [[0.12, 0.2], [0.12, -0.2], [-0.12, -0.2], [-0.12, 0.2]];

@@ -10,7 +10,7 @@ use crate::wires::ati_rdt::Record;
 pub struct Plate {
     /// The sensor's origin in the station's world, m.
     pub origin_m: [f64; 3],
-    /// Turn of the sensor's axes about Z, rad.
+    /// Rotation of the sensor's axes about Z, rad.
     pub yaw_rad: f64,
     /// Height of the walking surface above the sensor's origin, m.
     pub surface_height_m: f64,

@@ -58,7 +58,7 @@ impl PlateServer {
         PlateServer { family, ..self }
     }
 
-    /// Where it listens.
+    /// The listening address.
     ///
     /// # Errors
     /// Those of the socket.

@@ -16,7 +16,7 @@ const STRIDE: u32 = 101;
 /// An address of loopback whose port is free for both UDP and TCP, on all addresses.
 ///
 /// # Errors
-/// Every port of the range is taken.
+/// Every port of the range is in use.
 pub fn free_address() -> io::Result<SocketAddr> {
     static HANDED_OUT: AtomicU32 = AtomicU32::new(0);
     let start = process::id().wrapping_mul(STRIDE);

@@ -25,7 +25,7 @@ pub struct SimulationSettings {
     pub suit: SuitSettings,
     /// The plate.
     pub plate: PlateSettings,
-    /// A second plate; then each foot stands on one of its own.
+    /// A second plate; each foot then stands on a separate plate.
     pub second_plate: Option<SecondPlateSettings>,
 }
 

@@ -99,7 +99,7 @@ impl Default for Streams {
 pub struct SuitWorld {
     /// Origin of the suit's world in the station's, m.
     pub origin_m: [f64; 3],
-    /// Turn of the suit's axes in the station's, rad.
+    /// Rotation of the suit's axes in the station's, rad.
     pub yaw_rad: f64,
 }
 

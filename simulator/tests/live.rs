@@ -61,7 +61,7 @@ fn the_plate_streams_whole_numbers_of_records_to_whoever_asks() {
     // 50 were requested, and no more arrive.
     plate.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
     assert!(plate.recv(&mut [0; 64]).is_err());
-    // Buffered: several in a datagram; a status word goes with every record.
+    // Buffered: several in a datagram; every record contains the status word.
     simulation.set_plate_status(7);
     plate.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     ask(&plate, simulation.plate_address(), Command::StartBuffered, 0);

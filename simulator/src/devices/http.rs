@@ -37,7 +37,7 @@ impl HttpPort {
         Ok(HttpPort { port: TcpPort::bind(address)?, session: 0, heard: Vec::new() })
     }
 
-    /// Where it listens.
+    /// The listening address.
     pub fn address(&self) -> SocketAddr {
         self.port.address()
     }

@@ -29,7 +29,7 @@ impl TcpPort {
         Ok(port)
     }
 
-    /// Where it listens.
+    /// The listening address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }

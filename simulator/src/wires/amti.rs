@@ -92,7 +92,7 @@ pub struct Gauges {
 const CORNERS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]];
 
 impl Gauges {
-    /// An ordinary plate: as sensitive as the one whose matrix is public.
+    /// An ordinary plate: with the sensitivity of the published matrix.
     pub const ORDINARY: Gauges = Gauges { newtons_per_count: [0.039, 0.39], half_m: [0.18, 0.18] };
 
     /// The calibration matrix, rows Fx Fy Fz Mx My Mz in N and N m, columns the twelve channels.

@@ -82,7 +82,7 @@ pub enum Asked {
     Open(Option<u32>),
     /// Set the sample rate, Hz.
     Rate(u32),
-    /// Begin to measure.
+    /// Start measuring.
     Start,
     /// Stop measuring.
     Stop,

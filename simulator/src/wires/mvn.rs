@@ -30,7 +30,7 @@ pub struct Stamp {
     pub sample_counter: u32,
     /// Milliseconds of the suit's clock.
     pub time_code_ms: u32,
-    /// Character; tracked objects come after the people.
+    /// Character; tracked objects are numbered after the people.
     pub avatar: u8,
     /// Body segments (23; 0 before MVN 2019), props and finger segments (0 or 40).
     pub segments: [u8; 3],
