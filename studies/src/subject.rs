@@ -41,7 +41,7 @@ pub struct Subject {
 pub struct Crowd {
     /// Seed of the first subject; the others follow consecutively.
     pub first_seed: u64,
-    /// How many subjects.
+    /// Number of subjects.
     pub count: usize,
     /// Realism of all subjects.
     pub realism: Realism,

@@ -182,7 +182,7 @@ impl PlanarCoverage {
     }
 }
 
-/// How many σ a normal error exceeds with this probability, to either side.
+/// Number of σ that a normal error exceeds with this two-sided probability.
 ///
 /// Abramowitz and Stegun, *Handbook of Mathematical Functions*, 26.2.23; off by less than 4.5e-4.
 fn normal_deviate(beyond: f64) -> f64 {

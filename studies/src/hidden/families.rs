@@ -1,6 +1,6 @@
 //! Effects declared as indistinguishable by these data (the method's table of confusable effects), for the evaluator.
 
-/// Labels (name with place) that are interchangeable wherever they occur.
+/// Labels (name with place) that are always interchangeable.
 const ALIKE: [&[&str]; 10] = [
     &["plate_offset", "unbalanced_parameters Pelvis"],
     &["plate_yaw", "suit_heading_drift"],

@@ -17,7 +17,7 @@ use crate::subject::Subject;
 pub struct Lengths {
     /// Minimum and maximum number of poses during identification.
     pub poses: [usize; 2],
-    /// Work known to be clean, s.
+    /// Work declared clean, s.
     pub reference_s: f64,
     /// Work in question, s.
     pub work_s: f64,
