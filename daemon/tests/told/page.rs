@@ -89,7 +89,7 @@ impl Page {
         &rows[1..]
     }
 
-    /// A cell: of the row that begins with `row`, the column whose head is `column`.
+    /// The cell in the row that starts with `row` and the column with header `column`.
     #[track_caller]
     pub(crate) fn cell(&self, heading: &str, row: &str, column: &str) -> &str {
         let (_, rows) = self.tables.iter().find(|(name, _)| name == heading).unwrap();
