@@ -1,4 +1,4 @@
-//! Warm, the loop neither allocates nor frees memory, whichever processes join or leave.
+//! Warm, the loop neither allocates nor frees memory, while processes join and leave.
 //!
 //! A counting allocator is armed on the loop's own thread, from inside the loop, after a warm-up; then sensors stream,
 //! static poses and motion samples update the filter, a box is lifted and accumulates exposure, a model with terms of

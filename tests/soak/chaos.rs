@@ -24,7 +24,7 @@ pub(crate) enum Chaos {
     SuitAdapterKilled,
     GroundAdapterKilled,
     DaemonStopped,
-    /// An adapter whose clock is ahead by so many seconds, or behind if negative.
+    /// An adapter with its clock ahead by this many seconds, or behind if negative.
     OtherClock(i32),
 }
 

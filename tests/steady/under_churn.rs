@@ -109,7 +109,7 @@ fn faults(the_loop: i32) -> [u64; 2] {
     [facts.minor_faults, facts.major_faults]
 }
 
-/// Started by the test above, in a process and on a bus of its own.
+/// Started by the test above, in a separate process and on a separate bus.
 #[test]
 #[ignore = "a process of the suite: the test of the same file starts it"]
 fn inside() {
