@@ -1,9 +1,9 @@
-//! Reduces moments to blocks: the model's predictions and the plate's measurements, averaged over a fraction of a
+//! Reduces snapshots to blocks: the model's predictions and the plate's measurements, averaged over a fraction of a
 //! second.
 //!
 //! Suit and ground pass through the same local parabola (Savitzky and Golay) over samples at the same times, so that
-//! filtering does not appear as an effect. This module does not read files: moments are pushed one by one, in any
-//! number, and memory stays bounded (one second of moments and at most [`Options::blocks_max`] blocks).
+//! filtering does not appear as an effect. This module does not read files: snapshots are pushed one by one, in any
+//! number, and memory stays bounded (one second of snapshots and at most [`Options::blocks_max`] blocks).
 //!
 //! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `kept` → this file.
 
@@ -56,7 +56,7 @@ pub struct Comparison {
     shear_missing: bool,
 }
 
-/// Properties of the previous moment.
+/// Properties of the previous snapshot.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     time_s: f64,
@@ -64,7 +64,7 @@ struct Last {
 }
 
 impl Comparison {
-    /// A comparison without moments.
+    /// A comparison without snapshots.
     pub fn new(worker: Worker, options: Options) -> Comparison {
         Comparison {
             window: Window::new(options.half_window_s, options.block_s),
@@ -83,7 +83,7 @@ impl Comparison {
         }
     }
 
-    /// Ingests the next moment; ignores one whose time does not advance.
+    /// Ingests the next snapshot; ignores one whose time does not advance.
     pub fn push(&mut self, moment: &Moment) {
         let time_s = self.options.seconds(moment.time_ns);
         if let Some(last) = self.last {
@@ -121,7 +121,7 @@ impl Comparison {
         self.shear && !self.shear_missing
     }
 
-    /// All blocks by time, once the last moment is pushed.
+    /// All blocks by time, once the last snapshot is pushed.
     pub fn finish(mut self) -> Vec<Block> {
         self.interrupt();
         self.kept.into_blocks()
@@ -143,7 +143,7 @@ impl Comparison {
         self.points.push_back(point);
     }
 
-    /// Completes a block while the moments that its means require are still in memory.
+    /// Completes a block while the snapshots that its means require are still in memory.
     fn close(&mut self, mut full: Mean) {
         if full.is_whole(&self.options) {
             full.add_moments(&self.window);

@@ -74,7 +74,8 @@ pub(crate) fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64>
     product
 }
 
-/// A factor `S` with `S Sᵀ` = a symmetric positive semidefinite matrix given row by row; as many columns as it has rank.
+/// A factor `S` with `S Sᵀ` = a symmetric positive semidefinite matrix given row by row; as many columns as it has
+/// rank.
 pub(crate) fn root(rows: &[f64], size: usize) -> Mat<f64> {
     let mut left = Mat::from_fn(size, size, |i, j| rows[i * size + j]);
     let trace: f64 = (0..size).map(|i| left[(i, i)]).sum();

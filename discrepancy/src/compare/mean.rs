@@ -28,7 +28,7 @@ pub(super) struct Mean {
     reach_s: [f64; 2],
     sum: Sum,
     by_cutoff: [Change; CUTOFFS_HZ.len()],
-    /// Number of the first contributing moment, and the summed weights of each in values and second derivatives.
+    /// Number of the first contributing snapshot, and the summed weights of each in values and second derivatives.
     first_moment: usize,
     weights: Vec<[f64; 2]>,
     bodies: Box<Bodies>,
@@ -52,7 +52,7 @@ struct Sum {
     force_measured_n: [f64; 3],
 }
 
-/// Sums over moments: positions and orientations of the segments.
+/// Sums over snapshots: positions and orientations of the segments.
 #[derive(Debug)]
 struct Bodies {
     origin_m: [[f64; 3]; SEGMENTS],
@@ -133,8 +133,8 @@ impl Mean {
         self.reach_s[1] - self.reach_s[0] >= REACH_SHARE * options.block_s
     }
 
-    /// Sums the moments with their weights once all points are added: the mean over points of linearly smoothed or
-    /// differentiated quantities is one weighted sum over moments.
+    /// Sums the snapshots with their weights once all points are added: the mean over points of linearly smoothed or
+    /// differentiated quantities is one weighted sum over snapshots.
     pub(super) fn add_moments(&mut self, window: &Window) {
         let bodies = &mut *self.bodies;
         for (place, weights) in self.weights.iter().enumerate() {

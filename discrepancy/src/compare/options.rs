@@ -1,9 +1,9 @@
-//! Options of the reduction of moments to blocks.
+//! Options of the reduction of snapshots to blocks.
 
 use crate::block::{LAGS_S, Phase};
 use crate::session::Spans;
 
-/// Options of the reduction of moments to blocks.
+/// Options of the reduction of snapshots to blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Start of the recording, CLOCK_MONOTONIC ns.
@@ -16,7 +16,7 @@ pub struct Options {
     pub half_window_s: f64,
     /// Nothing is compared within this time of a foot's lift-off or contact, s.
     pub stance_margin_s: f64,
-    /// Moments farther apart than this are a gap, s.
+    /// Snapshots farther apart than this are a gap, s.
     pub gap_max_s: f64,
     /// Whether the model includes the body's inertia.
     pub has_inertia: bool,

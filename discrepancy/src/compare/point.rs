@@ -1,4 +1,4 @@
-//! One moment, smoothed and differentiated: predictions of the model and measurements of the plate.
+//! One snapshot, smoothed and differentiated: predictions of the model and measurements of the plate.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::motion::inertia::momentum_rate_by_segment;
@@ -18,7 +18,7 @@ const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
 /// m.
 const TURNING_MAX_M: f64 = 0.3;
 
-/// Predictions and measurements at one moment.
+/// Predictions and measurements at one snapshot.
 #[derive(Debug)]
 pub(super) struct Point {
     /// Time since the recording's start, s.
@@ -27,7 +27,7 @@ pub(super) struct Point {
     pub(super) stance: u64,
     /// Whether the model includes the body's inertia.
     pub(super) has_inertia: bool,
-    /// Window and weights, for averages over the moments themselves.
+    /// Window and weights, for averages over the snapshots themselves.
     pub(super) around: Box<Around>,
     /// Height of the walking surface, m.
     pub(super) floor_m: f64,
@@ -63,7 +63,7 @@ struct Sums {
 }
 
 impl Point {
-    /// The point at a moment's number, from the window around it; `None` if the window lacks plate data or the plate
+    /// The point at a snapshot's number, from the window around it; `None` if the window lacks plate data or the plate
     /// was unloaded.
     pub(super) fn of(
         window: &Window,

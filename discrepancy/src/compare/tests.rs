@@ -59,7 +59,7 @@ fn standing(time_s: f64) -> Moment {
     made(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
 }
 
-/// Blocks over a duration in seconds at a rate; `change` modifies each moment.
+/// Blocks over a duration in seconds at a rate; `change` modifies each snapshot.
 fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut Moment)) -> Vec<Block> {
     let mut comparison = Comparison::new(worker(), options);
     for number in 0..(for_s * rate_hz) as u64 {

@@ -1,4 +1,4 @@
-//! The moments around the current one, and the parabola through them.
+//! The snapshots around the current one, and the parabola through them.
 
 use std::collections::VecDeque;
 
@@ -14,16 +14,16 @@ use super::options::Options;
 use super::point::Point;
 use super::worker::Worker;
 
-/// Minimum number of moments on each side of a parabola.
+/// Minimum number of snapshots on each side of a parabola.
 const SIDE_MIN: usize = 2;
-/// Maximum number of moments on each side.
+/// Maximum number of snapshots on each side.
 const SIDE_MAX: usize = CAPACITY / 2 - 1;
 /// Each side must cover this fraction of half the window; otherwise value and derivatives belong to another time.
 const REACH_SHARE: f64 = 0.6;
 /// Tolerance of times, s: a sample on the edge of the window belongs to it.
 const TIME_EPSILON_S: f64 = 1e-6;
 
-/// A moment and its quantities to be smoothed.
+/// A snapshot and its quantities to be smoothed.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
     /// Time since the recording's start, s.
@@ -35,7 +35,7 @@ pub(super) struct Seen {
     pub(super) ground: Option<Shown>,
 }
 
-/// Plate data at a moment.
+/// Plate data at a snapshot.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shown {
     pub(super) force_n: [f64; 3],
@@ -45,19 +45,19 @@ pub(super) struct Shown {
     pub(super) cop_nm: [f64; 2],
 }
 
-/// The moments of the last second.
+/// The snapshots of the last second.
 #[derive(Debug)]
 pub(super) struct Window {
     half_s: f64,
-    /// Moments older than this are dropped, s.
+    /// Snapshots older than this are dropped, s.
     kept_s: f64,
     seen: VecDeque<Seen>,
-    /// Number of dropped moments, and number of the next moment to be processed.
+    /// Number of dropped snapshots, and number of the next snapshot to be processed.
     forgotten: usize,
     next: usize,
 }
 
-/// The window around a moment: number of its first moment, and the weights of all moments in it.
+/// The window around a snapshot: number of its first snapshot, and the weights of all snapshots in it.
 #[derive(Debug)]
 pub(super) struct Around {
     pub(super) first: usize,
@@ -78,7 +78,7 @@ impl Window {
         self.seen.clear();
     }
 
-    /// Ingests a moment; returns whether the plate has a centre of pressure.
+    /// Ingests a snapshot; returns whether the plate has a centre of pressure.
     pub(super) fn push(&mut self, time_s: f64, moment: &Moment, worker: &Worker) -> bool {
         let oldest_s = time_s - self.kept_s;
         let old = |seen: &mut Seen| seen.time_s < oldest_s;
@@ -99,7 +99,7 @@ impl Window {
         has_cop
     }
 
-    /// Compares the next moment whose following samples have arrived; skips moments with an incomplete window.
+    /// Compares the next snapshot whose following samples have arrived; skips snapshots with an incomplete window.
     pub(super) fn next(&mut self, worker: &Worker, options: &Options) -> Option<Point> {
         let newest_s = self.seen.back()?.time_s;
         while self.next < self.forgotten + self.seen.len() {
@@ -117,12 +117,12 @@ impl Window {
         None
     }
 
-    /// The moment of a number.
+    /// The snapshot of a number.
     pub(super) fn at(&self, number: usize) -> &Seen {
         &self.seen[number - self.forgotten]
     }
 
-    /// The moment of a number, unless it has been dropped.
+    /// The snapshot of a number, unless it has been dropped.
     pub(super) fn get(&self, number: usize) -> Option<&Seen> {
         self.seen.get(number.checked_sub(self.forgotten)?)
     }
@@ -159,7 +159,7 @@ fn chain(pose: &Pose<StationWorld>, worker: &Worker) -> Vector3<f64> {
     equipoise_core::sesc::centre_of_mass(pose, &worker.phi)
 }
 
-/// `world_from_segment` of a moment as a matrix, row by row.
+/// `world_from_segment` of a snapshot as a matrix, row by row.
 pub(super) fn matrix(moment: &Moment, segment: usize) -> [[f64; 3]; 3] {
     let matrix = rotation(moment.orientation_wxyz[segment]).to_rotation_matrix();
     [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
