@@ -157,7 +157,8 @@ impl PlateNoise {
 }
 
 /// Drift of the charge amplifiers of a piezoelectric plate since they were last reset: data sheets of such plates allow
-/// 0.01 N/s in each force component. Each component's four sensors, below the corners, drift at constant rates of their own.
+/// 0.01 N/s in each force component. Each component's four sensors, below the corners, drift at constant rates of their
+/// own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ZeroDrift {
     corner_n_per_s: [[f64; 3]; 4],

@@ -44,8 +44,9 @@ pub struct Realism {
     /// along the hand from the palm's hollow to the middle of the first phalanges (21 mm before to 21 mm beyond the
     /// knuckles), 5 to 25 mm on the palm's side of the hand's middle, and up to 12 mm off its axis.
     pub hands: Severity,
-    /// The centre of a box is 22 to 42 mm beyond the grips, away from the body: 83 to 103 mm ahead of the wrists and 40 to 50 mm
-    /// beyond the hands' centres of mass were measured, so the hands sloped by 45° and the knuckles were 61 mm ahead.
+    /// The centre of a box is 22 to 42 mm beyond the grips, away from the body: 83 to 103 mm ahead of the wrists and 40
+    /// to 50 mm beyond the hands' centres of mass were measured, so the hands sloped by 45° and the knuckles were 61 mm
+    /// ahead.
     pub load_place: Severity,
     /// Hands squeeze a box between them. `severe` is a box without handles: its weight over 2 µ on each hand, µ = 0.5;
     /// [`Realism::REALISTIC`] boxes have handles and are not squeezed.
@@ -74,7 +75,8 @@ pub struct Clocks {
 impl Realism {
     /// No phenomenon.
     pub const IDEAL: Realism = Realism::all(Severity::Ideal);
-    /// A typical station: the default of the studies; contacts and soft tissue also of the simulated person on the wires.
+    /// A typical station: the default of the studies; contacts and soft tissue also of the simulated person on the
+    /// wires.
     pub const REALISTIC: Realism = Realism { squeeze: Severity::Ideal, ..Realism::all(Severity::Realistic) };
     /// Everything at its worst.
     pub const SEVERE: Realism = Realism::all(Severity::Severe);

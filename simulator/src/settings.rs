@@ -83,8 +83,8 @@ pub struct SecondPlateSettings {
 }
 
 impl Default for SimulationSettings {
-    /// A person of 1.77 m and 72 kg with realistic contacts and soft tissue ([`Realism::REALISTIC`]) in an ordinary suit on a
-    /// good plate, on loopback and default ports.
+    /// A person of 1.77 m and 72 kg with realistic contacts and soft tissue ([`Realism::REALISTIC`]) in an ordinary
+    /// suit on a good plate, on loopback and default ports.
     fn default() -> SimulationSettings {
         let loopback = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
         SimulationSettings {

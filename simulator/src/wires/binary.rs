@@ -1,5 +1,5 @@
-//! Frames with sync bytes, sequence and check sum, as home-made plates send them: `A5 5A`, a number, a time, six floats,
-//! and CRC-16/CCITT-FALSE over all before it. Little-endian.
+//! Frames with sync bytes, sequence and check sum, as home-made plates send them: `A5 5A`, a number, a time, six
+//! floats, and CRC-16/CCITT-FALSE over all before it. Little-endian.
 
 use super::crc;
 
