@@ -57,7 +57,7 @@ fn pair(x: [f64; 2], y: [f64; 2]) -> Columns {
     columns
 }
 
-/// Direction from which the centre of pressure arrived at a block, per axis in \[−1, 1\]: hysteresis depends on it.
+/// Recent direction of motion of the centre of pressure at a block, per axis in \[−1, 1\]: hysteresis depends on it.
 fn cop_way(rows: &Rows<'_>, block: usize) -> [f64; 2] {
     let seen = |block: usize| rows.blocks[block].observation.cop_predicted_m;
     let mut way = [0.0; 2];
