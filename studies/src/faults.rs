@@ -90,7 +90,7 @@ impl Outcome {
     }
 }
 
-/// Invalid reasons that would withhold values during correct work.
+/// Invalid reasons that count as detection of a fault: those of torques, without those of an absent or small load.
 const REASONS: Validity =
     Validity(Validity::SPOILS_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0 & !Validity::LOAD_MAY_HIDE.0);
 
