@@ -100,7 +100,7 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     let mut eyes = Eyes::open(&station);
     eyes.until_poses(&person, 1);
     station.run(&["identify", "stop"]).done();
-    // All poses identified until then are in the file before it is used for a comparison.
+    // All poses used until then must be in the file before the comparisons below.
     let learnt = eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring").poses_used;
     let saved = |subject: &str| std::fs::read_to_string(station.profile(subject)).unwrap_or_default();
     let whole = ["identified = true\n", "learning = false\n", &format!("poses_used = {learnt}\n")];
@@ -131,7 +131,7 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     wait_for("a profile without it", || saved("anon-2").contains("lifts = 1\n").then_some(()));
 
     assert!(station.run(&["subject", "save"]).done().contains("anon-2"));
-    // Until now its date was updated.
+    // Until now the file's date was updated; from here on the file must not change.
     let first = saved("anon-1");
     assert!(whole.iter().all(|line| first.contains(line)) && first.contains("\"anon-1\""), "{first}");
     station.run(&["identify", "start"]).done();
