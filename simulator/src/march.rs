@@ -1,7 +1,7 @@
 //! Marching on the spot: the feet leave the floor alternately while the centre of mass swings sideways.
 //!
-//! A standing person's centre of pressure is `p = y − ÿ z/g` (z: height of the centre of mass y). A sideways swing `y =
-//! A sin ωt` has its centre of pressure at `(1 + ω² z/g) y`: a small sway of the body shifts all weight from foot to
+//! A standing person's centre of pressure is `p = y − ÿ z/g` (z: height of the centre of mass y). A sideways swing
+//! `y = A sin ωt` has its centre of pressure at `(1 + ω² z/g) y`: a small sway of the body shifts all weight from foot to
 //! foot. A third harmonic keeps it longer under each foot, and a foot is in the air only during that time.
 
 use core::f64::consts::PI;
