@@ -1,4 +1,4 @@
-//! Is anything in Cargo.lock known to be weak? Compared with a copy of the RustSec advisories, without a network.
+//! Checks Cargo.lock for known vulnerabilities, by a copy of the RustSec advisories, without a network.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use semver::{Prerelease, Version, VersionReq};
 use serde::Deserialize;
 
-/// Advisories that affect a version in use and are accepted, each with the reason. One that affects nothing any more is
-/// to be deleted.
+/// Advisories that affect a version in use and are accepted, each with the reason. Delete those that no longer affect
+/// any.
 const ACCEPTED: [(&str, &str); 5] = [
     (
         "RUSTSEC-2024-0436",
@@ -57,11 +57,11 @@ struct Lock {
 struct Package {
     name: String,
     version: Version,
-    /// Absent for our own crates.
+    /// Absent for crates of the workspace.
     source: Option<String>,
 }
 
-/// The metadata of an advisory; what is not needed here is passed over.
+/// The metadata of an advisory; other fields are ignored.
 #[derive(Debug, Deserialize)]
 struct Advisory {
     advisory: Head,
@@ -92,7 +92,7 @@ impl Advisory {
     }
 
     fn affects(&self, package: &Package) -> bool {
-        // Ranges leave out what comes before a release; here it counts as that release.
+        // Version ranges exclude pre-releases; here one counts as its release.
         let version = Version { pre: Prerelease::EMPTY, ..package.version.clone() };
         let mut sound = self.versions.patched.iter().chain(&self.versions.unaffected);
         self.advisory.withdrawn.is_none()
@@ -105,7 +105,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../.ci/advisories")
 }
 
-/// Every advisory that is kept, with its whole text.
+/// Every stored advisory, with its text.
 fn kept() -> Vec<(Advisory, String)> {
     let entries = |path: PathBuf| {
         std::fs::read_dir(path).expect("a folder").map(|entry| entry.expect("an entry").path())
@@ -179,7 +179,7 @@ fn a_weak_version_in_a_lock_would_be_found() {
         ))
     };
     let found = |name: &str, version: &str| affected(&lock(name, version), &kept());
-    // Ranges with both ends, with one, with a caret; what was never affected.
+    // Ranges with both ends, with one, with a caret; never-affected versions.
     assert!(found("smallvec", "0.6.9").contains_key("RUSTSEC-2019-0009"));
     assert!(!found("smallvec", "0.6.10").contains_key("RUSTSEC-2019-0009"));
     assert!(!found("smallvec", "0.6.2").contains_key("RUSTSEC-2019-0009"));

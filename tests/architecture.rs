@@ -1,6 +1,6 @@
-//! The shape of the house, held by test: who may use whom, and what must not be there.
+//! Architecture rules as tests: permitted dependencies between crates, and forbidden constructs.
 //!
-//! Read as text, since that is what a reviewer sees; comments and string literals are taken out first.
+//! Works on the source text; comments and string literals are removed first.
 
 #[path = "architecture/source.rs"]
 mod source;
@@ -10,19 +10,19 @@ use std::path::Path;
 
 use source::{Crate, committed_texts, crates};
 
-/// Which of our crates each may use outside its tests. A new crate gets its line here.
+/// Permitted dependencies of each crate outside its tests. A new crate requires a line here.
 const MAY_USE: [(&str, &[&str]); 20] = [
     ("core", &[]),
     ("latency", &["core"]),
     ("files", &[]),
     ("bus", &["core", "latency"]),
     ("adapters", &["core", "bus", "latency", "files"]),
-    // Its wires are its own: an encoder that is our parser turned round would prove nothing.
+    // It has its own encoders: an encoder derived from the parser would be no independent check.
     ("simulator", &["core"]),
     ("discrepancy", &["core", "adapters"]),
     ("studies", &["core", "simulator", "adapters"]),
     ("view", &["core", "bus", "latency"]),
-    // Consumers like any other, which send on what they read.
+    // Ordinary consumers, which forward what they read.
     ("outlets", &["core", "client", "files"]),
     // Reads recordings.
     ("export", &["core", "adapters"]),
@@ -41,11 +41,11 @@ const MAY_USE: [(&str, &[&str]); 20] = [
     ("benches", &["core", "latency", "bus", "adapters", "simulator", "daemon"]),
 ];
 
-/// Parts of the core that the simulated person must not know: agreement with its own estimator would prove nothing.
+/// Parts of the core that the simulator must not use: agreement with its own estimator would be no evidence.
 const NOT_FOR_THE_SIMULATOR: [&str; 8] =
     ["sesc", "kalman", "overload", "exposure", "cycle", "anchor", "static_pose", "effect"];
 
-/// The traits and derives that messages need; the core takes nothing else of iceoryx2.
+/// The traits and derives that messages require; the core uses nothing else of iceoryx2.
 const CORE_OF_ICEORYX2: [&str; 2] = ["iceoryx2-bb-derive-macros", "iceoryx2-bb-elementary-traits"];
 
 const LINES_TO_MENTION: usize = 400;
@@ -99,7 +99,7 @@ fn unsafe_stands_where_it_is_expected() {
     let expected = |path: &str| {
         path.starts_with("bus/")
             || path.starts_with("daemon/src/realtime")
-            // Where C calls in.
+            // The C interface.
             || path == "clients/c/src/border.rs"
             || (path.starts_with("tests/") && path.contains("alloc"))
     };
@@ -112,7 +112,7 @@ fn unsafe_stands_where_it_is_expected() {
     }
 }
 
-/// What reads by itself: what the kernel tells, folders that are synced, locks, the program that is installed.
+/// Files that open files directly: kernel information, synced folders, locks, the installed program.
 const READ_BY_THEMSELVES: [&str; 12] = [
     "adapters/src/source/serial_line/refused.rs",
     "daemon/src/deletion.rs",
@@ -130,7 +130,7 @@ const READ_BY_THEMSELVES: [&str; 12] = [
 
 #[test]
 fn files_are_opened_in_one_place() {
-    // What runs beside a worker; studies and the simulator read what they wrote.
+    // Crates that run at the station; studies and the simulator read only their own files.
     let shipped = ["adapters", "bus", "daemon", "discrepancy", "export", "outlets", "view"];
     for found in crates().filter(|found| shipped.iter().any(|folder| found.folder.starts_with(folder))) {
         for file in
@@ -180,7 +180,7 @@ fn the_core_stands_on_nothing() {
     let head = core.sources().into_iter().find(|file| file.path.ends_with("src/lib.rs")).unwrap().code;
     assert!(head.contains("#![no_std]"), "core/src/lib.rs lacks #![no_std]");
     assert!(head.contains("#![forbid(unsafe_code)]"), "core/src/lib.rs lacks #![forbid(unsafe_code)]");
-    // That its dependencies bring neither std nor a heap, `.ci/bare-core` proves by linking.
+    // `.ci/bare-core` checks by linking that its dependencies require neither std nor a heap.
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn the_simulated_person_does_not_know_the_estimator() {
     }
 }
 
-/// Formulas of the estimator that what is true must not be made of: each is a name of the core.
+/// Formulas of the estimator, by their names in the core, from which the truth must not be computed.
 const ESTIMATOR_FORMULAS: [&str; 12] = [
     "Loading",
     "FootLoads",
@@ -226,7 +226,8 @@ fn truth_is_made_of_no_formula_of_the_estimator() {
     for (folder, under) in judges {
         let found = crates().find(|found| found.folder == folder).unwrap();
         for file in found.sources().into_iter().filter(|file| file.path.starts_with(under)) {
-            // One reads the estimator's own still window, the other the published lever of its model: questions, not answers.
+            // One reads the estimator's own static window, the other the published lever of its model: as inputs of a
+            // comparison, not as truth.
             let asks = ["poses.rs", "back.rs"].iter().any(|name| file.path.ends_with(name));
             files += 1;
             for (line, word) in file.words() {
@@ -281,7 +282,7 @@ fn every_relative_link_of_the_pages_leads_somewhere() {
 
 #[test]
 fn no_file_names_a_place_on_somebodys_machine() {
-    // Put together here, so that this file does not name them either.
+    // Composed here, so that this file does not contain the paths either.
     let homes: BTreeSet<String> =
         ["work/", "root/", "home/", "Users/"].iter().map(|end| format!("/{end}")).collect();
     for (path, text) in committed_texts() {

@@ -1,4 +1,4 @@
-//! A global allocator that counts what the armed threads ask of it. Each thread has a flag and counters of its own.
+//! A global allocator that counts the calls of armed threads. Each thread has its own flag and counters.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -8,25 +8,25 @@ thread_local! {
     static TOUCHED: Cell<Touched> = const { Cell::new(Touched { allocations: 0, frees: 0 }) };
 }
 
-/// How often a thread touched the heap while it was armed.
+/// Heap calls of a thread while it was armed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Touched {
     pub(crate) allocations: u64,
     pub(crate) frees: u64,
 }
 
-/// From now on the calling thread's calls count, or no longer.
+/// Starts or stops counting the calling thread's calls.
 pub(crate) fn arm(armed: bool) {
     ARMED.set(armed);
 }
 
-/// What the calling thread did while it was armed.
+/// Counts of the calling thread while it was armed.
 pub(crate) fn touched() -> Touched {
     TOUCHED.get()
 }
 
 fn count(allocations: u64, frees: u64) {
-    // A thread that is being torn down has no flag any more, and is not the loop.
+    // A thread during its teardown has no flag any more, and is not the loop.
     if ARMED.try_with(Cell::get).unwrap_or(false) {
         let Touched { allocations: a, frees: f } = TOUCHED.get();
         TOUCHED.set(Touched { allocations: a + allocations, frees: f + frees });
@@ -36,7 +36,7 @@ fn count(allocations: u64, frees: u64) {
 struct Counting;
 
 #[expect(unsafe_code, reason = "GlobalAlloc is an unsafe trait")]
-// SAFETY: every call is handed on to the system allocator as it came; counting touches no heap.
+// SAFETY: every call is forwarded unchanged to the system allocator; counting does not use the heap.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(1, 0);

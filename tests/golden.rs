@@ -1,8 +1,8 @@
-//! The core against another program: static poses with loads in the hands, computed with the Pinocchio rigid-body
+//! Compares the core with another program: static poses with loads in the hands, computed with the Pinocchio rigid-body
 //! library, which shares neither code nor method with it.
 //!
-//! `golden/static.json` is ours (`golden/make.py` writes it). A second, larger file is read where there is one:
-//! `golden/pinocchio_static.json` in the folder that `EQUIPOISE_SHARED` names.
+//! `golden/static.json` is this project's (`golden/make.py` writes it). A second, larger file is used if present:
+//! `golden/pinocchio_static.json` in the folder given by `EQUIPOISE_SHARED`.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -53,8 +53,8 @@ impl Reference {
         serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
     }
 
-    /// Φ with the bones of one pose, as the pipeline learns them. The file's own offsets are rounded to nine
-    /// decimals, and along a chain of eight that alone adds up to more than the tolerance.
+    /// Φ with the segment lengths of one pose, as in the pipeline. The file's own offsets are rounded to nine decimals,
+    /// and along a chain of eight that alone exceeds the tolerance.
     fn phi(&self, pose: &Pose<StationWorld>) -> Phi {
         let seen = Skeleton::of(pose);
         for (seen, stated) in seen.offset_m.iter().flatten().zip(self.offset_in_parent_m.iter().flatten()) {
@@ -63,7 +63,7 @@ impl Reference {
         let body = Anthropometry {
             mass_fraction: self.segment_mass_kg.map(|mass_kg| mass_kg / self.mass_kg),
             com_m: self.segment_com_m,
-            // Φ has no hands' grips.
+            // Φ does not contain the grips.
             hand_length_m: 0.0,
         };
         Phi::of(&seen, &body)
@@ -100,7 +100,7 @@ fn name(side: Side) -> &'static str {
     }
 }
 
-/// Every case of a file; the largest differences, m and N m.
+/// Compares every case of a file; returns the largest differences, m and N m.
 fn compare(file: &Path) -> (usize, f64, f64) {
     let reference = Reference::read(file);
     for segment in Segment::ALL {

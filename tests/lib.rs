@@ -1,1 +1,1 @@
-//! Nothing but the tests beside it; each file says what it holds Equipoise to.
+//! An empty library; the tests next to it each state their requirement.

@@ -1,8 +1,8 @@
-//! Warm, the loop neither allocates nor frees, whoever comes or goes.
+//! Warm, the loop neither allocates nor frees memory, while processes join and leave.
 //!
 //! A counting allocator is armed on the loop's own thread, from inside the loop, after a warm-up; then sensors stream,
-//! held poses and motion are learnt, a box is lifted and adds up in the exposure, a model with terms of every sort is
-//! run, subscribers stay, join and leave, and checkpoints are asked for, over 100 000 cycles.
+//! static poses and motion samples update the filter, a box is lifted and accumulates exposure, a model with terms of
+//! every kind runs, subscribers stay, join and leave, and checkpoints are requested, over 100 000 cycles.
 
 #[path = "counting_alloc.rs"]
 mod counting_alloc;
@@ -28,7 +28,7 @@ use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 const RATE_HZ: u32 = 4000;
 const WARM_CYCLES: u64 = 4000;
 const ARMED_CYCLES: u64 = 100_000;
-/// Lifted once identification is done.
+/// Lifted once identification has ended.
 const BOX_KG: f64 = 8.0;
 
 /// Arms the calling thread's allocator, which is the loop's.
@@ -63,8 +63,8 @@ fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
     config
 }
 
-/// A term of every sort: columns with and without motion, time, a filter, a lag; each too small to be in the way. And a
-/// pose that is asked for.
+/// A term of every kind: columns with and without motion, time, a filter, a lag; each too small to disturb the rest.
+/// And a requested pose.
 const MODEL: &str = r#"version = 1
 [ask]
 between = ["worn_mass T8", "hand_load both"]
@@ -118,7 +118,7 @@ log_odds = 9.0
 parameters = { tau_s = { value = 0.001, sigma = 0.001, unit = "s" } }
 "#;
 
-/// What the living subscriber saw the loop do.
+/// Loop activity observed by the permanent subscriber.
 #[derive(Debug, Default)]
 struct Seen {
     states: u64,
@@ -149,8 +149,8 @@ impl Seen {
     }
 }
 
-/// Poses are held, then a box is lifted; subscribers come and go, checkpoints are asked for, the configuration is read
-/// again, until all of the loop's work was seen and it has been armed long enough.
+/// Poses are held, then a box is lifted; subscribers join and leave, checkpoints are requested, the configuration is
+/// reloaded, until all kinds of the loop's work have occurred and it has been armed long enough.
 fn keep_busy(
     station: &str,
     person: &SimulationHandle,
@@ -207,11 +207,11 @@ fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
     let worked = keep_busy(&station, &person, &seen, |round| {
         let mut other = config.clone();
         other.overload.threshold_n = if round % 400 == 100 { 16.0 } else { 15.0 };
-        // The model's terms begin anew with it too.
+        // This resets the model's terms as well.
         pipeline.reload(Ok(other)).expect("a good configuration");
     });
     disarm.store(true, Ordering::Relaxed);
-    // The flag is looked at once a cycle.
+    // The loop checks the flag once a cycle.
     std::thread::sleep(Duration::from_millis(50));
     let touched = touched.load(Ordering::Relaxed);
     let summary = pipeline.stop().expect("an orderly end");

@@ -1,7 +1,7 @@
 //! Torques of the legs by two plates against those by one, for simulated people who do not press under their ankles.
 //!
-//! What each foot would bear without the load is nobody's measurement. The rule of the core and the simulator's split
-//! are alike in that, and would agree exactly; so these people press elsewhere once they carry nothing.
+//! The load of each foot without the carried load is not measurable. The core's rule and the simulator's split are the
+//! same, and would agree exactly; so these people press elsewhere once they carry nothing.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
@@ -19,11 +19,11 @@ const EXACT: LoadingSigma = LoadingSigma::EXACT;
 const LOAD_KG: f64 = 10.0;
 const HOLDS_S: f64 = 8.0;
 
-/// Where each foot presses, from its ankle: even, on one ball and one heel, on the outer and the inner edge.
+/// Pressure point of each foot, from its ankle: level, on one ball and one heel, on the outer and the inner edge.
 const PRESSING: [[[f64; 2]; 2]; 3] =
     [[[0.0; 2]; 2], [[-0.02, 0.0], [0.12, 0.0]], [[0.03, 0.025], [0.05, 0.02]]];
 
-/// How far each foot's place without the load is from that with it, m: the rule of the core does not contain it.
+/// Distance of each foot's unloaded pressure point from the loaded one, m: the core's rule does not model it.
 const UNLOADED: [[[f64; 2]; 2]; 4] = [
     [[-0.015, 0.005], [0.01, 0.008]],
     [[0.015, -0.005], [-0.01, -0.008]],
@@ -36,7 +36,7 @@ fn legs() -> impl Iterator<Item = Joint> {
     Joint::ALL.into_iter().filter(is_leg)
 }
 
-/// The torques that the load really adds where the feet press like this.
+/// The torques that the load really adds with these pressure points.
 fn true_nm(truth: &Truth, press_m: [Vector2<f64>; 2], unloaded: [[f64; 2]; 2]) -> [Vector3<f64>; 22] {
     let body = &truth.body;
     let (load_n, body_n) = (-truth.load_force_n.z, truth.ground.force_n.z + truth.load_force_n.z);

@@ -1,5 +1,5 @@
-//! What ties one sensor to another, or to a known thing, found from their own samples: pure functions and steps, no
-//! clock, no socket.
+//! Calibration of one sensor against another, or against a reference, from their samples: pure functions and state
+//! machines without I/O or clock.
 
 pub mod average;
 pub mod register;

@@ -1,8 +1,8 @@
-//! Captures by other programs: motion and forces as CSV, motion as `.mvnx`, forces as text, network traffic as `.pcap`
+//! Captures of other programs: motion and forces as CSV, motion as `.mvnx`, forces as text, network traffic as `.pcap`
 //! and `.pcapng`.
 //!
-//! A capture is read as far as it is sound. What had to be left out is counted by reason, with the place of the
-//! first of each ([`Rejected`]).
+//! The valid parts of a capture are read. Omitted parts are counted by reason, with the position of the first of each
+//! ([`Rejected`]).
 
 pub mod bioware;
 pub mod csv;

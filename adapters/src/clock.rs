@@ -1,4 +1,4 @@
-//! The host's clock, read in one place.
+//! Single access point to the host's clocks.
 
 use nix::time::{ClockId, clock_gettime};
 use std::time::Duration;
@@ -8,13 +8,13 @@ pub fn now_monotonic_ns() -> u64 {
     read_ns(ClockId::CLOCK_MONOTONIC)
 }
 
-/// CLOCK_REALTIME, ns since 1970. Only to translate stamps; it may be stepped at any time.
+/// CLOCK_REALTIME, ns since 1970. Only for the translation of stamps; it may be stepped at any time.
 pub(crate) fn now_realtime_ns() -> u64 {
     read_ns(ClockId::CLOCK_REALTIME)
 }
 
 fn read_ns(clock: ClockId) -> u64 {
-    // Neither clock can fail on Linux; a zero would show as a sample from long ago, which is refused as stale.
+    // Neither clock can fail on Linux; a zero would give an outdated sample, which is refused as stale.
     clock_gettime(clock).map(|time| Duration::from(time).as_nanos() as u64).unwrap_or(0)
 }
 
@@ -25,19 +25,19 @@ pub(crate) struct StampTranslator {
     offset_ns: Option<i128>,
 }
 
-/// The two clocks part by at most 500 ppm (adjtimex); more than this between two readings is a step.
+/// The two clocks diverge by at most 500 ppm (adjtimex); a larger change between two readings is a step.
 const STEP_NS: i128 = 1_000_000;
 
 impl StampTranslator {
-    /// The monotonic time of a realtime stamp that was taken just now.
+    /// The monotonic time of a recent realtime stamp.
     pub(crate) fn monotonic_ns(&mut self, stamp_ns: u64) -> u64 {
         let realtime_ns = now_realtime_ns();
         self.translate(stamp_ns, realtime_ns, now_monotonic_ns())
     }
 
-    /// As of two readings of the clocks. If realtime was stepped since the last reading, the stamp may be from before
-    /// the step and is worth nothing: then the time of reading stands in, which is later and thus does no harm to a
-    /// clock fit.
+    /// Translates with one reading of both clocks. If realtime was stepped since the last reading, the stamp may
+    /// precede the step and is invalid; the reading time then replaces it, which is later and therefore does not affect
+    /// a clock fit.
     fn translate(&mut self, stamp_ns: u64, realtime_ns: u64, monotonic_ns: u64) -> u64 {
         let offset_ns = i128::from(realtime_ns) - i128::from(monotonic_ns);
         let before_ns = self.offset_ns.replace(offset_ns);

@@ -1,8 +1,8 @@
-//! The ground's brain: bytes and arrival times in, wrenches in the station's world out. No socket, no clock.
+//! Ground devices: converts bytes and arrival times to wrenches in the station's world. Does no I/O and reads no clock.
 //!
-//! [`device`]s know bytes and make [`reading`]s in the sensor's own axes; the one [`receiver`] gives every reading its
-//! place, its time and its number, whichever device it comes from. [`channels`] say what plain numbers mean, and
-//! [`fusion`] makes one ground of two devices.
+//! [`device`]s decode bytes to [`reading`]s in the sensor's own axes; the [`receiver`], common to all devices, adds the
+//! pose, the sample time and the sequence number. [`channels`] defines the meaning of plain numbers, and [`fusion`]
+//! combines two devices.
 
 pub mod brain;
 pub mod channels;

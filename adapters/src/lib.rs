@@ -1,8 +1,8 @@
-//! The world in: wire formats (pure parsers and encoders), sources (sockets), captures and recordings (files).
+//! Input side: wire formats (pure parsers and encoders), sources (sockets), captures and recordings (files).
 //!
-//! Each floor uses only those before it:
-//! [`wire`] knows bytes and nothing else → [`suit`] and [`ground`] make samples of datagrams, with no socket and no
-//! clock → [`source`] has the sockets and the clock. [`calibration`] finds from samples what ties two sensors together.
+//! Each layer uses only the preceding ones: [`wire`] decodes bytes → [`suit`] and [`ground`] convert datagrams to
+//! samples, without I/O or clock → [`source`] contains sockets and clock. [`calibration`] estimates the relation of two
+//! sensors from samples.
 #![forbid(unsafe_code)]
 
 pub mod calibration;

@@ -1,14 +1,15 @@
-//! Recordings: MCAP files of the messages of the bus, byte for byte.
+//! Recordings: MCAP files with the bus messages, byte for byte.
 //!
-//! A message is packed little-endian without padding, so its bytes *are* the ROS 1 serialization of a message of
-//! fixed-size arrays. A recording therefore says `ros1` / `ros1msg` with a schema generated from
-//! `Message::FIELDS`, and Foxglove, Lichtblick and the `mcap` tools read it without a plugin, while we read the
-//! same bytes back into the same struct.
+//! A message is packed little-endian without padding, so its bytes are the ROS 1 serialization of a message of
+//! fixed-size arrays. A recording therefore declares `ros1` / `ros1msg` with a schema generated from `Message::FIELDS`:
+//! Foxglove, Lichtblick and the `mcap` tools read it without a plugin, and Equipoise reads the same bytes back into the
+//! same struct.
 //!
-//! Times in a recording are CLOCK_MONOTONIC ns of the recording machine; the head keeps the wall-clock time of the
-//! start. Nothing names the host or the person.
+//! Times in a recording are CLOCK_MONOTONIC ns of the recording machine; the header contains the wall-clock time of the
+//! start. A recording contains no names of host or person.
 //!
-//! Floors, ground first: [`topic`] → [`header`] → [`error`] → `channels`, `frame`, `hashed_file` → [`writer`], [`reader`]
+//! Layers, lowest first: [`topic`] → [`header`] → [`error`] → `channels`, `frame`, `hashed_file` → [`writer`],
+//! [`reader`]
 
 mod channels;
 pub mod error;

@@ -1,36 +1,36 @@
-//! Orders samples by a wrapping counter: what is next, what is old, and when the counter has started anew.
+//! Orders samples by a wrapping counter: classifies a sample as next, old or first of a restarted counter.
 
 const NS_PER_S: u64 = 1_000_000_000;
-/// So many samples in a row must move forward, each within [`RESTART_WITHIN_NS`], before a jump is believed.
+/// Count of consecutive samples that must advance, each within [`RESTART_WITHIN_NS`], before a jump is accepted.
 const RESTART_CONFIRMATIONS: u32 = 2;
 const RESTART_WITHIN_NS: u64 = NS_PER_S / 4;
-/// A step back of at most so many counts is a datagram that was overtaken, never a new session, where one count is one
-/// datagram.
+/// A step back of at most this many counts is a reordered datagram, not a new session; for counters with one count for
+/// each datagram.
 const REORDER_WINDOW: u32 = 8;
-/// A leap of at most so many counts is a gap, however short the time.
+/// A leap of at most this many counts is a gap, however short the time.
 const PLAUSIBLE_LEAP: u64 = 1000;
 
-/// Where a sample stands.
+/// Position of a sample relative to the newest one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// The first sample of all.
+    /// The first sample of the stream.
     First,
-    /// Later than the newest one by so many counts.
+    /// Later than the newest one by `gap` counts.
     Next {
-        /// At least 1. More than the device's stride means loss.
+        /// At least 1. A gap above the device's stride means loss.
         gap: u32,
     },
-    /// The newest one again.
+    /// The newest one repeated.
     Same,
-    /// Before the newest one, or a jump that is not yet believed.
+    /// Before the newest one, or a jump that is not yet accepted.
     Old,
-    /// The counter has started anew and this is its first sample to be used.
+    /// The counter has restarted and this is its first accepted sample.
     NewSession,
 }
 
-/// The newest counter of a stream, and the suspicion of a new session.
+/// The newest counter of a stream, and the candidate of a new session.
 ///
-/// A mere gap never makes a new session; neither does a single datagram with a wild counter.
+/// A gap alone never starts a new session; neither does a single datagram with an arbitrary counter.
 #[derive(Debug, Clone)]
 pub struct Sequence {
     max_rate_hz: u64,
@@ -53,23 +53,24 @@ impl Seen {
 }
 
 impl Sequence {
-    /// For a device whose counter runs at `max_rate_hz` at most; a faster leap is not believed.
+    /// For a device whose counter runs at `max_rate_hz` at most; a faster leap is not accepted.
     pub fn new(max_rate_hz: u64) -> Self {
         Sequence { max_rate_hz, overtaken_max: REORDER_WINDOW, newest: None, suspect: None }
     }
 
-    /// For one of whose counts a datagram takes many: what is at most so many behind was overtaken.
+    /// For counters that advance by many counts with each datagram: a datagram that is behind by at most this was
+    /// overtaken.
     pub fn overtaken_by_at_most(self, counts: u32) -> Self {
         Sequence { overtaken_max: counts, ..self }
     }
 
-    /// The next sample is the first: the stream was asked to start anew.
+    /// The next sample is the first, as the stream was restarted on request.
     pub fn forget(&mut self) {
         self.newest = None;
         self.suspect = None;
     }
 
-    /// Takes a sample in and says where it stands.
+    /// Processes a sample and returns its position.
     pub fn place(&mut self, counter: u32, arrival_ns: u64) -> Place {
         let seen = Seen { counter, arrival_ns };
         let Some(newest) = self.newest else {
@@ -94,7 +95,7 @@ impl Sequence {
         self.doubt(seen)
     }
 
-    /// A jump: believed once the counter goes on from there.
+    /// A jump: accepted once the counter continues from it.
     fn doubt(&mut self, seen: Seen) -> Place {
         let confirmations = match self.suspect {
             Some((before, _)) if before.steps_to(seen.counter) == 0 => return Place::Old,
@@ -150,7 +151,7 @@ mod tests {
             places(&[(5000, 0), (0, 4), (0, 5), (1, 8), (2, 12), (3, 16)]),
             [First, Old, Old, Old, NewSession, Next { gap: 1 }]
         );
-        // Too slow, or broken by the stream that still runs: not believed.
+        // Too slow, or interrupted by the stream that continues: not accepted.
         assert_eq!(places(&[(5000, 0), (0, 4), (1, 300), (2, 600)]), [First, Old, Old, Old]);
         let got = places(&[(5000, 0), (0, 1), (5001, 4), (1, 5), (5002, 8), (2, 9), (5003, 12)]);
         assert!(!got.contains(&NewSession), "{got:?}");

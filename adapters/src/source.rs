@@ -1,8 +1,8 @@
-//! The doors: sockets with the kernel's receive stamps and other ways to devices, driving the sans-IO brains of
-//! [`crate::suit`] and [`crate::ground`].
+//! Sources: sockets with the kernel's receive stamps and other connections to devices, which drive the sans-IO state
+//! machines of [`crate::suit`] and [`crate::ground`].
 //!
-//! One engine a stream ([`ground`], [`mvn`]), one [`transport`] a kind of connection; [`fused`] runs two ground engines at
-//! once.
+//! One engine for each kind of stream ([`ground`], [`mvn`]), one [`transport`] for each kind of connection; [`fused`]
+//! runs two ground engines.
 
 pub mod error;
 pub mod file_line;

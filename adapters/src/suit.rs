@@ -1,4 +1,4 @@
-//! The suit's brain: datagrams and arrival times in, whole samples out. No socket, no clock.
+//! Suit decoding: datagrams and arrival times in, complete samples out. Does no I/O and reads no clock.
 
 pub mod assembler;
 pub mod refusal;

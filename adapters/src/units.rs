@@ -1,4 +1,4 @@
-//! What units of people's trades are in ours, and how their names are written.
+//! Conversion of customary units to SI, and parsing of unit names.
 
 /// One pound of force, N: exact by definition of pound and standard gravity.
 pub const NEWTON_PER_LBF: f64 = 4.448_221_615_260_5;
@@ -9,8 +9,8 @@ pub const METRE_PER_INCH: f64 = 0.0254;
 /// One foot, m: exact.
 pub(crate) const METRE_PER_FOOT: f64 = 12.0 * METRE_PER_INCH;
 
-/// The letters of a product of units, whatever stands between its parts: "N m", "N·m", "N-m" and "N*m" are one. `None` for a
-/// quotient or a power, which is another thing of the same letters: "N/m".
+/// The letters of a product of units, without separators: "N m", "N·m", "N-m" and "N*m" are equal. `None` for a
+/// quotient or a power, which is a different unit with the same letters: "N/m".
 pub(crate) fn letters(unit: &str) -> Option<String> {
     let is_product = !unit.chars().any(|sign| matches!(sign, '/' | '^' | '⁻') || sign.is_numeric());
     is_product.then(|| unit.chars().filter(char::is_ascii_alphabetic).collect())

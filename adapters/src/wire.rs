@@ -1,6 +1,6 @@
-//! Wire formats: bytes to objects and back. No socket, no clock, no state.
+//! Wire formats: bytes to objects and back. No I/O, no clock, no state.
 //!
-//! A parser never panics, whatever it is fed, and says what is wrong and where.
+//! A parser never panics, for any input, and reports the fault and its position.
 
 pub mod amti;
 pub mod ati_rdt;

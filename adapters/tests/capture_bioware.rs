@@ -1,4 +1,4 @@
-//! Text exports of a plate: units are read or declared, never guessed; three layouts say one wrench; real values.
+//! Text exports of a plate: units are read or declared, never guessed; three layouts give the same wrench; real values.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use equipoise_adapters::ground::{GroundFrame, GroundSettings, SensorAxes};
 use equipoise_core::message::{Component, GroundSample};
 use proptest::prelude::*;
 
-/// As BioWare writes it.
+/// As written by BioWare.
 const EXPORT: &str = "BioWare 5.3.2.9\tDefault\r\nSampling rate (Hz):\t1000\r\n\r\n\
     abs time (s)\tFx\tFy\tFz\tMx\tMy\tMz\t|Ft|\r\n\
     s\tN\tN\tN\tN·m\tN·m\tN·m\tN\r\n\
@@ -40,7 +40,8 @@ fn a_kistler_export_is_the_force_on_the_person() {
     let [first, second] = &samples[..] else { panic!("{} samples", samples.len()) };
     assert_eq!((first.sample_time_ns, second.sample_time_ns), (1_000_000_000, 1_001_000_000));
     assert_eq!((first.sequence, second.sequence, first.not_measured), (1, 2, 0));
-    // On the plate with z down and y right is on the person with z up and y left: x turns its sign, y does not.
+    // Force on the plate with z down and y to the right, converted to force on the person with z up and y to the left:
+    // x changes sign, y does not.
     assert_eq!(first.force_n, [-12.0, -7.0, 700.0]);
     let [x, y] = first.cop_m().unwrap();
     // The makers' formulae: ax = -(My - Fx az0)/Fz, ay = (Mx + Fy az0)/Fz.
@@ -64,7 +65,7 @@ fn force_with_centre_of_pressure_says_the_same_but_for_what_was_not_exported() {
     assert_eq!(centre.not_measured, 0);
     let text = text.replace("Tz (N.m)", "other");
     assert_eq!(read(&text, kistler())[0].not_measured, Component::FreeMoment as u32);
-    // In millimetres, and nobody on the plate: a centre of pressure that is noise is none.
+    // In millimetres, with an empty plate: a noisy centre of pressure is discarded.
     let text = "time (s)\tFx (N)\tFy (N)\tFz (N)\tAx (mm)\tAy (mm)\n0\t0.1\t0\t0.5\t9000\t-9000\n";
     let empty = read(text, kistler())[0];
     assert!(empty.cop_m().is_err() && empty.moment_nm.iter().all(|nm| nm.abs() < 0.1), "{empty:?}");
@@ -97,7 +98,7 @@ fn the_eight_channels_of_a_real_plate_give_the_rows_that_were_computed_elsewhere
         let sample = read(&text, BioWareSettings { sensor_offsets_m: Some(offsets_m), ..kistler() })[0];
         let told = |name: &str| row[name].as_f64().unwrap();
         let [x, y] = sample.cop_m().unwrap();
-        // The person's x is the plate's, its y the other way.
+        // The person's x is the plate's; y has the opposite sign.
         assert!((x - told("ax")).abs() < 1e-6 && (y + told("ay")).abs() < 1e-6, "{row} {sample:?}");
         let force_n = [-told("Fx"), told("Fy"), told("Fz")];
         assert!(sample.force_n.iter().zip(force_n).all(|(a, b)| (a - b).abs() < 1e-9), "{row} {sample:?}");
@@ -116,7 +117,7 @@ fn units_are_never_guessed() {
     let bare = bare.replace("700", "0.7");
     let sample = read(&bare, BioWareSettings { units, ..kistler() })[0];
     assert_eq!(sample.force_n, [-1e3, 2e3, 700.0], "declared");
-    // What the file says is stronger than what is declared.
+    // Units in the file take precedence over declared ones.
     let pounds = bare.replace("Fz", "Fz (lbf)");
     let sample = read(&pounds, BioWareSettings { units: Units::parse("s,N,N.m").unwrap(), ..kistler() })[0];
     assert!((sample.force_n[2] - 0.7 * 4.448_221_615).abs() < 1e-5, "{sample:?}");

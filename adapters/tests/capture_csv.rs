@@ -1,4 +1,4 @@
-//! The CSV layout: by name, with units; what cannot be used is counted; and a real person on a real plate.
+//! The CSV layout: columns by name, with units; unusable rows are counted; and a real person on a real plate.
 
 use std::path::PathBuf;
 
@@ -76,7 +76,7 @@ fn semicolons_between_columns_are_read_and_decimal_commas_are_refused() {
     assert!(matches!(&error, CsvError::DecimalComma { field } if field == "0,5"), "{error}");
     let said = error.to_string();
     assert!(said.starts_with("line 2: 0,5 has a comma") && said.contains("with a point"), "{said}");
-    // A head line without rows, and a row that is not text, are no decimal commas.
+    // A header line without rows, and a row that is not text, are not taken for decimal commas.
     let alone = head().join(";");
     assert!(CsvCapture::new(alone.as_bytes()).unwrap().next().is_none());
 }

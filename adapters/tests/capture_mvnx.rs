@@ -1,4 +1,4 @@
-//! `.mvnx`, versions 3 and 4: files written here from a known motion, damaged ones, and real ones where they are at hand.
+//! `.mvnx`, versions 3 and 4: files generated from a defined motion, damaged ones, and real ones where available.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::fmt::Write;
@@ -12,7 +12,7 @@ use proptest::prelude::*;
 
 type Quaternion = [f64; 4];
 
-/// How a file is written.
+/// Style of a generated file.
 #[derive(Debug, Clone, Copy)]
 struct Style {
     version: u32,
@@ -39,14 +39,14 @@ fn turned(q: Quaternion, [x, y, z]: [f64; 3]) -> [f64; 3] {
     [x, y, z]
 }
 
-/// A motion that turns every segment otherwise.
+/// A motion that rotates every segment differently.
 fn orientation(segment: Segment, time_s: f64) -> Quaternion {
     let half = 0.3 * (time_s * 3.0 + segment.index() as f64).sin();
     let axis = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.6, 0.8]][segment.index() % 3];
     [half.cos(), half.sin() * axis[0], half.sin() * axis[1], half.sin() * axis[2]]
 }
 
-/// Where its segments then are, m.
+/// Positions of the segments in this motion, m.
 fn positions(time_s: f64) -> [[f64; 3]; SEGMENTS] {
     let null = null_pose();
     let mut position_m = [[0.0; 3]; SEGMENTS];
@@ -68,7 +68,7 @@ fn null_pose() -> [[f64; 3]; SEGMENTS] {
     Skeleton::nominal(1.75).t_pose_m().map(|[x, y, z]| [x, y, z + 0.93])
 }
 
-/// What version 3 turns the axes of an arm by.
+/// Rotation of an arm's axes in version 3.
 fn isb(segment: Segment, style: Style) -> Quaternion {
     use Segment::{LeftForearm, LeftHand, LeftUpperArm, RightForearm, RightHand, RightUpperArm};
     match (style.version, segment) {
@@ -80,7 +80,7 @@ fn isb(segment: Segment, style: Style) -> Quaternion {
     }
 }
 
-/// The file's segments: ours, or `None` for a prop.
+/// The file's segments; `None` for a prop.
 fn order(style: Style) -> Vec<Option<Segment>> {
     let mut order: Vec<_> = Segment::ALL.into_iter().map(Some).collect();
     if style.shuffled {
@@ -127,7 +127,7 @@ fn head(style: Style) -> String {
     text + "</joints>\n<frames segmentCount=\"23\" sensorCount=\"1\" jointCount=\"22\">\n"
 }
 
-/// The pose of calibration that shows the axes, and one that does not.
+/// The calibration pose that defines the axes, and one that does not.
 fn calibration(style: Style) -> String {
     let kind = if style.version == 3 { "npose" } else { "identity" };
     let turn = numbers(style, |segment| isb(segment, style));
@@ -142,7 +142,7 @@ fn calibration(style: Style) -> String {
     text
 }
 
-/// First wall-clock time of the files here, ms since 1970.
+/// First wall-clock time of the generated files, ms since 1970.
 const UNIX_MS: u64 = 1_700_000_000_123;
 
 fn frame(style: Style, index: u64) -> String {
@@ -151,7 +151,7 @@ fn frame(style: Style, index: u64) -> String {
     let turn = numbers(style, |segment| product(orientation(segment, time_s), isb(segment, style)));
     let place = positions(time_s);
     let place = numbers(style, |segment| place[segment.index()]);
-    // Numbers that show where they came from.
+    // Numbers that identify their source.
     let three = |base: f64| numbers(style, |segment| [base, segment.index() as f64, time_s]);
     let mut angles: Vec<String> = (0..JOINTS).map(|joint| format!("{joint} 2.5 {time_s:.6}")).collect();
     if style.shuffled {
@@ -248,11 +248,11 @@ fn both_versions_and_any_order_give_the_same_samples() {
 fn time_is_index_over_rate_and_a_hole_follows_the_wall_clock() {
     let style = Style { rate_hz: 60.0, ..V4 };
     let whole = read(&file(style, 40)).0;
-    // 1/60 s is no whole number of milliseconds, but the stamps are even.
+    // 1/60 s is not a whole number of milliseconds, but the stamps have equal intervals.
     for pair in whole.windows(2) {
         assert!((pair[1].sample_time_ns - pair[0].sample_time_ns).abs_diff(16_666_667) <= 1);
     }
-    // Frames lost in the export: the index runs on, the wall clock shows the hole.
+    // Frames lost in the export: the index continues, the wall clock reveals the gap.
     let late = |index: u64| {
         let ms = UNIX_MS + (index as f64 / 60.0 * 1e3).round() as u64;
         frame(style, index).replace(&format!("ms=\"{ms}\""), &format!("ms=\"{}\"", ms + 500))
@@ -336,7 +336,7 @@ fn a_file_that_means_nothing_is_refused_with_line_and_advice() {
     let crossed = text.replace("</joints>", "</segments>");
     let MvnxError::Malformed { line, .. } = refusal(&crossed) else { panic!("{}", refusal(&crossed)) };
     assert_eq!(line as usize, crossed[..crossed.rfind("</segments>").unwrap()].lines().count() + 1);
-    // Version 3's arms in a file that says that its axes are ours.
+    // Version 3's arms in a file that declares the internal axes.
     let wrong_axes = head(V4) + &calibration(V4) + &frame(V3, 0) + TAIL;
     let (samples, rejected, _) = read(&wrong_axes);
     assert_eq!((samples.len(), rejected.starts_with("1 joints_apart")), (0, true), "{rejected}");
@@ -427,7 +427,7 @@ fn a_real_file_of_version_3() {
     assert_eq!((samples.len(), capture.rejected().to_string().as_str()), (4, "none"));
     assert_eq!(samples[3].sample_time_ns - samples[0].sample_time_ns, 12_500_000);
     assert_eq!(samples[0].com_m, [0.216386, 0.092067, 0.967297]);
-    // The velocities are those of the positions.
+    // The velocities match the derivatives of the positions.
     for pair in samples.windows(2) {
         for place in 0..SEGMENTS {
             for axis in 0..3 {

@@ -1,4 +1,4 @@
-//! Network captures: every link layer, fragments, files cut or damaged anywhere.
+//! Network captures: every link layer, fragments, truncated and damaged files.
 #![expect(clippy::unwrap_used, reason = "helpers of tests, outside #[test] functions")]
 
 use std::net::SocketAddr;
@@ -104,7 +104,7 @@ fn what_is_written_is_read() {
 #[test]
 fn every_link_layer_gives_the_same_datagram() {
     let ip = ipv4_packet(b"MXTP02");
-    // So many VLAN tags, as a switch's mirror port adds them.
+    // With this many VLAN tags, as added by a switch's mirror port.
     let ethernet = |tags: u16| {
         let mut packet = Vec::new();
         let builder = PacketBuilder::ethernet2([1; 6], [2; 6]);
@@ -116,7 +116,7 @@ fn every_link_layer_gives_the_same_datagram() {
             _ => builder.double_vlan(id(17), id(18)).ipv4(from, to, 64),
         };
         builder.udp(51000, 9763).write(&mut packet, b"MXTP02").unwrap();
-        // Ethernet pads short frames; the padding is not payload.
+        // Ethernet pads short frames; the padding is not part of the payload.
         packet.resize(packet.len().max(60), 0);
         packet
     };
@@ -125,7 +125,7 @@ fn every_link_layer_gives_the_same_datagram() {
     sll.extend([8, 0]);
     let mut sll2 = vec![8, 0];
     sll2.extend([0; 18]);
-    // The head says that a VLAN tag follows, and the tag that IPv4 does.
+    // The header announces a VLAN tag, and the tag announces IPv4.
     let tagged = |ether_type_at: usize, head: &[u8]| {
         let mut head = head.to_vec();
         head[ether_type_at..ether_type_at + 2].copy_from_slice(&[0x81, 0]);
@@ -165,7 +165,7 @@ fn ipv6_comes_on_every_link_layer_too() {
     let mut writer = PcapWriter::new(Vec::new()).unwrap();
     writer.write_udp(7, address(from), address(to), b"MXTP02").unwrap();
     let written = writer.finish().unwrap();
-    // Behind the file's head and the packet's.
+    // After the headers of file and packet.
     let ip = written[24 + 16..].to_vec();
     let behind = |head: &[u8]| [head, &ip[..]].concat();
     let ethernet = [&[1; 12][..], &[0x86, 0xdd]].concat();

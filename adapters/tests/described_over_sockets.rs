@@ -1,4 +1,5 @@
-//! Described devices over real sockets: lines and frames come out as samples, whoever may send, and what is asked is asked.
+//! Devices with a configured layout over real sockets: lines and frames become samples, only admitted senders are read,
+//! and requests are sent.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::io::{ErrorKind, Write};
@@ -68,7 +69,7 @@ fn lines_over_udp_are_samples() {
     let device = UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut samples = Vec::new();
     for index in 0..20 {
-        // One is lost, one comes twice, and two in one datagram.
+        // One is lost, one is duplicated, and one datagram contains two.
         let datagram = match index {
             7 => continue,
             9 => line(9) + &line(9),
@@ -81,7 +82,7 @@ fn lines_over_udp_are_samples() {
     assert!(samples.windows(2).all(|pair| pair[0].force_n[2] < pair[1].force_n[2]));
 }
 
-/// Waits for the source's call, which it makes when it is let.
+/// Waits for the source's connection, which it opens when it runs.
 fn accept(listener: &TcpListener, source: &mut GroundSource, samples: &mut Vec<GroundSample>) -> TcpStream {
     listener.set_nonblocking(true).unwrap();
     let begun = Instant::now();
@@ -113,7 +114,7 @@ fn lines_over_tcp_are_samples_and_a_connection_that_breaks_is_made_again() {
             device.write_all(piece).unwrap();
         }
         until(&mut source, 10 * (round as usize + 1), &mut samples);
-        // What is dropped here it notices, and calls again.
+        // The source detects the closed connection and reconnects.
     }
     assert_eq!(source.counts().refused.iter().sum::<u64>(), 0);
 }
@@ -155,7 +156,7 @@ fn a_described_device_is_asked_answers_and_is_told_the_end() {
         if &buffer[..length] == b"end" {
             break;
         }
-        // It may have asked again meanwhile.
+        // The source may have repeated the request meanwhile.
         assert_eq!(&buffer[..length], b"begin");
     }
 }

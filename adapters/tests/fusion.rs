@@ -1,4 +1,4 @@
-//! A simulated person with each foot on a plate of its own: what is fused is what the ground really does.
+//! A simulated person with each foot on its own plate: the fused sample equals the true ground reaction.
 
 use equipoise_adapters::ground::fusion::{Fusion, FusionKind, FusionSettings};
 use equipoise_core::message::{GroundDevice, GroundSample};
@@ -7,10 +7,10 @@ use equipoise_simulator::person::Person;
 use equipoise_simulator::two_plates::{ground_reaction_per_foot, ground_sample};
 use nalgebra::Vector2;
 
-/// One plate samples so often, and the other so often and a little later.
+/// Sampling rates of the plates; the second samples slightly later.
 const RATES_HZ: [f64; 2] = [1000.0, 610.0];
 const PHASE_S: [f64; 2] = [0.0, 0.0007];
-/// They press on one ball and one heel.
+/// Position of the load: one ball and one heel.
 const PRESS_M: [[f64; 2]; 2] = [[0.11, 0.01], [-0.02, 0.0]];
 
 fn foot(worker: &Worker, device: usize, time_s: f64) -> GroundSample {
@@ -61,6 +61,6 @@ fn two_plates_with_clocks_of_their_own_are_the_whole_while_a_box_is_lifted() {
         worst[3] = worst[3].max(off(&by_foot.vertical_n, &true_feet.vertical_n));
     }
     println!("worst: {:.3} N, {:.4} N m, {:.6} m, {:.3} N a foot", worst[0], worst[1], worst[2], worst[3]);
-    // A straight line over 1.6 ms of such motion is off by less.
+    // Bound of the error of linear interpolation over 1.6 ms of this motion.
     assert!(worst[0] < 0.1 && worst[1] < 0.05 && worst[2] < 1e-4 && worst[3] < 0.1, "{worst:?}");
 }

@@ -1,5 +1,5 @@
-//! A real Kistler plate's eight volts, through a file and the description of lines of text: forces and centre of pressure as an
-//! independent computation of the maker's formulae has them.
+//! A real Kistler plate's eight voltages, through a file with configured lines of text: forces and centre of pressure
+//! as in an independent computation with the maker's formulae.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::path::{Path, PathBuf};
@@ -13,13 +13,13 @@ use equipoise_adapters::source::file_line::{Begin, FileLine};
 use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_core::message::GroundSample;
 
-/// Of the plate's sheet: mV/N in the order of the channels, m.
+/// From the plate's calibration sheet: mV/N in the order of the channels; distances in m.
 const SENSITIVITY_MV_PER_N: [f64; 8] = [38.117, 37.723, 38.062, 38.008, 3.898, 3.889, 3.885, 3.891];
 const A_M: f64 = 0.12;
 const B_M: f64 = 0.2;
 const AZ0_M: f64 = -0.048;
 
-/// Computed elsewhere: Fx Fy Fz in the plate's axes (z down), and the centre of pressure; of rows 0 and 1.
+/// Computed independently: Fx Fy Fz in the plate's axes (z down), and the centre of pressure; for rows 0 and 1.
 const KNOWN: [([f64; 3], [f64; 2]); 2] = [
     ([-3.209038126402469, -2.841661143970299, 436.75391139983], [0.01889997203569614, -0.020109015696057303]),
     (
@@ -54,7 +54,7 @@ fn plate() -> Text {
     })
 }
 
-/// All samples of a file, as many as it has rows.
+/// All samples of a file with this many rows.
 fn read(path: &Path, rows: usize) -> (Vec<GroundSample>, GroundSource) {
     let settings = GroundSettings {
         frame: GroundFrame { axes: SensorAxes::ZDown, surface_height_m: -AZ0_M, ..GroundFrame::default() },
@@ -114,7 +114,7 @@ fn every_row_of_the_longer_recording_is_read() {
         compared += 1;
     }
     assert!(compared >= 2, "{compared}");
-    // A person who stands still: about the mean of the whole recording.
+    // A person standing still: approximately the mean of the whole recording.
     let mean_n = samples.iter().map(|sample| sample.force_n[2]).sum::<f64>() / samples.len() as f64;
     let recording_n = known["mean"]["Fz"].as_f64().unwrap();
     assert!((mean_n - recording_n).abs() < 2.0, "{mean_n} {recording_n}");

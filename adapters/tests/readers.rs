@@ -1,4 +1,4 @@
-//! The laws of every reader, tried with sound, damaged and arbitrary bytes; `fuzz/` looks for longer.
+//! Tests the properties of every reader with valid, damaged and arbitrary bytes; `fuzz/` searches for longer.
 
 mod laws;
 

@@ -1,5 +1,5 @@
-//! Real MVN datagrams, and real values of a recording in MVN's framing. The files may not be shipped: where they are
-//! absent, these tests say so and pass.
+//! Real MVN datagrams, and real values of a recording in MVN's framing. The files may not be redistributed: where they
+//! are absent, these tests print a note and pass.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use equipoise_adapters::suit::{SuitAssembler, SuitSettings, TypeSet};
@@ -91,7 +91,7 @@ fn the_wearer_and_the_null_pose_are_read() {
     assert_eq!(meta.tags().collect::<Vec<_>>(), tags);
 }
 
-/// What docs/identification.md says of the one null pose and pose of a person at hand.
+/// Verifies the statements of docs/identification.md about one null pose and one pose of a person.
 #[test]
 fn bones_of_the_null_pose_are_those_of_the_pose() {
     let (Some(scale), Some(pose)) = (wire_file("mxtp13.bin"), wire_file("mxtp02.bin")) else { return };
@@ -113,7 +113,7 @@ fn bones_of_the_null_pose_are_those_of_the_pose() {
     assert!((2.2..2.25).contains(&largest_mm), "{largest_mm} mm");
 }
 
-/// The datagrams of a file that puts a big-endian u32 length before each.
+/// The datagrams of a file with a big-endian u32 length before each.
 fn length_prefixed(mut bytes: &[u8]) -> Vec<&[u8]> {
     let mut datagrams = Vec::new();
     while let Some((length, rest)) = bytes.split_first_chunk::<4>() {
@@ -140,7 +140,7 @@ fn a_recording_of_all_types_is_assembled_to_its_values() {
     };
     let expected: serde_json::Value = serde_json::from_slice(&expected).unwrap();
     let datagrams = length_prefixed(&bytes);
-    // Types 02, 20, 21, 22 and 24; without learning, so that no frame waits for its successor.
+    // Types 02, 20, 21, 22 and 24; as required types, so that no frame waits for its successor.
     let required = [
         TypeSet::POSE_QUATERNION,
         TypeSet::JOINT_ANGLES,
@@ -195,7 +195,8 @@ fn a_recording_of_all_types_is_assembled_to_its_values() {
     assert_eq!(assembler.counts().refused.iter().sum::<u64>(), 0);
 }
 
-/// 17 trackers, and of each: what it feels, turned into the world and without gravity, is its free acceleration.
+/// 17 trackers; for each, the measured acceleration, rotated into the world and without gravity, equals its free
+/// acceleration.
 fn assert_trackers_agree_with_themselves(trackers: impl Iterator<Item = TrackerKinematics>) {
     let trackers: Vec<TrackerKinematics> = trackers.collect();
     let worn: Vec<u32> = trackers.iter().map(|tracker| tracker.segment_id).collect();
@@ -218,8 +219,8 @@ fn turned([w, x, y, z]: [f64; 4], [a, b, c]: [f64; 3]) -> [f64; 3] {
     [w * p - s * x - q * z + r * y, w * q - s * y - r * x + p * z, w * r - s * z - p * y + q * x]
 }
 
-/// Type 22 against type 02: where a segment turns at all, its rate is the difference of its orientations, in rad/s. The
-/// median, since a foot that is held to the floor jumps without a rate.
+/// Type 22 against type 02: for a rotating segment, the angular rate equals the difference of its orientations, in
+/// rad/s. Uses the median, as a foot that is anchored to the floor jumps without a rate.
 fn assert_rates(samples: &[SuitSample]) {
     const PERIOD_S: f64 = 1.0 / 240.0;
     const TURNS_RAD_PER_S: f64 = 5e-3;
@@ -228,7 +229,7 @@ fn assert_rates(samples: &[SuitSample]) {
         for segment in 0..SEGMENTS {
             let [bw, bx, by, bz] = pair[0].orientation_wxyz[segment];
             let [aw, ax, ay, az] = pair[1].orientation_wxyz[segment];
-            // Twice the vector part of `after · before⁻¹` is the turn, as long as it is small.
+            // Twice the vector part of `after · before⁻¹` is the rotation, for small angles.
             let turn_rad = [
                 2.0 * (-aw * bx + ax * bw - ay * bz + az * by),
                 2.0 * (-aw * by + ax * bz + ay * bw - az * bx),
@@ -286,7 +287,7 @@ fn euler_poses_alone_make_the_sample_that_quaternions_make() {
             assert!(apart.abs() < 2e-7, "{segment}: {apart} m");
         }
     }
-    // Both in one sample: the quaternions are what is taken, whichever comes first.
+    // Both in one sample: the quaternions are used, in either order.
     for datagrams in [[&euler, &quaternion], [&quaternion, &euler]] {
         let required = Some(TypeSet::POSE_EULER.and(TypeSet::POSE_QUATERNION));
         let mut assembler = SuitAssembler::new(SuitSettings { required, ..SuitSettings::default() });

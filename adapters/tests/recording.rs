@@ -1,4 +1,4 @@
-//! Recordings: bit-exact round trip, files cut anywhere, foreign and newer files.
+//! Recordings: bit-exact round trip, files truncated anywhere, foreign and newer files.
 #![expect(clippy::unwrap_used, reason = "helpers of tests, outside #[test] functions")]
 
 use std::collections::BTreeMap;
@@ -63,7 +63,7 @@ fn a_recording_made_in_memory_has_the_bytes_of_one_on_disk() {
     assert_eq!(read(&bytes).len(), 1000);
 }
 
-/// A recording of `cycles` cycles, one every 250 ms, so four to a chunk.
+/// A recording of `cycles` cycles, one every 250 ms, therefore four in a chunk.
 fn recorded(cycles: u64) -> Vec<u8> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mcap");
@@ -113,7 +113,7 @@ proptest! {
         cycle in arbitrary::<CycleRecord>(),
         time_ns in 0..u64::MAX / 2,
     ) {
-        // Turns that are none are not read.
+        // Invalid rotations are not read.
         suit.orientation_wxyz = [[0.36, 0.48, -0.8, 0.0]; SEGMENTS];
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.mcap");
@@ -148,7 +148,7 @@ fn a_flipped_byte_anywhere_neither_panics_nor_invents_messages() {
             bytes[at] ^= flip;
             let Ok(recording) = Recording::from_bytes(bytes) else { continue };
             let entries: Vec<_> = recording.entries().map_while(Result::ok).collect();
-            // A chunk whose opcode or frame is hit may be passed over; what is read is what was written.
+            // A chunk whose opcode or frame is damaged may be skipped; all entries read were written.
             assert!(entries.iter().all(|entry| expected.contains(entry)), "byte {at} ^ {flip:#x}");
         }
     }
@@ -183,7 +183,7 @@ fn a_crash_costs_at_most_the_last_second() {
     for cycle in 0..=3_500 {
         recorder.write(cycle * MS, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
     }
-    // The recorder still runs, so nothing but its own habit has closed a chunk.
+    // The recorder still runs, so only its own limits have closed a chunk.
     let recording = Recording::open(&path).unwrap();
     assert!(recording.truncated());
     let last = recording.entries().map(Result::unwrap).last().unwrap();
@@ -245,7 +245,7 @@ fn messages_with_impossible_numbers_are_left_out_and_counted_at_the_end() {
     recorder.write(3, &ground).unwrap();
     ground.force_n[2] = 1e9;
     recorder.write(4, &ground).unwrap();
-    // No body: its turns are none.
+    // Not a body: its rotations are invalid.
     recorder.write(5, &SuitSample::zeroed()).unwrap();
     let recording = Recording::from_bytes(recorder.into_bytes().unwrap()).unwrap();
     let mut entries = recording.entries();
@@ -261,7 +261,7 @@ fn unknown_topics_come_through_as_they_are() {
     let mut writer = mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
     for topic in ["/equipoise/novelty", Checkpoint::TOPIC, GroundSample::TOPIC] {
         let (name, text) = match topic {
-            // The memory of another release.
+            // The checkpoint of another release.
             Checkpoint::TOPIC => ("equipoise/Checkpoint_1", "uint8[192] memory\n".to_owned()),
             GroundSample::TOPIC => {
                 ("equipoise/Ground_3", equipoise_adapters::recording::topic::schema_text::<GroundSample>())
@@ -269,7 +269,7 @@ fn unknown_topics_come_through_as_they_are() {
             _ => ("equipoise/Novelty_1", "uint8[192] x\n".to_owned()),
         };
         let schema = writer.add_schema(name, "ros1msg", text.as_bytes()).unwrap();
-        // Without our metadata, as another tool may leave it.
+        // Without Equipoise's metadata, as after processing by another tool.
         let channel_id = writer.add_channel(schema, topic, "ros1", &BTreeMap::new()).unwrap();
         let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
         writer.write_to_known_channel(&header, &[0; size_of::<GroundSample>()]).unwrap();
@@ -286,7 +286,7 @@ fn a_record_that_claims_gigabytes_costs_no_memory() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("vast.mcap");
     let claimed = 3_u64 << 30;
-    // Magic, then the frame of a metadata record; the rest of the file is a hole.
+    // Magic, then the frame of a metadata record; the rest of the file is sparse.
     let head = [b"\x89MCAP0\r\n".as_slice(), &[0x0c], &claimed.to_le_bytes()].concat();
     std::fs::write(&path, head).unwrap();
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(claimed + 100).unwrap();

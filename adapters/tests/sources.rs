@@ -1,4 +1,4 @@
-//! The sources over real sockets on loopback, against a suit and a device played by the test.
+//! The sources over real sockets on loopback, against a simulated suit and device.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use equipoise_adapters::ground::GroundSettings;
@@ -11,7 +11,7 @@ use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-/// Long enough for a loaded machine; nothing here measures speed.
+/// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 #[test]
@@ -103,7 +103,7 @@ fn a_port_that_is_listened_to_is_held_by_what_was_accepted() {
     assert!(sent(&device, true) && !sent(&stray, true) && sent(&device, false));
 }
 
-/// A device that answers the second request only, streams, and ends at the request to stop.
+/// A device that answers only the second request, streams, and ends at the stop request.
 fn device(socket: &UdpSocket) -> Vec<Command> {
     let mut commands = Vec::new();
     let mut client = None;
@@ -123,7 +123,7 @@ fn device(socket: &UdpSocket) -> Vec<Command> {
             commands.push(request.command);
             match request.command {
                 Command::Stop => return commands,
-                // The first request gets lost on the way.
+                // The first request is lost in transit.
                 _ if commands.len() > 1 => client = Some(sender),
                 _ => {}
             }

@@ -1,4 +1,4 @@
-//! The suit over TCP, on real sockets: portions, damage, text, reconnects, and who may stream.
+//! The suit over TCP, on real sockets: portions, damage, text, reconnects, and admission of senders.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use equipoise_adapters::source::{MvnSettings, MvnTransport, SuitSource};
@@ -9,7 +9,7 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-/// Long enough for a loaded machine; nothing here measures speed.
+/// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn datagram(counter: u32, avatar: u8) -> Vec<u8> {
@@ -30,7 +30,7 @@ fn source(others: &[u8]) -> SuitSource {
         transport: MvnTransport::Tcp,
         listen: "127.0.0.1:0".parse().unwrap(),
         timeout: Duration::from_millis(20),
-        // Each datagram is a sample at once, so that what came can be counted.
+        // Each datagram is a complete sample, so that datagrams can be counted.
         suit: SuitSettings { required: Some(TypeSet::POSE_QUATERNION), ..SuitSettings::default() },
         others: others.to_vec(),
         ..MvnSettings::default()
@@ -44,7 +44,7 @@ fn connect(address: SocketAddr) -> TcpStream {
     stream
 }
 
-/// Samples until there are so many.
+/// Receives this many samples.
 fn samples(source: &mut SuitSource, count: usize) -> Vec<SuitSample> {
     let (mut samples, begun) = (Vec::new(), Instant::now());
     while samples.len() < count && begun.elapsed() < PATIENCE {
@@ -76,7 +76,7 @@ fn a_stream_in_any_portions_becomes_samples_and_damage_is_counted_once() {
     let mut source = source(&[]);
     let mut suit = connect(source.local_address());
     let mut stream: Vec<u8> = (0..10).flat_map(|counter| datagram(counter, 0)).collect();
-    // One is damaged in the middle, then text of the remote control, then noise.
+    // One datagram is damaged in the middle, then text of the remote control, then noise.
     let damaged_at = stream.len() + 300;
     stream.extend((10..20).flat_map(|counter| datagram(counter, 0)));
     stream.splice(damaged_at..damaged_at, [0xee; 33]);
@@ -132,13 +132,13 @@ fn a_second_client_is_turned_away_while_the_first_streams_and_takes_over_when_it
     let last = samples(&mut source, 1);
     assert_eq!(counters(&last), [1]);
 
-    // The first stays connected, as one whose cable was pulled would, and says nothing more.
+    // The first stays connected without data, like a client whose cable was pulled.
     let begun = Instant::now();
     let mut third = loop {
         assert!(begun.elapsed() < PATIENCE, "never taken over");
         let before = refused(&source, SuitRefusal::ForeignSender);
         let mut third = connect(source.local_address());
-        // One that is turned away may see its write fail.
+        // The write of a client that is turned away may fail.
         let _ = third.write_all(&datagram(2, 0));
         let taken = loop {
             let sample = source.receive().unwrap();
@@ -162,10 +162,10 @@ fn connections_that_are_idle_or_babble_do_not_keep_the_suit_away() {
     let address = source.local_address();
     let idle: Vec<_> = (0..3).map(|_| connect(address)).collect();
     let mut babbling = connect(address);
-    // Sound by its form, and of a character that nobody asked for.
+    // A valid datagram of a character that is not configured.
     babbling.write_all(&[datagram(1, 7), b"GET / HTTP/1.1\r\n\r\n".repeat(50)].concat()).unwrap();
     until(&mut source, "the babbling", |source| refused(source, SuitRefusal::OtherAvatar) == 1);
-    // Nobody has been silent for a second yet, and the suit need not wait for that.
+    // No client has been silent for a second yet, and the suit need not wait for that.
     let mut suit = connect(address);
     for counter in 0..5 {
         suit.write_all(&datagram(counter, 0)).unwrap();
@@ -174,10 +174,10 @@ fn connections_that_are_idle_or_babble_do_not_keep_the_suit_away() {
     assert_eq!(refused(&source, SuitRefusal::ForeignSender), 0, "the suit was not turned away");
     for mut stranger in idle.into_iter().chain([babbling]) {
         stranger.set_read_timeout(Some(PATIENCE)).unwrap();
-        // Closed with bytes unread, a connection is reset.
+        // A connection that is closed with unread bytes is reset.
         assert!(stranger.read(&mut [0; 1]).is_ok_and(|count| count == 0) || stranger.peek(&mut [0]).is_err());
     }
-    // However many come, the newest is read, and the oldest gives way.
+    // With any number of clients, the newest is read, and the oldest is closed.
     drop(suit);
     let crowd: Vec<_> = (0..20).map(|_| connect(address)).collect();
     until(&mut source, "most to be turned away", |source| refused(source, SuitRefusal::ForeignSender) >= 12);

@@ -1,9 +1,9 @@
-//! How much of its millisecond does a whole cycle take, beside the estimator's work alone done densely?
+//! Duration of a whole cycle within its millisecond, compared with the estimator's work alone in dense form.
 //!
 //! 1 kHz loop, suit at 60 Hz, ground at 1 kHz, all 69 parameters, the library of 50 poses: the worker holds pose after
-//! pose and is learnt, then holds loads. The dense version does a suit sample's `B Φ`, `B P Bᵀ` and Eq. 15, and a
-//! pose's mean rows, Joseph update and predicted σ over the library; it has no streams to align, no feet to hold, no
-//! stillness to judge. `cargo bench -p equipoise-benches --bench cycle`; figures in `docs/performance/README.md`.
+//! pose for identification, then holds loads. The dense version computes a suit sample's `B Φ`, `B P Bᵀ` and Eq. 15,
+//! and a pose's mean rows, Joseph update and predicted σ over the library; it has no stream alignment, no foot anchor,
+//! no static-pose detection. `cargo bench -p equipoise-benches --bench cycle`; figures in `docs/performance/README.md`.
 
 mod session;
 

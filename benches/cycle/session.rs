@@ -1,4 +1,4 @@
-//! A session in simulated time: poses held and learnt, then loads held; every step timed.
+//! A session in simulated time: poses held for identification, then loads held; every step timed.
 
 use std::collections::VecDeque;
 use std::hint::black_box;
@@ -19,19 +19,19 @@ use nalgebra::Vector2;
 
 const TICK_NS: u64 = 1_000_000;
 const SUIT_PERIOD_NS: u64 = 16_666_667;
-/// Samples reach the loop this long after they were taken.
+/// Delay from measurement to the loop.
 const SUIT_DELAY_NS: u64 = 500_000;
 /// A pose is held this long, steps.
 const HOLD_STEPS: u64 = 2_000;
-/// Between two poses nothing is heard for so long, ms: nobody moves from one to the other in a millisecond, and such a leap would
-/// not be believed.
+/// Gap in the suit's stream between two poses, ms: a jump from pose to pose within one millisecond would be rejected as
+/// implausible.
 const PAUSE_MS: u64 = 150;
 const POSES_LEARNT: u64 = 25;
 const POSES_LOADED: u64 = 15;
 /// Variance of a pose's measurement for the dense filter, m².
 const R_M2: f64 = 5e-5;
 
-/// What a step had to do.
+/// Work of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// Ground samples only.
@@ -47,7 +47,7 @@ pub(crate) enum Kind {
 /// One step, timed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Turn {
-    /// What there was to do.
+    /// Its work.
     pub(crate) kind: Kind,
     /// `core::cycle::step`, µs.
     pub(crate) ours_us: f64,
@@ -67,13 +67,13 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Before the first step; with or without the dense version beside it.
+    /// Before the first step; optionally with the dense version.
     pub(crate) fn new(with_dense: bool) -> Session {
         let settings = Settings {
             sex: Sex::Male,
             mass_kg: Some(MASS_KG),
             reduction: ReductionKind::Full,
-            // Never met: poses are learnt as long as they are unloaded.
+            // Never met: identification continues as long as poses are unloaded.
             stop: StopRule::PredictedCop { sigma_m: 0.0 },
             library: LIBRARY,
             ..Settings::for_height(HEIGHT_M)
@@ -89,10 +89,10 @@ impl Session {
         self.cycle >= (POSES_LEARNT + POSES_LOADED) * HOLD_STEPS
     }
 
-    /// Panics if the session was not what its figures are sold as.
+    /// Panics if the session did not do the work that the figures claim.
     pub(crate) fn check(&self) {
         let (learnt, state) = (self.memory.identification.poses_used, &self.memory.state);
-        // Neighbours in the library may be too alike to count twice.
+        // Adjacent poses in the library may be too similar to count twice.
         assert!(learnt >= POSES_LEARNT / 2, "only {learnt} poses were learnt");
         let torques = !state.validity().any_of(Validity::SPOILS_TORQUES) && state.load_distance_m > 0.0;
         assert!(torques, "no torques at the end: {:?}", state.validity());

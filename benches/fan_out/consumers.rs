@@ -34,17 +34,17 @@ impl Kind {
     }
 }
 
-/// Starts so many of them.
+/// Starts this number of consumers.
 pub(crate) fn start(kind: Kind, count: usize) -> Peer {
     Peer::start("consumers", &[kind.name().to_owned(), count.to_string()]).0
 }
 
-/// Ends them; how many states all of them together have read.
+/// Ends them; returns the number of states read by all of them together.
 pub(crate) fn finish(peer: Peer) -> u64 {
     bytemuck::pod_read_unaligned(&peer.finish())
 }
 
-/// The other process itself.
+/// Main function of the other process.
 pub(crate) fn run(arguments: &[String]) {
     let [kind, count] = arguments else { panic!("consumers have a kind and a number") };
     let listens = kind == Kind::Listeners.name();

@@ -1,7 +1,7 @@
-//! What does one consumer more cost: egress, and the path to the published state?
+//! Cost of each additional consumer for egress and for the path to the published state.
 //!
-//! The real loop at 1 kHz and the real egress; 0 to 16 consumers in another process, each a thread with a place of its
-//! own on the bus. A listener sleeps until it is woken for each state; a poller looks once a millisecond and is never
+//! The real loop at 1 kHz and the real egress; 0 to 16 consumers in another process, each a thread with its own place
+//! on the bus. A listener sleeps until it is woken for each state; a poller polls once a millisecond and is never
 //! woken. `cargo bench -p equipoise-benches --bench fan_out`; figures in `docs/performance/README.md`.
 
 mod consumers;
@@ -87,7 +87,7 @@ fn report(kind: Kind, rounds: &[[Turn; COUNTS.len()]]) -> Vec<Figure> {
     figures
 }
 
-/// Of the straight line closest to the points, least squares.
+/// Slope of the least-squares line.
 fn slope(points: &[[f64; 2]]) -> f64 {
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
     let (x, y) = (mean(0), mean(1));

@@ -25,10 +25,10 @@ const PERIOD_NS: u64 = 1_000_000;
 const WARM: usize = 50;
 const CPU: usize = 1;
 
-/// What a turn showed.
+/// Measurements of a turn.
 #[derive(Debug, Default)]
 pub(crate) struct Turn {
-    /// Egress, for each state: published, recorded, everybody woken; sorted.
+    /// Egress, for each state: publishing, recording and waking all listeners; sorted.
     pub(crate) publish_us: Vec<f64>,
     pub(crate) to_state_p50_us: f64,
     pub(crate) to_state_p99_us: f64,
@@ -37,7 +37,7 @@ pub(crate) struct Turn {
     pub(crate) taken: u64,
 }
 
-/// One turn with so many consumers.
+/// One turn with this number of consumers.
 pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
     let rings = Arc::new(Rings::new().expect("an event file descriptor"));
     let consumers = (count > 0).then(|| consumers::start(kind, count));
@@ -45,7 +45,7 @@ pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
     let its_rings = Arc::clone(&rings);
     let egress = spawn(move || {
         realtime::ask("egress", Asked { fifo_priority: 60, cpu: Some(CPU) });
-        // Nobody keeps the figures; a full feed only counts.
+        // The latency log is not drained; a full feed only counts.
         let (latency_log, _drain) = feed(PLACES);
         let rings = Arc::clone(&its_rings);
         let mut egress =
@@ -56,7 +56,7 @@ pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
             let ended = its_rings.has_ended();
             its_rings.await_outcome(Waiting::Sleeping, Duration::from_millis(50));
             let begun = Instant::now();
-            // Several at once are a stall, of which each has its share.
+            // Several at once mean a stall, which is divided among them.
             let published = egress.publish_outcomes().expect("the bus is whole");
             let each_us = begun.elapsed().as_secs_f64() * 1e6 / published.max(1) as f64;
             publish_us.extend(std::iter::repeat_n(each_us, published));
@@ -85,7 +85,7 @@ fn run_loop(rings: &Arc<Rings>, turn_s: f64) -> (PathHistograms, u64) {
     let (its_rings, settings) = (Arc::clone(rings), Settings::for_height(HEIGHT_M));
     let bus = Bus::join(&BusSettings::new(STATION, "records")).expect("the bus is there");
     let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for a subscriber");
-    // Egress must see that the loop has begun before it may see that it has ended.
+    // Egress must observe the loop's start before it may observe its end.
     let (begun, has_begun) = mpsc::channel();
     let looping = spawn(move || {
         let _runs = its_rings.loop_runs();

@@ -1,4 +1,4 @@
-//! How long does one pose, two rows, take the filter, beside the two dense forms that a textbook gives?
+//! Duration of the filter's update with one pose, two rows, compared with the two dense textbook forms.
 //!
 //! `cargo bench -p equipoise-benches --bench kalman_update`; figures in `docs/performance/README.md`.
 
@@ -14,11 +14,11 @@ use equipoise_core::sesc::{PARAMETERS, Prior, Reduction, ReductionKind};
 use nalgebra::{SMatrix, Vector2};
 
 const POSES: usize = 50;
-/// Keeps the filter as unsure as it began, so that the millionth update works on numbers like the first, m².
+/// Keeps the covariance at its initial size, so that the millionth update has the same numbers as the first, m².
 const PROCESS_M2: f64 = 1e-4;
 const R_M2: f64 = 5e-5;
 
-/// Two rows of a pose, and what was measured along them, m.
+/// Two rows of a pose, and the measurement along them, m.
 struct Measurement {
     h: [[f64; STATES]; 2],
     z_m: [f64; 2],
@@ -58,7 +58,7 @@ fn dense<const N: usize>(measurement: &Measurement) -> Dense<N> {
     (SMatrix::from_fn(|row, column| measurement.h[row][column]), measurement.z_m.into())
 }
 
-/// Ratios mean something only if all do the same work.
+/// Ratios are meaningful only if all variants do the same work.
 fn check_agreement<const N: usize>(measurements: &[Measurement]) {
     let (mut ours, mut joseph) = (filter::<N>(), Box::new(DenseFilter::<N>::new(0.01)));
     let mut gain_form = joseph.clone();

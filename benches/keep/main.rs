@@ -1,6 +1,7 @@
-//! What does the loop pay, twice a second, for what must survive it, beside a copy of its whole memory?
+//! Cost for the loop of saving, twice a second, the state that must survive it, compared with a copy of its whole
+//! memory.
 //!
-//! Warm, and as the loop finds it: with caches that other work has filled since. `cargo bench -p equipoise-benches --bench
+//! With warm caches, and with caches filled by other work, as in the loop. `cargo bench -p equipoise-benches --bench
 //! keep`; figures in `docs/performance/README.md`.
 
 use std::hint::black_box;
@@ -13,13 +14,13 @@ use equipoise_core::frame::{Pose, SuitWorld};
 use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::sesc::PARAMETERS;
 
-/// More than any cache holds, bytes.
+/// Larger than any cache, bytes.
 const OTHER_WORK: usize = 128 << 20;
 const COLD_ROUNDS: usize = 200;
-/// As many as a long identification performs.
+/// As many as in a long identification.
 const POSES: u64 = 25;
 
-/// A memory whose worker has a body and has performed poses.
+/// A memory with a body and used poses.
 fn memory() -> Box<Memory> {
     let settings = Settings::for_height(HEIGHT_M);
     let mut memory = bytemuck::zeroed_box::<Memory>();

@@ -1,4 +1,4 @@
-//! How long do the torques of 22 joints take, beside Eq. 15 with its Jacobians written out?
+//! Duration of the torques of 22 joints, compared with Eq. 15 with its Jacobians written out.
 //!
 //! The dense version computes no σ; the core's does. `cargo bench -p equipoise-benches --bench overload`; figures in
 //! `docs/performance/README.md`.
@@ -38,7 +38,7 @@ fn main() {
     let mut criterion = equipoise_benches::criterion();
     let medians_us = compare(&mut criterion, "overload 22 joints", &mut contenders);
     if let Some(ours_us) = medians_us.first() {
-        // A share, not the cost of one joint more: the body always has all of them.
+        // An average, not the cost of one additional joint: the body always has all of them.
         println!("{:.0} ns a joint: the whole divided by {JOINTS}\n", 1e3 * ours_us / JOINTS as f64);
     }
     criterion.final_summary();

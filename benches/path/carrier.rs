@@ -1,4 +1,4 @@
-//! What carries messages between threads and processes: shared memory, or one of two sorts of sockets.
+//! Transports of messages between threads and processes: shared memory, or one of two kinds of sockets.
 
 use std::net::{Ipv4Addr, UdpSocket};
 use std::os::unix::net::UnixDatagram;
@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use equipoise_daemon::rings::Waiting;
 
-/// As [`equipoise_daemon::ingress`] has it.
+/// As in [`equipoise_daemon::ingress`].
 pub(crate) const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 
 /// The contenders.
@@ -35,7 +35,7 @@ impl Carrier {
     }
 }
 
-/// A datagram socket of either sort.
+/// A datagram socket of either kind.
 #[derive(Debug)]
 pub(crate) enum Socket {
     Unix(UnixDatagram),
@@ -43,7 +43,7 @@ pub(crate) enum Socket {
 }
 
 impl Socket {
-    /// One that receives, and its address; `place` is where a Unix socket lies.
+    /// A receiving socket, and its address; `place` is the path of a Unix socket.
     pub(crate) fn receiver(carrier: Carrier, place: &Path, waiting: Waiting) -> (Socket, String) {
         let (socket, address) = match carrier {
             Carrier::Udp => {
@@ -52,7 +52,7 @@ impl Socket {
                 (Socket::Udp(socket), address)
             }
             _ => {
-                // A place left by the turn before.
+                // Left over from the previous turn.
                 let _ = std::fs::remove_file(place);
                 let socket = UnixDatagram::bind(place).expect("a place for a socket");
                 (Socket::Unix(socket), place.display().to_string())
@@ -71,7 +71,7 @@ impl Socket {
         (socket, address)
     }
 
-    /// One that sends there, and never waits.
+    /// A socket that sends to the address and never blocks.
     pub(crate) fn sender(carrier: Carrier, address: &str) -> Socket {
         let made = match carrier {
             Carrier::Udp => UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))

@@ -1,4 +1,4 @@
-//! The consumer: another process that reads every byte of each state and notes when it had.
+//! The consumer: another process that reads every byte of each state and records the time.
 
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -15,14 +15,14 @@ use crate::carrier::{Carrier, Socket, WAKE_AT_LEAST};
 
 /// A controller's priority, below the daemon's threads.
 const PRIORITY: u32 = 50;
-/// States that it can note.
+/// Maximum number of recorded states.
 const NOTES: usize = 1 << 20;
 
-/// The consumer as its parent sees it.
+/// The parent's handle of the consumer.
 pub(crate) struct Consumer(Peer);
 
 impl Consumer {
-    /// Starts one; where to send to, if it has a socket.
+    /// Starts one; also returns the address of its socket, if it has one.
     pub(crate) fn start(
         station: &str,
         carrier: Carrier,
@@ -37,7 +37,7 @@ impl Consumer {
         (Consumer(peer), address)
     }
 
-    /// Ends it: when it had read each cycle's state, and how many bytes it read.
+    /// Ends it; returns the time at which it had read each cycle's state, and the number of bytes read.
     pub(crate) fn finish(self) -> (Vec<(u64, u64)>, u64) {
         let words: Vec<u64> = self.0.finish().chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();
         let (bytes, notes) = words.split_last().expect("it said how many bytes it read");
@@ -45,14 +45,14 @@ impl Consumer {
     }
 }
 
-/// The consumer itself.
+/// Main function of the consumer.
 pub(crate) fn run(arguments: &[String]) {
     let [station, carrier, polls, cpu, place] = arguments else { panic!("a consumer has five arguments") };
     let waiting = if polls == "true" { Waiting::Polling } else { Waiting::Sleeping };
     let ends = peer::asked_to_end();
     realtime::ask("consumer", Asked { fifo_priority: PRIORITY, cpu: cpu.parse().ok() });
     let mut notes = Notes { words: vec![0; 2 * NOTES], used: 0, bytes: 0 };
-    // The first write to a page would be a fault in the middle of the path.
+    // The first write to a page would cause a page fault in the middle of the path.
     notes.words.fill(1);
     let ended = || ends.load(Ordering::Relaxed);
     match Carrier::named(carrier) {
@@ -112,5 +112,5 @@ impl Notes {
     }
 }
 
-/// How long the ends of the path may take to find each other.
+/// Time for both ends of the path to connect.
 pub(crate) const SETTLE: Duration = Duration::from_millis(30);

@@ -1,8 +1,8 @@
-//! How long from a sample's arrival until another process has read the state, beside Unix and UDP sockets?
+//! Latency from a sample's arrival until another process has read the state, compared with Unix and UDP sockets.
 //!
 //! The same threads under the same policies carry the same bytes: `SuitSample` in, `State` out, by the bus or by
-//! datagrams. The loop is the real one; what a sample waits for the next cycle is left out on all sides.
-//! `cargo bench -p equipoise-benches --bench path`; figures in `docs/performance/README.md`.
+//! datagrams. The loop is the real one; a sample's wait for the next cycle is excluded in all cases. `cargo bench -p
+//! equipoise-benches --bench path`; figures in `docs/performance/README.md`.
 
 mod carrier;
 mod consumer;
@@ -21,28 +21,28 @@ use equipoise_daemon::rings::Waiting;
 use carrier::Carrier;
 use turn::{Cores, Plan, Times};
 
-/// One way to place the threads and to wait.
+/// An assignment of threads to cores, and a wait method.
 struct Arrangement {
     name: &'static str,
     waiting: Waiting,
-    /// The inlet's and the outlet's cores in one turn, or each in a turn of its own.
+    /// The inlet's and the outlet's cores in one turn, or each in its own turn.
     turns: &'static [(bool, bool, Cores)],
 }
 
 const NOWHERE: Cores = Cores { adapter: None, ingress: None, looping: None, egress: None, consumer: None };
-/// As with `[loop] cpu = 1` and nobody else on that core.
+/// As with `[loop] cpu = 1` and no other thread on that core.
 const CPU_1: Cores =
     Cores { adapter: Some(0), ingress: Some(0), looping: Some(1), egress: Some(1), consumer: Some(0) };
-/// The same with egress elsewhere.
+/// The same with egress on the other core.
 const APART: Cores =
     Cores { adapter: Some(0), ingress: Some(0), looping: Some(1), egress: Some(0), consumer: Some(0) };
-/// Two cores have room for one poller beside the threads that it waits for, hence one leg a turn.
+/// Two cores have room for one polling thread in addition to the threads that it waits for, hence one leg per turn.
 const POLLED_INLET: Cores =
     Cores { adapter: Some(0), ingress: Some(1), looping: Some(0), egress: None, consumer: None };
 const POLLED_OUTLET: Cores =
     Cores { adapter: None, ingress: None, looping: Some(0), egress: Some(1), consumer: Some(0) };
 
-/// The consumer alone on its core; egress polls in what the loop leaves of the other.
+/// The consumer alone on its core; egress polls in the loop's idle time on the other.
 const POLLED_OUTLET_ALONE: Cores =
     Cores { adapter: None, ingress: None, looping: Some(1), egress: Some(1), consumer: Some(0) };
 
@@ -62,8 +62,8 @@ const ARRANGEMENTS: [Arrangement; 5] = [
     },
 ];
 
-/// Pollers have real-time priorities here, so that neighbours on the machine are in no figure. The kernel lets real
-/// time have 0.95 s of each second, so a turn is shorter.
+/// Pollers have real-time priorities here, so that other load on the machine affects no figure. The kernel limits real
+/// time to 0.95 s of each second, so a turn is shorter.
 const POLLED_S: f64 = 0.4;
 
 fn main() -> ExitCode {
@@ -113,7 +113,7 @@ impl Times {
     }
 }
 
-/// Medians of the rounds' own percentiles; ratios are medians of the rounds' ratios.
+/// Medians of the rounds' percentiles; ratios are medians of the rounds' ratios.
 fn report(name: &str, rounds: &[[Times; 3]]) -> Vec<Figure> {
     println!("\narrival → consumer, {name}: {} rounds in turns", rounds.len());
     println!(

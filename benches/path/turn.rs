@@ -1,7 +1,7 @@
-//! One turn: adapter → ingress → the real loop → egress → consumer, over one carrier, for a second or so.
+//! One turn: adapter → ingress → the real loop → egress → consumer, over one carrier, for about a second.
 //!
-//! Both ends of the loop are measured apart, so that a sample's waiting for the next cycle is in no figure: the inlet
-//! ends when the sample lies in the loop's ring, the outlet begins when the loop has computed.
+//! Both ends of the loop are measured separately, so that a sample's wait for the next cycle is excluded: the inlet
+//! ends when the sample is in the loop's ring, the outlet begins when the loop has computed.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -29,16 +29,16 @@ use crate::consumer::{Consumer, SETTLE};
 const STATION: &str = "path";
 /// 1 kHz; the adapter has a sample in the middle of each period.
 const PERIOD_NS: u64 = 1_000_000;
-/// Caches, connections and page tables are warm after so many.
+/// Cycles after which caches, connections and page tables are warm.
 const WARM: u64 = 100;
-/// What one thread may note in a turn: a minute.
+/// Maximum number of records of one thread in a turn: a minute.
 const NOTES: usize = 1 << 16;
 /// The daemon's own priorities.
 const LOOP: u32 = 80;
 const INGRESS: u32 = 70;
 const EGRESS: u32 = 60;
 
-/// What a turn is.
+/// Settings of a turn.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plan {
     pub(crate) carrier: Carrier,
@@ -51,7 +51,7 @@ pub(crate) struct Plan {
     pub(crate) length: Duration,
 }
 
-/// Who is pinned where.
+/// Cores of the threads.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Cores {
     pub(crate) adapter: Option<usize>,
@@ -61,10 +61,10 @@ pub(crate) struct Cores {
     pub(crate) consumer: Option<usize>,
 }
 
-/// What a turn showed.
+/// Measurements of a turn.
 #[derive(Debug, Default)]
 pub(crate) struct Times {
-    /// From the sample's arrival until it lies in the ring, µs.
+    /// From the sample's arrival until it is in the ring, µs.
     pub(crate) inlet_us: Vec<f64>,
     /// From the state computed until the consumer has read all of it, µs.
     pub(crate) outlet_us: Vec<f64>,
@@ -76,7 +76,7 @@ pub(crate) struct Times {
 }
 
 impl Plan {
-    /// Runs it; `folder` is where sockets may lie.
+    /// Runs it; `folder` is for sockets.
     pub(crate) fn run(&self, folder: &Path) -> Times {
         let rings = Arc::new(Rings::new().expect("an event file descriptor"));
         let begun = Arc::new(AtomicU64::new(0));
@@ -130,14 +130,14 @@ impl Plan {
         })
     }
 
-    /// Over sockets: the records, since there is no bus to take them from.
+    /// With sockets it returns the cycle records, since there is no bus to read them from.
     fn start_egress(&self, rings: &Arc<Rings>, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
         let (plan, rings, address) = (*self, Arc::clone(rings), address.to_owned());
         let (ready, is_ready) = mpsc::channel();
         let thread = spawn(move || {
             realtime::ask("egress", Asked { fifo_priority: EGRESS, cpu: plan.cores.egress });
             if plan.carrier == Carrier::Bus {
-                // Nobody keeps the figures; a full feed only counts.
+                // The latency log is not drained; a full feed only counts.
                 let (latency_log, _drain) = feed(PLACES);
                 let egress = Egress::open(STATION, rings, plan.waiting, latency_log);
                 let _ = ready.send(());
@@ -147,7 +147,7 @@ impl Plan {
             let socket = Socket::sender(plan.carrier, &address);
             let (mut records, mut latency) = (Vec::with_capacity(NOTES), PathHistograms::new());
             let _ = ready.send(());
-            // As egress does it, with one socket in place of the bus.
+            // As in egress, with one socket in place of the bus.
             loop {
                 let ended = rings.has_ended();
                 rings.await_outcome(plan.waiting, WAKE_AT_LEAST);
@@ -193,7 +193,7 @@ impl Plan {
 
     /// The adapter: a sample in the middle of each of the loop's periods.
     fn adapt(&self, address: &str, rings: &Rings, begun: &AtomicU64) -> Vec<(u64, u64)> {
-        // Pollers would keep an ordinary thread from its core for ever.
+        // Polling threads would keep an ordinary thread from its core for ever.
         let fifo_priority = if self.waiting == Waiting::Polling { LOOP } else { 0 };
         realtime::ask("adapter", Asked { fifo_priority, cpu: self.cores.adapter });
         let worker = Worker::new();
@@ -218,13 +218,13 @@ impl Plan {
     }
 }
 
-/// A thread that numbers and dates what it does.
+/// A thread that records a number and a time of each message.
 type Noting = JoinHandle<Vec<(u64, u64)>>;
 
 struct OnTheBus {
     samples: Publisher<SuitSample>,
     wake: equipoise_bus::Notifier,
-    // Ports die before the node they hang on.
+    // Field order: ports are dropped before the node they belong to.
     _bus: Bus,
 }
 
@@ -263,7 +263,7 @@ fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
         ingress.wait().expect("the bus is whole");
         let several = ingress.take_in().expect("the bus is whole") as u64;
         let now_ns = now_ns();
-        // The bus loses nothing that is not a quarter of a second late: the count is the sequence.
+        // The bus loses only messages a quarter of a second late: the count is the sequence.
         taken.extend((1..=several).map(|one| (count + one, now_ns)));
         count += several;
     }
@@ -282,7 +282,7 @@ fn take_from_a_socket(socket: &Socket, rings: &Rings) -> Vec<(u64, u64)> {
     taken
 }
 
-/// Notes from inside the loop when each outcome was handed over.
+/// Records inside the loop when each outcome was handed over.
 struct Stamps {
     pushed: Vec<(u64, u64)>,
     used: usize,
@@ -320,7 +320,7 @@ impl RecordReader {
         let (begun, mut all) = (Instant::now(), Vec::with_capacity(NOTES));
         loop {
             sleep(Duration::from_millis(100).min(length));
-            // Pollers may have kept this thread from its core for the whole turn: what there is, is taken first.
+            // Polling threads may have kept this thread from its core for the whole turn: read pending records first.
             while let Some(record) = self.records.receive().expect("the bus is whole") {
                 all.push(record);
             }
@@ -359,7 +359,7 @@ impl Times {
     }
 }
 
-/// µs from the one to the other, of all that both know and that are not of the warm-up.
+/// Durations in µs for all numbers in both, without the warm-up.
 fn between(from_ns: &HashMap<u64, u64>, to_ns: impl Iterator<Item = (u64, u64)>) -> Vec<f64> {
     to_ns
         .filter(|(number, _)| *number > WARM)

@@ -1,4 +1,4 @@
-//! A chart with classes along x, drawn as SVG without a script: bars side by side, or lines.
+//! A chart with classes along x, drawn as SVG without a script: grouped bars, or lines.
 
 use std::fmt::Write;
 
@@ -8,20 +8,20 @@ const LEFT: f64 = 64.0;
 const RIGHT: f64 = 16.0;
 const TOP: f64 = 70.0;
 const BOTTOM: f64 = 58.0;
-/// Okabe and Ito's colours, which people with any colour vision can tell apart.
+/// Okabe and Ito's colours, distinguishable with any colour vision.
 const COLOURS: [&str; 6] = ["#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"];
 const STYLE: &str = "text{font:12px system-ui,'DejaVu Sans',sans-serif;fill:#17202b}.soft{fill:#566273}\
     .title{font-size:14px;font-weight:600}.ground{fill:#fff}.grid{stroke:#e3e8ee}.axis{stroke:#8a96a5;fill:none}\
     @media(prefers-color-scheme:dark){text{fill:#e8edf4}.soft{fill:#a9b5c4}.ground{fill:#19202a}.grid{stroke:#29323e}}";
 
-/// How values are drawn.
+/// Style of the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Bars,
     Lines,
 }
 
-/// One colour: a name and a value for each class; NaN where there is none.
+/// One series: a name and a value for each class; NaN where there is none.
 #[derive(Debug, Clone)]
 pub(crate) struct Series {
     pub(crate) name: String,
@@ -41,7 +41,7 @@ pub(crate) struct Chart {
     pub(crate) series: Vec<Series>,
 }
 
-/// From values to places.
+/// Converts values to coordinates.
 struct Scale {
     from: f64,
     to: f64,
@@ -158,7 +158,7 @@ impl Chart {
         let _ = write!(out, "<path class=\"axis\" d=\"M{LEFT} {TOP}V{foot}H{}\"/>", WIDTH - RIGHT);
         for (class, name) in self.classes.iter().enumerate() {
             let x = self.middle(class);
-            // Long names stand on two lines.
+            // Long names take two lines.
             for (line, part) in name.splitn(2, ", ").enumerate() {
                 let y = foot + 17.0 + 14.0 * line as f64;
                 let _ = write!(out, "<text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{part}</text>");

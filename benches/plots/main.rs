@@ -1,5 +1,5 @@
-//! Draws the plots of `docs/performance/` from the figures that the benches wrote:
-//! `cargo run --release -p equipoise-benches --bin plots`. A bench that has not run keeps its old plot.
+//! Draws the plots of `docs/performance/` from the figures that the benches wrote: `cargo run --release -p
+//! equipoise-benches --bin plots`. A bench that has not run keeps its old plot.
 
 mod chart;
 

@@ -1,7 +1,7 @@
-//! How many stations does this machine hold, and what does one cost?
+//! Number of stations that this machine supports, and the cost of one.
 //!
-//! Each station is a process with the whole daemon and a simulated person on real wires (suit 60 Hz, plate 250 Hz). What
-//! the person costs is not counted. `cargo bench -p equipoise-benches --bench stations`; figures in
+//! Each station is a process with the whole daemon and a simulated person on real wires (suit 60 Hz, plate 250 Hz). The
+//! cost of the simulated person is excluded. `cargo bench -p equipoise-benches --bench stations`; figures in
 //! `docs/performance/README.md`.
 
 mod station;
@@ -19,8 +19,8 @@ use station::{FIGURES, Figures};
 
 const COUNTS: [usize; 6] = [1, 2, 4, 8, 16, 32];
 const RATES_HZ: [u32; 3] = [1000, 250, 100];
-/// What the daemons may want of all cores together. Real-time loops that want more starve everything else on the machine,
-/// this bench included, so more stations are not tried. The simulated people need about as much again.
+/// Limit of the daemons' total load of all cores. Beyond it real-time loops starve everything else on the machine, this
+/// bench included, so more stations are not tried. The simulated people need about as much again.
 const SHARE_MAX: f64 = 0.45;
 
 fn main() -> ExitCode {
@@ -82,12 +82,12 @@ fn figures_of(all: &mut Vec<Figure>, figure: Figure, values: Figures) {
     all.push(FIGURES.into_iter().zip(values).fold(figure, |figure, (name, value)| figure.with(name, value)));
 }
 
-/// So many stations at once; means over them.
+/// This number of stations at once; means over them.
 fn turn(rate_hz: u32, count: usize, turn_s: f64) -> Figures {
     let mut stations: Vec<Peer> = (0..count)
         .map(|number| Peer::start("station", &[format!("s{number}"), rate_hz.to_string()]).0)
         .collect();
-    // Suit and plate find each other, identification asks for its first pose.
+    // Suit and plate connect, identification suggests its first pose.
     sleep(Duration::from_secs_f64(turn_s.min(1.0)));
     stations.iter_mut().for_each(|station| station.tell("go"));
     sleep(Duration::from_secs_f64(turn_s));

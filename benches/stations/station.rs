@@ -16,7 +16,7 @@ use equipoise_latency::stage::Stage;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
 
-/// What a station tells, in this order.
+/// Figures that a station reports, in this order.
 pub(crate) const FIGURES: [&str; 6] =
     ["cpu_percent", "wake_p50_us", "wake_p99_us", "to_state_p99_us", "missed_percent", "memory_mb"];
 pub(crate) type Figures = [f64; FIGURES.len()];
@@ -26,7 +26,7 @@ const PLATE_HZ: f64 = 250.0;
 const THREADS: [&str; 8] =
     ["loop", "ingress", "egress", "suit", "ground", "commands", "saving", "housekeeping"];
 
-/// Runs until told `enough`; tells what there was since `go`.
+/// Runs until it receives `enough`; reports the figures since `go`.
 pub(crate) fn run(arguments: &[String]) {
     let [name, rate_hz] = arguments else { panic!("a station has a name and a rate") };
     let suit = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| socket.local_addr());
@@ -82,13 +82,13 @@ pub(crate) fn run(arguments: &[String]) {
     std::io::Write::write_all(&mut out, bytemuck::cast_slice(&figures)).expect("whoever started us reads");
 }
 
-/// Whether it has begun to count, and whether that was enough.
+/// Flags for the start of counting and for its end.
 fn listen() -> (Arc<AtomicBool>, Arc<AtomicBool>) {
     let flags = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
     let told = flags.clone();
     spawn(move || {
         for flag in told {
-            // The end of the input counts as both: whoever started us has died.
+            // The end of the input counts as both: the parent process has died.
             let _ = std::io::stdin().read_line(&mut String::new());
             flag.store(true, Ordering::Relaxed);
         }
@@ -106,7 +106,7 @@ fn config(name: &str, rate_hz: &str, suit: SocketAddr, plate: SocketAddr) -> Con
     Config::parse(&text, "the bench's configuration").expect("a good configuration")
 }
 
-/// Time on a core of the daemon's threads, s.
+/// CPU time of the daemon's threads, s.
 fn cpu_s() -> f64 {
     let tasks = std::fs::read_dir("/proc/self/task").expect("proc is mounted");
     let read = |path: std::path::PathBuf| std::fs::read_to_string(path).unwrap_or_default();
@@ -118,7 +118,7 @@ fn cpu_s() -> f64 {
         * 1e-9
 }
 
-/// Memory of this process, its share of what it has in common with others; MB.
+/// Proportional set size of this process, MB.
 fn memory_mb() -> f64 {
     let text = std::fs::read_to_string("/proc/self/smaps_rollup").unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix("Pss:")).unwrap_or("0");

@@ -1,5 +1,5 @@
-//! How many suits could one core read? A second of MVN's full stream (240 Hz; types 02, 20 to 25) through the assembler,
-//! beside a copy of the same bytes, which whoever receives them pays anyway.
+//! Number of suits that one core could read: a second of MVN's full stream (240 Hz; types 02, 20 to 25) through the
+//! assembler, compared with a copy of the same bytes, which every receiver has to make.
 //!
 //! `cargo bench -p equipoise-benches --bench suit_stream`; figures in `docs/performance/README.md`.
 
@@ -13,10 +13,10 @@ use equipoise_benches::rounds::{Contender, compare};
 
 use stream::{RATE_HZ, Stream};
 
-/// What is promised, seconds of stream in a second of one core.
+/// Required throughput, seconds of stream per second of one core.
 const WANTED: f64 = 100.0;
 
-/// Feeds a second of datagrams; how many samples came of it.
+/// Feeds a second of datagrams; returns the number of samples.
 fn assemble(assembler: &mut SuitAssembler, stream: &mut Stream) -> usize {
     let mut samples = 0;
     for (datagram, arrival_ns) in stream.next_second() {
@@ -30,12 +30,12 @@ fn assemble(assembler: &mut SuitAssembler, stream: &mut Stream) -> usize {
     samples
 }
 
-/// Ratios mean something only if all is really read: every sample comes, with every block, and nothing is refused.
+/// Ratios are meaningful only if everything is read: every sample arrives, with every block, and nothing is refused.
 fn check(gloves: bool) {
     let (mut assembler, mut stream) = (SuitAssembler::new(SuitSettings::default()), Stream::new(gloves));
     for second in 0..3 {
         let samples = assemble(&mut assembler, &mut stream);
-        // The first samples wait for one that follows, until it is known which types come.
+        // The first samples wait for a following one, until the set of types is known.
         assert!(samples + 1 >= RATE_HZ, "{samples} samples in second {second}");
     }
     let counts = assembler.counts();
@@ -45,7 +45,7 @@ fn check(gloves: bool) {
     assert_eq!((cuts, cutter.skipped_bytes()), (stream.datagrams(), 0));
 }
 
-/// Cuts a second of a byte stream that comes in pieces as large as TCP's.
+/// Cuts a second of a byte stream that arrives in pieces of TCP size.
 fn cut(cutter: &mut StreamCutter, bytes: &[u8], each: &mut dyn FnMut(&[u8])) {
     for piece in bytes.chunks(1448) {
         cutter.push(piece);

@@ -1,4 +1,4 @@
-//! A second of everything that MVN sends, again and again with counters that go on.
+//! A second of all MVN streams, repeated with advancing counters.
 
 use equipoise_adapters::wire::mvn::{
     AngularKinematics, CentreOfMass, Header, JointAngle, LinearKinematics, SegmentPose, TimeCode,
@@ -6,7 +6,7 @@ use equipoise_adapters::wire::mvn::{
     linear_kinematics, pose_quaternion, time_code, tracker_kinematics,
 };
 
-/// Samples a second of a suit with cables.
+/// Sample rate of a suit with cables.
 pub(crate) const RATE_HZ: usize = 240;
 const PERIOD_NS: u64 = 1_000_000_000 / RATE_HZ as u64;
 /// Segments that wear a motion tracker.
@@ -52,7 +52,7 @@ impl Stream {
     }
 }
 
-/// All datagrams of one sample: somebody who stands and sways.
+/// All datagrams of one sample of a standing, swaying person.
 fn sample(counter: u32, gloves: bool) -> Vec<Vec<u8>> {
     let segments = if gloves { 23 + FINGERS } else { 23 };
     let sway = (counter as f32 * 0.026).sin();

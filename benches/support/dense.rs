@@ -1,6 +1,6 @@
-//! The textbook's dense way with nalgebra: what a first version would look like.
+//! The dense textbook method with nalgebra, as in a first version.
 //!
-//! Sizes are known to the compiler and nothing is on the heap, which is the fastest that nalgebra can do here.
+//! Sizes are compile-time constants and nothing is on the heap, which is the fastest that nalgebra can do here.
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
 use equipoise_core::frame::{Pose, StationWorld};
@@ -24,7 +24,7 @@ pub struct DenseFilter<const N: usize> {
 }
 
 impl<const N: usize> DenseFilter<N> {
-    /// Nothing is known: θ = 0, P = variance · 1.
+    /// No prior: θ = 0, P = variance · 1.
     pub fn new(variance_m2: f64) -> Self {
         DenseFilter { theta_m: SVector::zeros(), covariance_m2: SMatrix::from_diagonal_element(variance_m2) }
     }
@@ -76,7 +76,7 @@ pub fn centre_of_mass(pose: &Pose<StationWorld>, chain: &ChainMatrix, phi: &Phi)
     pose.origin_of(Segment::Pelvis) + chain * phi
 }
 
-/// The 3×66 Jacobian of a point (m) that moves with `end`: for each joint that carries it, `−[point − o_j]×`.
+/// The 3×66 Jacobian of a point (m) that moves with `end`: for each joint proximal to it, `−[point − o_j]×`.
 fn jacobian(pose: &Pose<StationWorld>, end: Segment, point_m: Vector3<f64>) -> SMatrix<f64, 3, COLUMNS> {
     let mut jacobian = SMatrix::<f64, 3, COLUMNS>::zeros();
     for joint in Joint::ALL.into_iter().filter(|joint| end.is_distal_to(joint.segment())) {

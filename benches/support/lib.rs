@@ -1,5 +1,5 @@
-//! What the benches share: interleaved rounds, the textbook's dense way, a worker who stands and holds a load, other
-//! processes, what was asked on the command line, and where figures are written for the plots.
+//! Common code of the benches: interleaved rounds, the dense textbook method, a worker who stands and holds a load,
+//! other processes, command line options, and the files of figures for the plots.
 
 pub mod dense;
 pub mod figures;
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use criterion::Criterion;
 
-/// Criterion as all benches use it: short, since the ratios come from [`rounds`] and not from its samples.
+/// Criterion settings of all benches: short, since the ratios come from [`rounds`] and not from its samples.
 pub fn criterion() -> Criterion {
     Criterion::default()
         .sample_size(50)
@@ -21,7 +21,7 @@ pub fn criterion() -> Criterion {
         .configure_from_args()
 }
 
-/// Whether this is `cargo bench` and not a test run that only wants to see the benches work.
+/// Whether this is `cargo bench` and not a test run that only checks that the benches work.
 pub fn is_measured() -> bool {
     std::env::args().any(|argument| argument == "--bench")
 }

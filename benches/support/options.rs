@@ -1,12 +1,12 @@
-//! What was asked on the command line: `cargo bench -p equipoise-benches --bench NAME -- [--quick] [--rounds N]
-//! [--seconds S] [--only PART]`.
+//! Command line options: `cargo bench -p equipoise-benches --bench NAME -- [--quick] [--rounds N] [--seconds S] [--only
+//! PART]`.
 
 use std::str::FromStr;
 
-/// How much to measure.
+/// Extent of the measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Only show that it works, in seconds.
+    /// Only check that it works, within seconds.
     pub quick: bool,
     /// Rounds; each has every contender once.
     pub rounds: usize,
@@ -17,7 +17,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Reads the command line over a bench's own defaults; ends the process with a sentence if it makes no sense.
+    /// Reads the command line over a bench's own defaults; exits with a message if it is invalid.
     pub fn read(rounds: usize, turn_s: f64) -> Options {
         let mut options = Options { quick: false, rounds, turn_s, only: String::new() };
         let mut arguments = std::env::args().skip(1);
@@ -27,7 +27,7 @@ impl Options {
                 "--rounds" => options.rounds = number("--rounds", arguments.next()),
                 "--seconds" => options.turn_s = number("--seconds", arguments.next()),
                 "--only" => options.only = arguments.next().unwrap_or_default(),
-                // cargo's own.
+                // Added by cargo.
                 "--bench" => {}
                 other => refuse(&format!(
                     "{other} is not known; there are --quick, --rounds N, --seconds S, --only PART"
@@ -37,7 +37,7 @@ impl Options {
         options
     }
 
-    /// Whether a part of the bench is asked for.
+    /// Whether a part of the bench is selected.
     pub fn asks_for(&self, part: &str) -> bool {
         part.contains(&self.only)
     }

@@ -1,4 +1,4 @@
-//! Other processes: this very program again in another role, and a bus that only they share.
+//! Other processes: this program in another role, and a bus that only they share.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
@@ -17,7 +17,8 @@ pub struct Peer {
 }
 
 impl Peer {
-    /// Starts one with a role and its arguments, and waits until it says that it is ready; what else it said then.
+    /// Starts one with a role and its arguments, and waits until it reports that it is ready; returns the rest of that
+    /// line.
     pub fn start(role: &str, arguments: &[String]) -> (Peer, String) {
         let program = std::env::current_exe().expect("this program has a path");
         let mut child = Command::new(program)
@@ -35,18 +36,18 @@ impl Peer {
         (Peer { child, out }, said.trim().to_owned())
     }
 
-    /// Its process.
+    /// Its process id.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// Tells it a line.
+    /// Sends it a line.
     pub fn tell(&mut self, line: &str) {
         let input = self.child.stdin.as_mut().expect("its input is piped");
         writeln!(input, "{line}").expect("it reads");
     }
 
-    /// Asks it to end and waits for its last words.
+    /// Requests its end and reads its remaining output.
     pub fn finish(mut self) -> Vec<u8> {
         drop(self.child.stdin.take());
         let mut last = Vec::new();
@@ -58,7 +59,7 @@ impl Peer {
 }
 
 impl Drop for Peer {
-    /// A bench that failed leaves nobody behind.
+    /// A failed benchmark leaves no process behind.
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -71,13 +72,13 @@ pub fn role() -> Option<(String, Vec<String>)> {
     (arguments.next()? == PEER).then(|| (arguments.next().unwrap_or_default(), arguments.collect()))
 }
 
-/// Says that this peer is ready, and more on the same line.
+/// Reports that this peer is ready, with further text on the same line.
 pub fn ready(more: &str) {
     println!("ready {more}");
     std::io::stdout().flush().expect("whoever started us reads");
 }
 
-/// Becomes true when whoever started this process asks it to end, or has died.
+/// Becomes true when the parent process requests the end, or has died.
 pub fn asked_to_end() -> Arc<AtomicBool> {
     let ends = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&ends);
@@ -88,7 +89,7 @@ pub fn asked_to_end() -> Arc<AtomicBool> {
     ends
 }
 
-/// Runs `body` in a process that has a bus of its own, which is removed afterwards.
+/// Runs `body` in a process with its own bus, which is removed afterwards.
 pub fn on_an_own_bus(body: impl FnOnce()) -> ExitCode {
     if std::env::var_os(ROOT_VARIABLE).is_some() {
         body();
@@ -98,7 +99,7 @@ pub fn on_an_own_bus(body: impl FnOnce()) -> ExitCode {
     let program = std::env::current_exe().expect("this program has a path");
     let status =
         Command::new(program).args(std::env::args_os().skip(1)).env(ROOT_VARIABLE, root.path()).status();
-    // iceoryx2 leaves 16 bytes behind for each root, and whoever was killed leaves more.
+    // iceoryx2 leaves 16 bytes behind for each root, and killed processes leave more.
     let prefix = shared_memory_prefix(root.path());
     for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
         if file.file_name().to_string_lossy().starts_with(&prefix) {

@@ -1,21 +1,21 @@
-//! Several ways to do one piece of work, timed in turns.
+//! Compares several methods for the same work, timed in turns.
 //!
-//! On a shared machine a slow second may hit one benchmark and spare the next, and their quotient then says nothing.
-//! Here each round times every way once, in an order that rotates, and a ratio is the median of the rounds' ratios.
+//! On a shared machine a slow second may affect one benchmark and not the next, which invalidates their ratio. Here
+//! each round times every method once, in an order that rotates, and a ratio is the median of the rounds' ratios.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use criterion::Criterion;
 
-/// One way to do the work.
+/// One method for the work.
 pub struct Contender<'a> {
     name: &'static str,
     run: Box<dyn FnMut() + 'a>,
 }
 
 impl<'a> Contender<'a> {
-    /// A named way; `run` does the work once and keeps its result from being optimised away.
+    /// A named method; `run` does the work once and keeps its result from being optimised away.
     pub fn new(name: &'static str, run: impl FnMut() + 'a) -> Self {
         Contender { name, run: Box::new(run) }
     }
@@ -31,11 +31,11 @@ impl<'a> Contender<'a> {
 
 const ROUNDS_MIN: usize = 100;
 const TIME_IN_ROUNDS: Duration = Duration::from_secs(3);
-/// A way is repeated in its turn for about this long: a thousand times the clock's own cost.
+/// Duration of a method's turn, filled with repetitions: a thousand times the clock's own cost.
 const TURN_US: f64 = 50.0;
 
-/// Samples each way by criterion, then all of them in turns; prints the medians and how many times the first one's
-/// time each takes. The medians, µs; none in a test run.
+/// Samples each method with criterion, then all of them in turns; prints the medians and their ratios to the first
+/// one's. Returns the medians, µs; none in a test run.
 pub fn compare(criterion: &mut Criterion, question: &str, contenders: &mut [Contender<'_>]) -> Vec<f64> {
     let mut group = criterion.benchmark_group(question);
     for contender in &mut *contenders {
@@ -76,7 +76,7 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// The middle of a list, of those that are numbers: a round without a value has no vote. NaN if there is none.
+/// Median of the finite values of a list: a round without a value is ignored. NaN if there is none.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.retain(|value| !value.is_nan());
     values.sort_by(f64::total_cmp);

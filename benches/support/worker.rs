@@ -15,13 +15,13 @@ use nalgebra::Vector3;
 pub const HEIGHT_M: f64 = 1.77;
 /// Body mass, kg.
 pub const MASS_KG: f64 = 72.0;
-/// What the hands hold when they do, N.
+/// Load in the hands when one is held, N.
 pub const LOAD_N: f64 = 60.0;
 
 /// The worker.
 #[derive(Debug, Clone)]
 pub struct Worker {
-    /// Bones.
+    /// Segment lengths.
     pub skeleton: Skeleton,
     /// Masses and grips: the table's, with a heavier trunk.
     pub body: Anthropometry,
@@ -41,7 +41,7 @@ impl Worker {
         Worker { phi: Phi::of(&skeleton, &body), skeleton, body }
     }
 
-    /// A posture of the library (counted round), the feet about the station's origin.
+    /// A posture of the library (index modulo its length), the feet about the station's origin.
     pub fn pose(&self, index: usize) -> Pose<StationWorld> {
         let posture = &LIBRARY[index % LIBRARY.len()];
         let loose = posture::pose_of(posture, &self.skeleton, [0.0; 3]);
@@ -49,12 +49,12 @@ impl Worker {
         posture::pose_of(posture, &self.skeleton, (Vector3::new(0.0, 0.0, 0.1) - feet).into())
     }
 
-    /// Where the hands grip, m: left, right.
+    /// Grip points of the hands, m: left, right.
     pub fn grip_m(&self, pose: &Pose<StationWorld>) -> [Vector3<f64>; 2] {
         Side::BOTH.map(|side| pose.point_on(side.hand(), self.body.grip_m(side.hand())))
     }
 
-    /// What the plate shows of this pose with `load_n` in the hands.
+    /// The plate's sample of this pose with `load_n` in the hands.
     pub fn ground(&self, pose: &Pose<StationWorld>, load_n: f64, time_ns: u64) -> GroundSample {
         let centre = centre_of_mass(pose, &self.phi);
         let weight_n = MASS_KG * GRAVITY_M_PER_S2;
@@ -69,7 +69,7 @@ impl Worker {
         }
     }
 
-    /// What the suit shows of this pose.
+    /// The suit's sample of this pose.
     pub fn suit(&self, pose: &Pose<StationWorld>, time_ns: u64) -> SuitSample {
         SuitSample {
             sample_time_ns: time_ns,

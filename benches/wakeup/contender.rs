@@ -1,4 +1,4 @@
-//! Who is woken beside cyclictest, from nothing but a sleep up to the whole daemon.
+//! Contenders measured next to cyclictest, from a plain sleep up to the whole daemon.
 
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -21,12 +21,12 @@ const PERIOD_NS: u64 = 1_000_000;
 /// Cycles of the warm-up.
 const WARM: u64 = 200;
 
-/// From like cyclictest to unlike it, one step at a time.
+/// In order of decreasing similarity to cyclictest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Contender {
-    /// A second cyclictest: how far two of the same kind are apart.
+    /// A second cyclictest: the difference between two of the same kind.
     Cyclictest,
-    /// A thread of ours that only sleeps.
+    /// A thread of this project that only sleeps.
     Sleeper,
     /// The loop with its step and its rings, and no other thread.
     Loop,
@@ -39,9 +39,9 @@ pub(crate) enum Contender {
 pub(crate) struct Lateness {
     /// Cycles that were slept for until their own time.
     pub(crate) slept_us: Vec<f64>,
-    /// Cycles that were due before the one before had ended. The loop begins them at once; cyclictest leaves them out.
+    /// Cycles due before the previous one had ended. The loop begins them at once; cyclictest leaves them out.
     pub(crate) caught_up: usize,
-    /// Why it was no fair turn, if so.
+    /// The reason if the turn is invalid.
     pub(crate) missing: Option<String>,
 }
 
@@ -75,7 +75,7 @@ impl Contender {
     }
 }
 
-/// As cyclictest does it.
+/// As in cyclictest.
 fn sleep_only(asked: Asked, length: Duration) -> Lateness {
     let missing = realtime::ask("sleeper", asked).missing();
     let mut slept_us = Vec::with_capacity(length.as_millis() as usize + 1);
@@ -129,7 +129,7 @@ fn daemon(policy: Policy, cpu: usize, length: Duration) -> Lateness {
     Lateness { missing, ..lateness(&all) }
 }
 
-/// Takes records now and then, so that nobody is woken for it.
+/// Takes records at intervals, so that it wakes no thread.
 fn follow(length: Duration, mut take: impl FnMut() -> Option<CycleRecord>) -> Vec<CycleRecord> {
     let (begun, mut all) = (Instant::now(), Vec::new());
     while begun.elapsed() < length {
@@ -151,7 +151,7 @@ fn lateness(records: &[CycleRecord]) -> Lateness {
     lateness
 }
 
-/// cyclictest tells whole microseconds, rounded down.
+/// cyclictest reports whole microseconds, rounded down.
 fn whole_us(time_ns: u64) -> f64 {
     (time_ns / 1000) as f64
 }

@@ -1,4 +1,4 @@
-//! cyclictest and stress-ng: other people's programs, run for one turn and read.
+//! cyclictest and stress-ng: external programs, run for one turn; their output is parsed.
 
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -31,7 +31,7 @@ impl Policy {
     }
 }
 
-/// Whether a program can be started at all; says what to do if not.
+/// Whether a program can be started; prints what to install if not.
 pub(crate) fn is_there(program: &str, package: &str) -> bool {
     let there =
         Command::new(program).arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
@@ -52,7 +52,7 @@ impl Cyclictest {
         command.arg(HIGHEST_US.to_string()).arg("--affinity").arg(cpu.to_string());
         command.arg("--loops").arg(length.as_millis().to_string());
         match policy {
-            // With a histogram it would choose FIFO by itself.
+            // With a histogram it would select FIFO by itself.
             Policy::Other => command.args(["--policy", "other"]),
             Policy::Fifo => command.args(["--policy", "fifo", "--priority", &priority]),
         };
@@ -60,7 +60,7 @@ impl Cyclictest {
         Cyclictest(child.expect("cyclictest was there a moment ago"))
     }
 
-    /// The scheduler that its measuring thread really has, as the kernel says.
+    /// The actual scheduler of its measuring thread, from the kernel.
     pub(crate) fn has_policy(&self) -> Option<Policy> {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.0.id())).ok()?;
         let fifo = tasks.flatten().any(|task| {
@@ -72,7 +72,7 @@ impl Cyclictest {
         Some(if fifo { Policy::Fifo } else { Policy::Other })
     }
 
-    /// Waits for its end; lateness of each cycle, whole µs, sorted.
+    /// Waits for its end; returns the lateness of each cycle, whole µs, sorted.
     pub(crate) fn finish(self) -> Vec<f64> {
         let output = self.0.wait_with_output().expect("cyclictest is our child");
         let text = String::from_utf8_lossy(&output.stdout);
@@ -105,14 +105,14 @@ impl Stress {
             .stderr(Stdio::null())
             .spawn();
         let stress = Stress(child.expect("stress-ng was there a moment ago"));
-        // Until its workers run.
+        // Wait until its workers run.
         std::thread::sleep(Duration::from_millis(500));
         stress
     }
 }
 
 impl Drop for Stress {
-    /// Its workers end with it if it may end in order.
+    /// Its workers end with it only if it can end regularly.
     fn drop(&mut self) {
         if let Some(process) = Pid::from_raw(self.0.id() as i32) {
             let _ = kill_process(process, Signal::TERM);

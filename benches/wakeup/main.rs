@@ -1,9 +1,9 @@
-//! How late is the loop woken, beside cyclictest on the other core at the same time?
+//! Wake-up latency of the loop, compared with cyclictest on the other core at the same time.
 //!
-//! Each turn runs one contender on one core and cyclictest on the other, each round both ways round. The contenders go
-//! from a second cyclictest over a thread that only sleeps to the whole daemon, so that what the machine, our way to
-//! sleep, the loop's work and the threads around it add can be told apart. `cargo bench -p equipoise-benches --bench
-//! wakeup`; figures in `docs/performance/README.md`. Needs cyclictest (Debian: rt-tests) and stress-ng.
+//! Each turn runs one contender on one core and cyclictest on the other, each round in both assignments. The contenders
+//! range from a second cyclictest over a thread that only sleeps to the whole daemon, which separates the contributions
+//! of the machine, the sleep method, the loop's work and the threads around it. `cargo bench -p equipoise-benches
+//! --bench wakeup`; figures in `docs/performance/README.md`. Needs cyclictest (Debian: rt-tests) and stress-ng.
 
 mod contender;
 mod cyclictest;
@@ -96,7 +96,7 @@ fn both_ways(contender: Contender, policy: Policy, options: &Options) -> Round {
     for (ours, theirs) in [(0, 1), (1, 0)] {
         let length = Duration::from_secs_f64(options.turn_s);
         let beside = Cyclictest::start(policy, theirs, length);
-        // Until it has its scheduler.
+        // Wait until its scheduler is set.
         std::thread::sleep(Duration::from_millis(100));
         if beside.has_policy() != Some(policy) {
             println!("cyclictest does not run under {}", policy.name());

@@ -1,4 +1,4 @@
-//! Asking the daemon, and answering.
+//! Command requests to the daemon and its replies.
 
 use crate::error::BusError;
 use crate::event::{Channel, Event, Notifier};
@@ -18,9 +18,10 @@ use std::time::{Duration, Instant};
 
 /// Last part of the service's name.
 pub const SUFFIX: &str = "command";
-/// How often a waiting client looks for the answer.
+/// Polling interval of a client that waits for a reply.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
-/// Requests of one client that may be on their way: one, and those it gave up and the daemon has not seen yet.
+/// Requests of one client that may be in flight: the current one, and timed-out ones that the daemon has not received
+/// yet.
 const ACTIVE_REQUESTS_MAX: usize = 4;
 
 type Factory = PortFactory<ipc::Service, Command, (), Reply, ()>;
@@ -35,7 +36,7 @@ fn open_command(bus: &Bus) -> Result<(String, Factory), BusError> {
                 .request_response::<Command, Reply>()
                 .enable_safe_overflow_for_requests(true)
                 .enable_safe_overflow_for_responses(true)
-                // A request whose client has given up must not be carried out behind its back.
+                // A request whose client has timed out must not be executed.
                 .enable_fire_and_forget_requests(false)
                 .max_active_requests_per_client(ACTIVE_REQUESTS_MAX)
                 .max_loaned_requests(1)
@@ -49,7 +50,7 @@ fn open_command(bus: &Bus) -> Result<(String, Factory), BusError> {
     Ok((name, factory))
 }
 
-/// Asks the daemon of a station.
+/// Sends commands to the daemon of a station.
 pub struct CommandClient {
     port: Client<ipc::Service, Command, (), Reply, ()>,
     notifier: Notifier,
@@ -73,11 +74,11 @@ impl CommandClient {
         Ok(CommandClient { port, notifier, name })
     }
 
-    /// Sends `command`, wakes the daemon and waits for its answer.
+    /// Sends `command`, wakes the daemon and waits for its reply.
     ///
     /// # Errors
-    /// [`BusError::NoDaemon`] when nobody serves the station, [`BusError::NoAnswer`] after `timeout`: a command that
-    /// the daemon had not begun by then is not carried out.
+    /// [`BusError::NoDaemon`] if no daemon serves the station, [`BusError::NoAnswer`] after `timeout`: a command that
+    /// the daemon has not started by then is not executed.
     pub fn ask(&self, command: &Command, timeout: Duration) -> Result<Reply, BusError> {
         let give_up = Instant::now() + timeout;
         let pending = self.port.send_copy(*command).map_err(BusError::failed("ask", &self.name))?;
@@ -98,7 +99,7 @@ impl CommandClient {
     }
 }
 
-/// Answers the commands of a station: one per station, so it also tells a second daemon that it is the second.
+/// Replies to the commands of a station. One per station, so opening a second one reports that a daemon already runs.
 pub struct CommandServer {
     port: Server<ipc::Service, Command, (), Reply, ()>,
     name: String,
@@ -124,12 +125,12 @@ impl CommandServer {
         Ok(CommandServer { port, name })
     }
 
-    /// Answers one waiting command, if there is one; whether there was. Call it until it says `false`.
+    /// Replies to one pending command; returns whether there was one. Call it until it returns `false`.
     ///
-    /// A client that has gone meanwhile is no error: its answer is dropped.
+    /// A client that has disconnected is not an error: its reply is dropped.
     ///
     /// # Errors
-    /// The connection to a client is damaged, or the answer could not be sent.
+    /// The connection to a client is damaged, or the reply cannot be sent.
     pub fn poll(&mut self, answer: impl FnOnce(&Command) -> Reply) -> Result<bool, BusError> {
         let request = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
         let Some(request) = request else { return Ok(false) };

@@ -1,28 +1,30 @@
-//! Shared memory without a byte: its maker was killed between making it and giving it a size.
+//! Shared memory of size zero: its creator was killed between creating it and setting its size.
 //!
-//! iceoryx2 waits for such memory to get its size, once a millisecond and for ever: its patience
-//! (`dynamic_storage/posix_shared_memory.rs` of iceoryx2-cal 0.10.0, `MappingSizeIsZero`) ends every other wait but this.
-//! Whoever clears its maker away would never end, and whoever opens that connection. So it is removed first, and while
-//! there is any, nobody is cleared away. Whoever waits already sees that it is gone, and goes on.
+//! iceoryx2 polls such memory once per millisecond without a time limit: its time-out
+//! (`dynamic_storage/posix_shared_memory.rs` of iceoryx2-cal 0.10.0, `MappingSizeIsZero`) ends every wait except this
+//! one. Cleaning up the creator, or opening that connection, would therefore never return. So such memory is removed
+//! first, and no dead node is cleaned up while any remains. A process that already waits detects the removal and
+//! continues.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Where Linux shows shared memory as files.
+/// Directory in which Linux lists shared memory as files.
 pub(crate) const DIRECTORY: &str = "/dev/shm";
-/// Two system calls one after the other, with a machine between them that may be busy.
+/// Age after which the size will not be set any more: creation and sizing are consecutive system calls, but the machine
+/// may be busy.
 const GIVEN_UP: Duration = Duration::from_secs(2);
 
-/// Whether there is any whose name begins with `prefix`.
+/// Whether there is shared memory of size zero whose name begins with `prefix`.
 pub(crate) fn is_there(directory: &Path, prefix: &str) -> bool {
     empty(directory, prefix).next().is_some()
 }
 
-/// Removes what will get no size any more.
+/// Removes memory of size zero that is older than `GIVEN_UP`.
 pub(crate) fn remove(directory: &Path, prefix: &str) {
     for path in empty(directory, prefix).filter(|path| has_stood_still(path)) {
-        // What cannot be removed now is looked at again by the next call.
+        // If the removal fails, the next call tries again.
         let _ = fs::remove_file(path);
     }
 }

@@ -1,17 +1,17 @@
-//! What can go wrong on the bus, each as one sentence for a person.
+//! Errors of the bus, each displayed as one sentence for the user.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// What went wrong, where, and what to do about it.
+/// What failed, where, and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BusError {
-    /// A station or role name with other characters, or too long.
+    /// A station or role name with invalid characters, or too long.
     #[error("{name:?} is no name for a {what}: use 1 to 32 letters, digits, '-' and '_'")]
     Name {
         /// "station" or "role".
         what: &'static str,
-        /// What was given.
+        /// The name given.
         name: String,
     },
     /// The root directory cannot be used.
@@ -21,18 +21,18 @@ pub enum BusError {
         crate::root::ROOT_BYTES_MAX
     )]
     Root {
-        /// What was given.
+        /// The directory given.
         root: PathBuf,
     },
-    /// The process cannot take part in the bus.
+    /// The process cannot join the bus.
     #[error("cannot join the bus under {}: {detail}; the directory must be writable and belong to this user; or set EQUIPOISE_BUS_ROOT to another one", root.display())]
     Join {
         /// The root directory.
         root: PathBuf,
-        /// iceoryx2's word for the cause.
+        /// Cause reported by iceoryx2.
         detail: String,
     },
-    /// The directory is closed to this user.
+    /// This user has no access to the directory.
     #[error(
         "cannot join the bus under {}: it belongs to another user, and only that user's processes may read or command; \
          run this as that user (sudo -u equipoise …)",
@@ -42,7 +42,7 @@ pub enum BusError {
         /// The root directory.
         root: PathBuf,
     },
-    /// The service was made with another layout of its messages.
+    /// The service was created with another layout of its messages.
     #[error(
         "cannot open {service}: it was made by another version of Equipoise (schema {theirs}, here {ours}); \
          run the same release in all processes of this station"
@@ -50,12 +50,12 @@ pub enum BusError {
     OtherSchema {
         /// Full name of the service.
         service: String,
-        /// The schema it was made with.
+        /// Schema of the existing service.
         theirs: String,
-        /// The schema of this program.
+        /// Schema of this program.
         ours: String,
     },
-    /// The service was made with other limits or by another release of iceoryx2.
+    /// The service was created with other limits or by another release of iceoryx2.
     #[error(
         "cannot open {service}: it was made with other settings ({detail}); \
          stop all processes of this station and start the same release everywhere"
@@ -63,7 +63,7 @@ pub enum BusError {
     OtherSettings {
         /// Full name of the service.
         service: String,
-        /// iceoryx2's word for the difference.
+        /// Difference reported by iceoryx2.
         detail: String,
     },
     /// The service belongs to another user.
@@ -85,50 +85,50 @@ pub enum BusError {
         /// The root directory.
         root: PathBuf,
     },
-    /// All places are taken.
+    /// No port is free.
     #[error(
         "cannot join {service}: all its {most} places for a {what} are taken; stop one that is not needed"
     )]
     Full {
         /// Full name of the service.
         service: String,
-        /// What was asked for: "publisher", "subscriber", …
+        /// Kind of the port: "publisher", "subscriber", …
         what: &'static str,
-        /// How many there may be.
+        /// Maximum number of such ports.
         most: usize,
     },
-    /// A subscriber asked for an impossible buffer.
+    /// A subscriber requested an invalid buffer size.
     #[error("cannot buffer {asked} messages of {service}: choose 1 to {most}")]
     Depth {
         /// Full name of the service.
         service: String,
-        /// What was asked for.
+        /// The size requested.
         asked: usize,
-        /// The table's limit.
+        /// The maximum of the service table.
         most: usize,
     },
-    /// Nobody serves commands.
+    /// No process serves commands.
     #[error("nobody answers on {service}: no daemon runs on this station; start `equipoise run`")]
     NoDaemon {
         /// Full name of the service.
         service: String,
     },
-    /// A daemon is there but did not answer in time.
+    /// A daemon runs but did not reply in time.
     #[error("the daemon did not answer on {service} within {} ms; it may be hung or busy, so ask its status", timeout.as_millis())]
     NoAnswer {
         /// Full name of the service.
         service: String,
-        /// How long was waited.
+        /// Time waited.
         timeout: Duration,
     },
-    /// Anything else that iceoryx2 reports.
+    /// Any other error that iceoryx2 reports.
     #[error("cannot {what} on {service}: {detail}; if it persists, restart the processes of this station")]
     Failed {
-        /// What was tried: "send", "receive", …
+        /// Operation that failed: "send", "receive", …
         what: &'static str,
         /// Full name of the service.
         service: String,
-        /// iceoryx2's word for the cause.
+        /// Cause reported by iceoryx2.
         detail: String,
     },
 }

@@ -1,23 +1,24 @@
-//! What a process leaves on the bus that was killed while it joined.
+//! Removes the remains of a process that was killed while it joined the bus.
 //!
-//! A participant consists of a directory, with its details in it, and three files beside it, made one after the other.
-//! iceoryx2 looks for the dead among the last of them: who is killed before that is nobody's dead. And who is killed
-//! while a port or a service is written down in the directory leaves half a file there; then iceoryx2 clears away all
-//! else, the details last, and fails at the directory again and again. Both would stay for ever.
+//! A node consists of a directory that contains its details, and three files next to it, created in sequence. iceoryx2
+//! searches for dead nodes among the last of these files, so it does not find a process killed before that one exists.
+//! A process killed while a port or a service is being registered in the directory leaves a partial file there;
+//! iceoryx2 then removes everything else, the details last, and fails at the directory on each attempt. Both kinds of
+//! remains would stay for ever.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Ending of the file in the directory that is made first and cleared away last.
+/// Ending of the file in the directory that is created first and removed last.
 const DETAILS: &str = "node.details";
 /// Endings of the three files.
 const FILES: [&str; 3] = [".node_monitor", ".node_monitor_context", ".node_monitor_owner_lock"];
-/// Joining takes milliseconds. What has stood still for so long is not being made any more.
+/// Joining takes milliseconds; files that have not changed for this long are not being created any more.
 const GIVEN_UP: Duration = Duration::from_secs(5);
 
-/// Removes the half-made participants under `nodes`, whose files begin with `prefix`; how many there were.
+/// Removes the incomplete nodes under `nodes`, whose files begin with `prefix`; returns their number.
 pub(crate) fn remove(nodes: &Path, prefix: &str) -> usize {
     ids(nodes, prefix).into_iter().filter(|id| remove_if_half_made(nodes, prefix, id)).count()
 }
@@ -42,7 +43,7 @@ fn remove_if_half_made(nodes: &Path, prefix: &str, id: &str) -> bool {
     if is_whole || !all().filter(|path| path.exists()).all(|path| has_stood_still(path)) {
         return false;
     }
-    // Whatever cannot be removed now is looked at again by the next call.
+    // If a removal fails, the next call tries again.
     let _ = fs::remove_dir_all(&directory);
     files.iter().for_each(|file| drop(fs::remove_file(file)));
     !all().any(|path| path.exists())
@@ -58,7 +59,7 @@ mod tests {
     use super::*;
     use std::time::SystemTime;
 
-    /// Long before the test.
+    /// Sets the file's time to long before the test.
     fn age(path: &Path) {
         let file = fs::File::open(path).unwrap();
         file.set_modified(SystemTime::now() - 2 * GIVEN_UP).unwrap();

@@ -1,7 +1,7 @@
-//! Shared memory: the only importer of iceoryx2, and one table of services.
+//! Shared memory through iceoryx2: the only crate that imports it, with one table of services.
 //!
-//! A thread joins a station's [`Bus`] under a role name and makes its ports there. What there is to read and write
-//! stands in [`service::TABLE`]; the message type chooses the row:
+//! A thread joins a station's [`Bus`] under a role name and creates its ports there. [`service::TABLE`] lists the
+//! services; the message type selects the row:
 //!
 //! ```no_run
 //! use equipoise_bus::{Bus, BusSettings, Channel};
@@ -21,10 +21,10 @@
 //! # Ok::<(), equipoise_bus::BusError>(())
 //! ```
 //!
-//! A reader that is slow or dead never blocks a writer: it loses the oldest messages, and sees so by their counts.
-//! A bus and its ports belong to the thread that made them (they are not `Send`); another thread joins anew. Neither
-//! sending nor receiving is for the loop's thread: work for a peer that comes or goes is done, with allocations and
-//! system calls, inside the next call of this side.
+//! A slow or dead reader never blocks a writer: it loses the oldest messages and detects the loss by their counts. A
+//! bus and its ports belong to the thread that created them (they are not `Send`); each further thread joins
+//! separately. Do not send or receive in the loop's thread: when a peer connects or disconnects, the next call on this
+//! side does the necessary work, with allocations and system calls.
 #![forbid(unsafe_code)]
 
 pub mod command;

@@ -1,4 +1,4 @@
-//! Taking part in a station's bus.
+//! Joining a station's bus as a node.
 
 use crate::command::{CommandClient, CommandServer};
 use crate::empty_memory;
@@ -17,34 +17,34 @@ use iceoryx2::prelude::{
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Who joins which station.
+/// Which station to join, and as what.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BusSettings {
     /// The station: 1 to 32 letters, digits, '-', '_'.
     pub station: String,
-    /// What this thread or process is on the bus, for example `egress`; same characters.
+    /// Role of this thread or process on the bus, for example `egress`; same characters.
     pub role: String,
-    /// Directory of the bus's files, on a local file system. Another root is another bus.
+    /// Directory of the bus's files, on a local file system. Each root is a separate bus.
     pub root: PathBuf,
 }
 
 impl BusSettings {
-    /// Settings with the root that the environment asks for ([`root::root_of_environment`]).
+    /// Settings with the root of the environment ([`root::root_of_environment`]).
     pub fn new(station: &str, role: &str) -> BusSettings {
         BusSettings { station: station.to_owned(), role: role.to_owned(), root: root::root_of_environment() }
     }
 }
 
-/// A living participant of a station's bus.
+/// A live participant of a station's bus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Participant {
     /// Its role name.
     pub role: String,
-    /// Its process.
+    /// Its process id.
     pub process_id: u32,
 }
 
-/// A place on a station's bus; makes ports. Belongs to the thread that joined.
+/// A node on a station's bus; creates ports. Belongs to the thread that joined.
 pub struct Bus {
     pub(crate) node: Node<ipc::Service>,
     pub(crate) station: String,
@@ -58,12 +58,12 @@ impl fmt::Debug for Bus {
 }
 
 impl Bus {
-    /// Joins a station. What dead participants left behind stays: see [`Bus::clean_up_dead_nodes`].
+    /// Joins a station. Does not remove the remains of dead participants: see [`Bus::clean_up_dead_nodes`].
     ///
-    /// Signals stay the caller's: iceoryx2 installs no handler.
+    /// Signal handling is left to the caller: iceoryx2 installs no handler.
     ///
     /// # Errors
-    /// A name or root that cannot be used, or a root that belongs to another user.
+    /// An invalid name or root, or a root that belongs to another user.
     pub fn join(settings: &BusSettings) -> Result<Bus, BusError> {
         let BusSettings { station, role, root } = settings;
         check_name("station", station)?;
@@ -76,7 +76,8 @@ impl Bus {
             _ => BusError::Join { root: root.clone(), detail },
         };
         let name = NodeName::new(&node_name(station, role)).map_err(|cause| failed(format!("{cause:?}")))?;
-        // Its warnings are dumps of its own insides, for example whenever a peer leaves while it is being connected.
+        // iceoryx2's warnings are dumps of its internal state, for example when a peer disconnects while it is being
+        // connected.
         set_log_level(LogLevel::Error);
         let node = NodeBuilder::new()
             .name(&name)
@@ -93,30 +94,30 @@ impl Bus {
         &self.station
     }
 
-    /// Removes what killed participants left behind; how many there were.
+    /// Removes the remains of killed participants; returns their number.
     ///
-    /// Their places become free and their peers forget them. Takes 0.15 ms, 1.5 ms for each dead one: a long-lived
-    /// process calls it once a second, never from a thread that keeps time.
+    /// Frees their ports, and their peers drop the connections. Takes 0.15 ms, plus 1.5 ms per dead participant: a
+    /// long-lived process calls it once per second, never from a thread with real-time deadlines.
     pub fn clean_up_dead_nodes(&self) -> usize {
         self.clear_away_the_dead().0
     }
 
-    /// How many dead were cleared away, and how many must wait for the next call.
+    /// Returns the number of dead nodes removed, and the number left for the next call.
     pub(crate) fn clear_away_the_dead(&self) -> (usize, usize) {
         let prefix = self.config().global.prefix.to_string();
         let memory = Path::new(empty_memory::DIRECTORY);
         empty_memory::remove(memory, &prefix);
         let (mut cleaned, mut left) = (0, 0);
-        // A list that cannot be read now is read by the next call.
+        // If the list cannot be read, the next call tries again.
         let _ = Node::<ipc::Service>::list(self.config(), |state| {
             if let NodeState::Dead(dead) = state {
-                // All that is this one's is there already: it makes no more of it.
+                // A dead node creates no more memory, so the result stays valid while it is removed.
                 if empty_memory::is_there(memory, &prefix) {
                     left += 1;
                     return CallbackProgression::Continue;
                 }
-                // One that was killed while it came or went has lost its details. iceoryx2 then looks for its files
-                // under the default root and counts it as cleaned each time: so it is told where they are.
+                // A node killed while it joined or left has lost its details. iceoryx2 then searches for its files
+                // under the default root and counts it as removed each time, so the details are supplied here.
                 let outcome = match dead.details() {
                     Some(_) => dead.try_remove_stale_resources(),
                     None => {
@@ -134,13 +135,13 @@ impl Bus {
             }
             CallbackProgression::Continue
         });
-        // The default root is shared with whatever else speaks iceoryx2, whose files may look otherwise.
+        // The default root is shared with other programs that use iceoryx2, whose files may differ.
         let shared = self.root == Path::new(root::DEFAULT_ROOT);
         let half_made = if shared { 0 } else { half_made::remove(&self.root.join("nodes"), &prefix) };
         (cleaned + half_made, left)
     }
 
-    /// Everybody alive on this station, this bus included; roles of one process are told apart.
+    /// All live participants of this station, this bus included; several roles of one process are separate entries.
     ///
     /// # Errors
     /// The bus's files cannot be read.
@@ -161,15 +162,15 @@ impl Bus {
         Ok(participants)
     }
 
-    /// A writer of `M`.
+    /// Creates a publisher of `M`.
     ///
     /// # Errors
-    /// Another version of the message, all places taken, or a service that cannot be opened.
+    /// Another version of the message, no free port, or a service that cannot be opened.
     pub fn publisher<M: Topic>(&self) -> Result<Publisher<M>, BusError> {
         Publisher::open(self)
     }
 
-    /// A reader of `M` with a buffer of `depth` messages; 1 for "only the newest".
+    /// Creates a subscriber of `M` with a buffer of `depth` messages; 1 for "only the newest".
     ///
     /// # Errors
     /// A depth of 0 or above the table's limit; otherwise as [`Bus::publisher`].
@@ -177,8 +178,8 @@ impl Bus {
         Subscriber::open(self, depth)
     }
 
-    /// The service of `M` itself, without a place in it: for a topic that others write and read. It is there then before
-    /// the first of them, and none of them can be killed while it makes it.
+    /// Holds the service of `M` open without a port, for a topic that other processes write and read. The service then
+    /// exists before the first of them starts, so that none of them can be killed while creating it.
     ///
     /// # Errors
     /// As [`Bus::publisher`].
@@ -186,7 +187,7 @@ impl Bus {
         Kept::open(self)
     }
 
-    /// Something that wakes the listeners of a channel.
+    /// Creates a notifier that wakes the listeners of a channel.
     ///
     /// # Errors
     /// As [`Bus::publisher`].
@@ -194,7 +195,7 @@ impl Bus {
         Notifier::open(self, channel)
     }
 
-    /// Something that sleeps until a channel is notified.
+    /// Creates a listener that blocks until a channel is notified.
     ///
     /// # Errors
     /// As [`Bus::publisher`].
@@ -202,7 +203,7 @@ impl Bus {
         Listener::open(self, channel)
     }
 
-    /// Asks the station's daemon.
+    /// Creates a client for commands to the station's daemon.
     ///
     /// # Errors
     /// As [`Bus::publisher`].
@@ -210,10 +211,10 @@ impl Bus {
         CommandClient::open(self)
     }
 
-    /// Answers commands: one per station.
+    /// Creates the command server: one per station.
     ///
     /// # Errors
-    /// [`BusError::Full`] where a daemon already serves the station; otherwise as [`Bus::publisher`].
+    /// [`BusError::Full`] if a daemon already serves the station; otherwise as [`Bus::publisher`].
     pub fn command_server(&self) -> Result<CommandServer, BusError> {
         CommandServer::open(self)
     }

@@ -90,7 +90,7 @@ pub(crate) fn open_or_create<F, E: Into<Refusal>>(
         };
         match refusal {
             Refusal::InFlux(_) => {}
-            // The dead hold places until they are cleared away.
+            // Dead nodes occupy ports until they are removed.
             Refusal::NodesFull if bus.clear_away_the_dead() != (0, 0) => {}
             _ => break,
         }

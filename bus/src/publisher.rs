@@ -1,4 +1,4 @@
-//! Writing a topic.
+//! Publishing a topic.
 
 use crate::error::BusError;
 use crate::node::Bus;
@@ -12,7 +12,7 @@ use std::fmt;
 
 pub(crate) type Factory<M> = PortFactory<ipc::Service, M, ()>;
 
-/// Opens the topic's service with every setting of its row.
+/// Opens the topic's service with the settings of its row in the table.
 pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), BusError> {
     let row = M::SERVICE;
     let name = row.name(&bus.station);
@@ -34,7 +34,7 @@ pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), Bu
     Ok((name, factory))
 }
 
-/// Writes messages of one kind. Nothing that a reader does or fails to do makes it wait.
+/// Publishes messages of one type. Readers never block it.
 pub struct Publisher<M: Topic> {
     port: Port<ipc::Service, M, ()>,
     factory: Factory<M>,
@@ -61,35 +61,35 @@ impl<M: Topic> Publisher<M> {
         Ok(Publisher { port, factory, name })
     }
 
-    /// Copies one message into shared memory for every subscriber; how many there were.
+    /// Copies one message into shared memory for every subscriber; returns their number.
     ///
-    /// A subscriber whose buffer is full loses its oldest message. Allocates once (48 bytes); more when a subscriber
-    /// came or went since the last call.
+    /// A subscriber whose buffer is full loses its oldest message. Allocates once (48 bytes); more if a subscriber
+    /// connected or disconnected since the last call.
     ///
     /// # Errors
-    /// Shared memory could not be had, or a subscriber's connection is damaged; the others have the message.
+    /// No shared memory is available, or a subscriber's connection is damaged; the other subscribers have the message.
     pub fn send(&self, message: &M) -> Result<usize, BusError> {
         let sample = self.port.loan_uninit().map_err(BusError::failed("send", &self.name))?;
         sample.write_payload(*message).send().map_err(BusError::failed("send", &self.name))
     }
 
-    /// Hands the last message to subscribers that came since the last [`Publisher::send`], and gives back the memory and
-    /// descriptors of those that went.
+    /// Delivers the history to subscribers that connected since the last [`Publisher::send`], and releases the memory
+    /// and descriptors of those that disconnected.
     ///
-    /// Sending does the same; this is for a topic that is silent for long.
+    /// Sending does the same; this call is for a topic with long pauses.
     ///
     /// # Errors
-    /// A subscriber's connection cannot be made.
+    /// The connection to a subscriber cannot be established.
     pub fn update_connections(&self) -> Result<(), BusError> {
         self.port.update_connections().map_err(BusError::failed("update the subscribers", &self.name))
     }
 
-    /// How many subscribers there are; one that was killed counts until it is cleaned up.
+    /// Number of subscribers; a killed one counts until it is cleaned up.
     pub fn subscriber_count(&self) -> usize {
         self.factory.dynamic_config().number_of_subscribers()
     }
 
-    /// How many publishers there are, this one included.
+    /// Number of publishers, this one included.
     pub fn publisher_count(&self) -> usize {
         self.factory.dynamic_config().number_of_publishers()
     }

@@ -1,7 +1,7 @@
-//! Where the bus keeps its files, and how its shared memory is called.
+//! Root directory of the bus and prefix of its shared memory.
 //!
-//! Two buses with different roots do not see each other. On iceoryx2's own default root, tools and bindings of other
-//! languages find the bus without being told.
+//! Buses with different roots are isolated from each other. On iceoryx2's default root, tools and bindings of other
+//! languages find the bus without configuration.
 
 use crate::error::BusError;
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
@@ -10,19 +10,19 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 
-/// Names the root directory; wins over everything else.
+/// Environment variable with the root directory; takes precedence over all other sources.
 pub const ROOT_VARIABLE: &str = "EQUIPOISE_BUS_ROOT";
-/// iceoryx2's own default.
+/// iceoryx2's default root.
 pub const DEFAULT_ROOT: &str = "/tmp/iceoryx2";
 
-/// The longest root, bytes.
+/// Maximum length of the root, bytes.
 ///
-/// A listener's socket lies under the root; its name, with an id that grows to 39 digits over the years, and the
-/// root must fit into the 108 bytes that Linux has for it (unix(7)).
+/// The path of a listener's socket lies under the root. Root and socket name, which contains an id that grows to 39
+/// digits over the years, must fit into the 108 bytes of a Unix socket address (unix(7)).
 pub const ROOT_BYTES_MAX: usize = 46;
 
-/// The root that the environment asks for: `$EQUIPOISE_BUS_ROOT`, else `iceoryx2` in systemd's `$RUNTIME_DIRECTORY`,
-/// else [`DEFAULT_ROOT`].
+/// The root of the environment: `$EQUIPOISE_BUS_ROOT`, else `iceoryx2` in systemd's `$RUNTIME_DIRECTORY`, else
+/// [`DEFAULT_ROOT`].
 pub fn root_of_environment() -> PathBuf {
     choose_root(env::var(ROOT_VARIABLE).ok(), env::var("RUNTIME_DIRECTORY").ok())
 }
@@ -32,14 +32,14 @@ fn choose_root(explicit: Option<String>, runtime_directory: Option<String>) -> P
     if let Some(root) = set(explicit) {
         return PathBuf::from(root);
     }
-    // systemd joins several runtime directories with colons; the first is the service's own.
+    // systemd separates several runtime directories by colons; the first is the service's own.
     match set(runtime_directory).as_deref().and_then(|list| list.split(':').next()) {
         Some(first) => PathBuf::from(first).join("iceoryx2"),
         None => PathBuf::from(DEFAULT_ROOT),
     }
 }
 
-/// The whole configuration in code: a `./config/iceoryx2.toml` would otherwise be read without a word.
+/// The complete configuration in code: otherwise iceoryx2 silently reads a `./config/iceoryx2.toml`.
 pub(crate) fn config(root: &std::path::Path) -> Result<Config, BusError> {
     let refused = || BusError::Root { root: root.to_owned() };
     let text = root.to_str().filter(|_| root.is_absolute()).ok_or_else(refused)?.trim_end_matches('/');
@@ -49,8 +49,8 @@ pub(crate) fn config(root: &std::path::Path) -> Result<Config, BusError> {
     let mut config = Config::default();
     let path = Path::new(format!("{text}/").as_bytes()).map_err(|_| refused())?;
     config.global.set_root_path(&path);
-    // Who is killed while clearing away the dead makes remains that nobody can clear away any more; and consumers may be
-    // killed at any time. So only those who must do it: the daemon, and whoever finds no place (`open::take`).
+    // A process killed during a clean-up leaves remains that cannot be cleaned up any more, and consumers may be killed
+    // at any time. So only the daemon cleans up, and a process that finds no free port (`open::take`).
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.service.cleanup_dead_nodes_on_open = false;
@@ -58,9 +58,9 @@ pub(crate) fn config(root: &std::path::Path) -> Result<Config, BusError> {
     Ok(config)
 }
 
-/// How the names of the bus's shared memory begin. Other languages and tools need it beside the root.
+/// Prefix of the bus's names in shared memory. Other languages and tools need it in addition to the root.
 ///
-/// Names in `/dev/shm` know no directories, so another root has another prefix.
+/// Names in `/dev/shm` have no directories, so each root has its own prefix.
 pub fn shared_memory_prefix(root: &std::path::Path) -> String {
     let text = root.to_string_lossy();
     let text = text.trim_end_matches('/');
@@ -71,19 +71,19 @@ pub fn shared_memory_prefix(root: &std::path::Path) -> String {
     format!("eqp_{:08x}_", text.bytes().fold(0x811c_9dc5, fnv1a))
 }
 
-/// iceoryx2 lets everybody on the machine write to its counter of participants; whoever cut that file short would kill
-/// the next one to join. On a root of our own it is for its owner alone, as all other files are.
+/// Restricts iceoryx2's node counter to its owner, as all other files of a root of our own are. iceoryx2 creates it
+/// writable for all users; truncating that file would crash the next process that joins.
 pub(crate) fn close_counters_to_others(root: &std::path::Path) {
     let prefix = shared_memory_prefix(root);
     if prefix == shared_memory_prefix(std::path::Path::new(DEFAULT_ROOT)) {
-        // Shared with whatever else speaks iceoryx2 here.
+        // The default root is shared with other programs that use iceoryx2.
         return;
     }
     for file in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
         let name = file.file_name();
         let name = name.to_string_lossy();
         if name.starts_with(&prefix) && name.ends_with(".global_mgmt") {
-            // Somebody else's file is that somebody's affair.
+            // The change fails for a file of another user, which is not ours to protect.
             let _ = fs::set_permissions(file.path(), fs::Permissions::from_mode(0o600));
         }
     }

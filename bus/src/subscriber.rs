@@ -1,4 +1,4 @@
-//! Reading a topic.
+//! Subscribing to a topic.
 
 use crate::error::BusError;
 use crate::node::Bus;
@@ -10,7 +10,7 @@ use iceoryx2::prelude::{PortFactory as _, ipc};
 use iceoryx2::sample::Sample;
 use std::fmt;
 
-/// Reads messages of one kind, oldest first. A publisher that is started anew is found without doing anything.
+/// Reads messages of one type, oldest first. Reconnects to a restarted publisher by itself.
 pub struct Subscriber<M: Topic> {
     port: Port<ipc::Service, M, ()>,
     factory: Factory<M>,
@@ -43,7 +43,7 @@ impl<M: Topic> Subscriber<M> {
         Ok(Subscriber { port, factory, name, depth, writer: 0 })
     }
 
-    /// The oldest message not yet read, copied out; `None` when there is none.
+    /// Copies out the oldest unread message; `None` if there is none.
     ///
     /// # Errors
     /// The connection to a publisher is damaged.
@@ -51,7 +51,7 @@ impl<M: Topic> Subscriber<M> {
         self.receive_with(|message| *message)
     }
 
-    /// As [`Subscriber::receive`], but `read` looks at the message where it lies.
+    /// As [`Subscriber::receive`], but `read` accesses the message in place, without a copy.
     ///
     /// # Errors
     /// The connection to a publisher is damaged.
@@ -59,13 +59,13 @@ impl<M: Topic> Subscriber<M> {
         Ok(self.next()?.map(|sample| read(sample.payload())))
     }
 
-    /// The newest message not yet read; the older ones are dropped.
+    /// The newest unread message; older ones are dropped.
     ///
     /// # Errors
     /// The connection to a publisher is damaged.
     pub fn latest(&mut self) -> Result<Option<M>, BusError> {
         let mut newest = self.next()?;
-        // At most one buffer's worth, so that a fast publisher cannot keep us here.
+        // Read at most one buffer's worth, so that a fast publisher cannot keep this loop running.
         for _ in 0..self.depth {
             match self.next()? {
                 Some(sample) => newest = Some(sample),
@@ -75,13 +75,13 @@ impl<M: Topic> Subscriber<M> {
         Ok(newest.map(|sample| *sample.payload()))
     }
 
-    /// Who wrote the message received last: the same number is the same publisher, and one started anew has another. 0
-    /// before the first.
+    /// Id of the publisher of the last message received; a restarted publisher has another id. 0 before the first
+    /// message.
     pub fn writer(&self) -> u128 {
         self.writer
     }
 
-    /// How many publishers there are; one that was killed counts until it is cleaned up.
+    /// Number of publishers; a killed one counts until it is cleaned up.
     pub fn publisher_count(&self) -> usize {
         self.factory.dynamic_config().number_of_publishers()
     }

@@ -1,8 +1,9 @@
-//! The names and numbers in a message that its readers take for granted: which bit is which reason, which number which
-//! level. Another release's may differ while every field is the same, and then a reader would take what is spoilt for a
-//! value. So they are part of the schema of a service ([`Topic::schema`](crate::Topic::schema)).
+//! Names and numbers in a message on whose meaning readers rely: which bit is which invalid reason, which number is
+//! which level. They may differ between releases although all fields are the same; a reader would then take an invalid
+//! value for a valid one. So they are part of the schema of a service ([`Topic::schema`](crate::Topic::schema)).
 //!
-//! Recordings hold the hash of the fields alone (`Message::SCHEMA_HASH`): what is new does not make old ones unreadable.
+//! Recordings contain only the hash of the fields (`Message::SCHEMA_HASH`), so that new names do not make old
+//! recordings unreadable.
 
 use equipoise_core::body::{Joint, Segment};
 use equipoise_core::cycle::{BodyRefusal, BodySource};
@@ -11,10 +12,10 @@ use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, Sharin
 use equipoise_core::message::{GroundDevice, Validity};
 use equipoise_core::overload::Level;
 
-/// Takes one word: what it is a word of, its name, its number.
+/// Takes one entry: its kind, its name, its number.
 pub type Each<'a> = &'a mut dyn FnMut(&str, &str, u64);
 
-/// What a hash of fields is with words: the same if there are none.
+/// Combines a hash of fields with the entries; unchanged if there are none.
 pub(crate) fn folded(fields: u64, words: fn(Each<'_>)) -> u64 {
     let mut hash = fields;
     words(&mut |of, name, number| {
@@ -26,7 +27,7 @@ pub(crate) fn folded(fields: u64, words: fn(Each<'_>)) -> u64 {
     hash
 }
 
-/// The words of `State`.
+/// The entries of `State`.
 pub(crate) fn of_state(each: Each<'_>) {
     for (reason, name) in Validity::NAMES {
         each("reason", name, reason.0);

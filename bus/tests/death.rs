@@ -14,7 +14,7 @@ fn state(cycle: u64) -> State {
     State { cycle, ..State::zeroed() }
 }
 
-/// Not a test: the life of a child, until it is killed or forgotten.
+/// Not a test: the main function of a child, which runs until it is killed or times out.
 #[test]
 fn child_reads() {
     let Some(bus) = parents_bus("child") else { return };
@@ -55,7 +55,7 @@ fn a_killed_reader_is_not_noticed_until_it_is_cleaned_up() {
             publisher.send(&state(cycle)).unwrap();
         }
         assert_eq!(publisher.subscriber_count(), 1, "nobody cleans up behind our back");
-        // One clean-up runs at a time in a process, and the test beside this one cleans up too.
+        // Only one clean-up at a time runs in a process, and the test that runs in parallel cleans up too.
         until("it is cleaned up", || bus.clean_up_dead_nodes() == 1);
         assert_eq!(publisher.subscriber_count(), 0);
         assert_eq!(publisher.send(&state(0)).unwrap(), 0);
@@ -69,7 +69,7 @@ fn a_daemon_killed_and_restarted_is_found_by_running_peers() {
     let mut states = bus.subscriber::<State>(4).unwrap();
     let events = bus.listener(Channel::Results).unwrap();
     let client = bus.command_client().unwrap();
-    // More lives than there are places for a publisher: the restart itself makes room.
+    // More restarts than there are publisher ports: each restart frees a port.
     for _ in 0..4 {
         let child = spawn_child("child_writes", root.path());
         let process = u64::from(child.id());
@@ -89,7 +89,7 @@ fn a_daemon_killed_and_restarted_is_found_by_running_peers() {
     bus.command_server().unwrap();
 }
 
-/// A process that is killed while it joins leaves a directory that iceoryx2 does not count among the dead.
+/// A process that is killed while it joins leaves a directory that iceoryx2 does not list as a dead node.
 #[test]
 fn what_was_killed_while_it_joined_is_cleared_away_once_it_is_old() {
     let root = root();
@@ -108,7 +108,7 @@ fn what_was_killed_while_it_joined_is_cleared_away_once_it_is_old() {
     assert_eq!(bus.participants().unwrap().len(), 1, "the living stay");
 }
 
-/// A reader that is killed between making the memory of a connection and giving it a size: iceoryx2 would wait for ever.
+/// A reader is killed between creating the memory of a connection and setting its size: iceoryx2 would wait for ever.
 #[test]
 fn a_connection_that_never_got_its_size_keeps_nobody_from_clearing_away() {
     let root = root();
@@ -120,7 +120,7 @@ fn a_connection_that_never_got_its_size_keeps_nobody_from_clearing_away() {
     let memory = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let mut names = memory.filter_map(|file| file.file_name().into_string().ok());
     let name = names.find(|name| name.starts_with(&prefix) && name.ends_with(".connection")).unwrap();
-    // prefix, service_writer_reader.connection: the same reader, another writer.
+    // prefix, service_writer_reader.connection: the same reader, with another writer.
     let (writer, reader) = name.rsplit_once('_').unwrap();
     let empty = std::path::Path::new("/dev/shm").join(format!("{writer}7_{reader}"));
     std::fs::write(&empty, "").unwrap();

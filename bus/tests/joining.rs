@@ -1,4 +1,4 @@
-//! Who may join, and who is refused with which sentence.
+//! Which processes may join, and the errors of those that are refused.
 #![expect(clippy::unwrap_used, reason = "a test may panic, and so may its helpers")]
 
 mod common;
@@ -14,7 +14,7 @@ use equipoise_core::message::layout::{Field, Primitive};
 use equipoise_core::message::{AdapterHealth, Message};
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
-/// The health message of another release: same name, same size, other meaning.
+/// The health message of another release: same name, same size, other fields.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable, iceoryx2_bb_derive_macros::ZeroCopySend)]
 #[type_name("equipoise/Health/2")]
@@ -55,7 +55,7 @@ fn another_layout_of_one_name_and_size_is_refused() {
     );
 }
 
-/// The health message of a release in which a number of the same fields says something else.
+/// The health message of a release in which a number of the same fields has another meaning.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable, iceoryx2_bb_derive_macros::ZeroCopySend)]
 #[type_name("equipoise/Health/2")]
@@ -97,7 +97,7 @@ fn a_kept_topic_outlives_its_users_and_takes_none_of_their_places() {
         drop(readers);
     }
     drop(bus);
-    // Nobody uses it, and still it is there: others' messages have no room under its name.
+    // The service exists without users, so it cannot be created with another schema under its name.
     let others = join(root.path(), "theirs");
     assert!(matches!(others.subscriber::<OtherHealth>(1), Err(BusError::OtherSchema { .. })));
     drop(kept);

@@ -1,4 +1,4 @@
-//! What is sent arrives, late and stuck readers included.
+//! Messages arrive, also at late and blocked readers.
 #![expect(clippy::unwrap_used, reason = "a test may panic, and so may its helpers")]
 
 mod common;
@@ -12,7 +12,7 @@ use equipoise_core::message::{
     AdapterHealth, CycleRecord, GroundSample, Incidents, PickUp, State, SuitBody, SuitSample,
 };
 
-/// A message whose every byte tells where it stands.
+/// A message in which the value of each byte depends on its position.
 fn patterned<M: Topic>(salt: u8) -> M {
     let bytes: Vec<u8> = (0..size_of::<M>()).map(|index| (index as u8).wrapping_mul(31) ^ salt).collect();
     bytemuck::pod_read_unaligned(&bytes)
@@ -61,7 +61,7 @@ fn a_late_reader_gets_the_newest_message_at_once() {
         publisher.send(&cycle(number)).unwrap();
     }
     let mut late = bus.subscriber::<CycleRecord>(8).unwrap();
-    // The publisher learns of the reader, and hands it the history, with its next message.
+    // With its next message the publisher connects the reader and sends it the history.
     publisher.send(&cycle(6)).unwrap();
     let got: Vec<u64> = std::iter::from_fn(|| late.receive().unwrap()).map(|record| record.cycle).collect();
     assert_eq!(got, [5, 6]);

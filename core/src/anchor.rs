@@ -1,8 +1,8 @@
-//! Holds the standing feet to the floor, because the suit's own idea of where it is drifts.
+//! Holds the standing feet to the floor, because the suit's own position estimate drifts.
 //!
-//! The station's world is the suit's world shifted by an offset. While a foot stands, that offset is whatever keeps
-//! the foot where it was when it came down; a foot in the air is carried along. So drift never enters a stance, and
-//! each step begins a new stance whose place is known only as well as the step was measured ([`STANCE_SIGMA_M`]).
+//! The station world is the suit world shifted by an offset. While a foot stands, the offset keeps the foot where it
+//! came down; a foot in the air moves freely. So drift does not enter a stance, and each step starts a new stance whose
+//! position is only as accurate as the measurement of the step ([`STANCE_SIGMA_M`]).
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
@@ -10,28 +10,28 @@ use nalgebra::Vector3;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld, SuitWorld, Turn};
 
-/// 1-σ of a stance's place on the floor, m.
+/// 1-σ of a stance's position on the floor, m.
 pub const STANCE_SIGMA_M: f64 = 0.005;
 /// A foot this much higher than the lower one is in the air, m.
 pub const LIFTED_M: f64 = 0.04;
-/// A foot this far from where it stood, relative to the other, has been moved, m.
+/// A foot this far from its standing position, relative to the other foot, has moved, m.
 const MOVED_M: f64 = 0.03;
 
-/// Where the feet stand.
+/// Positions of the standing feet.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Anchor {
-    /// Where each foot stands in the station's world, m: left, right.
+    /// Position of each standing foot in the station world, m: left, right.
     standing_at_m: [[f64; 2]; 2],
-    /// Shift from the suit's to the station's world, m.
+    /// Shift from the suit world to the station world, m.
     station_from_suit_m: [f64; 2],
-    /// 1 once a first pose was seen.
+    /// 1 once a first pose was ingested.
     started: u64,
-    /// Which feet stood in the pose before: bit 0 left, bit 1 right.
+    /// Feet that stood in the previous pose: bit 0 left, bit 1 right.
     standing: u64,
-    /// Grows by one with every foot that comes down.
+    /// Increments with every foot that comes down.
     stance: u64,
-    /// 1 after the body was lost from sight: the feet may stand anywhere.
+    /// 1 after a gap in the data: the feet may stand anywhere.
     lost: u64,
 }
 
@@ -54,23 +54,23 @@ impl Anchor {
             && self.stance < 1 << 48
     }
 
-    /// Shift from the suit's to the station's world, m.
+    /// Shift from the suit world to the station world, m.
     pub fn station_from_suit_m(&self) -> [f64; 2] {
         self.station_from_suit_m
     }
 
-    /// Begins with a shift that was found before, and no feet seen yet: where they are seen next is a new stance.
+    /// Restores a stored shift; the next pose starts a new stance.
     pub fn resume(&mut self, station_from_suit_m: [f64; 2]) {
         *self = Anchor { station_from_suit_m, started: 1, standing: 0b11, lost: 1, ..Zeroable::zeroed() };
     }
 
-    /// The body was lost from sight: where the feet are seen next is a new stance.
+    /// Marks the feet's positions as lost after a gap in the data: the next pose starts a new stance.
     pub fn lose(&mut self) {
         self.lost = self.started;
     }
 
-    /// The suit's world was found to lie elsewhere in the station's: turned about the station's origin, then moved, m.
-    /// The suit's samples must come turned alike from now on.
+    /// Applies a new registration of the suit world in the station world: rotated about the station's origin, then
+    /// moved, m. The suit's samples must be rotated alike from then on.
     pub fn move_world(&mut self, turn: Turn, by_m: [f64; 2]) {
         let moved = |place_m: [f64; 2]| {
             let [x, y] = turn.of(place_m);
@@ -80,13 +80,12 @@ impl Anchor {
         self.station_from_suit_m = moved(self.station_from_suit_m);
     }
 
-    /// The pose in the station's world, the standing feet held.
+    /// The pose in the station world, with the standing feet held.
     pub fn hold(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
         self.place(pose, true)
     }
 
-    /// The same where the suit's own position can be trusted, as that of optical markers in the plate's world: steps
-    /// are counted, nothing is shifted.
+    /// Likewise for a suit without drift, such as optical markers in the plate's world: counts steps, shifts nothing.
     pub fn follow(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
         self.place(pose, false)
     }
@@ -130,7 +129,7 @@ impl Anchor {
         let lower = if foot[0].z <= foot[1].z { 0 } else { 1 };
         let upper = 1 - lower;
         let lifted = foot[upper].z - foot[lower].z > LIFTED_M;
-        // Seen from the standing foot, so that drift of both does not count.
+        // Relative to the standing foot, so that drift common to both cancels.
         let apart = [foot[upper].x - foot[lower].x, foot[upper].y - foot[lower].y];
         let was = [
             self.standing_at_m[upper][0] - self.standing_at_m[lower][0],

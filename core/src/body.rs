@@ -1,4 +1,4 @@
-//! The body as a tree: segments in MVN order, the joints between them, and who hangs on whom.
+//! The body as a tree: segments in MVN order, the joints between them, and each segment's parent.
 //!
 //! Source of order, ids and parents: Xsens MVN network protocol (segment table; joint list of datagram 20).
 
@@ -84,7 +84,7 @@ impl Segment {
         self as usize
     }
 
-    /// The segment it hangs on; the pelvis hangs on none.
+    /// The parent segment; the pelvis has none.
     pub const fn parent(self) -> Option<Segment> {
         Some(match self {
             Pelvis => return None,
@@ -109,7 +109,7 @@ impl Segment {
         })
     }
 
-    /// The joint that ties it to its parent.
+    /// The joint that connects it to its parent.
     pub const fn proximal_joint(self) -> Option<Joint> {
         match self.index() {
             0 => None,
@@ -140,7 +140,7 @@ impl Segment {
         }
     }
 
-    /// Whether `self` is `root` or hangs on it, however far down.
+    /// Whether `self` is `root` or a descendant of it.
     pub const fn is_distal_to(self, root: Segment) -> bool {
         let mut segment = self;
         loop {
@@ -232,7 +232,7 @@ impl Joint {
         self.0 as usize
     }
 
-    /// The segment just distal of the joint.
+    /// The segment distal of the joint.
     pub const fn segment(self) -> Segment {
         Segment::ALL[self.index() + 1]
     }
@@ -242,7 +242,7 @@ impl Joint {
         JOINT_NAMES[self.index()]
     }
 
-    /// The joint of that name.
+    /// The joint with this name.
     pub fn named(name: &str) -> Option<Joint> {
         Joint::ALL.into_iter().find(|joint| joint.name() == name)
     }

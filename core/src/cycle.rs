@@ -1,8 +1,8 @@
-//! One step of the pipeline: samples and a time in, a state out.
+//! One step of the pipeline: converts samples and a time into a state.
 //!
-//! [`step`] reads no clock and touches no memory but its own: two runs over the same ticks and samples give the same
-//! states, byte for byte. Everything that changes lies in [`Memory`], which is plain old data, so a checkpoint is a
-//! copy of it.
+//! [`step`] reads no clock and accesses no state other than its arguments: two runs over the same ticks and samples
+//! give byte-identical states. All mutable state is in [`Memory`], which is plain old data, so a checkpoint is a copy
+//! of it.
 
 pub mod alignment;
 mod asked;
@@ -44,18 +44,18 @@ pub use settings::{
 };
 pub use tare::Tare;
 
-/// How late a stream may be beyond two of its periods, ns.
+/// Tolerance of a stream's delay in addition to two of its periods, ns.
 const STALE_TOLERANCE_NS: u64 = 20_000_000;
-/// How long after a change of the model its torques are withheld, ns.
+/// Time after a change of the model for which its torques are withheld, ns.
 const MODEL_CHANGED_NS: u64 = NS_PER_S;
-/// No joint comes closest to its limit: [`State::worst_joint`] while no torque is told.
+/// Value of [`State::worst_joint`] while no torque is published.
 const NO_JOINT: u32 = u32::MAX;
-/// Below this a worker is in the suggested pose: RMS joint angle, rad.
+/// The subject is in the suggested pose if the RMS difference of the joint angles is below this, rad.
 pub const POSE_REACHED_RAD: f64 = 0.20;
-/// Device time less sure than this is not tied to host time, ns.
+/// Device time with a larger σ counts as not tied to host time, ns.
 const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
 
-/// Which cycle, and when it was due.
+/// Number and due time of a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
     /// Number, from 1.
@@ -64,20 +64,20 @@ pub struct Tick {
     pub due_ns: u64,
 }
 
-/// What has come in since the step before.
+/// Inputs received since the previous step.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Inputs<'a> {
     /// Suit samples in order of arrival.
     pub suit: &'a [SuitSample],
     /// Ground samples in order of arrival.
     pub ground: &'a [GroundSample],
-    /// At most one build of the worker, as the suit tells it; taken in before the samples.
+    /// At most one body message of the suit; ingested before the samples.
     pub body: Option<&'a SuitBody>,
     /// At most one command, applied first.
     pub command: Option<CommandKind>,
 }
 
-/// One cycle. The state is written in place and stays valid until the next step.
+/// Runs one cycle. The state is written in place and stays valid until the next step.
 pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs: Inputs<'_>) -> &'m State {
     if let Some(command) = inputs.command {
         memory.obey(settings, command, tick);
@@ -86,7 +86,7 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
         memory.hear_build(body, tick.due_ns);
     }
     for sample in inputs.ground {
-        // Off first: a tare may know of more than this device measures.
+        // Subtract the tare first: it may contain components that this device does not measure.
         let sample = memory.tare.off(sample).without_what_was_not_measured();
         if memory.alignment.admits_ground(&sample, tick.due_ns) {
             if memory.believes_ground(&sample) {
@@ -115,15 +115,15 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
 }
 
 impl Memory {
-    /// How much older than it should be a suit sample is when it comes, ns: by its adapter and by the model's lag.
+    /// Expected age of a suit sample on arrival, ns: latency of the adapter and lag of the model.
     fn suit_latency_ns(&self, settings: &Settings, tick: Tick) -> u64 {
         let lag_s = self.terms.suit_lag_s(&settings.model, tick.due_ns);
         settings.suit_latency_ns + (lag_s.max(0.0) * 1e9) as u64
     }
 
-    /// How old a suit sample may become before it goes on without the ground, ns.
+    /// Age after which a suit sample is processed without a ground sample, ns.
     ///
-    /// A stream with a constant latency is that much older when it comes; that is no silence.
+    /// Includes the constant latencies of both streams, which delay samples but are no silence.
     fn patience_ns(&self, settings: &Settings, tick: Tick) -> u64 {
         let latency_ns = self.suit_latency_ns(settings, tick).max(settings.ground_latency_ns);
         PATIENCE_NS + latency_ns + self.alignment.ground_late_ns()
@@ -141,12 +141,12 @@ impl Memory {
                 if self.identification.has_body() {
                     self.identification.return_to_prior(settings);
                 }
-                // What was seen before the command is not to be learnt again.
+                // Samples from before the command must not update the filter again.
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
                 self.asked.begin_anew();
-                // A mass that was measured may have been measured wrongly.
+                // The measured mass may have been wrong.
                 self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
                 self.identification.learning = 1;
                 self.known.motion_samples_used = 0;
@@ -166,10 +166,10 @@ impl Memory {
                 self.exposure.dose.undo_lift();
                 self.tell_exposure();
             }
-            // The daemon's affairs: nothing of the loop changes, or it is put in place whole.
+            // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
             CommandKind::Reload => {
-                // Filters and the still window hold what another model made of the moments.
+                // Filters and the static pose window contain results of the previous model.
                 self.terms.restart();
                 self.asked.begin_anew();
                 self.window.clear();
@@ -179,7 +179,7 @@ impl Memory {
             }
             CommandKind::SubjectLoad => {
                 self.asked.begin_anew();
-                // What the window holds was another worker's pose.
+                // The window contains poses of the previous subject.
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
@@ -190,14 +190,14 @@ impl Memory {
         }
     }
 
-    /// Brings the state up to the tick: ages, phase, reasons; and blanks what must not be used.
+    /// Updates the state to the tick: ages, phase, validity flags; resets values that must not be used.
     fn tell(&mut self, settings: &Settings, tick: Tick) {
         let now_ns = tick.due_ns;
         let age = |time: Option<u64>| time.map_or(u64::MAX, |time_ns| now_ns.saturating_sub(time_ns));
         let stale = |age_ns: u64, period_ns: u64| age_ns > 2 * period_ns + STALE_TOLERANCE_NS;
         let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
-        // Samples that came in last may still wait for the ground; what is told is what was worked through.
+        // The newest samples may still wait for the ground; the results belong to the samples processed so far.
         let told_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
         let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
         let suit_period_ns = self.alignment.suit_period_ns();
@@ -209,10 +209,10 @@ impl Memory {
         if suit_stale && !ground_stale {
             self.measure_ground_alone();
         }
-        // The plate may be back, and the moment that is told of still one without it.
+        // The plate may have recovered, but the current snapshot predates the recovery.
         let ground_stale = ground_stale || self.findings().any_of(Validity::GROUND_STALE);
 
-        // What is refused is in no moment, but what was told last is from before it.
+        // Rejected samples reach no snapshot, but the published results predate them.
         let suit_suspect = self.plausibility.suit.touches(self.known.suit_sample_time_ns, u64::MAX);
 
         let suggested = self.suggested(settings);
@@ -233,7 +233,7 @@ impl Memory {
         let phase = match (ready && !suit_stale && !ground_stale, identification) {
             (true, known) if known.identified == 1 => Phase::Monitoring,
             (true, unknown) if unknown.learning == 1 => Phase::Identifying,
-            // Where nothing is silent, it is the worker who is not known any more.
+            // If no stream is silent, the subject itself is not ready, for example after a reset.
             (false, _) if self.was_ready == 1 && (suit_stale || ground_stale) => Phase::Degraded,
             _ => Phase::Waiting,
         };
@@ -267,7 +267,7 @@ impl Memory {
     }
 }
 
-/// A spoilt value is zero: nobody may act on what a stale sensor said.
+/// Sets invalid values to zero, so that no consumer can act on values of a stale sensor.
 fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_COP_MEASURED) {

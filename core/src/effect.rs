@@ -1,16 +1,17 @@
-//! The physical effects that a model of worker, suit and plate may lack, known by name.
+//! Physical effects that the model of subject, suit and plate may lack, identified by name.
 //!
-//! An effect is a change of what the plate is predicted to measure: some columns, each per unit of one parameter, on the
-//! centre of pressure and on the ground's force. `columns` says what they are at one moment; the workflow that looks
-//! for a missing effect fits them, and the loop adds the very same columns times the fitted parameters to what it
-//! predicts ([`Model`]). Prediction plus columns times parameters is what is measured.
+//! An effect changes the predicted measurement of the plate: it consists of columns, each the change of the CoP and of
+//! the ground's force per unit of one parameter. `columns` returns them for one instant; the search for missing effects
+//! fits them, and the loop adds the same columns, times the fitted parameters, to its prediction ([`Model`]):
+//! measurement = prediction + columns · parameters.
 //!
-//! One file per effect; this file is the table of all. Two effects are more than columns of a moment: [`suit_lag`]
+//! One file per effect; this file contains the table of all. Two effects are not columns of an instant: [`suit_lag`]
 //! shifts the suit's time, [`plate_lowpass`] filters the prediction; both have their own functions.
 //!
-//! Signs. What is worn or leans on the body counts as it acts on the body. The plate's parameters say how its readings
-//! differ from the truth, so their columns are added as they are. The suit's parameters say how what it shows differs
-//! from the truth, so their columns undo it: a segment whose heading is read `ψ` too far left has its arm turned back.
+//! Signs. Worn masses and contacts count as they act on the body. The plate's parameters are the deviation of its
+//! readings from the truth, so their columns are added as they are. The suit's parameters are the deviation of its
+//! output from the truth, so their columns reverse it: for a segment whose measured heading is `ψ` too far left, the
+//! arm is rotated back.
 
 mod catalogue;
 mod families;
@@ -43,61 +44,61 @@ use geometry::Column;
 use crate::body::{SEGMENTS, Segment, Side};
 use crate::message::ground::COP_MIN_VERTICAL_N;
 
-/// Most parameters that an effect has.
+/// Maximum number of parameters of an effect.
 pub const PARAMETERS_MAX: usize = 4;
-/// Most terms in a model.
+/// Maximum number of terms in a model.
 pub const TERMS_MAX: usize = 8;
 
-/// An effect, by name. The names are a contract: model files, recordings and reports bear them.
+/// An effect. The names are a stable interface: model files, recordings and reports contain them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Effect {
-    /// A mass in a hand or in both: `mass_kg`, and its first moment about the grip in the hand's axes, kg m.
+    /// A mass in one hand or both: `mass_kg`, and its first moment about the grip in the hand's axes, kg m.
     HandLoad,
-    /// A hand leans on something or is held up: force on the body, N.
+    /// A hand leans on something or is supported: force on the body, N.
     HandContact,
     /// A mass worn on a segment: `mass_kg`, and its first moment about the segment's centre in its axes, kg m.
     WornMass,
-    /// The plate lies elsewhere: `dx_m`, `dy_m`.
+    /// Shift of the plate: `dx_m`, `dy_m`.
     PlateOffset,
-    /// The plate is turned: rad, left positive.
+    /// Rotation of the plate: rad, left positive.
     PlateYaw,
-    /// The centre of pressure is stretched: `kx`, `ky`.
+    /// Gain error of the CoP: `kx`, `ky`.
     PlateGain,
-    /// Each axis of the centre of pressure sees a share `k` of the other.
+    /// Crosstalk: each axis of the CoP contains a fraction `k` of the other.
     PlateCrosstalk,
-    /// The surface lies `dz_m` higher above the sensor than was configured.
+    /// Height of the surface above the sensor, relative to the configured one: `dz_m`.
     PlateHeight,
-    /// The vertical force is stretched: `k`.
+    /// Gain error of the vertical force: `k`.
     ForceGain,
-    /// The centre of pressure drifts: `vx_m_per_s`, `vy_m_per_s`; or, with a time constant, towards `ax_m`, `ay_m`.
+    /// Drift of the CoP: `vx_m_per_s`, `vy_m_per_s`; or, with a time constant, towards `ax_m`, `ay_m`.
     PlateDrift,
-    /// The plate's filter: first order, `cutoff_hz`.
+    /// Low pass of the plate: first order, `cutoff_hz`.
     PlateLowpass,
-    /// The suit is later than the ground: `tau_s`, positive where it is.
+    /// Lag of the suit relative to the ground: `tau_s`, positive if the suit is later.
     SuitLag,
-    /// The whole suit turns about the upright: rad/s.
+    /// Rotation rate of the whole suit about the vertical: rad/s.
     SuitHeadingDrift,
-    /// One segment is turned about the upright: rad. Magnetic disturbance.
+    /// Rotation of one segment about the vertical: rad. Magnetic disturbance.
     SegmentHeading,
-    /// One segment's sensor sits crooked: rotation vector in the segment's axes, rad.
+    /// Misalignment of one segment's sensor: rotation vector in the segment's axes, rad.
     SegmentMisalignment,
-    /// The body's inertia, for models run without it: share of it that is missing.
+    /// Missing fraction of the body's inertia, for models that omit it.
     Inertia,
-    /// Breath or sway: sine and cosine amplitude on each axis, m, at a frequency.
+    /// Breathing or sway: sine and cosine amplitude on each axis, m, at a frequency.
     PeriodicSway,
-    /// The person is no longer the identified one: change of one segment's φ, m.
+    /// Deviation from the identified subject: change of one segment's φ, m.
     UnbalancedParameters,
 }
 
-/// Which part of the body an effect acts on.
+/// Part of the body on which an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// None: the plate, or the suit as a whole.
     Whole,
     /// One hand.
     Hand(Side),
-    /// Both hands alike.
+    /// Both hands equally.
     BothHands,
     /// One segment.
     Segment(Segment),
@@ -108,17 +109,17 @@ pub enum Place {
 pub struct Parameter {
     /// Name with unit, as in model files: `mass_kg`.
     pub name: &'static str,
-    /// Unit for people.
+    /// Unit for display.
     pub unit: &'static str,
-    /// 1-σ of what is believed of it before any data.
+    /// 1-σ of its prior.
     pub prior_sigma: f64,
 }
 
-/// Everything of one moment that an effect's columns are made of. Station's world: X forward, Y left, Z up.
+/// Data of one instant from which an effect's columns are computed. Station world: X forward, Y left, Z up.
 #[derive(Debug, Clone, Copy)]
 pub struct Observation {
-    /// Time since the station's first moment (the recording's begin), s. Drifts and sways count from its zero:
-    /// [`Term::columns`] counts from where the term's span begins.
+    /// Time since the station's first snapshot (the start of the recording), s. Drifts and sways start at time zero:
+    /// [`Term::columns`] subtracts the start of the term's span.
     pub time_s: f64,
     /// Body mass, kg.
     pub mass_kg: f64,
@@ -126,8 +127,8 @@ pub struct Observation {
     pub floor_m: f64,
     /// Middle between the standing feet, m.
     pub feet_m: [f64; 2],
-    /// Whether the standing feet hold the body in its place, as they do where the suit's position drifts: an error of a
-    /// leg's orientation then carries all that stands on it along.
+    /// Whether the anchor holds the standing feet, as it does if the suit's position drifts: an error of a leg's
+    /// orientation then displaces all segments above it.
     pub feet_hold: bool,
     /// Segment origins, m, and their second derivatives, m/s².
     pub origin_m: [[f64; 3]; SEGMENTS],
@@ -139,52 +140,52 @@ pub struct Observation {
     pub rotation_acceleration_per_s2: [[[f64; 3]; 3]; SEGMENTS],
     /// The chain's parameters φ, segment axes, m.
     pub phi_m: [[f64; 3]; SEGMENTS],
-    /// Where the hands grip, from each hand's origin in its axes, m: left, right ([`Side::BOTH`]).
+    /// Grip points, from each hand's origin in its axes, m: left, right ([`Side::BOTH`]).
     pub grip_m: [[f64; 3]; 2],
     /// Centres of mass of the segments by the table, segment axes, m.
     pub centre_m: [[f64; 3]; SEGMENTS],
-    /// Share of the body mass in each segment by the table; all zero where the model leaves out that the body turns.
+    /// Fraction of the body mass in each segment by the table; all zero if the model omits the rotation of the body.
     pub mass_share: [f64; SEGMENTS],
-    /// Centre of mass by the chain, m.
+    /// CoM by the chain, m.
     pub com_m: [f64; 3],
     /// Its acceleration by the suit, m/s².
     pub com_acceleration_m_per_s2: [f64; 3],
-    /// Shift of the predicted centre of pressure by the turning of the body, m.
+    /// Shift of the predicted CoP by the rotation of the body, m.
     pub turning_m: [f64; 2],
-    /// Horizontal over vertical force, as it entered the prediction: measured shear where there is one, over the
-    /// vertical force that the body alone needs by the suit (`force_predicted_n[2]`, not the measured one: that already
-    /// bears what the model may lack); else the suit's acceleration over the same.
+    /// Horizontal over vertical force, as used in the prediction: measured shear if available, over the vertical force
+    /// that the body alone requires by the suit (`force_predicted_n[2]`, not the measured one, which already contains
+    /// effects that the model may lack); else the suit's acceleration over the same.
     pub slope: [f64; 2],
     /// Whether `slope` is measured.
     pub slope_is_measured: bool,
-    /// Centre of pressure that the model predicts without any term, m.
+    /// CoP that the model predicts without any term, m.
     pub cop_predicted_m: [f64; 2],
-    /// Force of the ground on the body that the model predicts by the suit's motion without any term, N.
+    /// Ground force on the body that the model predicts from the suit's motion without any term, N.
     pub force_predicted_n: [f64; 3],
-    /// Measured centre of pressure, m.
+    /// Measured CoP, m.
     pub cop_measured_m: [f64; 2],
     /// Measured force on the body, N.
     pub force_measured_n: [f64; 3],
 }
 
-/// What each parameter of an effect changes of the prediction at one moment, per unit.
+/// Change of the prediction at one instant by each parameter of an effect, per unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Columns {
-    /// How many parameters there are; the rest is zero.
+    /// Number of parameters; the remaining columns are zero.
     pub count: usize,
-    /// Of the centre of pressure, m per unit.
+    /// Change of the CoP, m per unit.
     pub cop_m: [[f64; 2]; PARAMETERS_MAX],
-    /// Of the ground's force on the body, N per unit.
+    /// Change of the ground's force on the body, N per unit.
     pub force_n: [[f64; 3]; PARAMETERS_MAX],
 }
 
 impl Columns {
-    /// Nothing, for so many parameters.
+    /// Zero columns for this number of parameters.
     pub const fn zero(count: usize) -> Columns {
         Columns { count, cop_m: [[0.0; 2]; PARAMETERS_MAX], force_n: [[0.0; 3]; PARAMETERS_MAX] }
     }
 
-    /// These, one a parameter; at most [`PARAMETERS_MAX`].
+    /// Collects one column per parameter; at most [`PARAMETERS_MAX`].
     fn of(columns: &[Column]) -> Columns {
         let mut all = Columns::zero(columns.len().min(PARAMETERS_MAX));
         for (index, column) in columns.iter().take(PARAMETERS_MAX).enumerate() {
@@ -194,7 +195,7 @@ impl Columns {
         all
     }
 
-    /// What parameters of these values change: of the centre of pressure, m, and of the force, N.
+    /// Columns times parameter values: change of the CoP, m, and of the force, N.
     pub fn times(&self, value: &[f64; PARAMETERS_MAX]) -> ([f64; 2], [f64; 3]) {
         let (mut cop_m, mut force_n) = ([0.0; 2], [0.0; 3]);
         for (index, value) in value.iter().enumerate().take(self.count) {
@@ -209,26 +210,27 @@ impl Columns {
     }
 }
 
-/// The columns of an effect at one moment; nothing while nobody stands on the plate, at a place where the effect cannot
-/// be, and for the two effects that are no columns ([`suit_lag`], [`plate_lowpass`]).
+/// Columns of an effect at one instant; zero if nothing stands on the plate, if the effect does not accept the place,
+/// and for the two effects without columns ([`suit_lag`], [`plate_lowpass`]).
 ///
-/// `shape` is [`Term::shape`]. What grows with time counts from `observation.time_s` = 0. Turns are small ones.
+/// `shape` is [`Term::shape`]. Effects that grow with time start at `observation.time_s` = 0. Rotations are linearised
+/// for small angles.
 pub fn columns(effect: Effect, place: Place, shape: f64, observation: &Observation) -> Columns {
     columns_about(effect, place, shape, &[0.0; PARAMETERS_MAX], observation)
 }
 
-/// Columns of a small misalignment of any segment, also of those of which the catalogue has none: there it is noise.
+/// Columns of a small misalignment of any segment, including those not in the catalogue, where it counts as noise.
 pub fn misaligned(segment: Segment, observation: &Observation) -> Columns {
     segment_misalignment::columns(Place::Segment(segment), [0.0; 3], observation)
 }
 
-/// How far the predicted centre of mass follows a turn of one segment: a small turn ε of it, world axes, moves the centre by
-/// `ε × arm`, m.
+/// Lever arm of a segment's rotation: a small rotation ε, world axes, moves the predicted CoM by `ε × arm`, m.
 pub fn arm_m(segment: Segment, observation: &Observation) -> [f64; 3] {
     observation.arm(segment).at
 }
 
-/// As [`columns`], with large turns as they are: columns × `about` is then exact, and what is near it nearly so.
+/// As [`columns`], linearised about large rotations: columns × `about` is exact, and nearby parameters are
+/// approximately so.
 fn columns_about(
     effect: Effect,
     place: Place,
@@ -264,30 +266,30 @@ fn columns_about(
     }
 }
 
-/// One term of a model: an effect, where it acts, how strong it is.
+/// One term of a model: an effect, its place and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
     /// Which effect.
     pub effect: Effect,
-    /// Where.
+    /// Place on the body.
     pub place: Place,
-    /// What is not linear: time constant (s) of a drift, 0 for a linear one; cutoff (Hz) of a low pass; lag (s);
+    /// Nonlinear parameter: time constant (s) of a drift, 0 for a linear one; cutoff (Hz) of a low pass; lag (s);
     /// frequency (Hz) of a sway; else 0.
     pub shape: f64,
     /// The parameters, in the order and units of [`Effect::parameters`].
     pub value: [f64; PARAMETERS_MAX],
-    /// From when to when it holds, s since the station's first moment; the end may be infinite.
+    /// Interval in which it applies, s since the station's first snapshot; the end may be infinite.
     pub span_s: [f64; 2],
 }
 
 impl Term {
-    /// Whether it holds at a time, s since the station's first moment.
+    /// Whether it applies at a time, s since the station's first snapshot.
     pub fn holds_at(&self, time_s: f64) -> bool {
         (self.span_s[0]..self.span_s[1]).contains(&time_s)
     }
 
-    /// Its columns at a moment, drifts and sways counted from where its span begins, turns as large as they are; nothing
-    /// outside the span.
+    /// Its columns at an instant, drifts and sways relative to the start of its span, rotations at their full size;
+    /// zero outside the span.
     pub fn columns(&self, observation: &Observation) -> Columns {
         if !self.holds_at(observation.time_s) {
             return Columns::zero(self.effect.parameters().len());
@@ -297,7 +299,7 @@ impl Term {
     }
 }
 
-/// What a model has beside the body: at most [`TERMS_MAX`] terms.
+/// Model terms besides the body: at most [`TERMS_MAX`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Model {
     /// The terms.
@@ -310,12 +312,12 @@ impl Model {
         self.terms.iter().all(Option::is_none)
     }
 
-    /// The terms that hold at a time, s since the station's first moment.
+    /// The terms that apply at a time, s since the station's first snapshot.
     pub fn at(&self, time_s: f64) -> impl Iterator<Item = &Term> {
         self.terms.iter().flatten().filter(move |term| term.holds_at(time_s))
     }
 
-    /// What all terms together change at a moment: of the centre of pressure, m, and of the force, N.
+    /// Total change by all terms at an instant: of the CoP, m, and of the force, N.
     pub fn change(&self, observation: &Observation) -> ([f64; 2], [f64; 3]) {
         let (mut cop_m, mut force_n) = ([0.0; 2], [0.0; 3]);
         for term in self.terms.iter().flatten() {

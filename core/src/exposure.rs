@@ -1,8 +1,8 @@
-//! What the work does to the worker over time, and what would relieve it: the figures of ergonomists and cobots.
+//! Exposure of the worker over time, and advice: quantities for ergonomists and cobots.
 //!
 //! Mass and reach of the load ([`lift`]), moment and compression of the low back ([`back`]), fatigue of the joints
-//! ([`fatigue`]), dose of the low back ([`dose`]), and where to move the load ([`advice`]). `docs/ergonomics.md` has
-//! formulas, sources and limits in one place.
+//! ([`fatigue`]), dose of the low back ([`dose`]), and the direction in which to move the load ([`advice`]).
+//! `docs/ergonomics.md` lists formulas, sources and limits.
 
 pub mod advice;
 pub mod back;
@@ -22,29 +22,29 @@ pub use back::Back;
 pub use dose::{Dose, LATEST_LIFTS, Lift};
 pub use fatigue::Fatigue;
 
-/// Between two samples farther apart than this nobody knows what happened, ns.
+/// Longer intervals between samples count as gaps without data, ns.
 pub const GAP_NS: u64 = NS_PER_S;
 
-/// What is known about the load during one step of time.
+/// State of the load during one time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Load {
-    /// Something withholds the torques: nothing may be concluded.
+    /// The torques are withheld: no conclusion is possible.
     Unknown,
-    /// The worker carries nothing: known, not assumed.
+    /// No load is carried: established, not assumed.
     None,
-    /// The overload torques are known.
+    /// The overload torques are valid.
     Known {
         /// Magnitude of each joint's overload, N m.
         torque_nm: [f64; JOINTS],
-        /// What is carried.
+        /// The carried load.
         carried: Carried,
     },
 }
 
-/// A mass in the hands and where it is.
+/// A mass in the hands and its position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Carried {
-    /// The mass and its 1-σ, kg; not positive where the worker is held up or leans.
+    /// The mass and its 1-σ, kg; not positive if the subject is supported or leans.
     pub mass_kg: [f64; 2],
     /// Its horizontal distance from the middle of the hip joints, m.
     pub distance_m: f64,
@@ -57,21 +57,21 @@ impl Carried {
     }
 }
 
-/// What adds up over the shift: plain old data in the loop's memory.
+/// Exposure accumulated over the shift: plain old data in the loop's memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Exposure {
-    /// The levels told last.
+    /// The last published levels.
     pub levels: Levels,
     /// Of each joint.
     pub fatigue: Fatigue,
     /// Of the low back.
     pub dose: Dose,
-    /// Time of the sample before; 0 before the first.
+    /// Time of the previous sample; 0 before the first.
     last_sample_ns: u64,
 }
 
-/// What of a shift is kept for a later start.
+/// The part of a shift that is stored for a later start.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Shift {
@@ -79,22 +79,22 @@ pub struct Shift {
     pub fatigue: [f64; JOINTS],
     /// Damage of the low back by the lifts so far.
     pub damage: f64,
-    /// How many.
+    /// Number of lifts.
     pub lifts: u64,
-    /// How many have ended, those that were taken back included.
+    /// Number of completed lifts, including those that were undone.
     pub ended: u64,
-    /// The last of them; see [`Dose::latest`].
+    /// The last lifts; see [`Dose::latest`].
     pub latest: [Lift; LATEST_LIFTS],
 }
 
 impl Exposure {
-    /// What is kept. A lift under way is not: it goes on, and counts, once the load is seen again.
+    /// The data to be stored. Excludes a lift in progress: it continues, and counts, once the load is detected again.
     pub fn shift(&self) -> Shift {
         let Dose { damage, lifts, ended, latest, .. } = self.dose;
         Shift { fatigue: self.fatigue.share, damage, lifts, ended, latest }
     }
 
-    /// Goes on with a shift after a gap in which nothing is known: neither fatigue nor rest is invented.
+    /// Continues a shift after a gap without data, for which neither fatigue nor rest is assumed.
     pub fn resume(&mut self, shift: &Shift) {
         self.start();
         self.fatigue.share = shift.fatigue;
@@ -102,16 +102,16 @@ impl Exposure {
         self.dose = Dose::resumed(damage, lifts, ended, latest);
     }
 
-    /// Another worker: nothing has added up yet.
+    /// Resets everything for another subject.
     pub fn start(&mut self) {
         *self = Zeroable::zeroed();
     }
 
-    /// Advances to the suit sample of `sample_time_ns`; `load` is what acted since the sample before, `limit_nm` the limit
+    /// Advances to the suit sample of `sample_time_ns`; `load` acted since the previous sample, `limit_nm` is the limit
     /// of each joint against it, N m.
     ///
-    /// Over a gap longer than [`GAP_NS`], and when time does not advance, nothing is known: the fatigue stays as it
-    /// is, and a lift under way ends with what was seen of it.
+    /// Over a gap longer than [`GAP_NS`], and when time does not advance, the load is unavailable: the fatigue stays
+    /// constant, and a lift in progress ends with the values so far.
     pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limit_nm: &[f64; JOINTS]) {
         let step_ns = match self.last_sample_ns {
             0 => 0,
@@ -153,7 +153,7 @@ mod tests {
         exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
         assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
         assert_eq!(exposure.dose.lifts, 1);
-        // Time that stands still or goes back is no time.
+        // Time that does not advance adds nothing.
         exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
         exposure.advance(4 * NS_PER_S, &carrying(30.0), &limits);
         assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));

@@ -1,7 +1,8 @@
-//! Whose world a pose is in, told by its type.
+//! Poses whose type contains their frame.
 //!
-//! The suit's world drifts against the floor by centimetres a minute; the station's world is the floor with the
-//! force plate in it. Only [`crate::anchor`] turns one into the other, so the compiler refuses what drifts:
+//! The suit world drifts against the floor by centimetres per minute; the station world is the floor with the force
+//! plate in it. Only [`crate::anchor`] converts one into the other, so the compiler rejects a pose in the drifting
+//! frame:
 //!
 //! ```compile_fail
 //! use equipoise_core::{frame::{Pose, SuitWorld}, sesc};
@@ -17,15 +18,15 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 use crate::body::{SEGMENTS, Segment};
 use crate::math;
 
-/// The world of the suit: Z up, but its origin wanders.
+/// The suit world: Z up, with a drifting origin.
 #[derive(Debug, Clone, Copy)]
 pub enum SuitWorld {}
 
-/// The world of the station: X forward, Y left, Z up; the plate's place in it is configured.
+/// The station world: X forward, Y left, Z up; the plate's position in it is configured.
 #[derive(Debug, Clone, Copy)]
 pub enum StationWorld {}
 
-/// Where every segment is and how it is turned, in world `W`.
+/// Positions and orientations of all segments, in world `W`.
 #[derive(Debug, Clone, Copy)]
 pub struct Pose<W> {
     /// Segment origins (proximal joint centres), m.
@@ -36,7 +37,7 @@ pub struct Pose<W> {
 }
 
 impl<W> Pose<W> {
-    /// A pose from its parts.
+    /// Constructs a pose.
     pub fn new(
         origin: [Vector3<f64>; SEGMENTS],
         world_from_segment: [UnitQuaternion<f64>; SEGMENTS],
@@ -49,7 +50,7 @@ impl<W> Pose<W> {
         self.origin[segment.index()]
     }
 
-    /// A point fixed in a segment, seen from the world, m.
+    /// A point fixed in a segment, in world coordinates, m.
     pub fn point_on(&self, segment: Segment, from_origin_m: [f64; 3]) -> Vector3<f64> {
         let index = segment.index();
         self.origin[index] + self.world_from_segment[index] * Vector3::from(from_origin_m)
@@ -75,14 +76,14 @@ impl<W> Pose<W> {
 }
 
 impl Pose<SuitWorld> {
-    /// The same pose, its world's origin shifted.
+    /// The same pose with the origin of its world shifted.
     pub fn shifted(&self, station_from_suit_m: Vector3<f64>) -> Pose<StationWorld> {
         Pose::new(self.origin.map(|origin| origin + station_from_suit_m), self.world_from_segment)
     }
 }
 
 impl Pose<StationWorld> {
-    /// The same pose at another place, world x and y, m.
+    /// The same pose at another position, world x and y, m.
     #[must_use]
     pub fn displaced(&self, [x, y]: [f64; 2]) -> Pose<StationWorld> {
         let by = Vector3::new(x, y, 0.0);
@@ -90,7 +91,7 @@ impl Pose<StationWorld> {
     }
 }
 
-/// A turn about the vertical.
+/// A rotation about the vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
     cos: f64,
@@ -98,24 +99,24 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// A turn to the left, rad.
+    /// A rotation to the left, rad.
     pub fn by(angle_rad: f64) -> Turn {
         let (sin, cos) = math::sin_cos(angle_rad);
         Turn { cos, sin }
     }
 
-    /// A horizontal vector turned.
+    /// Rotates a horizontal vector.
     pub fn of(self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
     }
 
-    /// A vector turned.
+    /// Rotates a vector.
     pub fn of_vector(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [x, y] = self.of([x, y]);
         [x, y, z]
     }
 
-    /// Where a turned body's axes point: of a unit quaternion, scalar first.
+    /// Rotates an orientation, a unit quaternion with the scalar first.
     pub fn of_wxyz(self, orientation_wxyz: [f64; 4]) -> [f64; 4] {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), math::atan2(self.sin, self.cos));
         wxyz(&(turn * rotation(orientation_wxyz)))

@@ -1,35 +1,36 @@
-//! The filter that learns θ: Eq. 5–10 with the identity for dynamics, one scalar measurement at a time.
+//! Kalman filter that estimates θ: Eq. 5–10 with the identity as dynamics, one scalar measurement at a time.
 //!
-//! A pose gives two measurements (CoP x and y). Scalar updates need no matrix inverse. With the optimal gain
-//! `K = P hᵀ / s`, `s = h P hᵀ + r`, Joseph's form `(I − K h) P (I − K h)ᵀ + K r Kᵀ` collapses to `P − w wᵀ` with
-//! `w = P hᵀ / √s`: one multiplication and one subtraction an entry. Both triangles are kept, and updated alike by
-//! whole rows: `wᵢ wⱼ` and `wⱼ wᵢ` round alike, so P is symmetric to the last bit, and rows lie side by side in memory
-//! where half of a column does not. Times and ratios: `docs/performance/README.md`.
+//! A pose gives two measurements (CoP x and y). Scalar updates need no matrix inverse. With the optimal gain `K = P hᵀ
+//! / s`, `s = h P hᵀ + r`, Joseph's form `(I − K h) P (I − K h)ᵀ + K r Kᵀ` simplifies to `P − w wᵀ` with `w = P hᵀ /
+//! √s`: one multiplication and one subtraction per entry. Both triangles are stored and updated by whole rows: `wᵢ wⱼ`
+//! and `wⱼ wᵢ` round equally, so P is symmetric to the last bit, and rows are contiguous in memory whereas half of a
+//! column is not. Times and ratios: `docs/performance/README.md`.
 //!
-//! A sum that nearly cancels keeps only rounding: every variance is therefore raised by what rounding may have
-//! taken, and never falls below `r / s` of what it was, which no measurement can undercut. Tests hold P positive
-//! definite, and near Bierman's factored filter, over measurements whose scales differ by many decades.
+//! Rounding dominates where a difference nearly cancels: every variance is therefore increased by the possible rounding
+//! error, and never falls below `r / s` of its previous value, the smallest that a measurement can leave. Tests verify
+//! that P stays positive definite, and close to Bierman's factored filter, over measurements whose scales differ by
+//! many decades.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::math;
 use crate::sesc::{PARAMETERS, Prior};
 
-/// States that follow θ and are not the worker's: the stance's offset on the floor, x and y.
+/// Number of states in addition to θ that do not describe the subject: the stance offset on the floor, x and y.
 pub const NUISANCE: usize = 2;
-/// Most states a filter has.
+/// Maximum number of states of a filter.
 pub const STATES: usize = PARAMETERS + NUISANCE;
 
-/// What rounding may cost a row of P in one update, as a share of its variance: 71 entries, each off by up to two
-/// units in the last place of √(P_ii P_jj) in either direction, add up to √71 times that.
+/// Bound of the rounding error of a row of P in one update, as a fraction of its variance: 71 entries, each off by up
+/// to two units in the last place of √(P_ii P_jj) in either direction, add up to √71 times that.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// State and covariance: `count` parameters θ, then [`NUISANCE`] states that start out known to be zero until
-/// [`Filter::forget`] gives them a variance. Rows and columns beyond mean nothing.
+/// State and covariance: `count` parameters θ, then [`NUISANCE`] states that are exactly zero until [`Filter::forget`]
+/// gives them a variance. Rows and columns beyond are unused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Filter {
-    /// How many parameters, in [0, 69].
+    /// Number of parameters, in [0, 69].
     count: u64,
     /// θ and the nuisance states, m.
     theta_m: [f64; STATES],
@@ -37,10 +38,10 @@ pub struct Filter {
     covariance_m2: [[f64; STATES]; STATES],
 }
 
-/// What a measurement said that the filter did not expect.
+/// Difference between a measurement and its prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Innovation {
-    /// Measured less predicted, m.
+    /// Measured minus predicted, m.
     pub value_m: f64,
     /// Its predicted variance `h P hᵀ + r`, m².
     pub variance_m2: f64,
@@ -54,7 +55,7 @@ impl Innovation {
 }
 
 impl Filter {
-    /// Starts (or starts over) from a prior of θ, the nuisance states known to be zero.
+    /// Initialises from a prior of θ, with the nuisance states exactly zero.
     pub fn reset(&mut self, count: usize, prior: &Prior) {
         *self = Zeroable::zeroed();
         let count = count.min(PARAMETERS);
@@ -65,7 +66,7 @@ impl Filter {
         }
     }
 
-    /// Adds `v vᵀ` to θ's covariance: θ may also lie off along v, by 1-σ of its length, m.
+    /// Adds `v vᵀ` to θ's covariance: θ has an additional error along v whose 1-σ is the length of v, m.
     pub fn widen(&mut self, along_m: &[f64; PARAMETERS]) {
         let count = self.count();
         for (row, own) in self.covariance_m2[..count].iter_mut().zip(along_m) {
@@ -75,12 +76,12 @@ impl Filter {
         }
     }
 
-    /// Eq. 7 for one state: it may have wandered by a variance.
+    /// Eq. 7 for one state: adds a process variance.
     pub fn wander(&mut self, index: usize, variance_m2: f64) {
         self.covariance_m2[index][index] += variance_m2;
     }
 
-    /// Begins a state anew: zero, give or take `variance_m2`, and independent of all others.
+    /// Resets a state to zero with the variance `variance_m2`, independent of all others.
     pub fn forget(&mut self, index: usize, variance_m2: f64) {
         self.theta_m[index] = 0.0;
         self.covariance_m2[index] = [0.0; STATES];
@@ -90,17 +91,17 @@ impl Filter {
         self.covariance_m2[index][index] = variance_m2;
     }
 
-    /// θ, m: the first `count`; after them the nuisance states.
+    /// θ, m: the first `count` entries, followed by the nuisance states.
     pub fn theta_m(&self) -> &[f64; STATES] {
         &self.theta_m
     }
 
-    /// How many parameters θ has.
+    /// Number of parameters of θ.
     pub fn count(&self) -> usize {
         self.count as usize
     }
 
-    /// How many states there are: θ and the nuisance.
+    /// Number of states: θ and the nuisance states.
     fn states(&self) -> usize {
         self.count() + NUISANCE
     }
@@ -120,7 +121,7 @@ impl Filter {
         &self.covariance_m2[index][..self.count()]
     }
 
-    /// Eq. 7: lets θ wander by `variance_m2` on each parameter.
+    /// Eq. 7: adds the process variance `variance_m2` to each parameter.
     pub fn predict(&mut self, variance_m2: f64) {
         for index in 0..self.count() {
             self.covariance_m2[index][index] += variance_m2;
@@ -132,7 +133,7 @@ impl Filter {
         self.dot(h, &self.theta_m)
     }
 
-    /// `h P hᵀ`, m²: how unsure the filter is of a measurement along `h`.
+    /// `h P hᵀ`, m²: variance of a predicted measurement along `h`.
     pub fn projected_variance_m2(&self, h: &[f64; STATES]) -> f64 {
         self.dot(h, &self.times_covariance(h)).max(0.0)
     }
@@ -143,9 +144,10 @@ impl Filter {
         [self.dot(h, &spread).max(0.0), spread[own], self.covariance_m2[own][own]]
     }
 
-    /// `P hᵀ` were the nuisance states known: θ's part of `P_θθ h − P_θs P_ss⁻¹ P_sθ h`, m²; zero beyond `count`.
+    /// `P hᵀ` for known nuisance states: θ's part of `P_θθ h − P_θs P_ss⁻¹ P_sθ h`, m²; zero beyond `count`.
     ///
-    /// What a stance's offset hides of θ cannot be learnt in that stance. This is the rest.
+    /// The part of θ that is indistinguishable from a stance's offset cannot be estimated in that stance. This is the
+    /// rest.
     pub fn spread_given_nuisance_m2(&self, h: &[f64; PARAMETERS]) -> [f64; STATES] {
         let count = self.count();
         let mut row = [0.0; STATES];
@@ -180,7 +182,7 @@ impl Filter {
         (of_theta + with_nuisance).max(0.0)
     }
 
-    /// `P_ss⁻¹ v` of the two nuisance states; zero where they are known.
+    /// `P_ss⁻¹ v` of the two nuisance states; zero if their variances are zero.
     fn nuisance_gain(&self, [at_x, at_y]: [f64; 2]) -> [f64; 2] {
         let count = self.count();
         let (xx, xy) = (self.covariance_m2[count][count], self.covariance_m2[count][count + 1]);
@@ -199,8 +201,8 @@ impl Filter {
         [self.dot(h1, &spread1).max(0.0), self.dot(h2, &spread1), self.dot(h2, &spread2).max(0.0)]
     }
 
-    /// Multiplies θ's covariance by `factor`, at least 1, and keeps every correlation: what was learnt counts for
-    /// less. Any other factor changes nothing.
+    /// Multiplies θ's covariance by `factor`, at least 1, and keeps every correlation, which reduces the weight of past
+    /// measurements. Any other factor changes nothing.
     pub fn inflate(&mut self, factor: f64) {
         if !factor.is_finite() || factor < 1.0 {
             return;
@@ -234,7 +236,7 @@ impl Filter {
         Some(innovation)
     }
 
-    /// `P − w wᵀ`, every variance at least `kept` of what it was and raised by [`ROUNDING`].
+    /// `P − w wᵀ`, with every variance at least `kept` of its previous value and increased by [`ROUNDING`].
     fn subtract_square(&mut self, w: &[f64; STATES], kept: f64) {
         let count = self.states();
         for (index, row) in self.covariance_m2[..count].iter_mut().enumerate() {
@@ -246,8 +248,8 @@ impl Filter {
         }
     }
 
-    /// Eq. 8–10 for the nuisance states alone (Schmidt's filter): θ and its covariance stay, but are counted in the
-    /// innovation's variance and in what the two have in common.
+    /// Eq. 8–10 for the nuisance states alone (Schmidt's filter): θ and its covariance are kept, but included in the
+    /// innovation's variance and in the cross-covariance.
     pub fn update_nuisance(&mut self, h: &[f64; STATES], z_m: f64, r_m2: f64) {
         let count = self.count();
         let spread = self.times_covariance(h);
@@ -284,7 +286,7 @@ impl Filter {
                 (variance_m2 > 0.0 || (row >= self.count() && variance_m2 == 0.0))
                     && (0..row).all(|column| {
                         let (one, other) = (self.covariance_m2[row][column], self.covariance_m2[column][row]);
-                        // Rounding in a file may cost the last digits, not more.
+                        // A file may lose the last digits to rounding, but not more.
                         let bound = self.variance_m2(row) * self.variance_m2(column);
                         (one - other).abs() <= 1e-9 * one.abs().max(1e-12)
                             && one * one <= bound * (1.0 + 1e-9)
@@ -292,7 +294,7 @@ impl Filter {
             })
     }
 
-    /// Puts stored values of θ back, the nuisance states known to be zero. Whether they are sound.
+    /// Restores stored values of θ, with the nuisance states exactly zero. Returns whether they are sound.
     pub fn restore(&mut self, theta_m: &[f64], covariance_m2: &[f64]) -> bool {
         let count = theta_m.len();
         if count > PARAMETERS || covariance_m2.len() != count * count {
@@ -307,7 +309,7 @@ impl Filter {
         if !self.is_sound() {
             return false;
         }
-        // Symmetry to the last digit, which a file may have lost and updates do not bring back.
+        // Restores exact symmetry, which a file may have lost and updates do not restore.
         for row in 1..count {
             let (above, rest) = self.covariance_m2.split_at_mut(row);
             for (entry, mirrored) in rest[0][..row].iter_mut().zip(above) {
@@ -317,7 +319,7 @@ impl Filter {
         true
     }
 
-    /// Copies the rows that are in use of another filter.
+    /// Copies the rows in use from another filter.
     pub(crate) fn copy_from(&mut self, other: &Filter) {
         self.count = other.count;
         self.theta_m = other.theta_m;
@@ -325,10 +327,11 @@ impl Filter {
         self.covariance_m2[..states].copy_from_slice(&other.covariance_m2[..states]);
     }
 
-    /// `P hᵀ`, zero beyond the states there are.
+    /// `P hᵀ`, zero beyond the states in use.
     ///
-    /// P is symmetric, so the sum runs over rows: sums along a row would have to be added one after the other, while
-    /// rows added to each other fill vector registers. Four rows at a time, since the sum so far is read and written once for all.
+    /// P is symmetric, so the sum runs over rows: sums along a row would be sequential, whereas adding rows to each
+    /// other fills vector registers. Four rows at a time, so that the partial sum is read and written once for all
+    /// four.
     fn times_covariance(&self, h: &[f64; STATES]) -> [f64; STATES] {
         let count = self.states();
         let mut sum = [0.0; STATES];
@@ -348,8 +351,8 @@ impl Filter {
         sum
     }
 
-    /// `a · b` over the states there are, in four sums side by side: one sum would have each addition wait for
-    /// the one before.
+    /// `a · b` over the states in use, in four independent sums: in a single sum each addition would wait for the
+    /// previous one.
     fn dot(&self, a: &[f64; STATES], b: &[f64; STATES]) -> f64 {
         let count = self.states();
         let ((a, a_rest), (b, b_rest)) = (a[..count].as_chunks::<4>(), b[..count].as_chunks::<4>());

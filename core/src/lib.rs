@@ -1,10 +1,10 @@
-//! The science of Equipoise: from a body's pose and the ground's reaction to this worker's mass distribution and to
-//! the overload torque of every joint (Fortini et al., 2020).
+//! Scientific core of Equipoise: computes, from the pose of a body and the ground reaction, the mass distribution of
+//! the subject and the overload torque of every joint (Fortini et al., 2020).
 //!
-//! No clock, no file, no thread, no heap, no unsafe: samples and a time go in, a state comes out. Floors, ground
-//! first, each resting only on those before it:
-//! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`], [`registration`], [`static_pose`] →
-//! [`pose_suggestion`] → [`overload`] → [`exposure`] → [`cycle`].
+//! Uses no clock, files, threads, heap or unsafe code: its input is samples and a time, its output a state. Modules in
+//! the order of dependency:
+//! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`],
+//! [`registration`], [`static_pose`] → [`pose_suggestion`] → [`overload`] → [`exposure`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
 

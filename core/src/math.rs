@@ -22,7 +22,7 @@ pub(crate) fn acos(cosine: f64) -> f64 {
     ComplexField::acos(cosine)
 }
 
-/// Angle of a vector whose parts are these, rad.
+/// Angle of a vector with these components, rad.
 pub(crate) fn atan2(y: f64, x: f64) -> f64 {
     nalgebra::RealField::atan2(y, x)
 }

@@ -1,8 +1,8 @@
-//! The messages of the bus: what is shared, in which unit, under which name.
+//! Messages of the bus: their quantities, units and names.
 //!
-//! Each message is plain old data (`repr(C)`, no padding, no bool, no pointer), so the bytes in shared memory, in
-//! a recording and in a C header are the same bytes. [`layout::Message::FIELDS`] says what they mean; everything
-//! that must agree with them (schema hash, recording schema, client headers) is generated from that one table.
+//! Each message is plain old data (`repr(C)`, no padding, no bool, no pointer), so its bytes in shared memory, in a
+//! recording and in a C header are the same. [`layout::Message::FIELDS`] defines their meaning; everything that must
+//! agree with them (schema hash, recording schema, client headers) is generated from that table.
 
 pub mod command;
 pub mod cycle_record;

@@ -1,12 +1,12 @@
-//! How the body moves, and what its inertia does to the ground reaction.
+//! Motion of the body, and the effect of its inertia on the ground reaction.
 //!
 //! In motion the centre of pressure is not below the centre of mass: with the centre's acceleration C̈ and the rate of
 //! the angular momentum about it L̇, both over the body's mass, the ground reaction of the body alone acts at
 //! `CoP = C_xy − C_z C̈_xy/(g + C̈_z) + (−L̇_y, L̇_x)/(g + C̈_z)` (from Newton and Euler, the floor at height 0).
 //!
-//! Accelerations come from positions: a parabola is laid through the samples on both sides of a moment ([`weights`]);
-//! and from the suit itself where it sends its own ([`accelerations`]).
-//! So everything said about a moment comes half a window late, and is right about it.
+//! Accelerations are computed from positions, by a parabola through the samples on both sides of a snapshot
+//! ([`weights`]), and from the suit's own accelerations if it sends them ([`accelerations`]). So the results for a
+//! snapshot are available half a window later.
 
 pub mod accelerations;
 pub mod confidence;

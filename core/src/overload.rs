@@ -1,14 +1,15 @@
-//! What an external load adds to the static torque of every joint (Fortini et al., §IV, Eq. 12–15).
+//! Torque that an external load adds at every joint, in addition to the static torque (Fortini et al., §IV, Eq. 12–15).
 //!
-//! The joint between a segment and its parent carries the moment of every force that acts distal of it, so Eq. 15
+//! The joint between a segment and its parent transmits the moment of every force that acts distal of it, so Eq. 15
 //! needs no Jacobian: for joint j with origin o_j,
 //! `Δτ_j = Σ_hands η_h (a_h − o_j) × ΔF − Σ_feet [f_k (c_k − o_j) − f'_k (c'_k − o_j)] × ẑ`,
-//! summed over the hands and feet distal of j; f_k and c_k are the ground's force on a foot and its place with the load, f'_k
-//! and c'_k without it ([`feet`]). With both feet's forces at the common centres of pressure ([`FootLoads::Common`]) this is
-//! Eq. 15 as published. Beyond the paper, a load that is swung pushes horizontally ([`Loading::swing`]).
+//! summed over the hands and feet distal of j; f_k and c_k are the ground's force on a foot and its point of action
+//! with the load, f'_k and c'_k without it ([`feet`]). With both feet's forces at the common CoPs
+//! ([`FootLoads::Common`]) this is Eq. 15 as published. Beyond the paper, an accelerated load exerts horizontal forces
+//! ([`Loading::swing`]).
 //!
-//! **Covariance**: every source of error moves one input by its 1-σ; the torques' differences are the columns of a factor
-//! of their covariance. First order, sources independent of each other.
+//! **Covariance**: each source of error changes one input by its 1-σ; the resulting differences of the torques are the
+//! columns of a factor of their covariance. First order, with independent sources.
 
 pub mod feet;
 pub mod level;
@@ -30,52 +31,52 @@ pub use load_place::LoadPlace;
 /// Standard gravity is 9.80665 m/s²; golden values and the paper use two decimals.
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
 
-/// Everything that the overload depends on, except the pose.
+/// Inputs of the overload, except the pose.
 #[derive(Debug, Clone, Copy)]
 pub struct Loading {
-    /// C_wt: the measured centre of pressure, m.
+    /// C_wt: the measured CoP, m.
     pub cop_measured_m: [f64; 2],
-    /// Ĉ_wo: the centre of pressure that the unloaded body would have, m.
+    /// Ĉ_wo: the CoP of the unloaded body, m.
     pub cop_estimated_m: [f64; 2],
     /// Vertical ground reaction with the load, N.
     pub vertical_n: f64,
-    /// ΔF: what of it the load causes, N, upwards.
+    /// ΔF: the part of it that the load causes, N, upwards.
     pub delta_f_n: f64,
-    /// Where each hand's fraction of the load acts, m: left, right.
+    /// Point of action of each hand's fraction of the load, m: left, right.
     pub grip_m: [Vector3<f64>; 2],
     /// η: hand load fractions, left and right.
     pub eta: [f64; 2],
-    /// How the feet share the ground reaction.
+    /// Distribution of the ground reaction between the feet.
     pub feet: FootLoads,
-    /// What comes of the load being swung.
+    /// Horizontal forces of the motion.
     pub swing: Swing,
 }
 
-/// Horizontal forces that accelerate load and body; the ground gives them at the walking surface, each foot its part of
-/// them and of the free moment in proportion to its vertical force.
+/// Horizontal forces that accelerate load and body; the ground provides them at the walking surface, through each foot,
+/// together with the free moment, in proportion to its vertical force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swing {
     /// The load's mass times the hands' acceleration, N.
     pub force_n: [f64; 2],
-    /// The body's own mass times its acceleration, N. It is there without the load too, but then the feet share it
-    /// otherwise.
+    /// The body's own mass times its acceleration, N. It acts without the load too, but is then distributed differently
+    /// between the feet.
     pub body_n: [f64; 2],
     /// Height of the walking surface, m.
     pub surface_z_m: f64,
 }
 
 impl Swing {
-    /// The load is held still, as in Eq. 15.
+    /// A load at rest, as in Eq. 15.
     pub const NONE: Swing = Swing { force_n: [0.0; 2], body_n: [0.0; 2], surface_z_m: 0.0 };
 }
 
 impl Loading {
-    /// W: what the body alone weighs, N.
+    /// W: weight of the body alone, N.
     fn weight_n(&self) -> f64 {
         self.vertical_n - self.delta_f_n
     }
 
-    /// Left and right foot of a pose.
+    /// Forces on the left and right foot of a pose.
     pub fn foot_reactions(&self, pose: &Pose<StationWorld>) -> [FootReaction; 2] {
         let ankle_m = Side::BOTH.map(|side| {
             let ankle = pose.origin_of(side.foot());
@@ -84,7 +85,7 @@ impl Loading {
         feet::reactions(self, ankle_m)
     }
 
-    /// The same for a body whose place on the plate is off by `by_m`.
+    /// The loading relative to a body whose position on the plate is off by `by_m`.
     fn displaced(mut self, by_m: [f64; 2]) -> Loading {
         for (axis, by_m) in by_m.into_iter().enumerate() {
             self.cop_measured_m[axis] -= by_m;
@@ -95,37 +96,37 @@ impl Loading {
     }
 }
 
-/// 1-σ of what the overload depends on.
+/// 1-σ of the inputs of the overload.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoadingSigma {
-    /// Of the measured centre of pressure per axis, m.
+    /// σ of the measured CoP per axis, m.
     pub cop_measured_m: f64,
-    /// Of the estimated centre of pressure per axis, m.
+    /// σ of the estimated CoP per axis, m.
     pub cop_estimated_m: [f64; 2],
-    /// How far the body's place on the plate is off, per metre that the estimated centre of pressure is off, per axis: both
-    /// have the stance's offset in them.
+    /// Error of the body's position on the plate per metre of error of the estimated CoP, per axis: both contain the
+    /// stance offset.
     pub place_by_estimate: [f64; 2],
-    /// Of the rest of the body's place on the plate, per axis, m.
+    /// σ of the rest of the body's position on the plate, per axis, m.
     pub place_m: [f64; 2],
-    /// Of the vertical ground reaction and of the body weight together, N.
+    /// σ of the difference between vertical ground reaction and body weight, N.
     pub delta_f_n: f64,
-    /// Of the load's fraction in one hand, in [0, 0.5].
+    /// σ of the load's fraction in one hand, in [0, 0.5].
     pub eta: f64,
-    /// Of where the load is ahead of the grips: a horizontal vector, m.
+    /// σ of the load's distance ahead of the grips: a horizontal vector, m.
     pub load_ahead_m: [f64; 2],
-    /// Of a measured fraction of the ground reaction under one foot, in [0, 0.5].
+    /// σ of a measured fraction of the ground reaction under one foot, in [0, 0.5].
     pub zeta: f64,
-    /// Of where each foot presses, off the line that is common to both, forward and sideways in the foot's axes, m. Only
-    /// where it is not measured.
+    /// σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
+    /// axes, m. Used only if it is not measured.
     pub press_m: [f64; 2],
-    /// Of each segment's orientation per axis, rad.
+    /// σ of each segment's orientation per axis, rad.
     pub orientation_rad: f64,
-    /// Of where on each hand the load acts, per axis, m.
+    /// σ of the point of action on each hand, per axis, m.
     pub grip_m: f64,
 }
 
 impl LoadingSigma {
-    /// Everything is exact.
+    /// No errors.
     pub const EXACT: LoadingSigma = LoadingSigma {
         cop_measured_m: 0.0,
         cop_estimated_m: [0.0; 2],
@@ -140,7 +141,7 @@ impl LoadingSigma {
         grip_m: 0.0,
     };
 
-    /// One loading for each source of error, off by 1-σ of it.
+    /// One loading per source of error, changed by 1-σ of that source.
     fn errors(&self, pose: &Pose<StationWorld>, loading: &Loading) -> [Loading; SOURCES] {
         let mut off = [*loading; SOURCES];
         for axis in 0..2 {
@@ -179,11 +180,11 @@ impl LoadingSigma {
     }
 }
 
-/// Sources of error: estimated centre of pressure (x, y), body's place (x, y), measured centre of pressure (x, y), press of
-/// the left foot (forward, sideways) and of the right one, ζ, η, load ahead of the grips, force.
+/// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), point of action under the left
+/// foot (forward, sideways) and the right one, ζ, η, load ahead of the grips, force.
 const SOURCES: usize = 14;
 
-/// One joint's overload.
+/// Overload torque of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Torque {
     /// Δτ_j, world axes, N m.
@@ -194,14 +195,14 @@ pub struct Torque {
     pub covariance_nm2: [f64; 3],
 }
 
-/// Which hands and feet (left, right) hang on a joint.
+/// Which hands and feet (left, right) are distal of a joint.
 #[derive(Clone, Copy)]
 struct Ends {
     hands: [bool; 2],
     feet: [bool; 2],
 }
 
-/// [`Ends`] of every joint, found once by the compiler: a pose walks no chain.
+/// [`Ends`] of every joint, computed at compile time.
 const ENDS: [Ends; JOINTS] = {
     let mut ends = [Ends { hands: [false; 2], feet: [false; 2] }; JOINTS];
     let mut joint = 0;
@@ -218,10 +219,10 @@ const ENDS: [Ends; JOINTS] = {
     ends
 };
 
-/// How much of ΔF acts at a joint per metre that the load moves sideways, in [−1, 1].
+/// Change of the joint's moment, over ΔF, per metre of horizontal movement of the load, in [−1, 1].
 ///
-/// Moving the load by δ, posture and shares as they are, moves the measured centre of pressure by δ ΔF/(W + ΔF); in
-/// Eq. 15 the hands' term then grows by Σ η_h δ ΔF and the feet's by Σ ζ_k δ ΔF, whatever the joint's place.
+/// Moving the load by δ, with constant posture and fractions, moves the measured CoP by δ ΔF/(W + ΔF); in Eq. 15 the
+/// hands' term then grows by Σ η_h δ ΔF and the feet's by Σ ζ_k δ ΔF, independently of the joint's position.
 pub fn leverage(joint: Joint, zeta: [f64; 2], eta: [f64; 2]) -> f64 {
     let ends = ENDS[joint.index()];
     let share = |hang: [bool; 2], share: [f64; 2]| -> f64 {
@@ -230,14 +231,14 @@ pub fn leverage(joint: Joint, zeta: [f64; 2], eta: [f64; 2]) -> f64 {
     share(ends.hands, eta) - share(ends.feet, zeta)
 }
 
-/// What of a loading acts beyond joints: hands and feet, left and right.
+/// Loading with the resulting reactions of both feet.
 struct Acting<'a> {
     loading: &'a Loading,
     feet: [FootReaction; 2],
 }
 
 impl Acting<'_> {
-    /// Horizontal arms of all vertical forces beyond a joint, times these forces, N m: x and y.
+    /// Horizontal arms of all vertical forces distal of a joint, times these forces, N m: x and y.
     fn arm_nm(&self, ends: &Ends, origin: Vector3<f64>) -> [f64; 2] {
         [0, 1].map(|axis| {
             let hands: f64 = (0..2)
@@ -252,7 +253,8 @@ impl Acting<'_> {
         })
     }
 
-    /// What the horizontal forces add: the load's at the hands, and the ground's with the load less those without it.
+    /// Moment of the horizontal forces: of the load at the hands, and the difference of the ground's with and without
+    /// the load.
     fn swing_nm(&self, ends: &Ends, origin: Vector3<f64>) -> Vector3<f64> {
         let Loading { swing, grip_m, eta, vertical_n, .. } = self.loading;
         let horizontal = |[x, y]: [f64; 2]| Vector3::new(x, y, 0.0);
@@ -261,7 +263,8 @@ impl Acting<'_> {
         let load_m = grip_m[0] * eta[0] + grip_m[1] * eta[1];
         let (with_m, without_m) =
             (on_floor(self.loading.cop_measured_m), on_floor(self.loading.cop_estimated_m));
-        // The load's moment about the vertical is the ground's too: what its forces leave is a free moment.
+        // The ground also provides the load's moment about the vertical: the part not due to its forces is a free
+        // moment.
         let free_nm = (load_m.cross(&load_n) - with_m.cross(&(load_n + body_n)) + without_m.cross(&body_n)).z;
         let mut torque_nm = Vector3::zeros();
         for hand in (0..2).filter(|hand| ends.hands[*hand]) {
@@ -279,9 +282,9 @@ impl Acting<'_> {
     }
 }
 
-/// The overload of all joints.
+/// The overload torques of all joints.
 ///
-/// The ball-of-foot joints carry nothing: the ground's force is taken to act on the foot, proximal of them.
+/// The ball-of-foot joints carry none: the ground's force is assumed to act on the foot, proximal of them.
 pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigma) -> [Torque; JOINTS] {
     let acting = |loading| Acting { loading, feet: Loading::foot_reactions(loading, pose) };
     let errors = sigma.errors(pose, loading);
@@ -308,8 +311,8 @@ impl Acting<'_> {
     /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to the
     /// joint, (N m)².
     ///
-    /// A segment d whose orientation errs by φ moves its end by `φ × d`: across itself only, with the covariance
-    /// `σ² (|d|² I − d dᵀ)`.
+    /// The error φ of a segment's orientation moves the end of the segment d by `φ × d`: perpendicular to it, with the
+    /// covariance `σ² (|d|² I − d dᵀ)`.
     fn place_covariance_nm2(
         &self,
         pose: &Pose<StationWorld>,
@@ -353,9 +356,9 @@ impl Acting<'_> {
 
 /// σ of the length of a horizontal vector v with this covariance (xx, xy, yy).
 ///
-/// Along v an error changes the length as it is. Across v, with variance s², an error e makes it √(v² + e²): by Gauss and
-/// Hermite's rule of three points the mean square of the change is `(√(v² + 3 s²) − v)²/3`. That is s² where v is small, and
-/// 3 s⁴/(4 v²) where it is large.
+/// Along v an error changes the length directly. Across v, with variance s², an error e changes it to √(v² + e²): by
+/// the three-point Gauss-Hermite rule the mean square of the change is `(√(v² + 3 s²) − v)²/3`. That is s² for small v,
+/// and 3 s⁴/(4 v²) for large v.
 pub fn sigma_of_length([x, y]: [f64; 2], [xx, xy, yy]: [f64; 3]) -> f64 {
     let square = x * x + y * y;
     let along = if square > 1e-12 { (x * x * xx + 2.0 * x * y * xy + y * y * yy) / square } else { xx };

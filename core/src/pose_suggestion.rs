@@ -1,5 +1,5 @@
-//! Which pose to ask for next, from a library of poses that people can hold: Eq. 11 (Fortini et al., §III-C), or by
-//! what the pose would teach ([`gain`]).
+//! Selects the next pose from a library of feasible poses: by Eq. 11 (Fortini et al., §III-C), or by the information
+//! gain of the pose ([`gain`]).
 
 pub mod gain;
 pub mod library;
@@ -17,12 +17,12 @@ use crate::sesc::PARAMETERS;
 pub use planner::Planner;
 pub use posture::Posture;
 
-/// How many performed poses Eq. 11 looks back on; older ones give way.
+/// Number of performed poses used in Eq. 11; older ones are dropped.
 const MEMORY: usize = 64;
-/// Most poses a library may have: one bit each remembers which were asked for.
+/// Maximum size of a library: one bit per pose records which were suggested.
 pub const LIBRARY_MAX: usize = 64;
 
-/// A pose as Eq. 11 compares it: one rotation vector per segment, rad.
+/// A pose as used in Eq. 11: one rotation vector per segment, rad.
 pub type Coordinates = [f64; PARAMETERS];
 
 /// Poses performed so far.
@@ -30,15 +30,16 @@ pub type Coordinates = [f64; PARAMETERS];
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Performed {
     coordinates_rad: [Coordinates; MEMORY],
-    /// How many poses were performed in all.
+    /// Total number of poses performed.
     count: u64,
 }
 
-/// The coordinates of a pose: the pelvis against the world without its heading, other segments against their parents.
+/// The coordinates of a pose: the pelvis relative to the world without its heading, other segments relative to their
+/// parents.
 pub fn coordinates(pose: &Pose<StationWorld>) -> Coordinates {
     let joints = pose.joint_rotations();
     let pelvis = pose.world_from_segment[Segment::Pelvis.index()];
-    // Where the worker faces says nothing about the pose.
+    // The heading of the subject is no part of the pose.
     let (_, _, heading) = pelvis.euler_angles();
     let unturned = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -heading) * pelvis;
     let mut all = [0.0; PARAMETERS];
@@ -54,31 +55,31 @@ fn coordinates_of(posture: &Posture) -> Coordinates {
 }
 
 impl Performed {
-    /// Remembers a performed pose.
+    /// Stores a performed pose.
     pub fn push(&mut self, coordinates_rad: Coordinates) {
         self.coordinates_rad[self.count as usize % MEMORY] = coordinates_rad;
         self.count += 1;
     }
 
-    /// How many poses were performed.
+    /// Number of poses performed.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The poses that are remembered, oldest first.
+    /// The stored poses, oldest first.
     pub fn poses(&self) -> impl Iterator<Item = &Coordinates> {
         let kept = self.count.min(MEMORY as u64);
         (self.count - kept..self.count).map(|pose| &self.coordinates_rad[pose as usize % MEMORY])
     }
 
-    /// A memory of `count` poses, of which these are the last, oldest first; more than it has room for are passed over.
+    /// A history of `count` poses with the last ones given, oldest first; those beyond the capacity are skipped.
     pub fn of(count: u64, last: impl Iterator<Item = Coordinates>) -> Performed {
         let mut performed = Performed { count: count.saturating_sub(MEMORY as u64), ..Zeroable::zeroed() };
         last.take(count.min(MEMORY as u64) as usize).for_each(|pose| performed.push(pose));
         performed
     }
 
-    /// Copies what is in use of another memory.
+    /// Copies the entries in use from another history.
     pub(crate) fn copy_from(&mut self, other: &Performed) {
         let kept = other.count.min(MEMORY as u64) as usize;
         self.coordinates_rad[..kept].copy_from_slice(&other.coordinates_rad[..kept]);
@@ -90,8 +91,8 @@ impl Performed {
         self.count < 1 << 32 && self.coordinates_rad.iter().flatten().all(|value| value.is_finite())
     }
 
-    /// Eq. 11 for one candidate: how far it lies from all performed poses, `Σ_j √(Σ_r w_r (x_jr − y_r)²)`, rad, with the
-    /// variances of Φ, over their largest, as weights w. The paper asks for the farthest.
+    /// Eq. 11 for one candidate: its distance from all performed poses, `Σ_j √(Σ_r w_r (x_jr − y_r)²)`, rad, with the
+    /// variances of Φ, over their largest, as weights w. The paper selects the largest distance.
     pub fn distance(&self, candidate: &Posture, phi_variance_m2: &[f64; PARAMETERS]) -> f64 {
         let largest = phi_variance_m2.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
         let weight = phi_variance_m2.map(|variance| variance / largest);

@@ -1,9 +1,9 @@
-//! Where one horizontal plane lies in another, from pairs of points: `c = A p + t`, A = ((a, −b), (b, a)).
+//! Fits the position of one horizontal plane in another from pairs of points: `c = A p + t`, A = ((a, −b), (b, a)).
 //!
-//! Recursive least squares (a Kalman filter whose state does not change) in a, b and t, in which the map is linear: any
-//! heading, no first guess, no iteration. The points are those that are known well, the images those with the errors: the
-//! other way round errors would shrink the map. A rigid map has a² + b² = 1. The fit does not use that; it is held against it
-//! ([`PlanarFit::is_rigid`]), which pairs that do not belong together fail.
+//! Recursive least squares (a Kalman filter with a constant state) in a, b and t, in which the map is linear: any
+//! heading, no initial guess, no iteration. The points are the accurate quantities, the images those with the errors:
+//! the other way round, errors would shrink the map. A rigid map has a² + b² = 1. The fit does not use this; it serves
+//! as a check ([`PlanarFit::is_rigid`]), which inconsistent pairs fail.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::{Matrix4, Vector4};
@@ -11,28 +11,29 @@ use nalgebra::{Matrix4, Vector4};
 use crate::frame::Turn;
 use crate::math;
 
-/// Two degrees of freedom exceed this once in a thousand times.
+/// Exceeded with a probability of 0.001 for two degrees of freedom.
 const NIS_OF_A_BLUNDER: f64 = 13.8;
-/// A map that shrinks or stretches by more than this factor is none of a rigid body. Errors that the points share with the
-/// images shrink it, and so does a filter that one of the two went through: natural work was seen at 0.75.
+/// A map that scales by more than this factor is not that of a rigid body. Errors common to points and images shrink
+/// the map, and so does a filter applied to one of the two: natural work gave 0.75.
 const SCALE_MAX: f64 = 2.0;
 
-/// Heading and place of a plane in another, with their covariance. All zero before [`PlanarFit::start`].
+/// Heading and position of a plane in another, with their covariance. All zero before [`PlanarFit::start`].
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct PlanarFit {
-    /// Points are taken from here, m: the first pair's, so that t needs no prior.
+    /// Origin of the points, m: that of the first pair, so that t needs no prior.
     pivot_m: [f64; 2],
     /// a, b, t in x and y, m.
     state: [f64; 4],
     covariance: [[f64; 4]; 4],
-    /// Pairs taken in since the first.
+    /// Pairs accepted since the first.
     pairs: u64,
 }
 
 impl PlanarFit {
-    /// Forgets every pair. The heading is 0 give or take `heading_sigma_rad`; not known at all from π/2 on. Mean and
-    /// variance of a = cos and b = sin are those of such a heading: 0 and ½ where it is uniform, else 1 and σ⁴/2, 0 and σ².
+    /// Discards all pairs. The heading is 0 with the 1-σ `heading_sigma_rad`; from π/2 on it is uniform. Mean and
+    /// variance of a = cos and b = sin are those of such a heading: 0 and ½ if it is uniform, else 1 and σ⁴/2, 0 and
+    /// σ².
     pub fn start(&mut self, heading_sigma_rad: f64) {
         let variance = heading_sigma_rad * heading_sigma_rad;
         let is_unknown = heading_sigma_rad >= core::f64::consts::FRAC_PI_2;
@@ -42,8 +43,8 @@ impl PlanarFit {
         (self.covariance[0][0], self.covariance[1][1]) = (of_a, of_b);
     }
 
-    /// Takes in a pair: a point of the plane, and where it is in the other, m, each axis with its own variance, m². A pair
-    /// that contradicts those before it is not taken. Whether it was.
+    /// Ingests a pair: a point of the plane, and its position in the other, m, each axis with its own variance, m². A
+    /// pair that contradicts the earlier ones is rejected. Returns whether it was accepted.
     pub fn take_in(&mut self, point_m: [f64; 2], image_m: [f64; 2], variance_m2: [f64; 2]) -> bool {
         let numbers = point_m.iter().chain(&image_m).chain(&variance_m2);
         if !numbers.copied().all(f64::is_finite) || variance_m2.iter().any(|variance| *variance <= 0.0) {
@@ -61,8 +62,8 @@ impl PlanarFit {
         taken
     }
 
-    /// Takes in a vector of the plane and how it is in the other, each part with its own variance: it tells of the heading
-    /// alone. Whether it was taken.
+    /// Ingests a vector of the plane and its image in the other, each component with its own variance: it depends on
+    /// the heading alone. Returns whether it was accepted.
     pub fn take_in_vector(&mut self, [x, y]: [f64; 2], image: [f64; 2], variance: [f64; 2]) -> bool {
         let numbers = [x, y].into_iter().chain(image).chain(variance);
         let is_sound = numbers.clone().all(f64::is_finite) && variance.iter().all(|variance| *variance > 0.0);
@@ -70,7 +71,7 @@ impl PlanarFit {
             && self.update([Vector4::new(x, -y, 0.0, 0.0), Vector4::new(y, x, 0.0, 0.0)], image, variance)
     }
 
-    /// Two scalar measurements, unless they are a blunder's.
+    /// Performs two scalar measurements, unless they are outliers.
     fn update(&mut self, rows: [Vector4<f64>; 2], measured: [f64; 2], variance: [f64; 2]) -> bool {
         let before = (self.state, self.covariance);
         let mut nis = 0.0;
@@ -83,7 +84,7 @@ impl PlanarFit {
             self.state = (state + spread * (innovation / expected)).into();
             self.covariance = (covariance - spread * spread.transpose() / expected).into();
             for index in 0..4 {
-                // Rounding.
+                // Corrects rounding errors.
                 self.covariance[index][index] = self.covariance[index][index].max(0.0);
             }
         }
@@ -93,21 +94,21 @@ impl PlanarFit {
         nis < NIS_OF_A_BLUNDER
     }
 
-    /// The plane may have been moved by this variance on each axis, m².
+    /// Adds a process variance on each axis: the plane may have moved, m².
     pub fn wander(&mut self, variance_m2: f64) {
         for axis in [2, 3] {
             self.covariance[axis][axis] += variance_m2;
         }
     }
 
-    /// Takes in what the heading is, give or take `sigma_rad`.
+    /// Ingests the heading, with the 1-σ `sigma_rad`.
     pub fn believe_heading(&mut self, heading_rad: f64, sigma_rad: f64) {
         let variance = sigma_rad * sigma_rad;
         let rows = [Vector4::new(1.0, 0.0, 0.0, 0.0), Vector4::new(0.0, 1.0, 0.0, 0.0)];
         self.update(rows, Turn::by(heading_rad).of([1.0, 0.0]), [variance, variance]);
     }
 
-    /// Whether any pair was taken.
+    /// Whether any pair was accepted.
     pub fn has_begun(&self) -> bool {
         self.pairs > 0
     }
@@ -117,7 +118,7 @@ impl PlanarFit {
         math::atan2(self.state[1], self.state[0])
     }
 
-    /// 1-σ of the heading, rad; π where it is not known.
+    /// 1-σ of the heading, rad; π if it is unavailable.
     pub fn heading_sigma_rad(&self) -> f64 {
         let [a, b, ..] = self.state;
         let square = a * a + b * b;
@@ -127,7 +128,7 @@ impl PlanarFit {
         math::sqrt(self.variance_along([-b, a]) / (square * square)).min(core::f64::consts::PI)
     }
 
-    /// Whether the map may be one of a rigid body.
+    /// Whether the map is consistent with a rigid body.
     pub fn is_rigid(&self) -> bool {
         let [a, b, ..] = self.state;
         let scale = math::hypot([a, b]);
@@ -135,7 +136,7 @@ impl PlanarFit {
         scale > 0.0 && (scale + sigma) * SCALE_MAX >= 1.0 && scale - sigma <= SCALE_MAX
     }
 
-    /// Where a point of the plane is in the other, m.
+    /// Image of a point of the plane in the other, m.
     pub fn image_m(&self, point_m: [f64; 2]) -> [f64; 2] {
         self.rows(point_m).map(|row| row.dot(&Vector4::from(self.state)))
     }
@@ -145,7 +146,7 @@ impl PlanarFit {
         self.rows(point_m).map(|row| row.dot(&(Matrix4::from(self.covariance) * row)).max(0.0))
     }
 
-    /// The same pairs after the other plane was turned about its origin by `turn` and then moved by `by_m`.
+    /// Transforms the fit after the other plane was rotated about its origin by `turn` and then moved by `by_m`.
     pub fn follow(&mut self, turn: Turn, by_m: [f64; 2]) {
         let [cos, sin] = turn.of([1.0, 0.0]);
         let with = Matrix4::new(

@@ -1,7 +1,7 @@
-//! The statically equivalent serial chain: the centre of mass as a linear function of this worker's parameters.
+//! The statically equivalent serial chain: the CoM as a linear function of the subject's parameters.
 //!
 //! `C_M = x0 + Σ_i R_i φ_i` (Fortini et al., Eq. 2–4): x0 is the pelvis' origin, R_i the `world_from_segment` rotation
-//! of segment i, and φ_i what segment i and all that hangs on it contribute, in its own axes, over the whole mass.
+//! of segment i, and φ_i the contribution of segment i and all distal segments, in its own axes, over the whole mass.
 
 pub mod prior;
 pub mod reduction;
@@ -20,8 +20,8 @@ pub use reduction::{PARAMETERS, Reduction, ReductionKind};
 pub struct Phi(pub [[f64; 3]; SEGMENTS]);
 
 impl Phi {
-    /// The parameters of a body whose masses and centres are known (Eq. 2):
-    /// `φ_i = μ_i c_i + Σ_children d_k · μ(k and all distal of it)`, with μ the shares of the whole mass.
+    /// The parameters of a body with given masses and centres (Eq. 2): `φ_i = μ_i c_i + Σ_children d_k · μ(k and all
+    /// distal of it)`, with μ the fractions of the whole mass.
     pub fn of(skeleton: &Skeleton, body: &Anthropometry) -> Phi {
         let distal_mass = distal_mass(&body.mass_fraction);
         let mut phi = [[0.0; 3]; SEGMENTS];
@@ -36,7 +36,7 @@ impl Phi {
     }
 }
 
-/// The share of the whole mass in each segment and all distal of it.
+/// Fraction of the whole mass in each segment and all distal of it.
 pub fn distal_mass(mass_fraction: &[f64; SEGMENTS]) -> [f64; SEGMENTS] {
     let mut distal = *mass_fraction;
     for segment in Segment::ALL.into_iter().rev() {

@@ -1,9 +1,9 @@
-//! Whether a pose is static: the paper's double check on a window of a third of a second.
+//! Detects static poses: the paper's double check on a window of a third of a second.
 //!
-//! Static means that the centre of pressure and every joint angle hardly vary over the window (Fortini et al., §III-B),
-//! and that the body is not accelerated: at the turning point of a movement angles hardly vary either. Then the centre of
-//! pressure is the projection of the centre of mass. One pose is used once: the next must differ from it by more than
-//! [`Thresholds::leave_rad`] in some joint.
+//! Static means that the CoP and every joint angle hardly vary over the window (Fortini et al., §III-B), and that the
+//! body is not accelerated, because at the turning point of a movement angles hardly vary either. Then the CoP is the
+//! projection of the CoM. Each pose is used once: the next must differ from it by more than [`Thresholds::leave_rad`]
+//! in some joint.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -15,16 +15,17 @@ use crate::math;
 use crate::motion::weights::weights;
 use crate::overload::GRAVITY_M_PER_S2;
 
-/// Most suit samples in the window: the paper's 20 (Fortini et al., §III-B).
+/// Maximum number of suit samples in the window: the paper's 20 (Fortini et al., §III-B).
 pub const WINDOW: usize = 20;
-/// The window in time: 20 samples of a suit at 60 Hz, from the first to the last, less 5 % for jitter, ns.
+/// Duration of the window: 20 samples of a suit at 60 Hz, from the first to the last, less 5 % for jitter, ns.
 const SPAN_NS: u64 = 300_800_000;
-/// Samples closer than this to the one before replace it, ns: 19 intervals fill the window at every rate.
+/// A sample closer than this to the previous one replaces it, ns: 19 intervals fill the window at every rate.
 const SPACING_NS: u64 = SPAN_NS / (WINDOW as u64 - 1);
-/// A body accelerated by more than this share of gravity does not hold a pose: as much shear over the weight is a contact.
+/// Maximum acceleration in a static pose as a fraction of gravity: the same fraction of shear over weight counts as a
+/// contact.
 const ACCELERATION_SHARE_MAX: f64 = 0.02;
 
-/// What counts as still.
+/// Thresholds of a static pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Thresholds {
     /// Largest standard deviation of any joint's angle over the window, rad.
@@ -33,7 +34,7 @@ pub struct Thresholds {
     pub cop_m: f64,
     /// A pose is new if some joint differs from the last used pose by more than this, rad.
     pub leave_rad: f64,
-    /// Largest share by which the vertical force may differ from the body weight.
+    /// Maximum difference between vertical force and body weight, as a fraction of the weight.
     pub weight_share: f64,
 }
 
@@ -48,21 +49,21 @@ impl Default for Thresholds {
     }
 }
 
-/// One aligned sample as the window keeps it.
+/// One aligned sample as stored in the window.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Held {
-    /// When the suit sampled it.
+    /// Sample time of the suit.
     pub time_ns: u64,
     /// The anchor's stance.
     pub stance: u64,
-    /// Segment origins, station's world, m.
+    /// Segment origins, station world, m.
     pub origin_m: [[f64; 3]; SEGMENTS],
     /// `world_from_segment`, scalar first.
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],
     /// `parent_from_segment`, scalar first, of one sign over the window.
     pub joint_wxyz: [[f64; 4]; JOINTS],
-    /// Mean of the segment origins, m: it moves about as the centre of mass does, and needs no masses.
+    /// Mean of the segment origins, m: it moves similarly to the CoM and needs no masses.
     pub middle_m: [f64; 3],
     /// Measured centre of pressure, m.
     pub cop_m: [f64; 2],
@@ -70,7 +71,7 @@ pub struct Held {
     pub vertical_n: f64,
 }
 
-/// How still the window is.
+/// Variation within the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stillness {
     /// Largest standard deviation of a joint's angle, rad.
@@ -90,14 +91,14 @@ pub struct Stillness {
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Window {
     held: [Held; WINDOW],
-    /// Where the next sample goes, in [0, WINDOW).
+    /// Index of the next sample, in [0, WINDOW).
     next: u64,
-    /// How many samples are in, in [0, WINDOW].
+    /// Number of samples, in [0, WINDOW].
     count: u64,
 }
 
 impl Window {
-    /// Takes in a sample. A new stance or a gap of more than three periods empties the window first.
+    /// Appends a sample. A new stance or a gap of more than three periods clears the window first.
     pub fn push(&mut self, pose: &Pose<StationWorld>, mut held: Held, period_ns: u64) {
         let newest = self.newest();
         if newest.is_some_and(|last| {
@@ -109,7 +110,7 @@ impl Window {
         held.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
         held.joint_wxyz = pose.joint_rotations().map(|rotation| wxyz(&rotation));
         held.middle_m = (pose.origin.iter().sum::<Vector3<f64>>() / SEGMENTS as f64).into();
-        // q and −q are one rotation; a jump between them would look like motion.
+        // q and −q are the same rotation; a jump between them would appear as motion.
         if let Some(last) = newest {
             for (now, before) in held.joint_wxyz.iter_mut().zip(last.joint_wxyz) {
                 if now.iter().zip(before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
@@ -117,7 +118,7 @@ impl Window {
                 }
             }
         }
-        // The newest sample is always in; the one before it stays if it is far enough from its predecessor.
+        // The newest sample is always stored; the previous one is kept if it is far enough from its predecessor.
         let before = self.samples().nth(1);
         let crowded = before
             .zip(newest)
@@ -129,13 +130,13 @@ impl Window {
         self.held[self.next as usize % WINDOW] = held;
         self.next = (self.next + 1) % WINDOW as u64;
         self.count = (self.count + 1).min(WINDOW as u64);
-        // The shortest run of samples that is a span long.
+        // Keep the shortest sequence of samples that covers the span.
         while self.count > 2 && self.length_ns(1) >= SPAN_NS {
             self.count -= 1;
         }
     }
 
-    /// Forgets everything.
+    /// Clears the window.
     pub fn clear(&mut self) {
         self.count = 0;
     }
@@ -145,12 +146,12 @@ impl Window {
         (1..=self.count as usize).map(|back| &self.held[(self.next as usize + WINDOW - back) % WINDOW])
     }
 
-    /// Whether the samples are a window long.
+    /// Whether the samples cover the window's duration.
     pub fn is_full(&self) -> bool {
         self.length_ns(0) >= SPAN_NS
     }
 
-    /// From the oldest sample, without the `less` oldest, to the newest, ns.
+    /// Duration from the oldest sample, without the `less` oldest, to the newest, ns.
     fn length_ns(&self, less: usize) -> u64 {
         let oldest = (self.count as usize).checked_sub(less + 1).and_then(|back| self.samples().nth(back));
         match (self.samples().next(), oldest) {
@@ -178,7 +179,7 @@ impl Window {
             })
     }
 
-    /// How still the window is; `None` while it fills.
+    /// Variation within the window; `None` while it fills.
     pub fn stillness(&self) -> Option<Stillness> {
         if !self.is_full() {
             return None;
@@ -202,7 +203,7 @@ impl Window {
         })
     }
 
-    /// Acceleration of the body's middle, m/s²: the parabola of least squares through the window's samples.
+    /// Acceleration of the body's middle, m/s²: the least-squares parabola through the window's samples.
     fn acceleration_m_per_s2(&self) -> f64 {
         let (Some(newest), mut times_s) = (self.samples().next(), [0.0; WINDOW]) else { return 0.0 };
         let half_s = 0.5e-9 * self.length_ns(0) as f64;
@@ -293,7 +294,8 @@ mod tests {
         assert!(window.stillness().unwrap().is_still(&Thresholds::default()));
     }
 
-    /// A squat through its lowest point, `middle` of the time, by a suit of that rate: whether any window is static.
+    /// A squat through its lowest point, at `middle` of the time, with a suit of that rate: whether any window is
+    /// static.
     fn is_static_somewhere(rate_hz: f64, path: impl Fn(f64) -> f64, seconds: f64) -> bool {
         let (mut window, mut any) = (empty(), false);
         let period_ns = (1e9 / rate_hz) as u64;
@@ -327,7 +329,7 @@ mod tests {
         for rate_hz in [240.0, 120.0, 100.0, 60.0, 30.0] {
             for phase_s in [1.0, 1.5, 2.0] {
                 let middle = |time_s: f64| (time_s / (2.0 * phase_s)).clamp(0.0, 1.0);
-                // From the middle of the way down to the middle of the way up.
+                // From the middle of the descent to the middle of the ascent.
                 let inner = |time_s: f64| middle(time_s + 0.5 * phase_s);
                 let sine = |time_s: f64| (core::f64::consts::PI * inner(time_s)).sin().powi(2);
                 let jerk = |time_s: f64| (4.0 * inner(time_s) * (1.0 - inner(time_s))).powi(3);

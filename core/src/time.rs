@@ -1,4 +1,4 @@
-//! Time as the pipeline knows it. `core` has no clock: every time comes in from outside.
+//! Time in the pipeline. `core` has no clock: every time is an input.
 
 pub mod clock_fit;
 pub mod skew;

@@ -1,5 +1,5 @@
-//! The fault of an adapter that is a process of its own: a small file among those of the bus, which the daemon reads once a
-//! second for its incidents. `Health` on the bus has counts and no text.
+//! Fault of an adapter in a separate process: a small file in the bus directory, which the daemon reads once a second
+//! for its incidents. `Health` on the bus has counts but no text.
 
 use std::io::ErrorKind;
 use std::path::PathBuf;
@@ -8,11 +8,11 @@ use equipoise_files::read_text;
 
 use crate::whole_file::write_whole;
 
-/// The longest fault that is read, bytes.
+/// Maximum size of the file, bytes.
 const FAULT_BYTES_MAX: u64 = 16 << 10;
 
-/// Publishes what prevents a stream's adapter from working, or with `None` that nothing does. A file that cannot be written
-/// is logged and stops nothing.
+/// Publishes the fault that prevents a stream's adapter from working, or `None` if there is none. A failed write is
+/// only logged.
 pub fn publish(station: &str, stream: &str, fault: Option<&str>) {
     let path = path_of(station, stream);
     let written = match fault {
@@ -29,7 +29,7 @@ pub fn publish(station: &str, stream: &str, fault: Option<&str>) {
     }
 }
 
-/// The fault that a stream's adapter published last; `None` if it works, or never ran.
+/// The last published fault of a stream's adapter; `None` if it works or never ran.
 pub fn read(station: &str, stream: &str) -> Option<String> {
     serde_json::from_str(&read_text(&path_of(station, stream), FAULT_BYTES_MAX).ok()?).ok()
 }

@@ -1,5 +1,5 @@
-//! What the calibrating commands have beside the estimators of `equipoise_adapters::calibration`: moments out of the bus,
-//! latencies to set, and a configuration file that is changed without losing a comment.
+//! What the calibration commands need in addition to the estimators of `equipoise_adapters::calibration`: samples from
+//! the bus, latencies to configure, and edits of the configuration file that preserve its comments.
 
 pub mod config_file;
 pub mod latency;

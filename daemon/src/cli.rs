@@ -106,7 +106,7 @@ struct ConfigArgument {
 
 /// Runs the command that the arguments ask for.
 pub fn main() -> ExitCode {
-    // How a person moves is for owner and group, whatever is written: recordings, results, logs.
+    // Recordings, results and logs contain personal motion data: restrict them to owner and group.
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o027));
     let cli = Cli::parse();
     let outcome = match cli.command {
@@ -142,7 +142,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::PartRejected) => ExitCode::from(3),
-        // Whoever read our output has seen enough, as in `equipoise watch | head -n 1`.
+        // The reader closed our output early, as in `equipoise watch | head -n 1`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("equipoise: {}", in_one_sentence(&error));

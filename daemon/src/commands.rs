@@ -1,4 +1,4 @@
-//! Answers what people and controllers ask of a running daemon.
+//! Answers the commands that people and controllers send to a running daemon.
 
 mod subjects;
 
@@ -16,10 +16,11 @@ use crate::in_force::InForce;
 use crate::rings::Rings;
 use crate::workers::Workers;
 
-/// How often waiting commands are looked for.
+/// Polling interval for commands.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// Nobody was on the plate for so long before it is tared: the loop looks at its last 0.3 s, and what is told of the plate is
+/// Time without anyone on the plate that a tare requires: the loop uses its last 0.3 s, and published states lag
+/// slightly behind the plate.
 /// a little behind.
 const EMPTY_FOR_NS: u64 = 500_000_000;
 
@@ -29,29 +30,29 @@ pub struct Commands {
     state: Subscriber<State>,
     rings: Arc<Rings>,
     latest: Option<State>,
-    /// When somebody was last seen on the plate, CLOCK_MONOTONIC; 0 for never.
+    /// When a state last showed a load on the plate, CLOCK_MONOTONIC; 0 for never.
     stood_ns: u64,
-    // Ports die before the node they hang on.
+    // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
 
-/// What to answer: the cycle from which it holds and a sentence, or why not.
+/// The sentence of a reply: the effect and the cycle from which it applies, or the reason of a refusal.
 type Answer = Result<String, String>;
 
 impl Commands {
-    /// Takes the station's one command server. The bus refuses a second: that is how a second daemon is told.
+    /// Opens the station's only command server. The bus refuses a second one, which detects a second daemon.
     ///
     /// # Errors
-    /// Another daemon runs on this station, or the bus breaks.
+    /// Another daemon runs on this station, or the bus fails.
     pub fn open(bus: Bus, server: CommandServer, rings: Arc<Rings>) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
         Ok(Commands { server, state, rings, latest: None, stood_ns: 0, _bus: bus })
     }
 
-    /// Answers until it shall stop. The station's one command server is held until this is dropped.
+    /// Answers commands until stopped. The command server stays open until this value is dropped.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn run(&mut self, in_force: &InForce, workers: &Workers) -> Result<(), BusError> {
         while !self.rings.is_stopping() {
             if let Some(state) = self.state.latest()? {
@@ -121,7 +122,7 @@ fn hand_over(rings: &Rings, kind: CommandKind) -> Result<(), String> {
     rings.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
 }
 
-/// How well the worker is known who is learnt no further.
+/// The accuracy reached by an identification that was stopped.
 fn how_it_stopped(latest: Option<&State>, settings: &Settings) -> String {
     let Some(state) = latest.filter(|state| state.variance_max_m2 > 0.0) else {
         return "learning has ended before anything was known of the worker".to_owned();
@@ -143,7 +144,7 @@ fn how_it_stopped(latest: Option<&State>, settings: &Settings) -> String {
     format!("stopped after {poses}: {known} ({asked})")
 }
 
-/// `empty_ns` is for how long nobody was seen on the plate.
+/// `empty_ns`: how long the plate has been empty.
 fn tare(rings: &Rings, latest: Option<&State>, empty_ns: u64) -> Answer {
     let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::SPOILS_GROUND_FORCE)) else {
         return Err("the plate is silent or faulty; nothing to tare".to_owned());

@@ -1,4 +1,5 @@
-//! Deletes a subject for good: from running daemons, profiles, station files, flight records and, if asked, recordings.
+//! Deletes a subject permanently: from running daemons, profiles, station files, flight records and, on request,
+//! recordings.
 
 use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
@@ -15,31 +16,31 @@ use crate::station_file::StationFile;
 use crate::status::{self, Status};
 use crate::whole_file::{Leftover, clear_leftovers, runs, write_whole};
 
-/// How long a daemon may take to write its station's file anew, and a recorder to let go of a file that was removed.
+/// Time limit for a daemon to rewrite its station file, and for a recorder to close a file that was removed.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What became of a subject.
+/// Result of a deletion.
 #[derive(Debug, Default)]
 pub struct Deletion {
-    /// What running daemons said.
+    /// Replies of running daemons.
     pub daemons: Vec<String>,
-    /// Files that are gone.
+    /// Deleted files.
     pub deleted: Vec<PathBuf>,
-    /// Flight records that are gone.
+    /// Deleted flight records.
     pub flights: Vec<PathBuf>,
-    /// Files that do not mention the subject any more.
+    /// Files from which mentions of the subject were removed.
     pub changed: Vec<PathBuf>,
-    /// Recordings that hold the subject and are still there.
+    /// Recordings that contain the subject and still exist.
     pub recordings: Vec<PathBuf>,
-    /// What could not be looked into, and why.
+    /// What could not be searched, and why.
     pub unknown: Vec<String>,
-    /// Files among the recordings that are none by their name.
+    /// Files in the recordings folder that are not recordings by their name.
     pub skipped: Vec<PathBuf>,
-    /// Where was looked for the subject's files.
+    /// Directories searched for the subject's files.
     pub directories: Vec<StateDirectory>,
     /// Daemons that had the subject in use.
     users: Vec<User>,
-    /// Stations whose daemons run: they write their files themselves.
+    /// Stations with a running daemon, which writes its files itself.
     running: Vec<String>,
 }
 
@@ -59,11 +60,11 @@ impl Deletion {
         files || !self.users.is_empty()
     }
 
-    /// Has every running daemon of this bus forget the subject, so that none writes it again. `ask` asks the daemon of
-    /// a station and gives back its sentence.
+    /// Makes every running daemon of this bus remove the subject from memory, so that none writes it again. `ask` sends
+    /// the request to the daemon of a station and returns its reply.
     ///
     /// # Errors
-    /// A daemon runs and does not do it, or does not say where its files are, or nobody can tell whether it runs;
+    /// A running daemon does not comply or does not report its state directory, or it is unclear whether a daemon runs;
     /// nothing was deleted then.
     pub fn ask_daemons(&mut self, ask: impl Fn(&str) -> anyhow::Result<String>) -> anyhow::Result<()> {
         let all = status::all().context("nothing is deleted: a daemon might write it again")?;
@@ -79,7 +80,7 @@ impl Deletion {
             }
         }
         for facts in all {
-            // That of a daemon that was killed is looked into as well.
+            // The state directory of a killed daemon is searched as well.
             let Some(directory) = StateDirectory::of_daemon(&facts) else { continue };
             match ask(&facts.station) {
                 Ok(told) => {
@@ -104,12 +105,12 @@ impl Deletion {
         Ok(())
     }
 
-    /// Removes profile and leftovers, and the mentions in stations' files, wherever the daemons keep state and in the
-    /// environment's directory. Where there was something of the subject, all flight records go, too: they say how
-    /// somebody moved and not who, so nobody can tell which are not of this subject.
+    /// Removes the profile, leftovers of interrupted writes, and the mentions in station files, in the state
+    /// directories of all daemons and of the environment. If anything of the subject was found, all flight records are
+    /// removed too: they contain motion data without a pseudonym, so they cannot be assigned to a subject.
     ///
     /// # Errors
-    /// A file cannot be removed or changed; those before it are. Or there is nowhere to look.
+    /// A file cannot be removed or changed; earlier removals persist. Or no state directory is available.
     pub fn clear_state(
         &mut self,
         id: &str,
@@ -134,7 +135,7 @@ impl Deletion {
         Ok(())
     }
 
-    /// Daemons that had the subject in use and keep profiles, and no file of it was where they keep them: in words.
+    /// Lists daemons that had the subject in use and keep profiles, but whose state directory held no file of it.
     pub fn missing(&self, id: &str) -> Option<String> {
         let has_files = |user: &User| {
             let profiles = user.directory.profiles().canonicalize().unwrap_or(user.directory.profiles());
@@ -153,7 +154,7 @@ impl Deletion {
     }
 
     fn clear_profiles(&mut self, id: &str, directory: &StateDirectory) -> anyhow::Result<()> {
-        // No id has a dot.
+        // Subject ids contain no dot, so the prefix is unambiguous.
         let own = format!("{id}.");
         let is_own =
             |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&own));
@@ -179,7 +180,7 @@ impl Deletion {
     fn clear_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if let Some(leftover) = Leftover::named(&name) {
-            // What a kill left of a write; a daemon that runs has it under way.
+            // Leftover of an interrupted write; a running daemon may still be writing it.
             return if leftover.is_abandoned { remove(&path) } else { Ok(()) };
         }
         let names = |file: &StationFile| file.subject.as_ref().is_some_and(|subject| subject.in_use == id);
@@ -207,7 +208,7 @@ impl Deletion {
         Ok(())
     }
 
-    /// Finds recordings of the subject in a folder and those below it; removes them if `delete` says so.
+    /// Finds recordings of the subject in a folder and its subfolders; removes them if `delete` is set.
     ///
     /// # Errors
     /// The folder cannot be read, or a recording cannot be removed.
@@ -246,7 +247,7 @@ impl Deletion {
         Ok(())
     }
 
-    /// Every file below a folder; links are not followed, and what cannot be read is told.
+    /// All files below a folder; links are not followed, and unreadable folders are reported.
     fn below(&mut self, folder: &Path) -> Vec<PathBuf> {
         let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
         while let Some(folder) = folders.pop() {
@@ -270,13 +271,14 @@ impl Deletion {
     }
 }
 
-/// Whether a file is the signature of a recording, by its name: it goes with the recording and holds nothing of a subject.
+/// Whether a file is the signature of a recording, by its name: it is removed with the recording and contains no
+/// personal data.
 fn is_signature(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.strip_suffix(SIGNATURE_ENDING).is_some_and(|of| of.to_ascii_lowercase().ends_with(".mcap"))
 }
 
-/// Whether a recording says that the subject is in it.
+/// Whether a recording's header names the subject.
 fn holds(header: &RecordingHeader, id: &str) -> bool {
     let table = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
     let configured = |text: &str| {
@@ -290,14 +292,14 @@ fn holds(header: &RecordingHeader, id: &str) -> bool {
     profiles.into_iter().any(|text| profiled(text)) || configs.into_iter().any(|text| configured(text))
 }
 
-/// Whether a daemon writes profiles; it does unless its configuration says otherwise.
+/// Whether a daemon writes profiles, which is the default.
 fn remembers(facts: &Status) -> bool {
     let table = facts.config_toml.parse::<toml::Table>().unwrap_or_default();
     let found = table.get("subject").and_then(|subject| subject.get("remember"));
     found.and_then(toml::Value::as_bool).unwrap_or(true)
 }
 
-/// The files of a folder, none if there is no such folder.
+/// The files of a folder; none if the folder does not exist.
 fn files_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let unread = || format!("cannot read {}: run this as the user of the daemon", folder.display());
     let entries = match fs::read_dir(folder) {
@@ -318,20 +320,20 @@ fn files_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 
 fn remove(path: &Path) -> anyhow::Result<()> {
     match fs::remove_file(path) {
-        // Whose it is has removed it, as daemons do with what they have not written yet.
+        // The owner has already removed it, as daemons do with incomplete files.
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         removed => removed.with_context(|| format!("cannot delete {}", path.display())),
     }
 }
 
-/// The recording, opened, if somebody writes it: a recorder holds a lock on its file.
+/// Opens the recording if it is being written: a recorder holds a lock on its file.
 fn being_written(path: &Path) -> Option<File> {
     let file = open_regular(path).ok()?;
     matches!(file.try_lock(), Err(TryLockError::WouldBlock)).then_some(file)
 }
 
-/// Waits until nobody writes a removed file any more. A recorder sees within a second that its file is gone, ends it and
-/// begins another, in whose head the deleted subject is not.
+/// Waits until a removed file is no longer being written. A recorder detects within a second that its file was removed,
+/// closes it and starts another, whose header does not contain the deleted subject.
 fn is_let_go(file: &File) -> bool {
     let removed = Instant::now();
     while removed.elapsed() < PATIENCE {
@@ -343,7 +345,7 @@ fn is_let_go(file: &File) -> bool {
     false
 }
 
-/// A removal itself lies in the folder.
+/// Makes the removal itself durable: it is an entry of the folder.
 fn sync(folder: &Path) {
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();

@@ -1,7 +1,7 @@
-//! The whole path on one machine, without hardware: a simulated person on real wires, the real daemon, the real page.
+//! Demonstration without hardware: a simulated person with real network protocols, the real daemon and the real page.
 //!
-//! The person sees what a worker would see, the state on the bus, and follows it: takes the suggested poses, stands in
-//! poses that were not learnt from, then lifts a box as in the paper.
+//! The simulated person reacts to the published state as a worker would: takes the suggested poses, stands in poses
+//! that were not used for identification, then lifts a box as in the paper.
 
 mod scene;
 pub mod summary;
@@ -27,19 +27,19 @@ use crate::pipeline::Pipeline;
 use scene::{Scene, Script};
 use summary::DemoSummary;
 
-/// The page is served here if nobody else is.
+/// Default port of the page, if it is free.
 const PAGE_PORT: u16 = 8017;
-/// One live line this often.
+/// Interval between live lines.
 const LINE_EVERY: Duration = Duration::from_millis(1000);
 
-/// What to show.
+/// Settings of the demonstration.
 #[derive(Debug, Clone)]
 pub struct DemoSettings {
-    /// Everything random follows from it.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Name of the station.
     pub station: String,
-    /// End after this long at the latest.
+    /// Maximum duration.
     pub duration: Duration,
     /// Address of the page; `None` for no page.
     pub page: Option<SocketAddr>,
@@ -47,7 +47,7 @@ pub struct DemoSettings {
     pub talk: bool,
 }
 
-/// Where the page is served by default; another free port if somebody has that one.
+/// Default address of the page; uses another free port if the default is taken.
 pub fn default_page() -> SocketAddr {
     let preferred = SocketAddr::from((Ipv4Addr::LOCALHOST, PAGE_PORT));
     let free = std::net::TcpListener::bind(preferred).is_ok();
@@ -57,7 +57,7 @@ pub fn default_page() -> SocketAddr {
 /// Runs the demonstration.
 ///
 /// # Errors
-/// A sentence: what could not be started, or what the demonstration failed to show.
+/// What could not be started, or what the demonstration failed to show.
 pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSummary> {
     let suit_port = free_address().context("a port for the suit")?;
     let mut simulated = SimulationSettings { seed: settings.seed, ..SimulationSettings::default() };
@@ -79,7 +79,7 @@ pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSum
     let eyes = Eyes { states: bus.subscriber(64)?, wake: bus.listener(Channel::Results)? };
     let shown = show(settings, stop, eyes, &person);
     drop(bus);
-    // The person stays until the daemon is down, or its last cycles would see the sensors fall silent.
+    // Stop the daemon first, or its last cycles would report silent sensors.
     let pipeline = pipeline.stop();
     drop(page);
     person.stop().context("the simulated person")?;
@@ -88,7 +88,7 @@ pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSum
     Ok(DemoSummary::of(script, &pipeline))
 }
 
-/// What the person sees of the pipeline.
+/// Subscriptions through which the simulated person follows the daemon.
 struct Eyes {
     states: Subscriber<State>,
     wake: equipoise_bus::Listener,
@@ -127,7 +127,7 @@ fn show(
     Ok(script)
 }
 
-/// The configuration of the demonstration: a plain one, written as a person would write it.
+/// The configuration of the demonstration, in its minimal form.
 fn config(settings: &DemoSettings, suit: SocketAddr, plate: SocketAddr) -> anyhow::Result<Config> {
     let page = settings.page.map_or_else(String::new, |page| format!("[page]\nlisten = \"{page}\"\n"));
     let text = format!(

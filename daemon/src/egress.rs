@@ -1,4 +1,4 @@
-//! From the loop to the bus: publishes, stamps, wakes consumers, hands every outcome to the latency log.
+//! Publishes the loop's outcomes on the bus, stamps them, wakes consumers, and passes every outcome to the latency log.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use crate::rings::{Outcome, Rings, Waiting};
 
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
 
-/// Egress, with its ports open.
+/// Egress with its open ports.
 pub struct Egress {
     rings: Arc<Rings>,
     waiting: Waiting,
@@ -25,10 +25,10 @@ pub struct Egress {
     phase: u32,
     deadlines_missed: u64,
     latency_log: Feed,
-    /// Written and read by others, who come and are killed as they like.
+    /// Kept open because the processes that write and read it may start and be killed at any time.
     _pick_up: Kept<PickUp>,
     last_checkpoint_service: Instant,
-    // Ports die before the node they hang on.
+    // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
 
@@ -60,13 +60,13 @@ impl Egress {
         })
     }
 
-    /// Publishes until the loop has ended and its last word is out.
+    /// Publishes until the loop has ended and its last outcome is published.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn run(mut self) -> Result<(), BusError> {
         loop {
-            // Asked before the rings are emptied: what the loop said last is in them then.
+            // Checked before the rings are emptied, so that they contain the loop's last outcome.
             let ended = self.rings.has_ended();
             self.rings.await_outcome(self.waiting, WAKE_AT_LEAST);
             self.publish_outcomes()?;
@@ -83,10 +83,10 @@ impl Egress {
         }
     }
 
-    /// Publishes what the loop has said so far; how many cycles.
+    /// Publishes the loop's outcomes so far; returns the number of cycles.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn publish_outcomes(&mut self) -> Result<usize, BusError> {
         let mut published = 0;
         while let Some(outcome) = self.rings.outcome.pop() {
@@ -101,10 +101,11 @@ impl Egress {
         record.publish_start_ns = state.published_ns;
         self.state.send(&state)?;
         record.published_ns = now_ns();
-        // One awakening per cycle; what else happened is said with it, and before the record, which nobody waits for.
+        // One `NewState` per cycle, after other events and before the cycle record, for which no consumer waits.
         if state.phase != self.phase {
             self.phase = state.phase;
-            // Not of the journal: a sensor with short gaps changes it several times a second. Incidents are.
+            // Not in the journal: a sensor with short gaps changes the phase several times a second. Incidents are
+            // logged.
             debug!(phase = state.phase_name(), cycle = state.cycle, "phase");
             self.events.notify(Event::PhaseChanged)?;
         }
@@ -121,7 +122,7 @@ impl Egress {
     fn publish_checkpoint(&mut self, checkpoint: Box<Checkpoint>) -> Result<(), BusError> {
         self.checkpoint.send(&checkpoint)?;
         self.events.notify(Event::NewCheckpoint)?;
-        // There are as many places as boxes.
+        // Cannot fail: the ring has as many slots as there are boxes.
         let _ = self.rings.blank.push(checkpoint);
         Ok(())
     }

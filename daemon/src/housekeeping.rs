@@ -1,5 +1,5 @@
-//! What must be done now and then: clearing away the dead, feeding the watchdog, telling incidents and status, looking
-//! whether the model still explains what is measured. Nothing here waits for a disk: saving has a thread of its own.
+//! Periodic tasks: removes dead nodes, feeds the watchdog, publishes incidents and status, and checks whether the model
+//! still explains the measurements. Nothing here waits for a disk: saving has its own thread.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,16 +16,16 @@ use crate::roster::Roster;
 use crate::status::StatusFile;
 use crate::supervision::Supervision;
 
-/// How often incidents are looked at.
+/// Polling interval for incidents.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// All else is done once in so many looks: once a second.
+/// All other tasks run once in this many polls: once a second.
 const LOOKS_PER_TIDYING: u32 = 20;
 
-/// A reason for which values are withheld, and the incident that it becomes.
+/// A validity flag and the incident that it raises.
 struct Watched {
     reason: Validity,
     incident: Incident,
-    /// So long it must last: work has moments of its own.
+    /// Minimum duration before the incident begins, since short interruptions are part of normal work.
     after: Duration,
     sentence: &'static str,
 }
@@ -67,10 +67,10 @@ const WATCHED: [Watched; 5] = [
     },
 ];
 
-/// Housekeeping, with its place on the bus.
+/// Housekeeping with its ports on the bus.
 pub struct Housekeeping {
     states: Subscriber<State>,
-    /// The newest state so far.
+    /// The newest state.
     newest: Option<State>,
     supervision: Supervision,
     incidents: Publisher<Incidents>,
@@ -79,15 +79,15 @@ pub struct Housekeeping {
     rings: Arc<Rings>,
     board: Arc<IncidentBoard>,
     roster: Arc<Roster>,
-    /// How many changes of the board were published.
+    /// Value of the board's change counter at the last publication.
     told_changes: u64,
-    /// Whether it was told that something cannot be seen.
+    /// Whether it was reported that some supervision is unavailable.
     blind_told: bool,
     status: StatusFile,
     last_cycle: u64,
-    /// Since when each of [`WATCHED`] holds.
+    /// Since when each of [`WATCHED`] is active.
     told_since: [Option<Instant>; WATCHED.len()],
-    // Ports die before the node they hang on.
+    // Ports must be dropped before the node that they depend on.
     bus: Bus,
 }
 
@@ -135,7 +135,7 @@ impl Housekeeping {
             }
             self.tell_incidents(looks % LOOKS_PER_TIDYING == 0);
         }
-        // Whoever died since the last round.
+        // Removes nodes that died since the last round.
         self.bus.clean_up_dead_nodes();
     }
 
@@ -152,13 +152,13 @@ impl Housekeeping {
         }
     }
 
-    /// On change at once, and once a second for whoever comes late.
+    /// On change at once, and once a second for late subscribers.
     fn tell_incidents(&mut self, due: bool) {
         let changes = self.board.changes();
         let changed = changes != self.told_changes;
         if changed || due {
             self.told_changes = changes;
-            // On a broken bus nobody is told, and its other users say so.
+            // A failed bus is reported by its other users.
             let _ = self.incidents.send(&self.board.message());
         }
         if changed {
@@ -168,12 +168,12 @@ impl Housekeeping {
         }
     }
 
-    /// The model is never changed by it: a person decides what to make of it.
+    /// Reports only; a person decides whether to change the model.
     fn watch_the_model(&mut self) {
         let Some(state) = self.newest else { return };
         if let Some(suspicion) = self.model.look(&state) {
             self.board.begin(Incident::ModelNoLongerExplains, &suspicion.to_string());
-            // Nobody is woken on a broken bus, and its other users say so.
+            // A failed bus is reported by its other users.
             let _ = self.events.notify(Event::ModelNoLongerExplains);
         }
         let suspected = self.model.suspected().map(|suspicion| suspicion.to_string());
@@ -183,7 +183,7 @@ impl Housekeeping {
         self.status.suspect(suspected);
     }
 
-    /// What the loop finds wrong with what it is told: no failure of the daemon, but a person must help, or at least know.
+    /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.
     fn watch_what_is_told(&mut self) {
         let Some(state) = &self.newest else { return };
         let valid = state.validity();
@@ -210,7 +210,7 @@ impl Housekeeping {
                 &format!("{dead} participants of the bus had died; what they left behind is cleared away"),
             );
         }
-        // The watchdog is fed with completed cycles, not with this thread being alive.
+        // Feed the watchdog only while cycles complete, not merely while this thread runs.
         let cycle = self.rings.last_cycle();
         if cycle != self.last_cycle {
             self.last_cycle = cycle;

@@ -1,4 +1,4 @@
-//! Turns captures by other programs into a recording: samples and a configuration, no cycle records.
+//! Converts captures of other programs to a recording with samples and a configuration, but without cycle records.
 
 mod join;
 mod plate;
@@ -18,43 +18,43 @@ use crate::replay::input::{Chosen, Input};
 use crate::replay::left_out_lines;
 use crate::replay::samples::{LeftOut, Sample, Samples};
 
-/// Below this vertical force on the person, N, the plate is not merely noisy: its sign or its axes are wrong.
+/// A vertical force on the person below this, N, is more than noise: the plate's sign or axes are wrong.
 const WRONG_SIGN_N: f64 = -50.0;
 
-/// The plate's file beside the suit's.
+/// The plate's file that accompanies the suit's.
 #[derive(Debug, Clone, Copy)]
 pub struct With<'a> {
-    /// The file.
+    /// Path of the file.
     pub plate: &'a Path,
-    /// What it does not say of itself.
+    /// Properties that the file does not contain.
     pub options: PlateOptions,
-    /// How the clocks are joined.
+    /// How the clocks are aligned.
     pub join: Join,
 }
 
-/// What an import made.
+/// Result of an import.
 #[derive(Debug, Clone)]
 pub struct ImportSummary {
-    /// Suit samples written.
+    /// Number of suit samples written.
     pub suit: u64,
-    /// Ground samples written.
+    /// Number of ground samples written.
     pub ground: u64,
     /// From the first sample to the last, s.
     pub length_s: f64,
-    /// Where the configuration in the header comes from.
+    /// Origin of the configuration in the header.
     pub config_origin: String,
-    /// How two files were joined.
+    /// How two files were aligned.
     pub joined: Option<Joined>,
-    /// What of the captures was not used.
+    /// Unused data of the captures.
     pub left_out: LeftOut,
 }
 
-/// Imports `file`, with the plate's file beside it or not, into the new recording `out`, with the given configuration or
+/// Imports `file`, optionally with the plate's file, into the new recording `out`, with the given configuration or
 /// defaults.
 ///
 /// # Errors
-/// A sentence: a file cannot be read or holds no sample, the two cannot be joined, the configuration is refused, `out`
-/// exists or cannot be written.
+/// A file cannot be read or holds no sample, the two cannot be aligned, the configuration is refused, `out` exists or
+/// cannot be written.
 pub fn import(
     file: &Path,
     with: Option<&With<'_>>,
@@ -88,7 +88,7 @@ pub fn import(
     Ok(summary)
 }
 
-/// The samples of one file, or of two.
+/// The samples of one file or of two.
 enum Both<'a> {
     One(Box<Samples<'a>>),
     Two(Box<JoinedSamples<'a>>),
@@ -121,7 +121,7 @@ fn write(
     out: &Path,
     started_monotonic_ns: u64,
 ) -> anyhow::Result<ImportSummary> {
-    // Looked for first, so that nothing is created of a file without data.
+    // Read the first sample before creating a file, so that none is created without data.
     let Some(mut sample) = samples.next() else {
         let left_out = left_out_lines(&samples.left_out());
         bail!("{}: there is no sample in it that can be used\n{}", file.display(), left_out.trim_end());

@@ -1,4 +1,4 @@
-//! The configuration in force: that of the start, with what was changed live since.
+//! The active configuration: that of the start, with live changes since.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -6,18 +6,18 @@ use equipoise_core::cycle::Settings;
 
 use crate::config::Config;
 
-/// A configuration and what the loop makes of it.
+/// A configuration and the settings derived from it for the loop.
 #[derive(Debug, Clone)]
 pub struct Forced {
     /// The configuration.
     pub config: Config,
-    /// What the cycle was told.
+    /// The settings passed to the cycle.
     pub settings: Settings,
-    /// The pseudonym of the similar worker whose parameters are in `settings`, if there is one.
+    /// The pseudonym of the similar subject whose parameters are in `settings`, if any.
     pub similar: Option<String>,
 }
 
-/// [`Forced`], for all threads but the loop.
+/// [`Forced`], shared by all threads except the loop.
 #[derive(Debug)]
 pub struct InForce {
     forced: Mutex<Forced>,
@@ -25,27 +25,27 @@ pub struct InForce {
 }
 
 impl InForce {
-    /// Begins with the start's.
+    /// Begins with the configuration of the start.
     pub fn new(forced: Forced) -> InForce {
         InForce { forced: Mutex::new(forced), changing: Mutex::new(()) }
     }
 
-    /// A copy of what holds now.
+    /// A copy of the active configuration.
     pub fn now(&self) -> Forced {
         self.look(Forced::clone)
     }
 
-    /// Looks at what holds now.
+    /// Accesses the active configuration without a copy.
     pub fn look<T>(&self, look: impl FnOnce(&Forced) -> T) -> T {
         look(&self.forced.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Whoever reads, changes and replaces it does so alone, for as long as this is held.
+    /// Serialises read-modify-replace operations for as long as the guard is held.
     pub fn alone(&self) -> MutexGuard<'_, ()> {
         self.changing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Something else holds from now on.
+    /// Replaces the active configuration.
     pub fn replace(&self, forced: Forced) {
         *self.forced.lock().unwrap_or_else(PoisonError::into_inner) = forced;
     }

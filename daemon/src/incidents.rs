@@ -1,6 +1,7 @@
-//! The station's incidents: every thread may say that one begins or ends; the journal and the bus hear of it.
+//! The station's incidents: any thread may begin or end one; changes go to the journal and the bus.
 //!
-//! Nothing here is for the loop: it counts in its cycle records, and housekeeping makes incidents of the counts.
+//! The loop does not use this module: it counts in its cycle records, and housekeeping derives incidents from the
+//! counts.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,30 +14,30 @@ use tracing::{info, warn};
 
 use crate::realtime::now_ns;
 
-/// The journal has a sentence about a kind once in so long; repetitions are counted in the next line. As `RESTS_AFTER_NS`
-/// of `supervision/growth.rs`: a fault that comes every second is a few lines a minute.
+/// Interval between journal lines for one kind; repetitions are counted in the next line. As `RESTS_AFTER_NS` of
+/// `supervision/growth.rs`: a fault that repeats every second gives a few lines a minute.
 const JOURNAL_EVERY_NS: u64 = 10_000_000_000;
-/// Different sentences about a kind in that time: which of two devices, then the other, and back. One that changes all the
-/// time quotes a device that babbles.
+/// Maximum number of different sentences for one kind within that interval, enough for two devices that alternate. A
+/// sentence that changes constantly quotes a faulty device.
 const SENTENCES_MAX: u32 = 4;
 
-/// What the journal has of one kind.
+/// Journal state of one kind.
 #[derive(Debug, Default)]
 struct Written {
-    /// When the first of `lines` was written.
+    /// Time of the first of `lines`.
     since_ns: u64,
-    /// Lines within [`JOURNAL_EVERY_NS`] of it.
+    /// Number of lines within [`JOURNAL_EVERY_NS`] of it.
     lines: u32,
-    /// The last of them.
+    /// Text of the last line.
     what: String,
-    /// Whether the last begin was written.
+    /// Whether the last begin was logged.
     is_told: bool,
-    /// Sentences that were not written since the last line.
+    /// Sentences suppressed since the last line.
     repeated: u32,
 }
 
 impl Written {
-    /// The end of the line that is to be written at `now_ns`; `None` if the journal has enough.
+    /// The end of the line to log at `now_ns`; `None` if the line is suppressed.
     fn due(&mut self, now_ns: u64, what: &str) -> Option<String> {
         if self.lines > 0 && now_ns.saturating_sub(self.since_ns) >= JOURNAL_EVERY_NS {
             self.lines = 0;
@@ -57,7 +58,7 @@ impl Written {
         })
     }
 
-    /// The same of a new sentence, which is counted if it is not written.
+    /// As [`Self::due`] for a new sentence; a suppressed one is counted.
     fn due_or_counted(&mut self, now_ns: u64, what: &str) -> Option<String> {
         let due = self.due(now_ns, what);
         self.repeated += u32::from(due.is_none());
@@ -65,23 +66,23 @@ impl Written {
     }
 }
 
-/// What goes on, and what went on.
+/// Active incidents, and counts and times of all.
 #[derive(Debug, Default)]
 pub struct IncidentBoard {
     active: AtomicU64,
     begun: [AtomicU64; KINDS_MAX],
     last_begun_ns: [AtomicU64; KINDS_MAX],
     last_ended_ns: [AtomicU64; KINDS_MAX],
-    /// Grows with every beginning and end.
+    /// Increments with every begin and end.
     changes: AtomicU64,
-    /// What was said of those that go on, by name.
+    /// Sentences of active incidents, by name.
     said: Mutex<BTreeMap<&'static str, String>>,
     written: Mutex<BTreeMap<&'static str, Written>>,
 }
 
 impl IncidentBoard {
-    /// An incident begins; `what` tells where and what to do. While it goes on it is not begun again, but what is said of
-    /// it is what was said last.
+    /// Begins an incident; `what` gives place and remedy. An active incident does not begin again, but takes the new
+    /// sentence.
     pub fn begin(&self, kind: Incident, what: &str) {
         let before = self.with_said(|said| said.insert(kind.name(), what.to_owned()));
         if self.active.fetch_or(bit(kind), Ordering::Relaxed) & bit(kind) == 0 {
@@ -97,7 +98,7 @@ impl IncidentBoard {
         }
     }
 
-    /// An incident ends, if it goes on.
+    /// Ends an incident if it is active.
     pub fn end(&self, kind: Incident) {
         if self.active.fetch_and(!bit(kind), Ordering::Relaxed) & bit(kind) != 0 {
             self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
@@ -109,14 +110,14 @@ impl IncidentBoard {
         }
     }
 
-    /// Something that happens at once and has no length.
+    /// Records an incident without a duration.
     pub fn happened(&self, kind: Incident, what: &str) {
         self.enter(kind, what);
         self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
     }
 
-    /// Begins or ends, as `goes_on` says. While it goes on, its counts and times are those of `what` now; the journal has
-    /// those of its begin.
+    /// Begins or ends an incident according to `goes_on`. While it is active, its sentence is updated from `what`; the
+    /// journal keeps the sentence of the begin.
     pub fn set(&self, kind: Incident, goes_on: bool, what: impl FnOnce() -> String) {
         if !goes_on {
             self.end(kind);
@@ -129,7 +130,7 @@ impl IncidentBoard {
         }
     }
 
-    /// Writes the line of an incident that goes on and began too soon after another line.
+    /// Logs the line of an active incident that was suppressed at its begin because it followed another line too soon.
     fn catch_up(&self, kind: Incident, what: &str) {
         let due = |written: &mut Written| if written.is_told { None } else { written.due(now_ns(), what) };
         if let Some(repeated) = self.with_written(kind, due) {
@@ -137,22 +138,22 @@ impl IncidentBoard {
         }
     }
 
-    /// Whether it goes on.
+    /// Whether an incident is active.
     pub fn is_active(&self, kind: Incident) -> bool {
         self.active.load(Ordering::Relaxed) & bit(kind) != 0
     }
 
-    /// How often something has begun or ended: whoever sees it grow has something to publish.
+    /// Number of begins and ends: an increase means that there is something to publish.
     pub fn changes(&self) -> u64 {
         self.changes.load(Ordering::Relaxed)
     }
 
-    /// What was said of those that go on, by name.
+    /// Sentences of active incidents, by name.
     pub fn sentences(&self) -> BTreeMap<String, String> {
         self.with_said(|said| said.iter().map(|(name, what)| ((*name).to_owned(), what.clone())).collect())
     }
 
-    /// The board as the bus has it.
+    /// The board as a message for the bus.
     pub fn message(&self) -> Incidents {
         let read = |places: &[AtomicU64; KINDS_MAX]| {
             core::array::from_fn(|place: usize| places[place].load(Ordering::Relaxed))
@@ -168,7 +169,7 @@ impl IncidentBoard {
     }
 
     fn with_said<T>(&self, look: impl FnOnce(&mut BTreeMap<&'static str, String>) -> T) -> T {
-        // A map is never half changed.
+        // Ignore poisoning: no operation leaves the map half changed.
         look(&mut self.said.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -205,7 +206,7 @@ mod tests {
             due(JOURNAL_EVERY_NS + 5, "a").as_deref(),
             Some(" (and 2 times more since the last line)")
         );
-        // Another device is another sentence, and one that changes all the time is none.
+        // A different device gives a different sentence; a sentence that changes constantly is suppressed.
         let lines = (0..100).filter(|number| due(2 * JOURNAL_EVERY_NS + 5, &number.to_string()).is_some());
         assert_eq!(lines.count(), SENTENCES_MAX as usize);
         assert_eq!(

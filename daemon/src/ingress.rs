@@ -1,4 +1,4 @@
-//! From the bus to the loop: owns the subscribers, so that the loop need not.
+//! Moves samples from the bus into the loop's rings, so that the loop owns no subscribers.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,14 +9,14 @@ use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 use crate::realtime::now_ns;
 use crate::rings::{Rings, Waiting};
 
-/// Wakes at least this often, to see whether it shall end.
+/// Maximum sleep, after which the thread checks for a stop request.
 const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
-/// Buffers of the subscribers: a stall of this thread of a quarter of a second loses nothing.
+/// Depths of the subscribers: a stall of this thread of a quarter of a second loses nothing.
 const SUIT_DEPTH: usize = 64;
 const GROUND_DEPTH: usize = 256;
 const BODY_DEPTH: usize = 4;
 
-/// Ingress, with its ports open.
+/// Ingress with its open ports.
 #[derive(Debug)]
 pub struct Ingress {
     rings: Arc<Rings>,
@@ -25,7 +25,7 @@ pub struct Ingress {
     ground: Subscriber<GroundSample>,
     body: Subscriber<SuitBody>,
     listener: Listener,
-    // Ports die before the node they hang on.
+    // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
 
@@ -47,10 +47,10 @@ impl Ingress {
         })
     }
 
-    /// Moves samples from the bus into the rings until it shall stop.
+    /// Moves samples from the bus into the rings until stopped.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn run(mut self) -> Result<(), BusError> {
         while !self.rings.is_stopping() {
             self.wait()?;
@@ -59,10 +59,10 @@ impl Ingress {
         Ok(())
     }
 
-    /// Moves what there is now; how many samples.
+    /// Moves all pending samples; returns their number.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn take_in(&mut self) -> Result<usize, BusError> {
         let mut taken = 0;
         let rings = &self.rings;
@@ -99,10 +99,10 @@ impl Ingress {
         Ok(taken)
     }
 
-    /// Sleeps until somebody says that there is something, at most a moment; not at all if it polls.
+    /// Sleeps until an event arrives or a short time passes; returns at once when polling.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn wait(&self) -> Result<(), BusError> {
         match self.waiting {
             Waiting::Sleeping => self.listener.wait(WAKE_AT_LEAST).map(drop),
@@ -114,7 +114,7 @@ impl Ingress {
     }
 }
 
-/// A sample's own stamps, in the order in which they were taken.
+/// The stamps of a sample, in the order in which they were taken.
 struct Stamps([u64; 3]);
 
 impl Stamps {
@@ -130,8 +130,9 @@ impl Stamps {
         Stamps([body.arrival_ns, body.arrival_ns, body.published_ns])
     }
 
-    /// How far the latest lies ahead. Nothing is received before it was sent: an adapter in another time namespace, or on
-    /// another clock, says otherwise, and its samples would be put beside the wrong ones of the other sensor.
+    /// How far the latest stamp is in the future. A sample cannot be received before it was sent, so a positive value
+    /// means an adapter in another time namespace or with another clock; its samples would be matched with the wrong
+    /// ones of the other sensor.
     fn ahead_ns(&self, now_ns: u64) -> u64 {
         self.0.iter().map(|stamp_ns| stamp_ns.saturating_sub(now_ns)).fold(0, u64::max)
     }

@@ -1,5 +1,5 @@
-//! What `equipoise install` puts where, and `equipoise uninstall` takes away again: the program itself, and the files of
-//! the service that it carries within it.
+//! The files that `equipoise install` installs and `equipoise uninstall` removes: the program itself, and the service
+//! files embedded in it.
 
 mod files;
 mod links;
@@ -13,9 +13,9 @@ use files::{Put, put, remove};
 
 pub use others::PROGRAMS;
 
-/// Where the units expect the program; another prefix is written into them.
+/// Path of the program in the embedded units; replaced by the path under another prefix.
 const PROGRAM_IN_UNITS: &str = "/usr/local/bin/equipoise";
-/// Where systemd itself looks, whatever the prefix.
+/// Prefixes that systemd searches for units.
 const PREFIXES_OF_SYSTEMD: [&str; 2] = ["/usr", "/usr/local"];
 const UNITS: [(&str, &str); 6] = [
     ("equipoise.service", include_str!("../../systemd/equipoise.service")),
@@ -28,9 +28,9 @@ const UNITS: [(&str, &str); 6] = [
 const SYSUSERS: &str = include_str!("../../systemd/sysusers.d/equipoise.conf");
 const TMPFILES: &str = include_str!("../../systemd/tmpfiles.d/equipoise.conf");
 const CONFIGURATION: &str = include_str!("../../systemd/equipoise.toml");
-/// Where administrators' units and links are.
+/// Directory of the administrator's units and links.
 const ADMIN_UNITS: &str = "/etc/systemd/system";
-/// What `--enable` links, with the file that each link points at: the daemon at boot, sensors and page with the daemon.
+/// Links that `--enable` creates, each with its target: the daemon starts at boot, sensors and page with the daemon.
 const WANTED: [(&str, &str, &str); 4] = [
     ("multi-user.target.wants", "equipoise.service", "equipoise.service"),
     ("equipoise.service.wants", "equipoise-adapter@suit.service", "equipoise-adapter@.service"),
@@ -38,10 +38,10 @@ const WANTED: [(&str, &str, &str); 4] = [
     ("equipoise.service.wants", "equipoise-view.service", "equipoise-view.service"),
 ];
 const CONFIGURATION_FILE: &str = "/etc/equipoise/equipoise.toml";
-/// None is ever removed.
+/// User data: never removed.
 const DATA: [&str; 3] = ["/etc/equipoise", "/var/lib/equipoise", "/var/lib/equipoise-outlets"];
 
-/// Where to install to.
+/// Destination of the installation.
 #[derive(Debug, Clone)]
 pub struct Place {
     prefix: PathBuf,
@@ -49,10 +49,11 @@ pub struct Place {
 }
 
 impl Place {
-    /// The program goes to `prefix`, a path as it will be seen when it runs; everything below `root`, for packages.
+    /// `prefix`: final prefix of the program on the running system; `root`: directory below which all files are
+    /// written, for packaging.
     ///
     /// # Errors
-    /// A prefix that a unit cannot name.
+    /// The prefix cannot be written in a unit file.
     pub fn new(prefix: &Path, root: &Path) -> anyhow::Result<Place> {
         let text = prefix.to_str().unwrap_or("");
         let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._+-".contains(&byte);
@@ -62,7 +63,7 @@ impl Place {
                 prefix.display()
             );
         }
-        // Without slashes at its end, which paths are compared without.
+        // Without trailing slashes, so that paths compare equal.
         Ok(Place { prefix: prefix.components().collect(), root: root.to_owned() })
     }
 
@@ -74,7 +75,8 @@ impl Place {
         self.prefix.join("bin").join(name)
     }
 
-    /// A folder of systemd's: beside the program where systemd looks there, among the administrator's otherwise.
+    /// Destination of systemd files: below the prefix if systemd searches there, otherwise among the administrator's
+    /// files.
     fn folder(&self, beside: &str, admin: &str) -> PathBuf {
         let looked_at = PREFIXES_OF_SYSTEMD.iter().any(|prefix| self.prefix == Path::new(prefix));
         if looked_at { self.prefix.join(beside) } else { PathBuf::from(admin) }
@@ -84,7 +86,7 @@ impl Place {
         self.folder("lib/systemd/system", ADMIN_UNITS)
     }
 
-    /// The text files: paths as they are when it runs, and what is in them.
+    /// The text files: paths on the running system, and contents.
     fn texts(&self) -> Vec<(PathBuf, String)> {
         let program = self.program();
         let unit = |text: &str| text.replace(PROGRAM_IN_UNITS, &program.to_string_lossy());
@@ -96,13 +98,13 @@ impl Place {
         texts
     }
 
-    /// Where a path lies while it is installed.
+    /// Path of a file during installation.
     fn under_root(&self, path: &Path) -> PathBuf {
         self.root.join(path.strip_prefix("/").unwrap_or(path))
     }
 
-    /// The same for what is to be changed. Below another root than the system's own, a link would lead out of it: its
-    /// target is meant as the installed system will see it.
+    /// As [`Self::under_root`], for paths that will be changed. Rejects links below a root other than `/`: their
+    /// targets are relative to the installed system and may lead out of the root.
     fn safely_under_root(&self, path: &Path) -> anyhow::Result<PathBuf> {
         let mut found = self.root.clone();
         for part in path.strip_prefix("/").unwrap_or(path).components() {
@@ -114,18 +116,18 @@ impl Place {
         Ok(found)
     }
 
-    /// As [`Self::safely_under_root`], for something that may itself be a link: it is replaced or removed, not followed.
+    /// As [`Self::safely_under_root`], for a path that may itself be a link: it is replaced or removed, not followed.
     fn link_under_root(&self, link: &Path) -> anyhow::Result<PathBuf> {
         let folder = self.safely_under_root(link.parent().unwrap_or(Path::new("/")))?;
         Ok(folder.join(link.file_name().unwrap_or_default()))
     }
 }
 
-/// Puts everything in place, with those of [`PROGRAMS`] that lie beside `program`; again and again does no more than once.
-/// Gives lines that say what was done.
+/// Installs everything, with those of [`PROGRAMS`] in the directory of `program`. Idempotent. Returns lines that
+/// describe the changes.
 ///
 /// # Errors
-/// A file cannot be written; what was written before it stays.
+/// A file cannot be written; files written before remain.
 pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
     let read = |path: &Path| std::fs::read(path).with_context(|| format!("cannot read {}", path.display()));
@@ -166,7 +168,7 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
     Ok(done)
 }
 
-/// Units by hand of the same name come first for systemd: whoever has some must know.
+/// Warns about an administrator's units of the same name, which take precedence in systemd.
 fn hidden(place: &Place) -> Vec<String> {
     let admin = Path::new(ADMIN_UNITS);
     let others = UNITS.iter().map(|(name, _)| admin.join(name)).filter(|_| place.units() != admin);
@@ -176,13 +178,13 @@ fn hidden(place: &Place) -> Vec<String> {
         .collect()
 }
 
-/// Takes away what [`install`] put there, and nothing else. Gives lines that say what was done.
+/// Removes the files that [`install`] created, and nothing else. Returns lines that describe the changes.
 ///
 /// # Errors
 /// A file cannot be removed.
 pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
-    // Where systemd looks there is one place for all prefixes: what lies there may be another installation's.
+    // systemd's directories are shared by all prefixes: their files may belong to another installation.
     let (others, ours): (Vec<_>, Vec<_>) =
         place.texts().into_iter().partition(|(path, text)| is_another(&place.under_root(path), text));
     for (path, _) in &others {
@@ -200,7 +202,8 @@ pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
     for link in links::to(place, |unit| ours.iter().any(|(path, _)| path == unit)) {
         take(&link)?;
     }
-    // User and directories are of one name for all prefixes: another's service needs them.
+    // User and directory definitions are shared by all prefixes: keep them while another installation's service needs
+    // them.
     for (path, _) in ours.iter().filter(|(path, _)| path.starts_with(&units) || !has_others_units) {
         take(path)?;
     }
@@ -219,7 +222,7 @@ pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
     Ok(done)
 }
 
-/// Whether something else lies there.
+/// Whether the file exists with another content.
 fn is_another(path: &Path, text: &str) -> bool {
     path.symlink_metadata().is_ok() && !std::fs::read(path).is_ok_and(|there| there == text.as_bytes())
 }

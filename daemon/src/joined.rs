@@ -1,10 +1,10 @@
-//! Which directory of the bus was joined. Whoever removes it and makes it anew has another bus under the same name, and is
-//! not heard by those who have joined the first.
+//! Identifies the bus directory that was joined. A directory that is removed and created again is another bus under the
+//! same name, and processes that joined the first one receive nothing from it.
 
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// The directory that a bus lay in when it was joined.
+/// The directory of a bus at the time of joining.
 #[derive(Debug)]
 pub(crate) struct Joined {
     root: PathBuf,
@@ -12,18 +12,18 @@ pub(crate) struct Joined {
 }
 
 impl Joined {
-    /// Notes the directory as it is now.
+    /// Records the current directory.
     pub(crate) fn now(root: &Path) -> Joined {
         Joined { root: root.to_owned(), directory: numbers(root) }
     }
 
-    /// Whether another directory stands there by now, or none.
+    /// Whether the directory was removed or replaced.
     pub(crate) fn is_cut_off(&self) -> bool {
         numbers(&self.root) != self.directory
     }
 }
 
-/// Device and number, as the file system counts them.
+/// Device and inode number.
 fn numbers(directory: &Path) -> Option<[u64; 2]> {
     std::fs::metadata(directory).ok().map(|found| [found.dev(), found.ino()])
 }

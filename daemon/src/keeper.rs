@@ -1,4 +1,4 @@
-//! Keeps an adapter running: what dies after its first good start is started again, later and later.
+//! Restarts an adapter that fails after its first successful start, with increasing pauses.
 
 use std::any::Any;
 use std::fmt::Display;
@@ -7,33 +7,33 @@ use std::time::Duration;
 
 use tracing::info;
 
-/// First pause before a new start: a device that only hiccuped is back before anybody looks.
+/// First pause before a restart: short, for a brief fault of the device.
 const PAUSE_MIN: Duration = Duration::from_millis(250);
-/// Longest pause: a port or a network that is gone for minutes is not hammered, and heard soon when it is back.
+/// Longest pause: limits the attempts while a port or network is gone for minutes, yet detects its return soon.
 const PAUSE_MAX: Duration = Duration::from_secs(8);
-/// Who ran so long is well again: the next pause is the first.
+/// Reset the back-off after this much uptime.
 const GOOD_RUN: Duration = Duration::from_secs(30);
-/// How often a pause looks whether all shall end.
+/// Interval at which a pause checks for a stop request.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What a keeper needs of the world; tests have a world of their own.
+/// The environment of [`keep`]; replaced in tests.
 pub struct World<'a> {
-    /// Time since some fixed moment.
+    /// Time since a fixed instant.
     pub now: &'a dyn Fn() -> Duration,
-    /// Waits.
+    /// Sleeps.
     pub sleep: &'a dyn Fn(Duration),
-    /// Whether all shall end.
+    /// Whether a stop was requested.
     pub stopping: &'a dyn Fn() -> bool,
-    /// Told when it goes down, with the reason and what follows, and with `None` when it is up again.
+    /// Called with reason and next step when the adapter fails, and with `None` once it works again.
     pub down: &'a dyn Fn(Option<&str>),
 }
 
-/// Runs `run` until all shall end. It is handed something to call once it works; a first run that ends before is not
-/// tried again. Every later end, by an error, a panic or of itself, is followed by a new run after a pause that doubles
-/// from 0.25 s to 8 s, and begins anew after 30 s of good running.
+/// Runs `run` until a stop is requested. `run` receives a callback to call once it works; a first run that ends before
+/// is not retried. Every later end (error, panic or return) is followed by a new run after a pause that doubles from
+/// 0.25 s to 8 s, and is reset after 30 s of uptime.
 ///
 /// # Errors
-/// What the first run ended with before it worked.
+/// The error of a first run that ended before it worked.
 pub fn keep<E: Display>(
     name: &str,
     world: &World<'_>,
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// A world whose time passes only while somebody sleeps.
+    /// An environment whose time advances only through its `sleep`.
     struct Stage {
         now: Cell<Duration>,
         ends_at: Duration,
@@ -106,7 +106,7 @@ mod tests {
             Stage { now: Cell::default(), ends_at, told: RefCell::default(), starts: RefCell::default() }
         }
 
-        /// An adapter that at its n-th start does what `act` says.
+        /// An adapter whose n-th start executes `act`.
         fn keep(
             &self,
             mut act: impl FnMut(usize, &mut dyn FnMut()) -> Result<(), String>,
@@ -128,7 +128,7 @@ mod tests {
             self.now.set(self.now.get() + time);
         }
 
-        /// Pauses between starts, in which nothing ran.
+        /// Times between successive starts; equal to the pauses if the runs take no time.
         fn pauses_ms(&self) -> Vec<u128> {
             self.starts.borrow().windows(2).map(|pair| (pair[1] - pair[0]).as_millis()).collect()
         }
@@ -177,7 +177,7 @@ mod tests {
             stage.run_for(Duration::from_secs(lasts_s));
             Err("gone".to_owned())
         });
-        // Asked to end while it runs: what it says then is handed on.
+        // A stop request during a run: the run's result is returned.
         assert_eq!(outcome, Err("gone".to_owned()));
         let without_running: Vec<u128> =
             stage.pauses_ms().iter().zip([0, 0, 0, 29_000, 30_000, 0]).map(|(all, ran)| all - ran).collect();

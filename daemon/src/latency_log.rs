@@ -1,8 +1,8 @@
-//! The latency log: histograms, interval log and flight recorder, on an ordinary thread of its own.
+//! The latency log: histograms, interval log and flight recorder, on an ordinary thread.
 //!
-//! Egress is real-time and must never wait for a disk, so it only copies each outcome into a ring ([`feed`]). A log that
-//! falls behind loses cycles, and says how many; a disk that cannot be written is the incident `latency_not_logged`, and
-//! nothing else suffers.
+//! Egress is real-time and must never wait for a disk, so it only copies each outcome into a ring ([`feed`]). If the
+//! log falls behind, it loses cycles and reports how many; a disk that cannot be written raises the incident
+//! `latency_not_logged` without further effect.
 
 pub mod feed;
 pub mod flight;
@@ -27,22 +27,22 @@ use crate::incidents::IncidentBoard;
 use crate::rings::Outcome;
 use crate::state_directory::StateDirectory;
 
-/// How often the ring is emptied: a small part of what it holds. Nobody wakes us, since that would cost egress a call.
+/// Polling interval of the ring, short compared to its capacity. Polling saves egress a system call for a wake-up.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Losses and cycles left out are told this often at the most.
+/// Minimum interval between reports of lost cycles.
 const TELL_EVERY: Duration = Duration::from_secs(10);
 
-/// The latency log, before it runs.
+/// The latency log before it runs.
 pub struct LatencyLog {
     drain: Drain,
-    /// Says where the interval log goes, which may change.
+    /// The active configuration; a reload may change the path of the interval log.
     in_force: Arc<InForce>,
     board: Arc<IncidentBoard>,
     total: PathHistograms,
     hlog: Option<HlogFile>,
     flight: Option<(FlightRecorder, FlightFiles)>,
     flight_cycles: u32,
-    /// Where flight records go.
+    /// Directory of flight records.
     flights: PathBuf,
     hlog_failed: bool,
     flight_failed: bool,
@@ -51,7 +51,7 @@ pub struct LatencyLog {
 }
 
 impl LatencyLog {
-    /// What the configuration in force asks for, of a station's outcomes.
+    /// Builds the log according to the active configuration.
     pub fn new(
         drain: Drain,
         in_force: Arc<InForce>,
@@ -75,13 +75,13 @@ impl LatencyLog {
         }
     }
 
-    /// Runs until egress has ended; all that it handed over is then in the report.
+    /// Runs until egress has ended; the report then includes all outcomes that egress passed on.
     pub fn run(mut self) -> Report {
         if let Some((_, files)) = &self.flight {
             files.clear_unfinished();
         }
         loop {
-            // Asked before the ring is emptied: what egress handed over last is in it then.
+            // Checked before the ring is emptied, so that the ring contains the last outcome.
             let ended = self.drain.is_closed();
             while let Some(outcome) = self.drain.pop() {
                 self.enter(&outcome);
@@ -110,7 +110,7 @@ impl LatencyLog {
         self.keep(flight);
     }
 
-    /// Goes on with another interval log or flight recorder, or none, when another configuration is in force.
+    /// Switches interval log and flight recorder after a reload.
     fn follow_reload(&mut self) {
         let latency = self.in_force.look(|forced| forced.config.latency.clone());
         if self.hlog.as_ref().map(HlogFile::path) != latency.hlog.as_deref() {
@@ -163,7 +163,7 @@ impl LatencyLog {
         self.set_incident(failed);
     }
 
-    /// One incident for both kinds of file; it ends when nothing fails any more.
+    /// Sets the incident that both kinds of file share; it ends once all writes succeed.
     fn set_incident(&self, failed: Option<String>) {
         if let Some(what) = failed {
             self.board.begin(Incident::LatencyNotLogged, &what);
@@ -172,7 +172,7 @@ impl LatencyLog {
         }
     }
 
-    /// Says what is not in log and files, if something is not.
+    /// Reports outcomes that are missing in the log and files.
     fn tell(&mut self) {
         self.told = Instant::now();
         let dropped = self.drain.dropped();
@@ -196,7 +196,7 @@ impl LatencyLog {
     }
 }
 
-/// The flight recorder that a configuration asks for.
+/// The flight recorder according to a configuration.
 fn flight_of(config: &Config, directory: &Path) -> Option<(FlightRecorder, FlightFiles)> {
     let cycles = config.latency.flight_cycles as usize;
     (cycles > 0).then(|| {

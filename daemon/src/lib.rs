@@ -1,7 +1,7 @@
-//! Keeps time: the loop and its threads, commands, configuration, the command line.
+//! The real-time loop and its threads, commands, configuration, and the command line.
 //!
-//! `adapters → bus → ingress → ring → LOOP → ring → egress → bus → consumers`; one file each:
-//! [`sensors`], [`ingress`], [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
+//! `adapters → bus → ingress → ring → LOOP → ring → egress → bus → consumers`; one file each: [`sensors`], [`ingress`],
+//! [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
 
 pub mod adapter_fault;
 pub mod calibration;

@@ -1,4 +1,4 @@
-//! The program is the library; this only hands over its exit code.
+//! Calls the library and returns its exit code.
 
 fn main() -> std::process::ExitCode {
     equipoise_daemon::cli::main()

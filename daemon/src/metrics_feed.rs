@@ -1,4 +1,4 @@
-//! Feeds the metrics: one more consumer of the bus, that keeps the newest of everything and counts levels.
+//! Feeds the metrics: a consumer of the bus that keeps the newest message of each kind and counts levels.
 
 use std::net::SocketAddr;
 use std::sync::mpsc::Sender;
@@ -16,24 +16,24 @@ use rustix::process::setpriority_process;
 
 use crate::realtime::now_ns;
 
-/// How often the bus is looked at.
+/// Polling interval of the bus.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// States of several looks at the highest rate: every one is counted.
+/// Depth of several polling intervals at the highest rate, so that every state is counted.
 const STATES: usize = 1024;
-/// Nice value of both threads: whatever else the machine has to do comes first.
+/// Nice value of both threads: any other work has priority.
 const NICE: i32 = 10;
 
-/// Serves until it shall stop; says through `ready` where it listens.
+/// Serves until stopped; sends the listening address through `ready`.
 ///
 /// # Errors
-/// The port is taken, or the bus cannot be joined; later, the bus breaks.
+/// The port is taken or the bus cannot be joined; later, the bus fails.
 pub fn run(
     station: &str,
     listen: SocketAddr,
     ready: &Sender<SocketAddr>,
     stopping: &dyn Fn() -> bool,
 ) -> anyhow::Result<()> {
-    // On Linux it is this thread's alone, and that of the server's thread, which it starts. A refusal costs little.
+    // On Linux this affects only this thread and the server's thread, which it starts. A refusal has little effect.
     let _ = setpriority_process(None, NICE);
     let mut feed = Feed::open(station)?;
     let shown = Arc::new(Mutex::new(feed.snapshot.clone()));
@@ -61,7 +61,7 @@ struct Feed {
     health: Subscriber<AdapterHealth>,
     incidents: Subscriber<Incidents>,
     snapshot: Snapshot,
-    // Ports die before the node they hang on.
+    // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
 

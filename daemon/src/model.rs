@@ -1,4 +1,4 @@
-//! The model file in use: what the loop runs beside the body, and what to say of it.
+//! The active model file: its effects in the loop, and its description.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -13,29 +13,29 @@ use equipoise_discrepancy::model_file::{Fitted, ModelFile, ModelFileError, Spans
 use equipoise_files::{TEXT_BYTES_MAX, open_regular, read_text};
 use sha2::{Digest, Sha256};
 
-/// A model file that was read.
+/// A model file in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadedModel {
-    /// What people call it: its path, or that a recording holds it.
+    /// Name for messages: its path, or a reference to the recording that contains it.
     pub name: String,
-    /// The file's text, which recordings keep.
+    /// The file's text, which recordings store.
     pub text: String,
     file: ModelFile,
     spans_hold: bool,
 }
 
 impl LoadedModel {
-    /// Reads a file.
+    /// Reads a model file.
     ///
     /// # Errors
-    /// [`ModelFileError`], whose text is fit for the person who wrote the file.
+    /// [`ModelFileError`], with a message for the author of the file.
     pub fn read(path: &Path) -> Result<LoadedModel, ModelFileError> {
         let text = read_text(path, TEXT_BYTES_MAX)
             .map_err(|source| ModelFileError::Read { path: path.to_owned(), source })?;
         LoadedModel::parse(text, path.display().to_string())
     }
 
-    /// Takes a text that `name` holds.
+    /// Parses a text; `name` is its name in messages.
     ///
     /// # Errors
     /// As [`LoadedModel::read`].
@@ -44,7 +44,7 @@ impl LoadedModel {
         Ok(LoadedModel { name, text, file, spans_hold: false })
     }
 
-    /// Lets every effect hold in its span if the file was made from this recording.
+    /// Applies every effect within its time span if the file was made from this recording.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -53,17 +53,17 @@ impl LoadedModel {
         Ok(())
     }
 
-    /// The file: every effect, whether or not it runs here.
+    /// The file with all effects, whether or not they run here.
     pub fn file(&self) -> &ModelFile {
         &self.file
     }
 
-    /// What the loop runs.
+    /// The model that the loop runs.
     pub fn model(&self) -> Model {
         self.file.model(self.spans()).0
     }
 
-    /// What runs and what is left out, in one sentence for people.
+    /// One sentence on the active and the omitted effects.
     pub fn tell(&self) -> String {
         let (_, left_out) = self.file.model(self.spans());
         let running = self.file.effects.iter().filter(|fitted| !left_out.contains(fitted));
@@ -88,10 +88,10 @@ impl LoadedModel {
     }
 }
 
-/// What to call the suggested pose; one that the model file asks for with the turn that goes with it, and why.
+/// Label of the suggested pose; if the model file requests the pose, with the requested turn and the reason.
 pub fn suggestion(state: &State, ask: Option<&Ask>) -> Option<Cow<'static, str>> {
     let name = LIBRARY.get(state.suggested_pose as usize)?.name;
-    // While a worker is learnt, the identification asks.
+    // During identification the filter's suggestion takes precedence.
     let Some(ask) = ask.filter(|ask| state.converged == 1 && ask.pose.as_deref() == Some(name)) else {
         return Some(Cow::Borrowed(name));
     };
@@ -107,7 +107,7 @@ pub fn sha256_of(path: &Path) -> anyhow::Result<String> {
     sha256_with(path, || {})
 }
 
-/// The same; `progress` is called after each MiB.
+/// As [`sha256_of`]; `progress` is called after each MiB.
 ///
 /// # Errors
 /// As [`sha256_of`].

@@ -1,9 +1,10 @@
-//! Does the model still explain this worker? Looked at about once a second, off the loop.
+//! Monitors whether the model still explains the measurements of this subject, about once a second and outside the
+//! loop.
 //!
-//! Over the last minute, moments of a known worker without a load: what is measured less what is predicted, over its
-//! own σ, still and moving apart. A model that fits leaves a median of 0.7 σ; one that leaves several is told, with
-//! where and in which pose. A load is no discrepancy: moments with one are not looked at. Nothing is changed by it:
-//! `equipoise reconcile` finds the reason, and a person decides.
+//! Evaluates the unloaded samples of an identified subject over the last minute: residual (measured minus predicted)
+//! divided by its own σ, separately for static poses and motion. For a correct model the median of the magnitude is 0.7
+//! σ; a median of several σ is reported with its signal and pose dependence. A load is not a discrepancy: samples with
+//! one are ignored. The watch changes nothing: `equipoise reconcile` finds the cause, and a person decides.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -17,41 +18,41 @@ mod pose;
 
 use pose::Limb;
 
-/// So much of the past is looked at, ns.
+/// Length of the window, ns.
 const WINDOW_NS: u64 = 60 * NS_PER_S;
-/// Nothing is said before so much of it was seen, ns.
+/// Minimum time span in the window for an evaluation, ns.
 const SEEN_NS: u64 = 40 * NS_PER_S;
-/// So many moments of one kind say something.
+/// Minimum number of samples of one kind for an evaluation.
 const MOMENTS_MIN: usize = 15;
-/// The median of what is left, in its σ, from which on the model does not explain it. Of a Gaussian it is 0.67; three
-/// leaves room for a σ that is wrong by a factor of four.
+/// Median of the residual's magnitude over σ above which the model is rejected. A Gaussian has 0.67; the limit of 3
+/// tolerates a σ that is wrong by a factor of four.
 const MEDIAN_MAX: f64 = 3.0;
-/// Told again after so long at the earliest, ns.
+/// Minimum interval between reports, ns.
 const SILENCE_NS: u64 = 300 * NS_PER_S;
 
-/// Which signal.
+/// Signal that is monitored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
-    /// The centre of pressure, forward.
+    /// Centre of pressure, forward.
     CopForward,
-    /// The centre of pressure, to the left.
+    /// Centre of pressure, to the left.
     CopLeft,
-    /// The vertical force.
+    /// Vertical force.
     Force,
 }
 
-/// Where the model does not explain what is measured.
+/// A discrepancy between model and measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suspicion {
-    /// Which signal.
+    /// The signal concerned.
     pub signal: Signal,
-    /// Whether it shows while the worker holds still, or while moving.
+    /// Whether it occurs in static poses (otherwise in motion).
     pub still: bool,
-    /// Median of measured less predicted, m or N.
+    /// Median of measured minus predicted, m or N.
     pub size: f64,
-    /// Median of its amount over its σ.
+    /// Median of its magnitude divided by σ.
     pub times_sigma: f64,
-    /// Whose pose it goes with most, if it goes with one.
+    /// The limb whose pose correlates most with the residual, if any.
     pub limb: Option<Limb>,
 }
 
@@ -87,12 +88,12 @@ impl fmt::Display for Suspicion {
     }
 }
 
-/// One moment that counts.
+/// One sample in the window.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     time_ns: u64,
     still: bool,
-    /// Measured less predicted, in the order of the signals, and 1-σ of each.
+    /// Measured minus predicted, in the order of the signals, and 1-σ of each.
     off: [f64; 3],
     sigma: [f64; 3],
     pose: pose::Features,
@@ -109,10 +110,10 @@ pub struct ModelWatch {
 }
 
 impl ModelWatch {
-    /// Looks at a state; gives back what is to be told now, at most once in five minutes.
+    /// Ingests a state; returns a discrepancy to report, at most once in five minutes.
     pub fn look(&mut self, state: &State) -> Option<Suspicion> {
         if state.phase != Phase::Monitoring as u32 {
-            // Another worker, or the same one learnt anew; or nothing to see for a while.
+            // The subject or its identification may have changed, or a sensor is silent.
             self.seen.clear();
             self.now = None;
             return None;
@@ -134,12 +135,12 @@ impl ModelWatch {
         Some(told)
     }
 
-    /// What is suspected now, told or not.
+    /// The current discrepancy, reported or not.
     pub fn suspected(&self) -> Option<Suspicion> {
         self.now
     }
 
-    /// The signal that is explained worst, if it is not explained.
+    /// The signal with the largest discrepancy above the limit.
     fn judge(&self) -> Option<Suspicion> {
         let kinds = [true, false].into_iter().flat_map(|still| (0..3).map(move |signal| (still, signal)));
         kinds
@@ -165,7 +166,7 @@ impl ModelWatch {
 }
 
 impl Seen {
-    /// `None` with a load, or where something is not known.
+    /// `None` with a load, or if a quantity is unavailable.
     fn of(state: &State) -> Option<Seen> {
         let valid = state.validity();
         if !valid.any_of(Validity::BELOW_LOAD_THRESHOLD) || valid.any_of(Validity::SPOILS_RESIDUAL) {
@@ -184,7 +185,7 @@ impl Seen {
     }
 }
 
-/// The middle value; 0 of none.
+/// The median; 0 if empty.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)

@@ -1,5 +1,5 @@
-//! The page as one more consumer of the bus, that takes the newest state and nothing else: it belongs to no daemon, waits
-//! while there is none, and goes on when the next one comes.
+//! Feeds the page as a consumer of the bus that receives only the newest state: it is independent of the daemon, waits
+//! while none runs, and continues with the next one.
 
 mod history;
 mod station;
@@ -27,24 +27,24 @@ use crate::picked_up::PickedUp;
 use crate::realtime::now_ns;
 use crate::status::PageFile;
 
-/// The role under which the page is found on the bus.
+/// Role of the page on the bus.
 pub const PAGE_ROLE: &str = "page";
-/// What it calls itself when it reports how late states come: to the page's server, which has not sent them yet.
+/// Consumer name in latency reports, which cover the path up to the page's server, before transmission.
 pub const CONSUMER_NAME: &str = "view";
-/// How often the newest state is looked for.
+/// Polling interval for the newest state.
 const LOOK_EVERY: Duration = Duration::from_millis(8);
-/// How often it is looked whether the bus is still the one that was joined, and how soon joining is tried again.
+/// Interval for checking that the joined bus still exists, and for retries of joining.
 const LOOK_AFTER_THE_BUS_EVERY: Duration = Duration::from_secs(1);
-/// How often it is reported.
+/// Interval of latency reports.
 const REPORT_EVERY: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
 type Told = Mutex<PickedUp>;
 
-/// A page being served, and the thread that feeds it. Dropping it ends open connections and leaves the bus.
+/// A page being served, and the thread that feeds it. Dropping it closes connections and leaves the bus.
 pub struct ServedPage {
     page: Page,
-    /// Held so that the feed goes on.
+    /// The feed continues while this reference exists.
     newest: Option<Arc<Newest>>,
     threads: Vec<JoinHandle<()>>,
     asked: Arc<AtomicU64>,
@@ -52,7 +52,7 @@ pub struct ServedPage {
 }
 
 impl ServedPage {
-    /// Serves the page of a configuration; `base` is the folder that a relative `token_file` counts from.
+    /// Serves the page of a configuration; `base` is the folder to which a relative `token_file` refers.
     ///
     /// # Errors
     /// The port is taken, the token cannot be used, or the bus cannot be joined.
@@ -69,24 +69,24 @@ impl ServedPage {
         let feed = follow(&config.station, Arc::downgrade(&newest), told)?;
         let gathering = station::gather(desk, Arc::downgrade(&newest))?;
         let file = PageFile::new(&config.station, page.url(), token.is_some());
-        // Without it `equipoise status` does not name the page; all else works.
+        // Without the file only `equipoise status` is affected: it does not list the page.
         if let Err(error) = file.write() {
             warn!("cannot write {}: {error}", file.path.display());
         }
         Ok(ServedPage { page, newest: Some(newest), threads: vec![feed, gathering], asked, file })
     }
 
-    /// What to type into a browser.
+    /// The page's URL for a browser.
     pub fn url(&self) -> String {
         self.page.url()
     }
 
-    /// Whether the page is still served and fed.
+    /// Whether server and feed are running.
     pub fn is_running(&self) -> bool {
         self.page.is_running() && self.threads.iter().all(|thread| !thread.is_finished())
     }
 
-    /// How often the page's thread has asked for a frame: grows sixty times a second as long as it lives.
+    /// Number of frames requested by the page's thread: increments sixty times a second while the thread runs.
     pub fn asked(&self) -> u64 {
         self.asked.load(Ordering::Relaxed)
     }
@@ -96,20 +96,20 @@ impl Drop for ServedPage {
     fn drop(&mut self) {
         self.newest = None;
         for thread in self.threads.drain(..) {
-            // A panic was printed by its own thread.
+            // The thread itself has printed its panic.
             let _ = thread.join();
         }
         self.file.remove();
     }
 }
 
-/// Starts the thread that takes the newest state of a station off the bus; it ends once nobody holds `newest`.
+/// Starts the thread that receives the newest state of a station; it ends when `newest` is dropped.
 fn follow(station: &str, newest: Weak<Newest>, told: Arc<Told>) -> anyhow::Result<JoinHandle<()>> {
     let settings = BusSettings::new(station, PAGE_ROLE);
     let (joined, first) = std::sync::mpsc::channel();
-    // The bus's ports belong to one thread, so this one has them.
+    // Ports of the bus are bound to one thread, so this thread opens them.
     let thread = std::thread::Builder::new().name("page-feed".into()).spawn(move || {
-        // That the bus cannot be joined at all is for whoever starts the page; later it is waited out.
+        // A failure of the first join is returned to the caller; later failures are retried.
         match join(&settings) {
             Ok(ports) => {
                 let _ = joined.send(Ok(()));
@@ -134,10 +134,10 @@ fn follow(station: &str, newest: Weak<Newest>, told: Arc<Told>) -> anyhow::Resul
     Ok(thread)
 }
 
-/// Ports die before the node they hang on.
+/// Ports are declared before the node, which must be dropped last.
 struct Ports {
     states: Subscriber<State>,
-    /// `None` if all places are taken: the page is served all the same.
+    /// `None` if all publisher slots are taken: the page is served without reports.
     reports: Option<Publisher<PickUp>>,
     reported: Instant,
     _bus: Bus,
@@ -155,7 +155,7 @@ fn join(settings: &BusSettings) -> Result<Ports, BusError> {
 }
 
 impl Ports {
-    /// Tells how late states came so far, once a second.
+    /// Publishes the latency report, once a second.
     fn report(&mut self, told: &Told) {
         if self.reported.elapsed() < REPORT_EVERY {
             return;
@@ -170,8 +170,8 @@ impl Ports {
     }
 }
 
-/// Takes states until nobody wants them, or the bus breaks, or its directory is not the one that was joined: whoever
-/// removed it and started a daemon anew has a bus that the old ports do not see.
+/// Receives states until `newest` is dropped, the bus fails, or its directory was replaced: a directory created again
+/// holds a bus that the old ports do not reach.
 fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>, told: &Told) {
     let mut place = Place::of(root);
     while let Some(newest) = newest.upgrade() {
@@ -190,7 +190,7 @@ fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>
         }
         ports.report(told);
         if place.is_another() {
-            // To leave would take away what the next bus has under the same names: the old ports are let go of.
+            // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
             std::mem::forget(ports);
             return;
         }
@@ -198,7 +198,7 @@ fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>
     }
 }
 
-/// The directory of the bus that was joined.
+/// The directory of the joined bus.
 struct Place {
     joined: Joined,
     looked: Instant,
@@ -209,7 +209,7 @@ impl Place {
         Place { joined: Joined::now(root), looked: Instant::now() }
     }
 
-    /// Whether another directory stands there, as of at most a second ago.
+    /// Whether the directory was replaced, checked at most once a second.
     fn is_another(&mut self) -> bool {
         self.looked.elapsed() >= LOOK_AFTER_THE_BUS_EVERY && self.is_another_now()
     }
@@ -220,7 +220,7 @@ impl Place {
     }
 }
 
-/// What the page is told when it asks.
+/// The frames that the page requests.
 fn frames(
     config: &Config,
     newest: &Arc<Newest>,

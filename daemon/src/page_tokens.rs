@@ -1,4 +1,4 @@
-//! The page's two tokens, read from their files.
+//! Reads the page's two tokens from their files.
 
 use std::path::Path;
 
@@ -12,18 +12,18 @@ use crate::config::PageConfig;
 /// The tokens of a page.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PageTokens {
-    /// Opens the page.
+    /// Token for viewing the page.
     pub(crate) page: Option<Token>,
-    /// Commands.
+    /// Token for commands.
     pub(crate) command: Option<Token>,
 }
 
 impl PageTokens {
-    /// Reads the files that are configured; `base` is the folder that a relative path counts from.
+    /// Reads the configured files; `base` is the folder to which a relative path refers.
     ///
     /// # Errors
-    /// A sentence that begins with the key: a file is missing, is no regular file, can be read by others than owner and
-    /// group, holds no token, or both hold the same.
+    /// A sentence that begins with the key's name: a file is missing, is not a regular file, is readable by users other
+    /// than owner and group, contains no token, or both files contain the same token.
     pub(crate) fn read(config: &PageConfig, base: &Path) -> anyhow::Result<PageTokens> {
         let read = |file: &Option<std::path::PathBuf>, key: &'static str| {
             file.as_ref().map(|file| token(&base.join(file))).transpose().context(key)

@@ -1,15 +1,15 @@
-//! How late states come to a consumer of this crate: what it enters, and reports like every other.
+//! Receipts of the consumers in this crate: how late states arrive.
 
 use equipoise_core::message::{PickUp, State};
 
-/// What of the state before is needed to see a gap and a new suit sample.
+/// Data of the previous state, to detect gaps and new suit samples.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     cycle: u64,
     suit_sample_time_ns: Option<u64>,
 }
 
-/// The report of one consumer, and what it picked up last.
+/// The receipt of one consumer, and the last state received.
 #[derive(Debug)]
 pub struct PickedUp {
     report: Box<PickUp>,
@@ -17,7 +17,7 @@ pub struct PickedUp {
 }
 
 impl PickedUp {
-    /// Nothing is counted yet; `name` is cut to what the message has room for.
+    /// An empty receipt; `name` is truncated to the message's field.
     pub fn new(name: &str, now_ns: u64) -> PickedUp {
         let mut report: Box<PickUp> = bytemuck::zeroed_box();
         let bytes = name.len().min(report.consumer.len());
@@ -26,13 +26,13 @@ impl PickedUp {
         PickedUp { report, last: None }
     }
 
-    /// Enters a state that is in hand at `now_ns`.
+    /// Adds a state received at `now_ns`.
     pub fn enter(&mut self, state: &State, now_ns: u64) {
-        // What was published before we looked waited for us, and tells nothing.
+        // Ignore states published before the subscription: their waiting time is not a latency.
         if state.published_ns < self.report.since_ns {
             return;
         }
-        // An age of zero may stand for a sample after the cycle was due; the next state tells its time.
+        // An age of zero may mean a sample later than the cycle's due time; the next state provides its time.
         let sample_ns = state.time_ns.checked_sub(state.suit_age_ns).filter(|_| state.suit_age_ns > 0);
         let now = Last { cycle: state.cycle, suit_sample_time_ns: sample_ns };
         let last = self.last.replace(now);
@@ -41,19 +41,19 @@ impl PickedUp {
         self.report.enter(now_ns, state, missed, sample_ns.filter(|_| is_new));
     }
 
-    /// The same when a state is asked for again and again: one that was entered before is not entered twice.
+    /// As [`Self::enter`], for a state that may be read repeatedly: each one is added once.
     pub fn enter_once(&mut self, state: &State, now_ns: u64) {
         if self.last.is_none_or(|last| last.cycle != state.cycle) {
             self.enter(state, now_ns);
         }
     }
 
-    /// What there is to tell so far.
+    /// The receipt so far.
     pub fn report(&self) -> &PickUp {
         &self.report
     }
 
-    /// The same, dated, for who publishes it.
+    /// The receipt with its time stamp, for publication.
     pub fn dated(&mut self, now_ns: u64) -> &PickUp {
         self.report.time_ns = now_ns;
         &self.report

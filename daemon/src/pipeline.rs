@@ -1,4 +1,5 @@
-//! The daemon's threads: started in the order of the data, ended in the same order, so that the last word gets out.
+//! The daemon's threads: started in the order of the data flow and ended in the same order, so that all results are
+//! published.
 
 mod adapters;
 mod reload;
@@ -35,13 +36,13 @@ use crate::workers::{Saving, Workers};
 use self::remembered::Remembered;
 use self::threads::{Held, Running, started};
 
-/// SCHED_FIFO priorities of the threads beside the loop, below it in this order.
+/// SCHED_FIFO priorities of the other threads, relative to the loop's and below it in this order.
 const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
-/// Threads that keep no time ask for the ordinary scheduler.
+/// Threads without deadlines request the ordinary scheduler.
 const ORDINARY: Asked = Asked { fifo_priority: 0, cpu: None };
-/// How a refused lock of the memory is told.
+/// Prefix of the message for a refused memory lock.
 const NOT_LOCKED: &str = "not locked";
-/// The role under which the daemon itself is found on the bus.
+/// Role of the daemon on the bus.
 pub(crate) const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
@@ -54,28 +55,27 @@ pub struct Pipeline {
     roster: Arc<Roster>,
 }
 
-/// How a daemon fared.
+/// Statistics of a daemon's run.
 #[derive(Debug, Clone)]
 pub struct Summary {
-    /// The loop.
+    /// Summary of the loop.
     pub cycles: LoopSummary,
-    /// Latency by stage.
+    /// Latencies by stage.
     pub latency: Report,
-    /// What each thread asked for and had.
+    /// Requested and granted scheduling of each thread.
     pub threads: Vec<ThreadReport>,
 }
 
 impl Pipeline {
-    /// Starts everything that a configuration asks for.
+    /// Starts all components that a configuration enables.
     ///
     /// # Errors
-    /// A sentence for the person who started it: another daemon on this station, a port taken, real time refused
-    /// under `strict`.
+    /// Another daemon runs on this station, a port is taken, or real-time scheduling is refused under `strict`.
     pub fn start(config: &Config) -> anyhow::Result<Pipeline> {
         Pipeline::start_observed(config, Box::new(NoObserver))
     }
 
-    /// The same with an observer inside the loop.
+    /// As [`Pipeline::start`], with an observer inside the loop.
     ///
     /// # Errors
     /// As [`Pipeline::start`].
@@ -87,25 +87,25 @@ impl Pipeline {
         let roster = Arc::new(Roster::default());
         roster.ask("main", ORDINARY);
 
-        // The command server is the station's only one: whoever has it is the daemon. Ports belong to their thread,
-        // so it is opened there, and this thread waits for the word.
+        // The command server exists once per station, so its owner is the station's daemon. Ports are bound to their
+        // thread, so that thread opens it, and this thread waits for the result.
         let commands_rings = Arc::clone(&rings);
         let (hold, held) = mpsc::channel::<Held>();
         let (commands, ()) = started("commands", ORDINARY, &roster, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
-            // Of a daemon before this one, say.
+            // Removes nodes left by a previous daemon, for example.
             bus.clean_up_dead_nodes();
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
             let mut commands = Commands::open(bus, server, commands_rings)?;
             let _ = ready.send(());
-            // Nobody is answered before the state is read.
+            // No command is answered before the state is read.
             let Ok((in_force, workers)) = held.recv() else { return Ok(()) };
             commands.run(&in_force, &workers)?;
-            // The station stays this daemon's until all the others have ended: whoever comes next reads their last word.
+            // Keep the station until all other threads have ended, so that a next daemon reads their final output.
             let _ = held.recv();
             Ok(())
         })?;
-        // The station is ours: what is read from here on nobody else writes.
+        // This daemon owns the station: no other process writes the files read from here on.
         let (settings, similar) = config.settings_among(&state.profiles());
         let in_force = Arc::new(InForce::new(Forced { config: config.clone(), settings, similar }));
         let subject = &config.subject;
@@ -113,7 +113,7 @@ impl Pipeline {
         let workers = Arc::new(Workers::new(state, configured));
         let remembered = Remembered::find(config, &settings, &workers);
         let _ = hold.send((Arc::clone(&in_force), Arc::clone(&workers)));
-        // From here on threads run: a failure must end them, and wait until they have left the bus.
+        // Threads are running from here on: a failure must end them and wait until they have left the bus.
         let mut running = Running::holding(commands, hold);
         let board = Arc::new(IncidentBoard::default());
         let start = Start {
@@ -131,43 +131,43 @@ impl Pipeline {
             Ok(status) => Ok(Pipeline { rings, in_force, board, running, status, roster }),
             Err(error) => {
                 rings.stop();
-                // The first failure is the one to tell.
+                // Return the first error.
                 let _ = running.join(|| {});
-                // Housekeeping may have written it once more.
+                // Housekeeping may have written the file again.
                 status::remove(&config.station);
                 Err(error)
             }
         }
     }
 
-    /// What each thread asked for and has.
+    /// Requested and granted scheduling of each thread.
     pub fn threads(&self) -> Vec<ThreadReport> {
         self.roster.reports()
     }
 
-    /// The newest cycle.
+    /// Number of the newest cycle.
     pub fn last_cycle(&self) -> u64 {
         self.rings.last_cycle()
     }
 
-    /// Whether every thread still runs.
+    /// Whether every thread is running.
     pub fn is_whole(&self) -> bool {
         self.running.is_whole()
     }
 
-    /// Ends every thread and says how it went.
+    /// Ends every thread and returns the statistics.
     ///
     /// # Errors
-    /// What a thread died of, if one did.
+    /// The error that ended a thread, if any.
     pub fn stop(self) -> anyhow::Result<Summary> {
         self.rings.stop();
-        // Housekeeping, which keeps the file in place, has ended then; and the file is not yet that of a next daemon.
+        // Housekeeping, which rewrites the file, has ended by then, and the next daemon has not written its own yet.
         let (cycles, latency) = self.running.join(|| self.status.remove())?;
         Ok(Summary { cycles, latency, threads: self.roster.reports() })
     }
 }
 
-/// What the later threads are started from.
+/// Everything that the later threads need.
 struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
@@ -190,7 +190,8 @@ impl Start<'_> {
         let waiting = config.waiting();
         let asked = |below: u32, cpu: Option<usize>| match waiting {
             Waiting::Sleeping => Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu },
-            // Real time must not poll: the kernel takes a twentieth of each second from it, all at once.
+            // A polling thread must not be real-time: the kernel would throttle it for a twentieth of each second, in
+            // one piece.
             Waiting::Polling => Asked { fifo_priority: 0, cpu: None },
         };
 
@@ -212,7 +213,7 @@ impl Start<'_> {
         })?;
         running.latency_log = Some(latency_log);
         let (rings, station) = (Arc::clone(self.rings), config.station.clone());
-        // On the loop's own core egress is woken without a signal between cores, and runs as soon as the loop sleeps.
+        // On the loop's core, waking egress needs no signal between cores, and egress runs as soon as the loop sleeps.
         let asked_egress = asked(BELOW_LOOP[1].1, config.tick.cpu);
         let (egress, ()) = started("egress", asked_egress, roster, move |ready| {
             let egress = Egress::open(&station, rings, waiting, latency_feed)?;
@@ -285,13 +286,13 @@ impl Start<'_> {
             Ok(())
         })?;
         running.others.push(("housekeeping", housekeeping));
-        // Every thread has asked by now, and all the memory that they begin with is there.
+        // Every thread has requested its scheduling by now, and all initial memory is allocated.
         refuse_or_tell(config, self.board, &self.memory_lock, roster)?;
         Ok(status)
     }
 }
 
-/// Names the daemon that is there already.
+/// Adds the process id of the running daemon to the error.
 fn second_daemon(bus: &Bus, error: BusError) -> anyhow::Error {
     let own = std::process::id();
     let other = bus
@@ -315,7 +316,7 @@ fn second_daemon(bus: &Bus, error: BusError) -> anyhow::Error {
     }
 }
 
-/// Asks for all memory to be locked; in words, how that went. Whether it really is, is read back later.
+/// Requests that all memory is locked; returns the result in words. Whether it is locked is checked later.
 fn lock_memory(config: &Config) -> anyhow::Result<String> {
     if !config.tick.lock_memory {
         return Ok("not asked for".to_owned());
@@ -330,8 +331,8 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
     }
 }
 
-/// Whatever was asked and not granted, of threads and of memory: refused under `loop.strict`, else an incident that
-/// lasts as long as the daemon.
+/// Requests of threads and memory that were not granted: refused under `loop.strict`, otherwise an incident for the
+/// daemon's lifetime.
 fn refuse_or_tell(
     config: &Config,
     board: &IncidentBoard,

@@ -1,12 +1,12 @@
-//! Whether another process is stopped, as the kernel says in `/proc`.
+//! State of another process according to `/proc`.
 
-/// Whether a process exists and is stopped: by SIGSTOP or a terminal (`T`), or by a debugger (`t`).
+/// Whether a process exists and is stopped by SIGSTOP or a terminal (`T`), or by a debugger (`t`).
 pub(crate) fn is_stopped(process_id: u32) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{process_id}/stat"));
     stat.is_ok_and(|stat| state(&stat).is_some_and(|state| matches!(state, 'T' | 't')))
 }
 
-/// The letter after the command's name, which stands in brackets and may contain any character (proc(5)).
+/// The letter after the command name, which is in parentheses and may contain any character (proc(5)).
 fn state(stat: &str) -> Option<char> {
     stat.rsplit_once(") ")?.1.chars().next()
 }

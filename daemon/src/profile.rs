@@ -210,7 +210,7 @@ impl Profile {
         kept.identified = u64::from(self.identified);
         let learning = self.learning.unwrap_or(settings.start_identifying);
         kept.learning = u64::from(learning && !self.identified);
-        // What was performed is not asked for less if the library has another name for it now.
+        // Unknown pose names are dropped; the performed poses themselves are stored separately.
         kept.asked = set_of(&self.asked);
         kept.unholdable = set_of(&self.unholdable);
         kept.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
@@ -272,7 +272,7 @@ impl Profile {
         }
         let turned = self.last_pose_wxyz.iter().all(|q| {
             let square: f64 = q.iter().map(|part| part * part).sum();
-            // Before the first pose there is none.
+            // Before the first pose all components are zero.
             square == 0.0 || (square - 1.0).abs() < 1e-3
         });
         if turned {
@@ -387,7 +387,7 @@ mod tests {
         assert_eq!(read.shift(1_000_060), Ok(shift));
         let mut again = bytemuck::zeroed_box::<KeptWorker>();
         read.worker(&settings).unwrap().keep(&mut again);
-        // What P says of the stance is begun anew.
+        // The stance part of P is reset.
         let mut expected = bytemuck::zeroed_box::<Identification>();
         assert!(expected.restore(&kept, &settings));
         expected.keep(&mut kept);

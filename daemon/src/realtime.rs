@@ -87,11 +87,11 @@ pub fn ask(thread: &'static str, asked: Asked) -> ThreadReport {
         let mut set = CpuSet::new();
         if cpu < CpuSet::MAX_CPU {
             set.set(cpu);
-            // A refusal shows below.
+            // A refusal shows when the settings are read back below.
             let _ = sched_setaffinity(None, &set);
         }
     }
-    // Who asks for nothing gives back what was inherited: a policy comes from whoever started the thread.
+    // Threads inherit the policy of the thread that starts them: reset it if no real-time priority is requested.
     if asked.fifo_priority > 0 || policy() == libc::SCHED_FIFO || policy() == libc::SCHED_RR {
         set_fifo(asked.fifo_priority);
     }

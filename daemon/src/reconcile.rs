@@ -1,11 +1,11 @@
-//! Where model and measurement disagree in a recording: reads it, learns the worker, compares, asks what is missing.
+//! Finds discrepancies between model and measurement in a recording: reads it, identifies the subject, compares, and
+//! determines the missing effects.
 //!
-//! The worker is learnt in the identification span alone and frozen; then the recording is gone through again, and what
-//! the frozen model predicts is compared with what the plate measured (`equipoise_discrepancy::compare`). All questions
-//! about effects are the engine's; here are the files and the cycle.
+//! The subject is identified from the identification span only and then frozen; a second pass compares the predictions
+//! of the frozen model with the plate's measurements (`equipoise_discrepancy::compare`). The engine determines effects;
+//! this module provides files and cycle.
 //!
-//! Floors, ground first: `date`, [`survey`] → [`learn`], `known` → `session` → this file → [`output`],
-//! [`summary`].
+//! Layers, lowest first: `date`, [`survey`] → [`learn`], `known` → `session` → this file → [`output`], [`summary`].
 
 pub(crate) mod date;
 mod known;
@@ -26,53 +26,53 @@ use crate::replay::samples::LeftOut;
 use learn::Learnt;
 use survey::Survey;
 
-/// The loop's ticks here, ns: every suit sample is seen, whatever the configured rate.
+/// Period of the loop here, ns: every suit sample is evaluated, whatever the configured rate.
 const TICK_NS: u64 = 4_000_000;
 
-/// How far a pass has come.
+/// Progress of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// What is being done.
+    /// Current step.
     pub doing: &'static str,
-    /// How much of it is done, in [0, 1].
+    /// Completed fraction, in [0, 1].
     pub share: f64,
 }
 
-/// What to look into.
+/// Input of a reconciliation.
 #[derive(Debug)]
 pub struct Reconcile<'a> {
     /// The recording.
     pub input: &'a Input,
-    /// Its configuration, with the model of the effects that are known already.
+    /// Its configuration, with the model of the effects already found.
     pub config: &'a Config,
-    /// The spans that a person gave.
+    /// The spans given by the user.
     pub given: Given,
 }
 
 /// A recording, compared with the model.
 #[derive(Debug)]
 pub struct Compared {
-    /// What the engine works on.
+    /// Input of the engine.
     pub session: Session,
-    /// The worker as learnt, frozen.
+    /// The identified and frozen subject.
     pub learnt: Learnt,
-    /// Which part is what, in words too.
+    /// The spans of the recording, also in words.
     pub found: Found,
-    /// What of the input was not used.
+    /// Unused parts of the input.
     pub left_out: LeftOut,
 }
 
 impl Reconcile<'_> {
-    /// The cycle's settings, with the effects that are known; nothing is learnt but where this says so.
+    /// The cycle's settings, with the effects already found and without passive adaptation.
     fn settings(&self) -> Settings {
-        // A lag is named as an effect, so it must not be corrected before.
+        // The lag is one of the effects to find, so the cycle must not correct it.
         Settings { passive: false, align_streams: false, ..self.config.settings() }
     }
 
-    /// Surveys, learns, compares.
+    /// Surveys the recording, identifies the subject and compares.
     ///
     /// # Errors
-    /// A sentence: what the recording lacks, or which span cannot be used.
+    /// What the recording lacks, or which span is unusable.
     pub fn compare(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Compared> {
         let survey = Survey::of(self.input, self.config, progress)?;
         survey.check()?;
@@ -97,7 +97,7 @@ impl Reconcile<'_> {
     }
 }
 
-/// A memory to begin with: that of the recording's first checkpoint keeps its tare.
+/// Initial memory: based on the recording's first checkpoint, if any, which preserves its tare.
 fn memory_at_first(reconcile: &Reconcile<'_>, survey: &Survey) -> Box<Memory> {
     let settings = reconcile.settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();

@@ -1,8 +1,8 @@
-//! Records a station: one more consumer of the bus, that keeps all that a replay needs.
+//! Records a station: a consumer of the bus that stores all data that a replay requires.
 //!
-//! Inputs, results, cycle records and checkpoints go into one file as they were published. A recorder that is too
-//! slow loses messages and says so; the loop never waits for it. After a loss it asks for a new checkpoint, so that
-//! the rest can be replayed exactly again.
+//! Inputs, results, cycle records and checkpoints go into one file as published. A recorder that is too slow loses
+//! messages and reports it; the loop never waits for it. After a loss it requests a new checkpoint, from which the rest
+//! can be replayed exactly.
 
 pub mod authenticity;
 pub mod keeping;
@@ -35,27 +35,28 @@ use crate::realtime::now_ns;
 use crate::state_directory::StateDirectory;
 use crate::status::{self, Status};
 
-/// How often messages are fetched: well within the buffers, a quarter of a second at the highest rates.
+/// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
-/// A crash loses at most so much.
+/// Maximum loss in a crash.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// How long a running daemon may take to answer.
+/// Timeout of the daemon's reply.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
-/// Samples that the loop took in just before we joined are in its memory by then.
+/// After this time, samples that the loop ingested just before the subscription are in its memory.
 const SETTLE: Duration = Duration::from_millis(300);
-/// How often it is looked whether the file is still where it was made.
+/// Interval for checking that the file is still at its path.
 const PLACE_EVERY: Duration = Duration::from_secs(1);
-/// Whose a recording is of a worker without a name.
+/// Replaces the pseudonym of a deleted subject.
 const NOBODY: &str = "nobody";
-/// At most so often is a new checkpoint asked for after losses.
+/// Minimum interval of checkpoint requests after losses.
 const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 
-/// Records `station` into a new file until `stopping` says so, with `pictures_hz` pictures a second; 0 leaves them out.
+/// Records `station` into a new file until `stopping` returns true, with `pictures_hz` pictures per second; 0 disables
+/// them.
 ///
-/// `started` is called once messages are being written. Returns what was recorded, and the SHA-256 of the file.
+/// `started` is called when writing begins. Returns a summary and the SHA-256 of the file.
 ///
 /// # Errors
-/// A sentence: no daemon runs, the file exists or cannot be written (what was written stays readable), the bus breaks.
+/// No daemon runs, the file exists or cannot be written (data already written remain readable), or the bus fails.
 pub fn record(
     station: &str,
     out: &Path,
@@ -82,22 +83,22 @@ pub fn record(
     Ok((tap.summary, sha256))
 }
 
-/// How a file fares that is being written.
+/// State of the file being written.
 struct Progress<'a> {
     recorder: &'a Recorder,
     summary: &'a RecordSummary,
-    /// Process of the daemon whose configuration stands in the file's head.
+    /// Process id of the daemon whose configuration is in the file's header.
     process_id: u32,
     joined: &'a Joined,
 }
 
-/// A station's bus, tapped: one file after the other can be recorded, and between them nothing is lost.
+/// Subscriptions to a station's bus: several files can be recorded in sequence without loss between them.
 struct Tap {
     station: String,
     summary: RecordSummary,
     ports: Ports,
     commands: CommandClient,
-    // Outlives its ports.
+    // Must be dropped after its ports.
     _bus: Bus,
     joined: Joined,
 }
@@ -114,19 +115,19 @@ impl Tap {
         let bus = Bus::join(&settings)?;
         let commands = bus.command_client()?;
         let ports = Ports::open(&bus)?;
-        // Also shows that the daemon of the status file lives, before a file is made.
+        // Also verifies that the daemon in the status file is alive before a file is created.
         ask_for_checkpoint(&commands)?;
         let joined = Joined::now(&settings.root);
         let (station, summary) = (station.to_owned(), RecordSummary::default());
         Ok(Tap { station, summary, ports, commands, _bus: bus, joined })
     }
 
-    /// Whether the bus's directory is another one by now: whoever joins anew is not heard here.
+    /// Whether the bus directory was replaced, so that processes joining now are not received.
     fn is_cut_off(&self) -> bool {
         self.joined.is_cut_off()
     }
 
-    /// Makes a file with its head.
+    /// Creates a file with its header.
     fn begin(&self, out: &Path, previous: Option<Predecessor>, pictures_hz: f64) -> anyhow::Result<Sink> {
         let Some(facts) = status::read(&self.station) else {
             bail!("the daemon of station {} has ended", self.station);
@@ -148,7 +149,7 @@ impl Tap {
         Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id })
     }
 
-    /// Records into a new file, which follows `previous`, until `ending` says so; returns its SHA-256.
+    /// Records into a new file, the successor of `previous`, until `ending` returns true; returns its SHA-256.
     fn record(
         &mut self,
         out: &Path,
@@ -176,7 +177,7 @@ impl Tap {
             }
             if checkpoint_due.is_some_and(|due| Instant::now() >= due) {
                 checkpoint_due = None;
-                // A daemon that has ended may come back, and then sends a checkpoint by itself.
+                // May fail if the daemon has ended: a restarted one publishes a checkpoint by itself.
                 let _ = ask_for_checkpoint(&self.commands);
             }
             if flushed.elapsed() >= FLUSH_EVERY {
@@ -191,7 +192,7 @@ impl Tap {
     }
 }
 
-/// The daemon publishes its whole memory as soon as it comes to it; egress hands it on.
+/// Requests a checkpoint, which the loop takes as soon as possible and egress publishes.
 fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
     let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
     let reply = commands.ask(&command, ANSWER_WITHIN)?;
@@ -201,14 +202,14 @@ fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The worker's profile as it stands on disk, if there is one.
+/// The subject's profile on disk, if any.
 fn profile_of(facts: &Status) -> String {
     let state = StateDirectory::of_daemon(facts).or_else(|| StateDirectory::of_environment().ok());
     let text = state.and_then(|state| read_text(&state.profile(&facts.subject), TEXT_BYTES_MAX).ok());
     text.unwrap_or_default()
 }
 
-/// The daemon's configuration for recordings, without a subject's identity once the configured subject was deleted.
+/// The daemon's configuration for recordings, without the subject's identity if the configured subject was deleted.
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
     if facts.subject.is_empty() {
@@ -228,7 +229,7 @@ struct Sink {
     pictures: Pictures,
     newest_ns: u64,
     station: String,
-    /// Whose profile is in the file already.
+    /// The subject whose profile is already in the file.
     subject: String,
     process_id: u32,
 }
@@ -239,7 +240,8 @@ impl Sink {
         Ok(self.recorder.write(time_ns, message)?)
     }
 
-    /// Keeps the configuration that a reload brought, if the daemon still tells it: it does before the loop has it.
+    /// Stores the configuration of a reload if the status still contains it: the status is written before the loop
+    /// applies the reload.
     fn note_reload(&mut self, record: &CycleRecord) -> anyhow::Result<()> {
         if record.command != CommandKind::Reload as u32 {
             return Ok(());
@@ -253,7 +255,7 @@ impl Sink {
         Ok(())
     }
 
-    /// Keeps the profile of whoever has come into use: whose data are in here must be found again.
+    /// Stores the profile of a newly loaded subject, so that a search finds the recording by its pseudonym.
     fn note_subject(&mut self) -> anyhow::Result<()> {
         let Some(facts) = status::read(&self.station).filter(|facts| facts.subject != self.subject) else {
             return Ok(());
@@ -267,7 +269,7 @@ impl Sink {
     }
 }
 
-/// Everything subscribed, with the deepest buffers there are.
+/// All subscribers, with maximum buffer depths.
 struct Ports {
     cycle: Subscriber<CycleRecord>,
     state: Subscriber<State>,
@@ -291,8 +293,8 @@ impl Ports {
         })
     }
 
-    /// Writes all that waits. A message is fetched after what was published later, so that a recording that ends
-    /// here has the state and the samples of every cycle record in it.
+    /// Writes all pending messages. Each kind is fetched after the kinds published later than it, so that a recording
+    /// that ends here contains the state and samples of every cycle record.
     fn fetch(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
         take(&mut self.cycle, |record| {
             summary.cycles.see(record.cycle);
@@ -306,7 +308,7 @@ impl Ports {
         })?;
         take(&mut self.checkpoint, |checkpoint| {
             summary.checkpoints += 1;
-            // It has no time of its own.
+            // A checkpoint has no time stamp.
             sink.write(sink.newest_ns, checkpoint)
         })?;
         take(&mut self.suit, |sample| {
@@ -325,12 +327,12 @@ impl Ports {
     }
 }
 
-/// Reads every waiting message where it lies: a checkpoint is too large for the stack.
+/// Reads every pending message in place: a checkpoint is too large for the stack.
 fn take<M: Topic>(
     port: &mut Subscriber<M>,
     mut write: impl FnMut(&M) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    // At most one buffer's worth, so that a fast publisher cannot keep us here.
+    // At most one buffer's worth, so that a fast publisher cannot block this function.
     for _ in 0..M::SERVICE.depth_max {
         match port.receive_with(&mut write)? {
             Some(written) => written.with_context(|| "the recording has ended")?,

@@ -1,11 +1,11 @@
-//! Replays what a station did, or what another program captured, through the same `core::cycle::step` as the live
-//! loop, faster than real time and byte for byte alike every time.
+//! Replays a recording or a capture of another program through the same `core::cycle::step` as the live loop, faster
+//! than real time and with identical bytes every time.
 //!
-//! Two schedules. Where a recording has cycle records, their ticks, samples and commands are done again, from the
+//! There are two schedules. If a recording has cycle records, their ticks, samples and commands are repeated from the
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
-//! records: ticks come at the configured rate, and a sample with the first tick after its delivery (`free`).
+//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
 //!
-//! Floors, ground first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
+//! Layers, lowest first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
 //! [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
 
 pub mod cross_validation;
@@ -37,16 +37,16 @@ use recorded::Start;
 use samples::LeftOut;
 pub use summary::Summary;
 
-/// What to replay, and how.
+/// A replay and its options.
 #[derive(Debug)]
 pub struct Replay<'a> {
     /// The input.
     pub input: &'a Input,
     /// Its configuration.
     pub config: &'a Config,
-    /// Whether `config` is the one that the recording was made with. Only then are states compared with it.
+    /// Whether `config` is the configuration of the recording. Only then are states compared with it.
     pub as_recorded: bool,
-    /// The span over which the loop's residual is summed up, s since the recording's begin; `None` for all of it.
+    /// The span over which the loop's residual is summed, s since the begin of the recording; `None` for all of it.
     pub residual_s: Option<[f64; 2]>,
 }
 
@@ -54,7 +54,7 @@ impl Replay<'_> {
     /// Replays into a file: `.jsonl`, `.csv`, `.mcap`, or `-` for JSON lines on standard output.
     ///
     /// # Errors
-    /// A sentence: nothing to replay, a checkpoint of another version, a file that cannot be written.
+    /// Nothing to replay, a checkpoint of another version, or a file that cannot be written.
     pub fn run(&self, out: Option<&Path>) -> anyhow::Result<Summary> {
         let mut output = match out {
             Some(path) => Output::create(path, &self.result_header())?,
@@ -65,10 +65,10 @@ impl Replay<'_> {
         Ok(summary)
     }
 
-    /// Replays and hands every state to `tell`.
+    /// Replays and passes every state to `tell`.
     ///
     /// # Errors
-    /// As [`Replay::run`], and what `tell` returns.
+    /// As [`Replay::run`], and the error of `tell`.
     pub fn run_with(&self, mut tell: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
         let mut machine = Machine::afresh(self.config.settings());
@@ -106,7 +106,7 @@ impl Replay<'_> {
                 });
                 summary.left_out = samples.left_out();
                 match ran {
-                    // Why it is empty is what was left out.
+                    // Unused parts of the input explain why there are no cycles.
                     Err(why) if summary.cycles == 0 => {
                         bail!("{}", format!("{why}\n{}", left_out_lines(&summary.left_out)).trim_end())
                     }
@@ -118,7 +118,7 @@ impl Replay<'_> {
         Ok(summary)
     }
 
-    /// The head of a recording of results: the input's, with the configuration in use.
+    /// The header of a recording of results: the input's, with the active configuration.
     fn result_header(&self) -> RecordingHeader {
         let base = match self.input {
             Input::Recording(recording) => recording.header().clone(),
@@ -134,7 +134,7 @@ impl Replay<'_> {
     }
 }
 
-/// What went wrong with the data, in words, for the end of a summary.
+/// Unused data in words, for the end of a summary.
 pub(crate) fn left_out_lines(left_out: &LeftOut) -> String {
     let rejected = left_out.rejected.iter().map(|told| format!("rejected: {told}\n"));
     let passed_over = left_out.passed_over.iter().map(|told| format!("passed over: {told}\n"));

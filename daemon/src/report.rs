@@ -1,11 +1,11 @@
-//! The report of a session: what a recording tells of identification, exposure, lifts, dose, latency and data quality, as
-//! one page for people.
+//! The report of a session: identification, exposure, lifts, dose, latency and data quality from a recording, as one
+//! page.
 //!
-//! States come from the recording where it has them, else from a replay of its samples through the same cycle. What was
-//! withheld is counted and named, and never drawn: a line breaks where there is nothing.
+//! States come from the recording if it contains them, otherwise from a replay of its samples through the same cycle.
+//! Invalid values are counted by reason and never drawn: lines break there.
 //!
-//! Floors, ground first: [`series`] → [`identification`], [`exposure`], [`lifts`], [`back`], [`quality`], [`records`] → [`gather`] →
-//! `strips`, `sections` → [`document`](mod@document) → [`pdf`]
+//! Layers, lowest first: [`series`] → [`identification`], [`exposure`], [`lifts`], [`back`], [`quality`], [`records`] →
+//! [`gather`] → `strips`, `sections` → [`document`](mod@document) → [`pdf`]
 
 pub mod back;
 pub mod document;

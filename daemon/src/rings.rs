@@ -1,7 +1,7 @@
-//! What the loop shares with the threads around it: fixed rings, filled and emptied without waiting or memory.
+//! Rings of fixed size between the loop and the other threads, used without waiting or allocation.
 //!
-//! A full ring turns away and counts what it turned away; nobody ever waits. Boxes travel in circles: the loop copies into
-//! a blank one and sends it off, and a thread that may touch the heap brings it back.
+//! A full ring rejects and counts new entries; no thread ever waits. Boxes circulate: the loop copies into a blank one
+//! and passes it on, and a thread that may allocate returns it.
 
 mod ring;
 
@@ -20,58 +20,58 @@ pub use ring::Ring;
 
 /// A quarter of a second of the fastest suit.
 const SUIT_RING: usize = 64;
-/// One second of the fastest plate that the loop keeps up with.
+/// One second of the fastest plate that the loop supports.
 const GROUND_RING: usize = 1024;
-/// Every datagram of one null pose, which come within a millisecond.
+/// All datagrams of one null pose, which arrive within a millisecond.
 const BODY_RING: usize = 8;
 /// A quarter of a second of cycles at the highest rate.
 const OUTCOME_RING: usize = 1024;
 const COMMAND_RING: usize = 16;
-/// As many as there may be commands: the loop never finds it full, and so never frees a worker itself.
+/// One more than the maximum number of pending commands: the ring is never full, so the loop never frees a worker.
 const WORKERS_BACK: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
-/// One that the disk is busy with, one of the worker before, one of the worker now, one to spare.
+/// One being written to disk, one of the previous worker, one of the current worker, one spare.
 const KEPT: usize = 4;
-/// So many of them stay blank for the last word of a worker who is exchanged: what is kept now and then can wait.
+/// Number of boxes reserved for the final copy of a worker that is replaced: periodic copies can wait.
 pub const KEPT_FOR_LAST_WORD: usize = 1;
-/// Whoever hands over settings empties it first: the loop never finds it full, and so never frees settings itself.
+/// The sender of settings empties the ring first: it is never full, so the loop never frees settings.
 const SETTINGS_BACK: usize = 4;
 
-/// A loop at 100 Hz has ten cycles in this time.
+/// Total waiting time equals ten cycles of a loop at 100 Hz.
 const SETTINGS_TRIES: u32 = 100;
 const SETTINGS_TRY_AFTER: Duration = Duration::from_millis(1);
 
-/// A sample, and when ingress took it off the bus: the stamp is for the cycle record and no part of the input, so that
-/// a replay, which has no ingress, comes to the same.
+/// A sample and the time at which ingress received it: the stamp is for the cycle record only and not an input of the
+/// cycle, so a replay, which has no ingress, gives the same result.
 #[derive(Debug, Clone, Copy)]
 pub struct TakenIn<S> {
     /// The sample as it was published.
     pub sample: S,
-    /// When ingress had it, CLOCK_MONOTONIC.
+    /// Time of receipt by ingress, CLOCK_MONOTONIC.
     pub ingress_ns: u64,
 }
 
-/// Samples that ingress refused because another clock had stamped them.
+/// Samples that ingress refused because their stamps are in the future, which indicates another clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Refused {
     /// Suit samples.
     pub suit: u64,
     /// Ground samples.
     pub ground: u64,
-    /// How far ahead the last one was.
+    /// How far in the future the last one was.
     pub ahead_ns: u64,
 }
 
-/// How a thread waits for another.
+/// How a thread waits for another thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Waiting {
-    /// It sleeps, and is woken.
+    /// Sleep until woken.
     Sleeping,
-    /// It looks again and again, which costs a core and spares the awakening.
+    /// Poll, which uses a full core and avoids the wake-up latency.
     Polling,
 }
 
-/// What one cycle has to say.
+/// Result of one cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
     /// The state.
@@ -80,7 +80,7 @@ pub struct Outcome {
     pub record: CycleRecord,
 }
 
-/// Everything between the loop and its neighbours.
+/// Rings and counters between the loop and the other threads.
 #[derive(Debug)]
 pub struct Rings {
     /// Ingress to loop.
@@ -91,26 +91,26 @@ pub struct Rings {
     pub body: Ring<TakenIn<SuitBody>>,
     /// Commands to the loop, one a cycle.
     pub command: Ring<CommandKind>,
-    /// A worker to take over and its number, with the command that says so.
+    /// The next worker and its number, with the command that loads it.
     pub worker: Ring<(u64, Box<Worker>)>,
-    /// The worker's empty box on its way back.
+    /// Empty boxes of workers, returned by the loop.
     pub worker_back: Ring<Box<Worker>>,
-    /// Other settings to the loop, and the number of the reload that brings them.
+    /// New settings for the loop, and the number of their reload.
     pub settings: Ring<(u64, Box<Settings>)>,
-    /// The settings before, on their way to who may free them.
+    /// Previous settings, returned to a thread that may free them.
     pub settings_back: Ring<Box<Settings>>,
-    /// Blank boxes for what is kept.
+    /// Blank boxes for copies of the persistent state.
     pub keep_blank: Ring<Box<Kept>>,
-    /// What is kept, to saving, with the number of the worker in it.
+    /// Copies of the persistent state for saving, with the number of their worker.
     pub kept: Ring<(u64, Box<Kept>)>,
     /// Blank checkpoints for the loop.
     pub blank: Ring<Box<Checkpoint>>,
-    /// Taken checkpoints to egress.
+    /// Completed checkpoints for egress.
     pub taken: Ring<Box<Checkpoint>>,
     /// Loop to egress.
     pub outcome: Ring<Outcome>,
     outcome_ready: OwnedFd,
-    /// Egress sleeps, or is about to: whoever clears it owes the awakening.
+    /// Set while egress sleeps or is about to: the thread that clears it must wake egress.
     egress_sleeps: AtomicBool,
     input_dropped: AtomicU64,
     refused: [AtomicU64; 2],
@@ -122,15 +122,15 @@ pub struct Rings {
 }
 
 impl Rings {
-    /// Empty rings and blank checkpoints.
+    /// Creates empty rings and blank checkpoints.
     ///
     /// # Errors
-    /// The kernel gives no event file descriptor.
+    /// The kernel provides no event file descriptor.
     pub fn new() -> std::io::Result<Rings> {
         let blank = Ring::new(CHECKPOINTS);
         for _ in 0..CHECKPOINTS {
             let mut checkpoint = bytemuck::zeroed_box();
-            // The loop copies into it: its pages shall be there.
+            // The loop copies into it, so its pages must be resident.
             touch(&mut *checkpoint);
             let _ = blank.push(checkpoint);
         }
@@ -150,7 +150,7 @@ impl Rings {
             settings: Ring::new(1),
             settings_back: Ring::new(SETTINGS_BACK),
             keep_blank,
-            // The loop's own last word finds a place however slow the disk is.
+            // One more slot than boxes: the loop's final copy fits even if the disk is slow.
             kept: Ring::new(KEPT + 1),
             blank,
             taken: Ring::new(CHECKPOINTS),
@@ -170,45 +170,46 @@ impl Rings {
         })
     }
 
-    /// Hands a suit sample to the loop; a full ring turns it away.
+    /// Passes a suit sample to the loop; a full ring rejects it.
     pub fn push_suit(&self, sample: SuitSample, ingress_ns: u64) {
         if self.suit.push(TakenIn { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Hands a ground sample to the loop; a full ring turns it away.
+    /// Passes a ground sample to the loop; a full ring rejects it.
     pub fn push_ground(&self, sample: GroundSample, ingress_ns: u64) {
         if self.ground.push(TakenIn { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Hands the loop what the suit says of its wearer's build; a full ring turns it away.
+    /// Passes the wearer's body dimensions to the loop; a full ring rejects them.
     pub fn push_body(&self, sample: SuitBody, ingress_ns: u64) {
         if self.body.push(TakenIn { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Hands a cycle's outcome to egress and wakes it if it sleeps; a full ring turns it away. No memory, and a
-    /// system call for a sleeper only.
+    /// Passes a cycle's outcome to egress and wakes it if it sleeps; a full ring rejects it. No allocation, and a
+    /// system call only if egress sleeps.
     pub fn push_outcome(&self, outcome: Outcome) {
         self.last_cycle.store(outcome.state.cycle, Ordering::Relaxed);
         if self.outcome.push(outcome).is_err() {
             self.output_dropped.fetch_add(1, Ordering::Relaxed);
         }
-        // Before or after: either we see that egress goes to sleep, or it sees the outcome.
+        // Pairs with the fence in [`Self::wait_for_outcome`]: either this thread reads that egress sleeps, or egress
+        // reads the outcome.
         fence(Ordering::SeqCst);
         if self.egress_sleeps.swap(false, Ordering::Relaxed) {
-            // The counter can only be full if egress has slept for ever; then it is awake all the more.
+            // Writing fails only if the counter is full; egress is woken in that case too.
             let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
         }
     }
 
-    /// Hands the loop other settings and takes back those before. For ordinary threads: it waits until the loop has taken
-    /// up what was handed over before. Whether it was handed over; a loop that runs has it
-    /// within a cycle.
+    /// Passes new settings to the loop and takes back the previous ones; returns whether they were queued. For ordinary
+    /// threads: waits until the loop has applied the settings queued before. A running loop applies them within a
+    /// cycle.
     pub fn hand_over_settings(&self, number: u64, settings: Box<Settings>) -> bool {
         let mut handed_over = (number, settings);
         for _ in 0..SETTINGS_TRIES {
@@ -222,7 +223,7 @@ impl Rings {
         false
     }
 
-    /// Waits until the loop has something to say, or the time is over.
+    /// Waits for an outcome or until the timeout.
     pub fn await_outcome(&self, waiting: Waiting, timeout: Duration) {
         match waiting {
             Waiting::Sleeping => self.wait_for_outcome(timeout),
@@ -230,7 +231,7 @@ impl Rings {
         }
     }
 
-    /// Sleeps until the loop has something to say, or the time is over.
+    /// Sleeps until an outcome is available or until the timeout.
     pub fn wait_for_outcome(&self, timeout: Duration) {
         self.egress_sleeps.store(true, Ordering::Relaxed);
         fence(Ordering::SeqCst);
@@ -251,10 +252,10 @@ impl Rings {
         }
     }
 
-    /// Looks for something to say without ever sleeping, at most until the time is over. Costs a core.
+    /// Polls for an outcome without sleeping until the timeout. Uses a full core.
     pub fn poll_for_outcome(&self, timeout: Duration) {
         let started = std::time::Instant::now();
-        // The clock costs more than a look at the ring.
+        // Reading the clock costs more than checking the ring.
         while started.elapsed() < timeout {
             for _ in 0..64 {
                 if !self.outcome.is_empty() {
@@ -265,17 +266,17 @@ impl Rings {
         }
     }
 
-    /// Input samples that found their ring full.
+    /// Number of input samples rejected by a full ring.
     pub fn input_dropped(&self) -> u64 {
         self.input_dropped.load(Ordering::Relaxed)
     }
 
-    /// A suit sample does not reach the loop: its stamps lie so far ahead of this machine's clock.
+    /// Counts a suit sample that is withheld from the loop because its stamps are in the future.
     pub fn refuse_suit(&self, ahead_ns: u64) {
         self.refuse(0, ahead_ns);
     }
 
-    /// The same of a ground sample.
+    /// Counts such a ground sample.
     pub fn refuse_ground(&self, ahead_ns: u64) {
         self.refuse(1, ahead_ns);
     }
@@ -285,28 +286,28 @@ impl Rings {
         self.ahead_ns.store(ahead_ns, Ordering::Relaxed);
     }
 
-    /// What was refused before it reached the loop, since the start.
+    /// Samples refused before the loop, since the start.
     pub fn refused(&self) -> Refused {
         let [suit, ground] = [0, 1].map(|stream: usize| self.refused[stream].load(Ordering::Relaxed));
         Refused { suit, ground, ahead_ns: self.ahead_ns.load(Ordering::Relaxed) }
     }
 
-    /// Outcomes that found the ring full.
+    /// Number of outcomes rejected by a full ring.
     pub fn output_dropped(&self) -> u64 {
         self.output_dropped.load(Ordering::Relaxed)
     }
 
-    /// The newest cycle.
+    /// Number of the newest cycle.
     pub fn last_cycle(&self) -> u64 {
         self.last_cycle.load(Ordering::Relaxed)
     }
 
-    /// Asks every thread to end.
+    /// Requests all threads to end.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Says that the loop runs, until what is returned is dropped, by a panic too; egress stays until then.
+    /// Marks the loop as running until the returned value is dropped, also by a panic; egress runs until then.
     pub fn loop_runs(&self) -> impl Drop + use<'_> {
         struct Runs<'a>(&'a AtomicBool);
         impl Drop for Runs<'_> {
@@ -318,12 +319,12 @@ impl Rings {
         Runs(&self.loop_runs)
     }
 
-    /// Whether the loop will say nothing more: threads shall end, and it has ended or never begun.
+    /// Whether the loop will produce no more outcomes: a stop was requested, and the loop has ended or never started.
     pub fn has_ended(&self) -> bool {
         self.is_stopping() && !self.loop_runs.load(Ordering::Acquire)
     }
 
-    /// Whether threads shall end.
+    /// Whether a stop was requested.
     pub fn is_stopping(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -355,7 +356,7 @@ mod tests {
             move || {
                 let mut seen = 0;
                 while seen < CYCLES {
-                    // Were an awakening lost, the sleep would last for ever.
+                    // A lost wake-up would make this sleep last for an hour.
                     rings.wait_for_outcome(Duration::from_secs(3600));
                     while rings.outcome.pop().is_some() {
                         seen += 1;

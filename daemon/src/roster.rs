@@ -46,7 +46,7 @@ impl Roster {
             .into_iter()
             .map(|facts| ThreadStatus::of(reports.iter().find(|report| report.id == facts.id), facts))
             .collect();
-        // In the order in which they began, which is that of the data; strangers last.
+        // In the order of their start, which is that of the data flow; other threads last.
         let place = |thread: &ThreadStatus| reports.iter().position(|report| report.id == thread.id);
         threads.sort_by_key(|thread| place(thread).unwrap_or(usize::MAX));
         threads
@@ -151,7 +151,7 @@ mod tests {
         let named = |name: &str| -> Vec<ThreadStatus> {
             roster.threads().into_iter().filter(|thread| thread.thread == name).collect()
         };
-        // A thread bears its name only once it runs.
+        // The thread's name is set only once it runs.
         while named("stranger").is_empty() {
             std::thread::yield_now();
         }

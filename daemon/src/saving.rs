@@ -1,7 +1,7 @@
-//! Writes to disk what outlives the process. A thread of its own: a disk may take its time, and nobody waits for it.
+//! Writes persistent state to disk, in a separate thread so that no other thread waits for the disk.
 //!
-//! The loop hands out a copy twice a second; what differs from the file is written, what cannot be written is tried again
-//! with the next copy. So a full disk costs nothing but the time it is full.
+//! The loop provides a copy twice a second; differences from the file are written, and failed writes are retried with
+//! the next copy, so a full disk loses data only while it is full.
 
 mod lifts;
 
@@ -27,35 +27,35 @@ use crate::workers::Workers;
 
 use lifts::LiftLog;
 
-/// How often the loop's copies are looked for.
+/// Polling interval for the loop's copies.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Where the suit's world lies changes with every sample; alone it is written this often.
+/// The registration changes with every sample; without other changes it is written at this interval.
 const REGISTRATION_EVERY: Duration = Duration::from_millis(900);
-/// A shift in which nothing happens is dated anew this often while the worker is seen.
+/// An unchanged shift gets a new date at this interval while the subject is present.
 const SHIFT_DATED_EVERY: Duration = Duration::from_secs(600);
-/// A worker whose suit sent within this time is seen, ns. The shift of one who has gone home is not dated anew.
+/// Maximum age of the suit data of a present subject, ns. The shift of an absent subject keeps its date.
 const SEEN_NS: u64 = 10 * NS_PER_S;
 
-/// What saving starts from.
+/// Dependencies of the saving thread.
 #[derive(Debug)]
 pub struct Saver {
-    /// The loop's copies.
+    /// Source of the loop's copies.
     pub rings: Arc<Rings>,
-    /// Whose they are.
+    /// The subjects and their files.
     pub workers: Arc<Workers>,
-    /// The configuration in force.
+    /// The active configuration.
     pub in_force: Arc<InForce>,
-    /// Who hears that something cannot be written.
+    /// Receives the incident of a failed write.
     pub board: Arc<IncidentBoard>,
-    /// Where people read who is in use.
+    /// The status file, which displays the active subject.
     pub status: StatusFile,
-    /// The station's file is not written: nothing is to be remembered, or it is there and cannot be understood.
+    /// The station file is not written: saving is disabled, or the existing file cannot be parsed.
     pub station_refused: bool,
-    /// The tare that was found in it, and when it was taken, s since 1970 UTC.
+    /// The tare of the file and its time, s since 1970 UTC.
     pub tare: (Tare, u64),
 }
 
-/// Saves until the loop has ended and its last word is written.
+/// Saves until the loop has ended and its last copy is written.
 pub fn run(saver: Saver) {
     let mut keeper = Keeper {
         saver,
@@ -72,7 +72,7 @@ pub fn run(saver: Saver) {
         let ended = keeper.saver.rings.has_ended();
         keeper.take_all();
         if ended {
-            // What could not be written with the last copy.
+            // Retry what could not be written with the last copy.
             keeper.write();
             if !(keeper.profiles.is_empty() && keeper.station_text.is_none() && keeper.lifts.is_written()) {
                 warn!("what was learnt last is lost: it could not be written");
@@ -85,23 +85,23 @@ pub fn run(saver: Saver) {
 
 struct Keeper {
     saver: Saver,
-    /// The worker's profile as it was last made, dated 0, and whose it is.
+    /// The last profile, dated 0, and the number of its subject.
     profile: Option<(u64, Profile)>,
     profile_dated: Instant,
-    /// The station's file as it was last made, dated 0.
+    /// The last content of the station file, dated 0.
     station: Option<StationFile>,
     station_written: Option<Instant>,
-    /// What is to be written of each worker.
+    /// Pending profiles by subject number.
     profiles: BTreeMap<u64, String>,
     station_text: Option<String>,
     /// The lists of lifts.
     lifts: LiftLog,
-    /// What cannot be put into words, and so not be written.
+    /// Error of data that cannot be encoded.
     unencoded: Option<String>,
 }
 
 impl Keeper {
-    /// Takes in every copy there is; of each worker the last one counts.
+    /// Ingests all copies; only the last one of each subject counts.
     fn take_all(&mut self) {
         let mut newest: Option<(u64, Box<Kept>)> = None;
         while let Some((number, kept)) = self.saver.rings.kept.pop() {
@@ -120,13 +120,13 @@ impl Keeper {
     }
 
     fn give_back(&self, kept: Box<Kept>) {
-        // There are as many places as boxes.
+        // Cannot fail: the ring has as many slots as there are boxes.
         let _ = self.saver.rings.keep_blank.push(kept);
     }
 
     fn take_profile(&mut self, number: u64, kept: &Kept) {
         let Some(saving) = self.saver.workers.get(number).filter(|saving| saving.refusal.is_none()) else {
-            // Nothing of somebody who was forgotten stays here.
+            // Keep no data of a deleted subject.
             self.profile = None;
             return;
         };
@@ -191,7 +191,7 @@ impl Keeper {
         }
     }
 
-    /// Writes all that is to be written; what cannot be stays for the next time.
+    /// Writes all pending files; failed ones remain pending.
     fn write(&mut self) {
         let mut failed = self.unencoded.take();
         let workers = &self.saver.workers;

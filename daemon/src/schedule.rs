@@ -1,9 +1,9 @@
-//! The absolute schedule: slot k is due at `start + k · period`, whatever happened before.
+//! The absolute schedule: slot k is due at `start + k · period`, independent of previous cycles.
 //!
 //! A late cycle never shifts the phase. If whole periods have passed, their slots are skipped and counted, so that at
 //! any cycle `(due − start) / period == cycles + slots_skipped − 1`.
 
-/// When cycles are due.
+/// Due times of the cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Schedule {
     start_ns: u64,
@@ -18,22 +18,22 @@ impl Schedule {
         Schedule { start_ns, period_ns: period_ns.max(1), slot: 0, slots_skipped: 0 }
     }
 
-    /// When the first slot was due.
+    /// Due time of the first slot.
     pub fn start_ns(&self) -> u64 {
         self.start_ns
     }
 
-    /// When the current slot is due, CLOCK_MONOTONIC.
+    /// Due time of the current slot, CLOCK_MONOTONIC.
     pub fn due_ns(&self) -> u64 {
         self.start_ns + self.slot * self.period_ns
     }
 
-    /// When the next one is: the deadline of the current cycle.
+    /// Due time of the next slot: the deadline of the current cycle.
     pub fn deadline_ns(&self) -> u64 {
         self.due_ns() + self.period_ns
     }
 
-    /// Goes on to the next slot that has not passed whole at `now_ns`.
+    /// Advances to the next slot that has not passed completely at `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         let next = self.slot + 1;
         let current = now_ns.saturating_sub(self.start_ns) / self.period_ns;
@@ -51,7 +51,7 @@ impl Schedule {
         self.period_ns
     }
 
-    /// Whether `elapsed / period == slots + slots_skipped` after `cycles` cycles were begun.
+    /// Whether `elapsed / period == slots + slots_skipped` after `cycles` cycles have started.
     pub fn adds_up(&self, cycles: u64) -> bool {
         (self.due_ns() - self.start_ns) / self.period_ns + 1 == cycles + self.slots_skipped
     }
@@ -76,7 +76,7 @@ mod tests {
     fn a_late_cycle_skips_whole_slots_and_keeps_the_phase() {
         let mut schedule = Schedule::new(1000, 100);
         schedule.advance(1000 + 350);
-        // Slots 1 and 2 are over; slot 3 is due at 1300 and begins 50 late.
+        // Slots 1 and 2 have passed; slot 3 is due at 1300 and starts 50 late.
         assert_eq!((schedule.due_ns(), schedule.slots_skipped()), (1300, 2));
         assert!(schedule.adds_up(2));
         schedule.advance(1360);

@@ -1,6 +1,6 @@
-//! Adapters: from a source's samples to the bus. The same code runs as a thread of the daemon or as its own process.
+//! Adapters: publish the samples of a source on the bus, as a thread of the daemon or as a separate process.
 //!
-//! An adapter that fails ends with the reason: the daemon's keeper or systemd starts it again.
+//! An adapter that fails returns the reason: the daemon or systemd restarts it.
 
 mod build;
 mod others;
@@ -21,32 +21,33 @@ use crate::config::ground::second::{error_of_second, of_second};
 use crate::config::{Config, GroundConfig, SuitConfig};
 use crate::realtime::Asked;
 
-/// How often an adapter says how it fares.
+/// Publication interval of an adapter's health.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
-/// What a device tells of itself is logged no oftener: one that tells something else with every sample fills no disk.
+/// Minimum interval between log lines with a device's description of itself, so that one that changes with every sample
+/// does not fill the disk.
 const NOTE_EVERY: Duration = Duration::from_secs(10);
-/// The roles under which adapters are found on the bus.
+/// Role of the suit's adapter on the bus.
 pub const SUIT_ROLE: &str = "suit";
-/// As [`SUIT_ROLE`].
+/// Role of the ground's adapter on the bus.
 pub const GROUND_ROLE: &str = "ground";
-/// SCHED_FIFO priority of an adapter, below the loop, above ingress, which has nothing to do before it.
+/// Distance of an adapter's SCHED_FIFO priority below the loop's; it is above that of ingress, which depends on it.
 const BELOW_LOOP: u32 = 5;
 
-/// What an adapter's thread asks for, inside the daemon or as a process of its own.
+/// Scheduling requested by an adapter's thread, inside the daemon or in a separate process.
 pub fn asked(config: &Config) -> Asked {
     Asked { fifo_priority: config.tick.priority.saturating_sub(BELOW_LOOP), cpu: None }
 }
 
-/// Why an adapter cannot run at all.
+/// Reasons that prevent an adapter from running.
 #[derive(Debug, thiserror::Error)]
 pub enum AdapterError {
-    /// The source.
+    /// The source failed.
     #[error(transparent)]
     Source(#[from] SourceError),
-    /// The bus.
+    /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Somebody else says the same thing.
+    /// Another process publishes the same stream.
     #[error(
         "the {stream} of station {station} is published by process {process} already; two would contradict each other: \
          stop that one, or let this one be for another `station` (a daemon beside `equipoise adapter {stream}` says \
@@ -57,12 +58,12 @@ pub enum AdapterError {
         stream: &'static str,
         /// The station.
         station: String,
-        /// Who publishes.
+        /// Id of the publishing process.
         process: u32,
     },
 }
 
-/// The one publisher of a stream, while nobody else who lives is it; a dead one's place is taken at once.
+/// The only publisher of a stream; fails while another process that is alive publishes it.
 fn only_publisher<M: Topic>(bus: &Bus, stream: &'static str) -> Result<Publisher<M>, AdapterError> {
     let refused = match bus.publisher() {
         Ok(publisher) => return Ok(publisher),
@@ -81,10 +82,10 @@ fn only_publisher<M: Topic>(bus: &Bus, stream: &'static str) -> Result<Publisher
     })
 }
 
-/// Runs the suit's adapter until `stopping` says so; `ready` is called once it listens.
+/// Runs the suit's adapter until `stopping` returns true; `ready` is called once it receives.
 ///
 /// # Errors
-/// The port is taken, another living process publishes the suit, the socket fails, or the bus does.
+/// The port is taken, another process publishes the suit, or the socket or the bus fails.
 pub fn run_suit(
     station: &str,
     config: &SuitConfig,
@@ -101,14 +102,14 @@ pub fn run_suit(
     ready();
     while !stopping() {
         if let Some(mut sample) = source.receive()?.filter(|sample| !others.take(sample)) {
-            // Before the sample, so that the first one already has its bones.
+            // Before the sample, so that the first sample already has its segment lengths.
             build.tell_if_due(source.body())?;
             sample.published_ns = now_monotonic_ns();
             samples.send(&sample)?;
             wake.notify(Event::NewSuit)?;
         }
         if health.tell_if_due(|| source.health())? {
-            // Subscribers also leave while the suit is silent.
+            // Also while the suit is silent, since subscribers may leave.
             samples.update_connections()?;
             build.update_connections()?;
             others.tell(|avatar| source.health_of(avatar));
@@ -118,14 +119,14 @@ pub fn run_suit(
     Ok(())
 }
 
-/// Runs the ground's adapter until `stopping` says so; `ready` is called once the way to the device was tried, and
-/// `trouble` whenever what is wrong with the device changes: a sentence, or `None` once all is well.
+/// Runs the ground's adapter until `stopping` returns true; `ready` is called after the first attempt to open the
+/// device, and `trouble` whenever the device's fault changes: a sentence, or `None` once the fault is gone.
 ///
-/// A device that is off or unplugged is tried again and again.
+/// A device that is off or unplugged is retried indefinitely.
 ///
 /// # Errors
-/// What does not mend itself: a port that is taken, a configuration that cannot work, another living process that publishes
-/// the ground, the bus.
+/// Permanent errors: a port that is taken, an invalid configuration, another process that publishes the ground, or the
+/// bus.
 pub fn run_ground(
     station: &str,
     config: &GroundConfig,
@@ -172,20 +173,20 @@ pub fn run_ground(
     Ok(())
 }
 
-/// One device, or two as one.
+/// One device, or two combined.
 #[derive(Debug)]
 pub enum Ground {
-    /// One.
+    /// One device.
     One(Box<GroundSource>),
-    /// Two.
+    /// Two devices.
     Two(Box<FusedSource>),
 }
 
 impl Ground {
-    /// Opens what a section of the configuration asks for.
+    /// Opens the devices of a configuration section.
     ///
     /// # Errors
-    /// Another process' samples are asked for, or what this machine cannot do.
+    /// The samples come from another process, or this machine lacks a requirement.
     pub fn open(config: &GroundConfig) -> Result<Ground, SourceError> {
         let first = open_device(config, config.settings())?;
         let (Some(second), Some(fusion)) = (config.second.as_deref(), config.fusion()) else {
@@ -241,7 +242,7 @@ fn open_device(config: &GroundConfig, settings: GroundSettings) -> Result<Ground
     GroundSource::open(transport, device, settings)
 }
 
-/// The character, which axis is up, and its constant delay, as configured.
+/// Character, vertical axis and constant delay according to the configuration.
 pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
     SuitSettings {
         avatar: config.avatar,
@@ -251,7 +252,7 @@ pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
     }
 }
 
-/// Where MVN sends to, and whom, as configured.
+/// Transport, address and character according to the configuration.
 ///
 /// # Errors
 /// The samples come from another process.
@@ -280,7 +281,7 @@ impl Health {
         Ok(Health { publisher: bus.publisher()?, last: Instant::now() })
     }
 
-    /// Whether it was due.
+    /// Publishes if due; returns whether it was due.
     fn tell_if_due(&mut self, health: impl FnOnce() -> AdapterHealth) -> Result<bool, BusError> {
         let is_due = self.last.elapsed() >= HEALTH_INTERVAL;
         if is_due {

@@ -1,7 +1,7 @@
-//! Who of the workers that are known is built like this one: `prior = "similar-subject"`.
+//! Selects the stored subject with the most similar body: `prior = "similar-subject"`.
 //!
-//! Likeness is a Gaussian kernel over stature and body mass, less across sexes. Its widths and shares are ours, not
-//! measured: half of what people of one sex differ by.
+//! Similarity is a Gaussian kernel over stature and body mass, reduced if the sexes differ. Its widths and factors are
+//! assumptions, not measurements: half of the variation among people of one sex.
 
 use std::path::Path;
 
@@ -11,37 +11,37 @@ use equipoise_core::sesc::{PARAMETERS, Phi, Reduction, ReductionKind};
 
 use crate::profile::Profile;
 
-/// Stature that makes two people one width apart, m.
+/// Difference in stature of one kernel width, m.
 const HEIGHT_WIDTH_M: f64 = 0.04;
-/// Body mass that does, kg.
+/// Difference in body mass of one kernel width, kg.
 const MASS_WIDTH_KG: f64 = 7.0;
-/// What twins in stature, mass and sex share of a deviation from the table.
+/// Fraction of a deviation from the table shared by subjects of equal stature, mass and sex.
 const LIKENESS_MAX: f64 = 0.8;
-/// What is left of it where the sexes differ, or one is not stated.
+/// Factor on it if the sexes differ or one is not stated.
 const OTHER_SEX: f64 = 0.6;
-/// Below this nobody is similar.
+/// Minimum similarity.
 const LIKENESS_MIN: f64 = 0.2;
 
-/// The worker who was taken.
+/// The selected subject.
 #[derive(Debug, Clone)]
 pub struct Chosen {
-    /// The pseudonym.
+    /// Pseudonym.
     pub subject: String,
-    /// What it means for the prior.
+    /// Its contribution to the prior.
     pub similar: Similar,
 }
 
-/// The most similar of the profiles in a folder, for the worker of these settings; not that worker's own.
+/// The most similar of the profiles in a folder for the subject of these settings, excluding that subject's own.
 ///
-/// `None` if the settings ask for nobody, or nobody is similar. Profiles that cannot be read, are not finished, or
-/// do not say stature and sex are passed over.
+/// `None` if the settings request no similar subject, or none is similar. Profiles that cannot be read, are not
+/// completely identified, or lack stature and sex are skipped.
 pub fn choose(subject: &str, settings: &Settings, folder: &Path) -> Option<Chosen> {
     if settings.prior != PriorKind::SimilarSubject {
         return None;
     }
     let mut files: Vec<_> =
         std::fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path()).collect();
-    // Of two equally similar workers always the same.
+    // Makes the choice among equally similar subjects deterministic.
     files.sort();
     files
         .iter()
@@ -53,7 +53,7 @@ pub fn choose(subject: &str, settings: &Settings, folder: &Path) -> Option<Chose
         .reduce(|best, other| if other.similar.likeness > best.similar.likeness { other } else { best })
 }
 
-/// One sentence for people.
+/// One sentence on the selection.
 pub fn tell(chosen: Option<&Chosen>) -> String {
     match chosen {
         Some(chosen) => format!(
@@ -69,7 +69,7 @@ fn compare(profile: &Profile, settings: &Settings) -> Option<Chosen> {
     let apart = |difference: f64, width: f64| (difference / width).powi(2);
     let mass = match settings.mass_kg {
         Some(mass_kg) if profile.mass_kg > 0.0 => apart(mass_kg - profile.mass_kg, MASS_WIDTH_KG),
-        // Not known: one width apart.
+        // Unavailable mass: assume one width.
         _ => 1.0,
     };
     let distance = apart(settings.height_m - build.height_m, HEIGHT_WIDTH_M) + mass;
@@ -80,7 +80,7 @@ fn compare(profile: &Profile, settings: &Settings) -> Option<Chosen> {
     Some(Chosen { subject: profile.subject.clone(), similar })
 }
 
-/// What a worker's Φ has more than the table on that worker's bones, and its variance.
+/// Deviation of a subject's Φ from that of the table with the same segment lengths, and its variance.
 fn deviation(profile: &Profile) -> Option<([f64; PARAMETERS], [f64; PARAMETERS])> {
     let build = profile.build()?;
     let offset_m: [[f64; 3]; SEGMENTS] = profile.skeleton_m().try_into().ok()?;
@@ -121,7 +121,7 @@ mod tests {
         }
     }
 
-    /// A finished worker of a build, exactly as the table has it.
+    /// Stores a subject whose Φ equals the table's.
     fn store(folder: &Path, subject: &str, build: Option<Build>, mass_kg: f64, identified: u64) {
         let height_m = build.map_or(1.77, |build| build.height_m);
         let settings = Settings { height_m, mass_kg: Some(mass_kg), ..settings() };
@@ -168,7 +168,7 @@ mod tests {
         store(folder.path(), "a", Some(Build { height_m: 1.77, sex: SexConfig::Male }), 72.0, 1);
         let profile = Profile::read(&folder.path().join("a.toml")).unwrap().unwrap();
         let (deviation_m, variance_m2) = deviation(&profile).unwrap();
-        // Soft constraints pull the table itself by less than half a millimetre.
+        // Soft constraints shift the table's values by less than half a millimetre.
         assert!(deviation_m.iter().all(|metres| metres.abs() < 5e-4), "{deviation_m:?}");
         assert!(variance_m2[3 * Segment::Pelvis.index()] > 0.0);
     }

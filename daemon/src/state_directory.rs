@@ -1,14 +1,14 @@
-//! Where state lies: profiles, stations' files, flight records.
+//! Location of persistent state: profiles, station files, flight records.
 //!
-//! Only the service manager tells the daemon where. So the daemon tells it on in its status, and whoever deals with its
-//! files goes there; the environment counts where no daemon runs.
+//! The location comes from the service manager and is in the daemon's environment only. The daemon publishes it in its
+//! status for other programs, which use their own environment if no daemon runs.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use crate::status::{self, Status};
 
-/// Neither the service manager nor a home says where state lies.
+/// Neither the service manager nor a home directory determines the location of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "nothing says where state is to be kept: set STATE_DIRECTORY to a directory of this user (neither it nor \
@@ -21,39 +21,39 @@ pub struct NoStateDirectory;
 pub struct StateDirectory(PathBuf);
 
 impl StateDirectory {
-    /// That of the environment: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else
+    /// The directory of the environment: systemd's `$STATE_DIRECTORY`, else `$XDG_STATE_HOME/equipoise`, else
     /// `~/.local/state/equipoise`.
     ///
     /// # Errors
-    /// None of them is set. A folder that everybody may make would be no place for what is known of people.
+    /// None of them is set. World-writable folders are not used, because the state contains personal data.
     pub fn of_environment() -> Result<StateDirectory, NoStateDirectory> {
         choose(|name| std::env::var_os(name)).map(|path| StateDirectory::at(&path)).ok_or(NoStateDirectory)
     }
 
-    /// This one.
+    /// A directory at `path`.
     pub fn at(path: &Path) -> StateDirectory {
         StateDirectory(std::path::absolute(path).unwrap_or_else(|_| path.to_owned()))
     }
 
-    /// That of a daemon; `None` if it is of a version that does not tell.
+    /// The directory of a daemon; `None` if its version does not publish it.
     pub fn of_daemon(facts: &Status) -> Option<StateDirectory> {
         let path = &facts.state_directory;
         (!path.as_os_str().is_empty()).then(|| StateDirectory::at(path))
     }
 
-    /// That of a station's daemon, else that of the environment.
+    /// The directory of a station's daemon, otherwise that of the environment.
     ///
     /// # Errors
-    /// There is neither.
+    /// Neither is available.
     pub fn of_station(station: &str) -> Result<StateDirectory, NoStateDirectory> {
         let told = status::read(station).as_ref().and_then(StateDirectory::of_daemon);
         told.map_or_else(StateDirectory::of_environment, Ok)
     }
 
-    /// Those of all daemons on this bus, each once; if there are none, that of the environment.
+    /// The directories of all daemons on this bus without duplicates; without a daemon, that of the environment.
     ///
     /// # Errors
-    /// A daemon's status cannot be read, or there is no directory at all.
+    /// A daemon's status cannot be read, or no directory is available.
     pub fn of_bus() -> anyhow::Result<Vec<StateDirectory>> {
         let mut all = Vec::new();
         for facts in status::all()? {
@@ -67,7 +67,7 @@ impl StateDirectory {
         Ok(all)
     }
 
-    /// Adds it to others, unless it is there already, be it by another name.
+    /// Appends the directory unless the list contains it, possibly under another path.
     pub fn join_into(self, others: &mut Vec<StateDirectory>) {
         let real = |directory: &StateDirectory| directory.0.canonicalize().unwrap_or(directory.0.clone());
         if others.iter().all(|other| real(other) != real(&self)) {
@@ -75,37 +75,37 @@ impl StateDirectory {
         }
     }
 
-    /// The directory itself.
+    /// Path of the directory.
     pub fn path(&self) -> &Path {
         &self.0
     }
 
-    /// Where profiles are kept.
+    /// Folder of the profiles.
     pub fn profiles(&self) -> PathBuf {
         self.0.join("subjects")
     }
 
-    /// The list of a subject's lifts.
+    /// Path of a subject's list of lifts.
     pub fn lifts(&self, subject: &str) -> PathBuf {
         self.profiles().join(format!("{subject}.lifts.csv"))
     }
 
-    /// The file of a subject; the id is checked by the configuration.
+    /// Path of a subject's profile; the configuration validates the id.
     pub fn profile(&self, subject: &str) -> PathBuf {
         self.profiles().join(format!("{subject}.toml"))
     }
 
-    /// Where the stations' files are kept.
+    /// Folder of the station files.
     pub fn stations(&self) -> PathBuf {
         self.0.join("stations")
     }
 
-    /// The file of a station; the name is checked by the configuration.
+    /// Path of a station's file; the configuration validates the name.
     pub fn station(&self, station: &str) -> PathBuf {
         self.stations().join(format!("{station}.toml"))
     }
 
-    /// Where flight records are kept.
+    /// Folder of the flight records.
     pub fn flights(&self) -> PathBuf {
         self.0.join("flight")
     }
@@ -114,7 +114,7 @@ impl StateDirectory {
 fn choose(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     let set = |name: &str| variable(name).filter(|value| !value.is_empty());
     if let Some(directories) = set("STATE_DIRECTORY") {
-        // systemd joins several with colons; the first is the service's own.
+        // systemd separates several directories by colons; the first is the service's own.
         let first = directories.to_string_lossy().split(':').next().unwrap_or_default().to_owned();
         return (!first.is_empty()).then(|| PathBuf::from(first));
     }

@@ -126,7 +126,7 @@ impl StatusFile {
     /// # Errors
     /// What the system said.
     pub fn write(&self) -> std::io::Result<()> {
-        // Held while writing: two threads do it, into one temporary file.
+        // Serialises the writes of two threads to the same temporary file.
         let facts = self.facts();
         let text = serde_json::to_string_pretty(&facts.status)?;
         let new = self.path.with_extension("json.new");
@@ -166,7 +166,7 @@ fn all_in(root: &Path) -> anyhow::Result<Vec<Status>> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(error).with_context(|| format!("cannot read {}", root.display())),
     };
-    // A station's name has no dot: with one it is the file of a page or of an adapter.
+    // Station names contain no dot; names with a dot are files of a page or an adapter.
     let is_ours = |name: &str| {
         let station = name.strip_prefix("equipoise-").and_then(|name| name.strip_suffix(".json"));
         station.is_some_and(|station| !station.contains('.'))
@@ -186,7 +186,7 @@ fn all_in(root: &Path) -> anyhow::Result<Vec<Status>> {
         };
         match read_text(&path, STATUS_BYTES_MAX) {
             Ok(text) => all.push(serde_json::from_str(&text).with_context(unreadable)?),
-            // Its daemon has ended just now.
+            // The daemon has just ended.
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => return Err(error).with_context(unreadable),
         }

@@ -1,5 +1,5 @@
-//! Files that the program wrote for itself and reads again after a restart: TOML with a format's number, sealed with a
-//! checksum, so that what a failing disk, a cut copy or an editor made of one is refused and not believed.
+//! Files that the program writes and reads again after a restart: TOML with a format number and a checksum, so that
+//! damage by a failing disk, a truncated copy or an editor is detected and the file is refused.
 
 use std::io;
 use std::ops::RangeInclusive;
@@ -10,30 +10,30 @@ use serde::de::DeserializeOwned;
 
 use crate::model::sha256_of_text;
 
-/// Begins the last line; TOML takes it for a comment.
+/// Prefix of the last line, which is a TOML comment.
 const SEAL: &str = "# sha256 of all above: ";
 
-/// Formats of a kind of file.
+/// Format numbers of a kind of file.
 #[derive(Debug, Clone)]
 pub struct Formats {
-    /// Those that are read; the last is written.
+    /// Supported formats; the last one is written.
     pub read: RangeInclusive<u32>,
-    /// The first that is sealed.
+    /// The first format with a checksum.
     pub sealed_since: u32,
 }
 
-/// Why a file is not used.
+/// Reasons to refuse a file.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// It is not what was written, or of another version.
+    /// The content was changed or has another version.
     #[error("{0}")]
     Content(String),
 }
 
-/// A text with its checksum as the last line.
+/// Appends a checksum to a text as the last line.
 pub fn sealed(mut text: String) -> String {
     if !text.ends_with('\n') {
         text.push('\n');
@@ -42,7 +42,7 @@ pub fn sealed(mut text: String) -> String {
     text + &seal
 }
 
-/// Reads a file; `None` if there is none.
+/// Reads a file; `None` if it does not exist.
 ///
 /// # Errors
 /// [`Refusal`].
@@ -56,7 +56,7 @@ pub fn read<T: DeserializeOwned>(path: &Path, formats: &Formats) -> Result<Optio
 
 fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String> {
     let told = |error: toml::de::Error| error.message().to_owned();
-    // A later version's fields are not known here: its number is looked at first.
+    // Check the format number first: the fields of a later version are unknown.
     let table: toml::Table = text.parse().map_err(told)?;
     let format = table.get("format").and_then(toml::Value::as_integer);
     let known = format.and_then(|format| u32::try_from(format).ok()).filter(|it| formats.read.contains(it));

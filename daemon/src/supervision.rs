@@ -1,7 +1,7 @@
-//! Sees what goes wrong and gives it a name: from what loop and adapters publish, to the board of incidents.
+//! Derives incidents from the messages of loop and adapters.
 //!
-//! Reading is here; judging is in the files below it, which know no clock and no file: what is seen goes in, whether an
-//! incident goes on comes out. Nothing here runs in the loop.
+//! This module reads the messages; the submodules evaluate them without access to clocks or files: observations are
+//! inputs, and whether an incident is active is the output. Nothing here runs in the loop.
 
 mod growth;
 mod host_clock;
@@ -27,30 +27,30 @@ use crate::realtime::now_ns;
 use crate::rings::Refused;
 use crate::sensors;
 
-/// Time in which nobody looked (this process was stopped, or had no core) shows no silence: at most this much of the
-/// gap between two looks is counted.
+/// Time without observation (this process was stopped or had no core) does not prove silence: at most this much of the
+/// interval between two evaluations counts.
 const GAP_COUNTED_MAX_NS: u64 = 200_000_000;
-/// All records of one look at the highest rate, and of one that comes late.
+/// Depth for all records of one evaluation interval at the highest rate, and of a delayed one.
 const RECORDS: usize = 1024;
 
-/// One of the two streams, and all that differs between them.
+/// State of one of the two streams.
 struct Stream {
     watch: StreamWatch,
     silent: Incident,
     stale: Incident,
     down: Incident,
-    /// Its adapter is another process; then its role on the bus.
+    /// Role of its adapter on the bus, if the adapter is another process.
     external: Option<&'static str>,
-    /// Whether such an adapter was ever there.
+    /// Whether such an adapter was ever present.
     was_there: bool,
 }
 
-/// The watches, with their places on the bus.
+/// The watches and their subscriptions.
 pub struct Supervision {
     cycles: Subscriber<CycleRecord>,
     health: Subscriber<AdapterHealth>,
     last_look_ns: u64,
-    /// When nobody had looked yet.
+    /// Start time, before the first evaluation.
     started_ns: u64,
     suit: Stream,
     ground: Stream,
@@ -64,10 +64,10 @@ pub struct Supervision {
 }
 
 impl Supervision {
-    /// Joins what is published.
+    /// Subscribes to the required services.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn open(bus: &Bus, config: &Config) -> Result<Supervision, BusError> {
         Ok(Supervision {
             cycles: bus.subscriber(RECORDS)?,
@@ -100,11 +100,11 @@ impl Supervision {
         })
     }
 
-    /// Looks at all that has come since the last look; `state` is the newest, if there is one, `refused` what ingress has
-    /// refused since the start.
+    /// Evaluates all messages since the last call; `state` is the newest state, if any, and `refused` counts the
+    /// samples that ingress has refused since the start.
     ///
     /// # Errors
-    /// The bus breaks.
+    /// The bus fails.
     pub fn look(
         &mut self,
         state: Option<&State>,
@@ -114,7 +114,7 @@ impl Supervision {
         let now_ns = now_ns();
         let gap_ns = now_ns.saturating_sub(self.last_look_ns).min(GAP_COUNTED_MAX_NS);
         self.last_look_ns = now_ns;
-        // What one topic does not give is no reason to be blind to the others.
+        // An error of one service must not prevent the evaluation of the others.
         let heard = self.hear_health();
         let (mut newest, mut taken, mut stamped) = (None, [0, 0], Stamped::default());
         while let Some(record) = self.cycles.receive()? {
@@ -161,8 +161,8 @@ impl Supervision {
         Ok(())
     }
 
-    /// What need not be looked at more often than once a second; with the loop's minor and major page faults since its
-    /// warm-up, once that is over.
+    /// Slower checks, once a second; `loop_faults` are the loop's minor and major page faults since its warm-up, if
+    /// that is over.
     pub fn tidy(&mut self, bus: &Bus, board: &IncidentBoard, loop_faults: Option<[u64; 2]>) {
         self.clock.name_source(host_clock::source());
         if let Some(new) = self.page_faults.look(loop_faults) {

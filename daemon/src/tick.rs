@@ -1,8 +1,8 @@
-//! The loop: wakes on an absolute schedule, takes what has come in, makes one step, hands out what it knows.
+//! The loop: wakes on an absolute schedule, ingests pending samples, executes one cycle, and passes the results on.
 //!
-//! It owns no port of the bus, since peers' joining and leaving would cost it memory and system calls. Once it runs
-//! it touches no heap, takes no lock, formats nothing, and calls the kernel for its sleep and to wake egress only.
-//! All of it is [`Loop::run`].
+//! It owns no port of the bus, because joining and leaving participants would cause allocations and system calls. While
+//! running it does not allocate, lock or format, and makes system calls only to sleep and to wake egress. See
+//! [`Loop::run`].
 
 mod clock;
 mod lateness;
@@ -20,27 +20,27 @@ use crate::schedule::Schedule;
 pub use clock::{Clock, Monotonic};
 pub use lateness::{LoopSummary, Miss, Misses};
 
-/// At most so many samples are taken in by one cycle; the rest wait in the ring.
+/// Maximum number of samples ingested per cycle; the rest stays in the ring.
 const SUIT_TAKEN_MAX: usize = 8;
 const GROUND_TAKEN_MAX: usize = 64;
-/// What outlives the process is copied out this often, and with every command: with the disk's time on top, a kill loses
-/// less than a second.
+/// Interval of copies of the persistent state, which are also made with every command: including the disk's latency, a
+/// kill loses less than a second.
 const KEEP_EVERY_NS: u64 = NS_PER_S / 2;
 
-/// Told about every cycle from inside the loop: tests arm their counters here.
+/// Called in every cycle from inside the loop, for counters in tests.
 pub trait Observer: Send {
-    /// The sleep has ended.
+    /// Called at the end of the sleep.
     fn cycle_begins(&mut self, _cycle: u64) {}
-    /// The outcome is handed over.
+    /// Called after the outcome is passed on.
     fn cycle_ends(&mut self, _cycle: u64) {}
 }
 
-/// Looks away.
+/// Does nothing.
 #[derive(Debug)]
 pub struct NoObserver;
 impl Observer for NoObserver {}
 
-/// The loop, before it runs.
+/// The loop before it runs.
 pub struct Loop {
     settings: Settings,
     memory: Box<Memory>,
@@ -48,18 +48,18 @@ pub struct Loop {
     suit: Box<[SuitSample; SUIT_TAKEN_MAX]>,
     ground: Box<[GroundSample; GROUND_TAKEN_MAX]>,
     record: CycleRecord,
-    /// A checkpoint is owed: taken as soon as a blank one is there.
+    /// A checkpoint is due and will be taken once a blank one is available.
     owes_checkpoint: bool,
     told: Told,
     /// Number of the worker in `memory`.
     worker: u64,
-    /// When `memory` was last copied out to be kept.
+    /// Time of the last copy of the persistent state in `memory`.
     kept_ns: u64,
-    /// A copy is owed: taken as soon as a box can be had.
+    /// A copy is due and will be taken once a box is available.
     owes_copy: bool,
 }
 
-/// What of the worker was last checkpointed.
+/// Subject data at the last checkpoint.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Told {
     poses_used: u64,
@@ -80,9 +80,9 @@ impl Told {
 }
 
 impl Loop {
-    /// A loop over a memory that was started or restored.
+    /// Creates a loop with an initialised or restored memory.
     ///
-    /// `worker` is the number of the worker in it.
+    /// `worker` is the number of its worker.
     pub fn new(
         settings: Settings,
         memory: Box<Memory>,
@@ -105,7 +105,7 @@ impl Loop {
             kept_ns: 0,
             owes_copy: false,
         };
-        // Memory that was only asked for is given page by page, at the first touch: that shall not be a cycle's.
+        // Fresh memory is mapped page by page at the first access: access it here to avoid page faults in a cycle.
         touch(&mut *new.memory);
         touch(&mut *new.suit);
         touch(&mut *new.ground);
@@ -195,15 +195,15 @@ impl Loop {
         }
     }
 
-    /// The command of this cycle, with what it brings put in place: another worker, or other settings. The emptied box
-    /// goes back to who may free it.
+    /// The command of this cycle; applies the worker or settings that accompany it. The emptied box returns to a thread
+    /// that may free it.
     fn command(&mut self) -> Option<CommandKind> {
         self.record.command_argument = [0.0; 4];
         let command = self.rings.command.pop();
         if command == Some(CommandKind::SubjectLoad)
             && let Some((number, worker)) = self.rings.worker.pop()
         {
-            // The last word of the one before.
+            // Final copy of the previous worker.
             self.keep();
             self.memory.put_in_place(&worker);
             self.worker = number;
@@ -222,21 +222,21 @@ impl Loop {
 
     fn keep_if_due(&mut self, due_ns: u64, command: Option<CommandKind>) {
         self.owes_copy |= command.is_some() || due_ns.saturating_sub(self.kept_ns) >= KEEP_EVERY_NS;
-        // Nothing is lost by waiting for a slow disk: the worker is still here.
+        // Waiting for a slow disk loses nothing: the worker stays in memory.
         if self.owes_copy && self.rings.keep_blank.waiting() > KEPT_FOR_LAST_WORD {
             (self.owes_copy, self.kept_ns) = (false, due_ns);
             self.keep();
         }
     }
 
-    /// Copies what outlives the process, if a box is blank.
+    /// Copies the persistent state if a box is blank.
     fn keep(&mut self) {
         if let Some(kept) = self.rings.keep_blank.pop() {
             self.keep_in(kept);
         }
     }
 
-    /// The same however slow the disk is: no time is kept any more, so memory may be asked for.
+    /// As [`Self::keep`], but always: after the last cycle an allocation is harmless.
     fn keep_at_the_end(&mut self) {
         let kept = self.rings.keep_blank.pop().unwrap_or_else(bytemuck::zeroed_box);
         self.keep_in(kept);
@@ -244,7 +244,7 @@ impl Loop {
 
     fn keep_in(&self, mut kept: Box<Kept>) {
         kept.take(&self.memory);
-        // There are more places than boxes.
+        // Cannot fail: there are more slots than boxes.
         let _ = self.rings.kept.push((self.worker, kept));
     }
 
@@ -257,13 +257,13 @@ impl Loop {
             checkpoint.take(cycle, &self.memory);
             self.owes_checkpoint = false;
             self.told = worker;
-            // There are as many places as boxes.
+            // Cannot fail: the ring has as many slots as there are boxes.
             let _ = self.rings.taken.push(checkpoint);
         }
     }
 }
 
-/// How many samples there were; `ingress_ns` is then the stamp of the last.
+/// Returns the number of samples taken; `ingress_ns` is set to the stamp of the last.
 fn take<S>(places: &mut [S], ingress_ns: &mut u64, mut next: impl FnMut() -> Option<TakenIn<S>>) -> usize {
     let mut taken = 0;
     while taken < places.len()
@@ -283,7 +283,7 @@ mod tests {
 
     const LOAD_AT: u64 = 1000;
 
-    /// Runs through its cycles at once, loads another worker in the middle, and ends.
+    /// Runs its cycles without waiting, loads another worker in the middle, and ends.
     struct Steps {
         now_ns: u64,
         cycle: u64,
@@ -322,7 +322,7 @@ mod tests {
         memory.start(&settings);
         let mut clock =
             Steps { now_ns: 0, cycle: 0, rings: Arc::clone(&rings), blank_before_and_after: [9; 2] };
-        // 20 s at 100 Hz, and nobody brings a box back.
+        // 20 s at 100 Hz, and no box is returned.
         let the_loop = Loop::new(settings, memory, 0, Arc::clone(&rings), 10_000_000);
         the_loop.run(&mut clock, &mut NoObserver);
         assert_eq!(clock.blank_before_and_after, [1, 0], "what is kept now and then leaves one");

@@ -1,9 +1,8 @@
 //! A recording's cycle records as a trace that Perfetto and chrome://tracing open: the Trace Event Format, JSON.
 //!
-//! What a thread does is a slice of the thread's track; what waits (a datagram for the adapter, a sample for its cycle, a
-//! state for egress) is an asynchronous slice, since the next may wait before the last has had its turn. Every slice is a
-//! stage of `equipoise_latency::Stage` and bears its name. Times are CLOCK_MONOTONIC, like those of other traces of the
-//! same machine.
+//! Work of a thread is a slice on its track; waiting (of a datagram for the adapter, a sample for its cycle, a state
+//! for egress) is an asynchronous slice, since waiting intervals may overlap. Every slice is a stage of
+//! `equipoise_latency::Stage` with the stage's name. Times are CLOCK_MONOTONIC, as in other traces of the same machine.
 
 mod event;
 
@@ -15,16 +14,16 @@ use equipoise_core::message::CycleRecord;
 
 use self::event::{Event, Track, events_of};
 
-/// What a trace holds.
+/// Content of a trace.
 #[derive(Debug, Default)]
 pub struct TraceSummary {
-    /// Cycles in it.
+    /// Number of cycles.
     pub cycles: u64,
-    /// Its first and last cycle.
+    /// First and last cycle.
     pub span: Option<(u64, u64)>,
-    /// Missed deadlines in it.
+    /// Number of missed deadlines.
     pub deadlines_missed: u64,
-    /// The recording ends with damage; what stood before is in the trace.
+    /// Damage that ended the recording; the trace contains everything before it.
     pub damage: Option<ReadError>,
 }
 
@@ -71,7 +70,7 @@ impl TraceSummary {
     }
 }
 
-/// A trace that is being written, event by event: a shift has millions.
+/// A trace written event by event, since a shift has millions.
 struct Trace<'a, W: Write> {
     out: &'a mut W,
     begun: bool,

@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all: what a crash, a kill or a full disk leaves is the old content or the new.
+//! Atomic file writes: after a crash, a kill or a full disk, the file has either the old or the new content.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
@@ -6,16 +6,16 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Owner writes, group reads, nobody else.
+/// Owner writes, group reads.
 pub(crate) const MODE: u32 = 0o640;
-/// How many temporary files this process has made.
+/// Number of temporary files created by this process.
 static MADE: AtomicU64 = AtomicU64::new(0);
 
-/// Writes a file so that a crash at any instant leaves either the old content or the new. Several may write the same
-/// file: one of them is the last, and every one whole.
+/// Writes a file so that a crash at any instant leaves either the old content or the new. Concurrent writes are safe:
+/// the file has the complete content of the last one.
 ///
 /// # Errors
-/// What the system said; the old content is then still there.
+/// The system's error; the old content remains.
 pub fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(directory)?;
@@ -25,11 +25,11 @@ pub fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
         let _ = fs::remove_file(&temporary);
         return Err(error);
     }
-    // The rename itself lies in the directory.
+    // Makes the rename durable: it is an entry of the directory.
     File::open(directory)?.sync_all()
 }
 
-/// A new file `<path>.<process>-<number>.new`: nobody else writes into it.
+/// Creates a temporary file `<path>.<process>-<number>.new`, unique to this write.
 fn temporary_of(path: &Path) -> std::io::Result<(File, PathBuf)> {
     loop {
         let number = MADE.fetch_add(1, Ordering::Relaxed);
@@ -37,24 +37,24 @@ fn temporary_of(path: &Path) -> std::io::Result<(File, PathBuf)> {
         name.push(format!(".{}-{number}.new", std::process::id()));
         let temporary = PathBuf::from(name);
         match OpenOptions::new().write(true).create_new(true).mode(MODE).open(&temporary) {
-            // Left by a process before that had our id, as in a container.
+            // Left by an earlier process with the same id, as in a container.
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
             opened => return opened.map(|file| (file, temporary)),
         }
     }
 }
 
-/// What a write leaves that was cut off.
+/// Temporary file of an interrupted write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Leftover<'a> {
-    /// Name of the file that it was to become.
+    /// Name of the intended file.
     pub of: &'a str,
-    /// Whether nobody writes it any more.
+    /// Whether its writer no longer runs.
     pub is_abandoned: bool,
 }
 
 impl Leftover<'_> {
-    /// What a file's name says; `None` if it is no leftover. Older versions wrote `<name>.new`.
+    /// Parses a file name; `None` if it is not a temporary file. Older versions wrote `<name>.new`.
     pub fn named(name: &str) -> Option<Leftover<'_>> {
         let stem = name.strip_suffix(".new")?;
         let numbered = stem.rsplit_once('.').and_then(|(of, writer)| {
@@ -80,12 +80,12 @@ pub fn runs(process: u32) -> bool {
     Path::new("/proc").join(process.to_string()).exists()
 }
 
-/// Removes what writes that were cut off have left in a folder, of files that `is_ours` says yes to.
+/// Removes abandoned temporary files from a folder if `is_ours` returns true for the intended name.
 pub fn clear_leftovers(folder: &Path, is_ours: impl Fn(&str) -> bool) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         if Leftover::named(&name).is_some_and(|found| found.is_abandoned && is_ours(found.of)) {
-            // If it cannot be removed, it is in nobody's way.
+            // A remaining file is harmless.
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn only_what_nobody_writes_any_more_is_cleared() {
         let directory = tempfile::tempdir().unwrap();
-        // No process has this id: they end below 2^22.
+        // No process has this id: ids are below 2^22.
         let dead = "a.toml.4194305-3.new";
         let living = format!("a.toml.{}-0.new", std::os::unix::process::parent_id());
         let own = format!("a.toml.{}-{}.new", std::process::id(), u64::MAX);

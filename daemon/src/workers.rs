@@ -1,7 +1,7 @@
-//! Whose profile is saved: the configured worker's, or that of whoever was loaded since.
+//! Which profile is saved: that of the configured subject, or of one loaded later.
 //!
-//! Each worker of this daemon's life has a number, and what is learnt travels with it. So a pose that was learnt just
-//! before another worker was loaded still goes to its own profile.
+//! Each subject loaded during the daemon's lifetime has a number, which accompanies its data. So a pose used just
+//! before another subject is loaded still enters the correct profile.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,28 +10,28 @@ use std::sync::{Mutex, PoisonError};
 use crate::profile::Build;
 use crate::state_directory::StateDirectory;
 
-/// The configured worker.
+/// Number of the configured subject.
 pub const CONFIGURED: u64 = 0;
 
-/// Where a worker is saved.
+/// Destination of a subject's data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saving {
-    /// The pseudonym; empty for somebody who has none and is not kept.
+    /// The pseudonym; empty for an unnamed subject, which is not saved.
     pub subject: String,
-    /// The file.
+    /// Path of the profile.
     pub path: PathBuf,
-    /// The list of the lifts, beside it.
+    /// Path of the list of lifts.
     pub lifts: PathBuf,
-    /// How the worker is built; `None` if that is not known.
+    /// Stature and sex; `None` if unavailable.
     pub build: Option<Build>,
-    /// Whether the configuration asks to remember.
+    /// Whether the configuration enables saving.
     pub remember: bool,
-    /// Why it is not written, if so: nobody asked to remember, or the file is there and cannot be understood.
+    /// Why the profile is not written: saving is disabled, or the existing file cannot be parsed.
     pub refusal: Option<String>,
 }
 
 impl Saving {
-    /// Saves a subject under its own name; not, with a reason, if nobody asked to remember.
+    /// Destination for a subject's own name; refused, with a reason, unless saving is enabled.
     pub fn of(state: &StateDirectory, subject: &str, build: Option<Build>, remember: bool) -> Saving {
         let refusal = (!remember)
             .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
@@ -39,7 +39,7 @@ impl Saving {
         Saving { subject: subject.to_owned(), path, lifts, build, remember, refusal }
     }
 
-    /// Somebody without a name, of whom nothing is kept.
+    /// An unnamed subject, of which nothing is saved.
     pub fn nobody() -> Saving {
         Saving {
             subject: String::new(),
@@ -52,18 +52,18 @@ impl Saving {
     }
 }
 
-/// All workers so far; the last one loaded is the one in use.
+/// All subjects so far; the last one loaded is active.
 #[derive(Debug)]
 pub struct Workers {
     state: StateDirectory,
     all: Mutex<Vec<Saving>>,
     in_use: AtomicU64,
-    /// Held while a profile is written, so that none is written once it is forgotten.
+    /// Held while a profile is written, so that none is written after its subject is deleted.
     disk: Mutex<()>,
 }
 
 impl Workers {
-    /// Begins with the configured worker.
+    /// Begins with the configured subject.
     pub fn new(state: StateDirectory, configured: Saving) -> Workers {
         Workers {
             state,
@@ -73,12 +73,12 @@ impl Workers {
         }
     }
 
-    /// Where all of them are saved.
+    /// State directory of all subjects.
     pub fn state(&self) -> &StateDirectory {
         &self.state
     }
 
-    /// Takes in one more and gives back its number.
+    /// Adds a subject; returns its number.
     pub fn add(&self, saving: Saving) -> u64 {
         self.with(|all| {
             all.push(saving);
@@ -86,22 +86,22 @@ impl Workers {
         })
     }
 
-    /// The worker of a number.
+    /// The subject with a number.
     pub fn get(&self, number: u64) -> Option<Saving> {
         self.with(|all| all.get(number as usize).cloned())
     }
 
-    /// Number of the worker that the loop was last given.
+    /// Number of the active subject.
     pub fn in_use(&self) -> u64 {
         self.in_use.load(Ordering::Relaxed)
     }
 
-    /// The loop was given this one.
+    /// Sets the active subject.
     pub fn use_from_now_on(&self, number: u64) {
         self.in_use.store(number, Ordering::Relaxed);
     }
 
-    /// Says why a worker is not saved.
+    /// Disables saving of a subject, with the reason.
     pub fn refuse(&self, number: u64, why: String) {
         self.with(|all| {
             if let Some(saving) = all.get_mut(number as usize) {
@@ -110,10 +110,10 @@ impl Workers {
         });
     }
 
-    /// Writes for a worker, unless something forbids it by now.
+    /// Calls `write` for a subject unless saving is disabled.
     ///
     /// # Errors
-    /// What `write` returns.
+    /// The error of `write`.
     pub fn write<E>(&self, number: u64, write: impl FnOnce(&Saving) -> Result<(), E>) -> Result<(), E> {
         let _disk = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
         match self.get(number).filter(|saving| saving.refusal.is_none()) {
@@ -122,7 +122,7 @@ impl Workers {
         }
     }
 
-    /// Forgets a subject under whatever numbers it had. When this returns, nothing is written under its name any more.
+    /// Clears a subject under all its numbers. After the return, nothing is written under its name.
     pub fn forget(&self, subject: &str) {
         self.with(|all| {
             for saving in all.iter_mut().filter(|saving| saving.subject == subject) {
@@ -133,7 +133,7 @@ impl Workers {
     }
 
     fn with<T>(&self, look: impl FnOnce(&mut Vec<Saving>) -> T) -> T {
-        // A list is never half changed.
+        // Ignore poisoning: no operation leaves the list half changed.
         look(&mut self.all.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }

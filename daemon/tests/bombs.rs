@@ -1,4 +1,4 @@
-//! Files that were made to exhaust a machine: each is refused, or read as far as it is sound, within 1 GiB of address space.
+//! Files crafted to exhaust a machine: each is refused, or read up to its first defect, within 1 GiB of address space.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -13,7 +13,7 @@ use make::{Chunk, Mcap, Pcap};
 
 const MIB: usize = 1 << 20;
 
-/// Runs the program with so little room that a bomb which goes off ends it.
+/// Runs the program with so little memory that a bomb which takes effect ends it.
 fn equipoise(arguments: &[&str]) -> Output {
     let limited = "ulimit -v 1048576 && exec \"$@\"";
     Command::new("sh")
@@ -23,7 +23,7 @@ fn equipoise(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// A replay of the file; what it said. It ended by itself.
+/// Replays the file; returns the output. The program must have ended by itself.
 fn replayed(path: &Path, codes: &[i32]) -> String {
     let output = equipoise(&["replay", path.to_str().unwrap()]);
     let said = said(&output);
@@ -36,7 +36,7 @@ fn replayed(path: &Path, codes: &[i32]) -> String {
 fn a_chunk_that_unpacks_to_gigabytes_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("bomb.mcap");
-    // It says so, or says that it is small.
+    // The file declares its size, or declares a small one.
     for claimed in [2048 * MIB, 1000] {
         let mut file = Mcap::create(&path);
         file.our_head();

@@ -1,9 +1,9 @@
-//! Damaged and arbitrary configurations keep the law that `fuzz/` looks at for longer.
+//! Damaged and arbitrary configurations fulfil the invariant that `fuzz/` tests for longer.
 
 #[path = "laws/config.rs"]
 mod config;
 
-/// A row of numbers that look like chance and are the same every time.
+/// A reproducible sequence of pseudo-random numbers.
 struct Chance(u64);
 
 impl Chance {

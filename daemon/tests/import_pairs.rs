@@ -1,5 +1,5 @@
-//! A suit's file and a plate's, of one session and of two clocks: joined by clock, by stomps, by a given offset, or refused
-//! with a reason.
+//! Files of a suit and a plate, of one session with two clocks: joined by clock, by stomps, by a given offset, or
+//! refused with a reason.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -18,13 +18,13 @@ use equipoise_core::message::{GroundSample, SuitSample};
 
 const SUIT_HZ: f64 = 240.0;
 const PLATE_HZ: f64 = 1000.0;
-/// When the foot hits the plate, on the plate's clock, s: at an irregular beat.
+/// Times of the foot's impacts on the plate, on the plate's clock, s: an irregular beat.
 const STOMPS_S: [f64; 3] = [3.0, 4.3, 6.1];
-/// How long a foot takes to stop, and how fast it comes.
+/// Duration of the foot's deceleration, and its initial speed.
 const STOP_S: f64 = 0.016;
 const SPEED_M_PER_S: f64 = 1.5;
 const MASS_KG: f64 = 5.0;
-/// When the suit's first frame was, ms since 1970.
+/// Time of the suit's first frame, ms since 1970.
 const SUIT_UNIX_MS: u64 = 1_795_256_100_000;
 
 const CONFIG: &str = r#"
@@ -58,7 +58,8 @@ fn stomp(time_s: f64) -> (f64, f64) {
     (0.0, 700.0)
 }
 
-/// Eight seconds of a person in the T pose whose left foot stamps; the first frame is at `begin_s` on the plate's clock.
+/// Eight seconds of a person in the T-pose whose left foot stamps; the first frame is at `begin_s` on the plate's
+/// clock.
 fn mvnx(path: &Path, begin_s: f64, head: &str) {
     let labels: Vec<&str> = Segment::ALL.into_iter().map(Segment::name).collect();
     let segments: String = labels.iter().map(|label| format!("<segment label=\"{label}\"/>")).collect();
@@ -92,7 +93,7 @@ fn mvnx(path: &Path, begin_s: f64, head: &str) {
     std::fs::write(path, text).unwrap();
 }
 
-/// Ten seconds of the plate, as BioWare writes them; its clock begins at `zero_s`.
+/// Ten seconds of the plate, in BioWare's format; its clock starts at `zero_s`.
 fn plate(path: &Path, zero_s: f64, sign: f64, units: &str) {
     let mut text = format!("BioWare\n\nabs time\tFx\tFy\tFz\tMx\tMy\tMz\n{units}\n");
     for index in 0..(10.0 * PLATE_HZ) as usize {
@@ -105,7 +106,7 @@ fn plate(path: &Path, zero_s: f64, sign: f64, units: &str) {
 
 const UNITS: &str = "s\tN\tN\tN\tN.m\tN.m\tN.m";
 
-/// A folder with a configuration and both files, the suit's begun 1.25 s after the plate's.
+/// A folder with a configuration and both files; the suit's starts 1.25 s after the plate's.
 struct Session {
     folder: tempfile::TempDir,
 }
@@ -137,7 +138,7 @@ impl Session {
         command.args(more).output().unwrap()
     }
 
-    /// Why a join failed; nothing may be left of it.
+    /// The error message of a failed join; no output may remain.
     fn refused(&self, output: &Output) -> String {
         assert_eq!(output.status.code(), Some(1), "{}", said(output));
         assert!(!self.file("no.mcap").exists());
@@ -161,7 +162,7 @@ impl Session {
         (suit, ground)
     }
 
-    /// How far the foot's fastest moment is from the moment of the hit, on the recording's clock, s.
+    /// Time from the impact to the foot's maximum speed, on the recording's clock, s.
     fn apart_s(&self, out: &str) -> f64 {
         let (suit, ground) = self.samples(out);
         let foot = Segment::LeftFoot.index();
@@ -189,7 +190,7 @@ fn stomps_join_two_clocks() {
     assert_eq!((suit.len(), ground.len()), (1920, 10_000));
     assert!(ground.iter().all(|sample| sample.force_n[2] > 699.0));
     assert!((ground[0].cop_m().unwrap()[0] - 0.05).abs() < 1e-6, "about the sensor, z down");
-    // And the recording is one that can be replayed.
+    // The recording can be replayed.
     let output = equipoise().arg("replay").arg(session.file("a.mcap")).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
 }
@@ -204,7 +205,7 @@ fn a_suit_that_began_first_and_one_that_began_later_keep_their_distance() {
         assert!(output.status.success(), "{}", said(&output));
         assert!(session.apart_s(&out).abs() < 0.010, "{begin_s}: {}", session.apart_s(&out));
     }
-    // A wrong offset shows: the test can fail.
+    // A wrong offset is detected: the test can fail.
     let output = session.join("wrong.mcap", &["--join", "offset=0"]);
     assert!(output.status.success(), "{}", said(&output));
     assert!((session.apart_s("wrong.mcap") - 0.5).abs() < 0.010);
@@ -213,12 +214,12 @@ fn a_suit_that_began_first_and_one_that_began_later_keep_their_distance() {
 #[test]
 fn wall_clocks_join_two_files_that_have_one() {
     let session = Session::new();
-    // The plate began 1.25 s before the suit.
+    // The plate started 1.25 s before the suit.
     let output = session.join("a.mcap", &["--join", "clock", "--with-start", "2026-11-21T10:14:58.75Z"]);
     assert!(output.status.success(), "{}", said(&output));
     assert!(String::from_utf8_lossy(&output.stdout).contains("joined by clock: suit + 1.2500 s = plate"));
     assert!(session.apart_s("a.mcap").abs() < 0.010);
-    // The same from times since 1970, in a capture and in a text.
+    // The same with times since 1970, in a capture and in a text file.
     let zero_s = SUIT_UNIX_MS as f64 / 1e3 - LATER_S;
     plate(&session.file("unix.txt"), zero_s, 1.0, UNITS);
     let output = session.join_files("take.mvnx", "unix.txt", "b.mcap", &["--join", "clock"]);
@@ -267,7 +268,7 @@ fn a_capture_of_the_suit_goes_with_a_text_of_the_plate() {
         said(&output)
     );
     assert_eq!(session.samples("a.mcap").1.len(), 10_000);
-    // Nobody stamps in it.
+    // It contains no stomp.
     let told =
         session.refused(&session.join_files("take.pcap", "plate.txt", "no.mcap", &["--join", "stomp"]));
     assert!(told.contains("the suit saw no stomp"), "{told}");
@@ -319,18 +320,18 @@ fn what_cannot_be_joined_is_refused_with_a_reason() {
         session.refused(&session.join_files("half.mvnx", "plate.txt", "no.mcap", &["--join", "stomp"]));
     assert!(told.contains("worn as UpperBody"), "{told}");
 
-    // Where the plate stands is not assumed.
+    // The plate's pose is not assumed.
     let arguments: [&OsStr; 5] =
         ["--with".as_ref(), "x.txt".as_ref(), "--join".as_ref(), "stomp".as_ref(), "-o".as_ref()];
     let mut command = equipoise();
     command.arg("import").arg(session.file("take.mvnx")).args(arguments).arg(session.file("no.mcap"));
     let told = session.refused(&command.output().unwrap());
     assert!(told.contains("--with needs --config"), "{told}");
-    // Wrong usage: one without the other, a way that there is not.
+    // Invalid usage: one option without the other, an unknown method.
     for more in [&["--join", "hope"][..], &[], &["--join", "clock", "--with-units", "stone"]] {
         assert_eq!(session.join("no.mcap", more).status.code(), Some(2), "{more:?}");
     }
-    // A plate whose person pulls: imported, and said.
+    // A plate with a pulling person: imported, with a warning.
     plate(&session.file("pulls.txt"), 0.0, -1.0, UNITS);
     let output = session.join_files("take.mvnx", "pulls.txt", "pulls.mcap", &["--join", "offset=1.25"]);
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));

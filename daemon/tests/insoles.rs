@@ -1,4 +1,5 @@
-//! Insoles in place of a plate, over the wire: placed by the suit's feet, and nothing told that they cannot feel.
+//! Insoles in place of a plate, over the wire: located by the suit's feet, and without quantities that they cannot
+//! measure.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -19,10 +20,10 @@ use equipoise_simulator::simulation::Simulation;
 use equipoise_simulator::wires::moticon::ALL;
 use serde_json::Value;
 
-/// The measured CoP is off by no more, m: what a person sways between two looks.
+/// Upper limit of the error of the measured CoP, m: the person's sway between two reads.
 const PLACED_M: f64 = 0.015;
 
-/// The state, once it is as `wanted`.
+/// The state, once it fulfils `wanted`.
 fn until(station: &Station, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
     let started = Instant::now();
     loop {
@@ -46,7 +47,7 @@ fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
     let (suit, insoles) = (free_address().unwrap(), free_address().unwrap());
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
-    // The worker is where the suit says: what is left is the person's sway between two looks.
+    // The suit's position is exact here: the remaining error is the person's sway between two reads.
     settings.suit.noise = SuitNoise::NONE;
     settings.plate.address = "127.0.0.1:0".parse().unwrap();
     let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
@@ -77,7 +78,7 @@ fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
         let told_m = state["cop_measured"][axis].as_f64().unwrap();
         assert!((told_m - truth.cop_m[axis]).abs() < PLACED_M, "{told_m} {}", truth.cop_m[axis]);
     }
-    // Held poses teach as on a plate.
+    // Static poses are used for identification as on a plate.
     let learnt = until(&station, "a pose", |state| state["poses_used"].as_u64() >= Some(1));
     assert_eq!(learnt["phase"], "identifying", "{learnt}");
 

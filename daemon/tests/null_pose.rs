@@ -1,4 +1,4 @@
-//! The suit's null pose over the wire: the worker's bones and soles, in status, recording and replay.
+//! The suit's null pose over the wire: the worker's segment lengths and soles, in status, recording and replay.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -34,7 +34,7 @@ id = "anon-1"
 height_m = 1.77
 "#;
 
-/// What `status --json` says, once the bones are the null pose's, which is told once a second.
+/// Output of `status --json`, once the segment lengths are those of the null pose, which the suit sends once a second.
 fn state_of(station: &Station) -> serde_json::Value {
     let started = Instant::now();
     loop {
@@ -70,7 +70,7 @@ fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
         said(&words)
     );
 
-    // A recorder that comes late still gets the body, and the replay takes it in at the cycle that did.
+    // A recorder that starts late still receives the body, and the replay applies it at the same cycle as the loop.
     let out = station.file("live.mcap");
     let recorded = station.command("record").arg(&out).args(["--for", "4"]).output().unwrap();
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));

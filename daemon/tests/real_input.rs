@@ -1,15 +1,16 @@
-//! A real person's motion over the real wires through a running daemon, and the same from the file: the same figures.
+//! A real person's motion over the real wires through a running daemon, and the same from the file: the results must
+//! agree.
 //!
-//! What may differ, and by how much:
+//! Permitted differences:
 //! - Positions and quaternions are 32-bit floats on the wire: half a unit in the last place of 2 m is 6e-8 m, below a
-//!   micrometre in the centre of mass. The plate counts millionths of newtons: nothing.
-//! - The estimated CoP holds the body's inertia. Positions differentiated twice over five samples at 30 Hz say
-//!   `Σ|weight| = 8/7 · 900/s²` times as much: 6e-5 m/s². With arms and a height of at most 1 m over g this is 6e-6 m by
-//!   leaning, and as much by turning.
-//! - Live, suit and plate have clocks of their own, fitted to arrival. Their stamps of one instant differ by δ; the
-//!   loop takes the wrench at the suit's time, so the measured CoP is off by at most δ times its fastest speed. δ is
-//!   what the recording says for each instant; the speed is the file's. Accelerations depend on the stamps too, so the
-//!   estimated CoP is compared with that of the file's rows at the stamps that they had live.
+//!   micrometre in the centre of mass. The plate counts millionths of newtons: negligible.
+//! - The estimated CoP includes the body's inertia. Positions differentiated twice over five samples at 30 Hz amplify
+//!   by `Σ|weight| = 8/7 · 900/s²`: 6e-5 m/s². With arms and a height of at most 1 m over g this is 6e-6 m by leaning,
+//!   and as much by turning.
+//! - Live, suit and plate have separate clocks, fitted to arrival. Their stamps of one instant differ by δ; the loop
+//!   takes the wrench at the suit's time, so the measured CoP is off by at most δ times its fastest speed. δ is taken
+//!   from the recording for each instant; the speed from the file. Accelerations depend on the stamps too, so the
+//!   estimated CoP is compared with that of the file's rows at their live stamps.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -29,22 +30,22 @@ use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{PlayerSettings, Recorded, play};
 use equipoise_simulator::ports::free_address;
 
-/// So much of the file is streamed, s.
+/// Streamed part of the file, s.
 const LENGTH_S: f64 = 25.0;
 /// 32-bit floats on the wire, m.
 const WIRE_M: f64 = 2e-6;
-/// What they do to the body's inertia, m.
+/// Their effect on the body's inertia, m.
 const WIRE_IN_MOTION_M: f64 = 2.0 * 6e-6;
-/// Accelerations at a row rest on at most so many rows before and after it (70 ms at 30 Hz).
+/// Accelerations at a row depend on at most this many rows before and after it (70 ms at 30 Hz).
 const WINDOW_ROWS: u32 = 3;
-/// The CoP is a quotient: between two instants it does not go quite straight.
+/// The CoP is a quotient: between two instants it is not exactly linear.
 const CURVATURE: f64 = 1.5;
 
 /// Measured and estimated CoP by the number of the file's row.
 type Cops = HashMap<u32, [[f64; 2]; 2]>;
 
 fn config(suit: std::net::SocketAddr, plate: std::net::SocketAddr) -> String {
-    // Nothing is learnt: which pose counts as held depends on every stamp.
+    // No identification: which pose counts as static depends on every stamp.
     format!(
         r#"
 station = "test"
@@ -138,10 +139,10 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
     assert!(worst_estimated_m <= WIRE_M + WIRE_IN_MOTION_M, "{worst_estimated_m}");
 }
 
-/// The figures of a state that is about a new suit sample, if they may be used.
+/// The valid results of a state with a new suit sample.
 fn cops_of(state: &State) -> Option<[[f64; 2]; 2]> {
     let spoils = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-    // Before the bones are known there is no estimate.
+    // Without segment lengths there is no estimate.
     (state.cop_sigma_m[0] > 0.0 && !state.validity().any_of(spoils))
         .then_some([state.cop_measured_m, state.cop_estimated_m])
 }
@@ -165,19 +166,19 @@ impl Stamps {
         Stamps { suit, ground }
     }
 
-    /// How far the stamps of one row were apart at most, s.
+    /// Largest difference of the stamps of one row, s.
     fn apart_s(&self) -> f64 {
         let apart_ns = |(row, at): (&u32, &u64)| Some(at.abs_diff(*self.ground.get(row)?));
         self.suit.iter().filter_map(apart_ns).max().unwrap_or(0) as f64 * 1e-9
     }
 
-    /// Whether the live stamps of all rows that a moment's accelerations rest on are known.
+    /// Whether the live stamps of all rows that a row's accelerations depend on are available.
     fn know_window_of(&self, row: u32) -> bool {
         (row.saturating_sub(WINDOW_ROWS)..=row + WINDOW_ROWS)
             .all(|row| self.suit.contains_key(&row) && self.ground.contains_key(&row))
     }
 
-    /// The rows at these times; a row that was not recorded at the file's distance from the first that was.
+    /// The rows at these times; an unrecorded row at the file's distance from the first recorded one.
     fn put_on(&self, rows: &[(SuitSample, GroundSample)]) -> Vec<(SuitSample, GroundSample)> {
         let stamped = |at: &HashMap<u32, u64>, row: u32, file_ns: u64| {
             let known = |(suit, _): &(SuitSample, GroundSample)| {
@@ -207,7 +208,7 @@ fn of_recording(recording: &Recording, stamps: &Stamps) -> Cops {
         .collect()
 }
 
-/// The rows through the loop's own step, each as soon as the plate's is there.
+/// The rows through the loop's own step, each as soon as the plate's row is available.
 fn of_rows(rows: &[(SuitSample, GroundSample)], config: &Config) -> Cops {
     let settings = config.settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();

@@ -1,4 +1,4 @@
-//! What a live daemon did is recorded by the real program and comes again, state by state, byte by byte.
+//! A recording of a live daemon by the real program is replayed identically, state by state, byte by byte.
 
 mod common;
 
@@ -39,7 +39,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     std::thread::sleep(Duration::from_millis(600));
     station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nleave_deg = 8.0\n"));
     let recorded = recorder.wait_with_output().unwrap();
-    // On a machine that is too busy messages may be lost; that is told, and all the rest must still come again.
+    // An overloaded machine may lose messages; the exit code reports it, and all others must be in the file.
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));
 
     let again = station.command("record").arg(&out).args(["--for", "1"]).output().unwrap();

@@ -1,4 +1,4 @@
-//! What viewers see of a recording, also when its recorder was killed; and files that are kept only as long as there is room.
+//! Pictures of a recording for viewers, also after its recorder was killed; and retention of files by free disk space.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -51,7 +51,7 @@ fn read(path: &Path) -> (Found, bool) {
     (found, recording.truncated())
 }
 
-/// Every picture is the one of the state that stands in the file at its time.
+/// Every picture is that of the state in the file at its time.
 fn assert_pictures_are_of_their_states(found: &Found) {
     for (topic, time_ns, text) in &found.pictures {
         let state = found.states.get(time_ns).unwrap_or_else(|| panic!("no state at {time_ns}"));
@@ -78,7 +78,7 @@ fn a_killed_recorder_leaves_pictures_of_the_states_before() {
     let mut plain = station.command("record");
     plain.arg(&without).args(["--pictures-hz", "0", "--for", "4"]);
     let mut plain = plain.spawn().unwrap();
-    // Beside the head some chunks, each of a second.
+    // In addition to the header some chunks, each of a second.
     until("chunks with pictures", || bytes(&with) > 0 && read(&with).0.pictures.len() >= 80);
     recorder.kill().unwrap();
     recorder.wait().unwrap();
@@ -86,7 +86,7 @@ fn a_killed_recorder_leaves_pictures_of_the_states_before() {
     let (found, truncated) = read(&with);
     assert!(truncated, "it had no time to end the file");
     assert_pictures_are_of_their_states(&found);
-    // One for each fiftieth of the time that states tell of; where states are missing on a busy machine, fewer.
+    // One for each fiftieth of a second of the states' time; fewer where a busy machine lost states.
     let span_ns = found.states.keys().last().unwrap() - found.states.keys().next().unwrap();
     let due = 2 * span_ns / 50_000_000;
     assert!(found.pictures.len() as u64 <= due + 4, "{} of {due}", found.pictures.len());
@@ -97,7 +97,7 @@ fn a_killed_recorder_leaves_pictures_of_the_states_before() {
     assert!(!truncated && found.pictures.is_empty() && !found.states.is_empty());
 }
 
-/// Not a law, a measurement: what pictures cost in a file.
+/// A measurement, not a requirement: the size of pictures in a file.
 #[test]
 fn what_pictures_cost() {
     let (simulation, station, _) = station("");
@@ -179,12 +179,12 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
         assert!(!truncated, "{}: each file is ended", path.display());
         assert!(!found.pictures.is_empty());
         let cycles: Vec<u64> = found.states.values().map(|state| state.cycle).collect();
-        // The next file goes on where the one before ended; on a busy machine states may be lost, never told twice.
+        // The next file continues where the previous one ended; on a busy machine states may be lost, never duplicated.
         assert!(last.is_none_or(|last| cycles[0] > last), "{}", path.display());
         last = cycles.last().copied();
     }
 
-    // A disk that can never be free enough: it says so, ends, and leaves nothing half done.
+    // A disk that can never be free enough: the recorder reports it, ends, and leaves no partial file.
     let mut child = service("full.toml", &text.replace("free_min_mib = 1", "free_min_mib = 900000000"));
     let mut words = String::new();
     std::io::Read::read_to_string(child.stderr.as_mut().unwrap(), &mut words).unwrap();

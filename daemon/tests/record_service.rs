@@ -1,4 +1,4 @@
-//! A recorder that runs as a service: what it does when its file is deleted, its daemon is another, or its bus is.
+//! A recorder as a service: its reaction when its file is deleted, its daemon is replaced, or its bus is.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -20,7 +20,7 @@ fn until(what: &str, mut happened: impl FnMut() -> bool) {
     }
 }
 
-/// A station with a recorder as a service. Dropped, the recorder is ended.
+/// A station with a recorder as a service. Dropping it ends the recorder.
 struct Recorded {
     _simulation: SimulationHandle,
     station: Station,
@@ -52,7 +52,7 @@ impl Recorded {
         files
     }
 
-    /// The file after this one, once there are states in it.
+    /// The next file, once it contains states.
     fn next_after(&self, path: &Path) -> PathBuf {
         let next = || self.files().into_iter().find(|found| found.as_path() > path && states(found) > 0);
         until("the next file", || next().is_some());
@@ -72,7 +72,7 @@ impl Drop for Recorded {
     }
 }
 
-/// States in as much of a file as can be read; 0 of one that is not there.
+/// States in the readable part of a file; 0 if it does not exist.
 fn states(path: &Path) -> usize {
     let Ok(recording) = Recording::open(path) else { return 0 };
     let states = recording.entries().map_while(Result::ok);
@@ -101,7 +101,7 @@ fn a_file_that_is_deleted_while_it_is_written_is_let_go_of_and_the_next_one_begi
 
     let next = recorded.next_after(first);
     assert_eq!(Recording::open(&next).unwrap().header().subject_toml, "", "nobody is in use");
-    // Another file under the name is no better.
+    // A foreign file under the name is handled the same way.
     std::fs::rename(&next, recorded.station.file("elsewhere.mcap")).unwrap();
     std::fs::write(&next, "somebody's").unwrap();
     recorded.next_after(&next);
@@ -128,10 +128,10 @@ fn another_daemon_has_a_file_of_its_own_and_one_on_another_bus_is_found() {
     assert!(Recording::open(&second).unwrap().header().config_toml.contains("rate_hz = 500"));
     until("cycles of the new daemon", || cycles_at(&second, 500) > 500);
     assert_eq!(cycles_at(&second, 200), 0);
-    // A few hundredths of a second may pass until it is seen.
+    // Detection may take a few hundredths of a second.
     assert!(cycles_at(&first, 200) > 100 && cycles_at(&first, 500) < 500, "{}", cycles_at(&first, 500));
 
-    // The service manager makes the bus's directory anew.
+    // The service manager recreates the bus's directory.
     recorded.station.restart(&config, |bus| std::fs::remove_dir_all(bus).unwrap());
     let third = recorded.next_after(&second);
     until("cycles on the new bus", || cycles_at(&third, 500) > 500);

@@ -1,4 +1,4 @@
-//! Signed recordings of a service: what `equipoise report` establishes about each file, as written and after alterations.
+//! Signed recordings of a service: the verdict of `equipoise report` on each file, as written and after alterations.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -20,7 +20,7 @@ fn until(what: &str, mut happened: impl FnMut() -> bool) {
     }
 }
 
-/// Files of a folder whose names end so, in order.
+/// Files of a folder with this ending, in order.
 fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<PathBuf> = entries.filter(|path| path.to_string_lossy().ends_with(ending)).collect();
@@ -69,7 +69,7 @@ fn line(recording: &Path, options: &[&str]) -> (String, Option<i32>) {
     let text = String::from_utf8(ended.stdout.clone()).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix(&format!("{}: ", recording.display())));
     let line = line.unwrap_or_else(|| panic!("{}", said(&ended))).to_owned();
-    // Of a recording without a usable sample there is no page.
+    // For a recording without a usable sample there is no page.
     if ended.status.code() != Some(1) {
         let page = fs::read_to_string(&page).unwrap();
         assert!(page.contains("authenticity"), "the page has the line");
@@ -138,7 +138,7 @@ fn alterations_of_signed_recordings_are_reported() {
     let (foreign, code) = line(&all[1], &["--public-key", station.file("other.key.pub").to_str().unwrap()]);
     assert!(foreign.starts_with("not valid: signed by key ") && code == Some(3), "{foreign}");
 
-    // One byte, in a message's payload; also of the file that nobody signed.
+    // One byte, in a message's payload; also of the unsigned file.
     let unsigned = all.iter().position(|path| path.file_name() == killed.file_name()).unwrap();
     for index in [1, unsigned] {
         let copy = Copy::of(&kept, &public_key);
@@ -170,7 +170,7 @@ fn alterations_of_signed_recordings_are_reported() {
         "{line}"
     );
     assert_eq!(code, Some(3));
-    // What retention removes is no gap.
+    // Files removed by retention are no gap.
     fs::remove_file(gap.recording(0)).unwrap();
     let (line, code) = gap.line(&gap.recording(0));
     assert!(line.contains("not checked: it is not in the folder") && code == Some(0), "{line}");

@@ -1,4 +1,4 @@
-//! Captures: what is sound becomes samples, what is not is counted and told by the exit code.
+//! Captures: valid data become samples; invalid data are counted and reported by the exit code.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -64,7 +64,7 @@ fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
         if broken && number % 50 == 0 {
             writer.write_udp(at_ns, mvn, us, b"MXTP02 and then nothing").unwrap();
             writer.write_udp(at_ns, plate, asks, b"not a record").unwrap();
-            // Another station's suit and plate, of the same make.
+            // Suit and plate of another station, of the same make.
             writer.write_udp(at_ns, address("10.0.0.8:49152"), asks, &record.to_bytes()).unwrap();
             for datagram in frame.datagrams().unwrap() {
                 writer.write_udp(at_ns, address("10.0.0.6:50123"), us, &datagram).unwrap();
@@ -86,10 +86,10 @@ fn figaroh_captured_on_the_network_is_the_same_motion_as_its_csv() {
     assert!(said(&output).contains("passed over: 1 datagrams of neither port"), "{}", said(&output));
 
     let (suit, ground) = samples(&mcap);
-    // Until the assembler knows which datagrams make a sample, one ends with the next; the file has no next.
+    // Until the assembler has determined which datagrams make a sample, one ends with the next; the file has no next.
     assert_eq!((suit.len(), ground.len()), (600, 600));
     for ((suit, ground), (suit_row, ground_row)) in suit.iter().zip(&ground).zip(&rows) {
-        // Rows are 33.3 ms apart with a jitter of their own; the clock fit makes them even.
+        // Rows are 33.3 ms apart with jitter; the clock fit smooths them.
         assert!(suit.sample_time_ns.abs_diff(suit_row.sample_time_ns) < 1_000_000, "{suit:?}");
         assert!(ground.sample_time_ns.abs_diff(ground_row.sample_time_ns) < 1_000_000);
         let pelvis = Segment::Pelvis.index();
@@ -121,7 +121,7 @@ fn figaroh_broken_datagrams_are_counted_by_reason() {
     assert!(said(&output).contains("4 ground records foreign_sender"), "{}", said(&output));
     assert!(said(&output).contains("suit datagrams foreign_sender"), "{}", said(&output));
 
-    // Cut within a packet: what stands before is read.
+    // Truncated within a packet: the part before is read.
     let bytes = std::fs::read(&pcap).unwrap();
     std::fs::write(&pcap, &bytes[..bytes.len() / 2]).unwrap();
     let output = run(&[&"replay", &pcap]);
@@ -144,7 +144,7 @@ fn figaroh_rows_that_cannot_be_used_are_counted_and_the_others_are_replayed() {
         assert_eq!(output.status.code(), Some(3), "{}", said(&output));
         assert!(said(&output).contains("rejected: rows left out"), "{}", said(&output));
     }
-    // The recording itself holds sound samples only.
+    // The recording itself contains valid samples only.
     assert_eq!(run(&[&"replay", &mcap]).status.code(), Some(0));
     assert_eq!(samples(&mcap).0.len(), 297);
 }

@@ -27,7 +27,7 @@ fn config(keys_of_suit: &str, keys_of_ground: &str) -> Config {
     Config::parse(&text, "c.toml").unwrap()
 }
 
-/// Feet at the floor, all else above them: a body that is not refused as lying.
+/// Feet at the floor, all else above them: a body that is not refused as lying down.
 fn height_m(segment: Segment) -> f64 {
     if segment > Segment::LeftHand { 0.1 } else { 1.0 }
 }

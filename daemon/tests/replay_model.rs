@@ -1,4 +1,4 @@
-//! Replay with a model file: what runs, where its spans hold, what a recording keeps of it, and what is refused.
+//! Replay with a model file: active terms, their spans, the model stored in a recording, and refusals.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod common;
@@ -14,7 +14,7 @@ fn run(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
     equipoise().args(arguments.iter().map(AsRef::as_ref)).output().unwrap()
 }
 
-/// An offset of 40 mm that lasted, and one of 70 mm that was over after four seconds.
+/// A permanent offset of 40 mm, and one of 70 mm that ended after four seconds.
 fn model(recording_sha256: &str) -> String {
     let offset = |key: &str, value: f64, to_s: f64, open_ended: bool| {
         format!(
@@ -30,7 +30,7 @@ fn model(recording_sha256: &str) -> String {
     )
 }
 
-/// Estimated centres of pressure of every state that tells one, by its time in s.
+/// Estimated centres of pressure of every state that has one, by its time in s.
 fn told(lines: &Path) -> Vec<(f64, [f64; 2])> {
     let text = std::fs::read_to_string(lines).unwrap();
     let states = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
@@ -68,7 +68,7 @@ fn figaroh_replayed_with_a_model_tells_prediction_and_terms() {
     let summary = replay(Some(&elsewhere), "elsewhere.jsonl");
     assert!(summary.contains("left out, since it ended before"), "{summary}");
 
-    // Before anything is learnt the terms alone differ.
+    // Before identification only the terms differ.
     let [plain, here_told, elsewhere_told] =
         ["plain.jsonl", "here.jsonl", "elsewhere.jsonl"].map(|name| told(&file(name)));
     let difference = |with: &[(f64, [f64; 2])]| {

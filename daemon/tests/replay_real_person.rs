@@ -1,4 +1,4 @@
-//! A real person on a real plate: the same bytes every time, and a model that holds for data it has not seen.
+//! A real person on a real plate: identical bytes in every run, and a model that is valid for held-out data.
 
 mod common;
 
@@ -76,7 +76,7 @@ fn figaroh_the_identified_model_holds_for_blocks_it_was_not_learnt_from() {
     }
 }
 
-/// Whatever the plate says in the block that is held out, the same worker is learnt, byte for byte.
+/// The identified worker is independent, byte for byte, of the plate's data in the held-out block.
 #[test]
 fn figaroh_what_is_held_out_is_not_learnt() {
     let Some(csv) = human_motion() else { return };
@@ -105,7 +105,7 @@ fn figaroh_what_is_held_out_is_not_learnt() {
     let [one, two] = [&csv, &other].map(|path| learnt(path, span_ns));
     assert!(one.poses_used >= 6, "{}", one.poses_used);
     assert!(bytemuck::bytes_of(&*one) == bytemuck::bytes_of(&*two), "the held-out block leaks");
-    // The test would see a leak: with everything learnt, the two differ.
+    // The test would detect a leak: with all data used for identification, the two differ.
     let [one, two] = [&csv, &other].map(|path| learnt(path, [0, 0]));
     assert!(bytemuck::bytes_of(&*one) != bytemuck::bytes_of(&*two));
 }

@@ -1,5 +1,5 @@
-//! Recordings of a loop that is driven here, cycle by cycle: what is whole comes again exactly, and what is missing is
-//! said, from where on.
+//! Recordings of a loop driven by the test, cycle by cycle: complete parts are replayed exactly, and missing ones are
+//! reported with their start.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ height_m = 1.77
 const START_NS: u64 = 5_000_000_000;
 const CYCLES: u64 = 1500;
 
-/// All messages of a run, as they were published.
+/// All published messages of a run.
 struct Live {
     cycles: Vec<CycleRecord>,
     states: Vec<State>,
@@ -38,14 +38,14 @@ struct Live {
     suit: Vec<SuitSample>,
     ground: Vec<GroundSample>,
     format: u64,
-    /// What the recorder knew of reloads.
+    /// The recorder's data on reloads.
     reloads: Vec<(u64, Reloaded)>,
 }
 
 /// The number of a reload in cycle 900.
 const RELOAD: u64 = 123_456_789;
 
-/// What it brings: a shorter window, and so other states.
+/// Its content: a shorter window, and therefore other states.
 fn reloaded_toml() -> String {
     format!("{CONFIG}[overload]\nmotion_window_ms = 50.0\n")
 }
@@ -54,7 +54,7 @@ fn config() -> Config {
     Config::parse(CONFIG, "test").unwrap()
 }
 
-/// A worker who sways a little. Checkpoints are taken after the cycles named, commands given before them.
+/// A slightly swaying worker. Checkpoints are taken after the named cycles, commands given before them.
 fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
     let mut settings = config().settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();
@@ -90,7 +90,7 @@ fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
             record.suit_last = cycle / 17;
             record.suit_sample_time_ns = sample_time_ns;
         }
-        // Every other cycle takes two.
+        // Every other cycle ingests two.
         let mut ground = Vec::new();
         if cycle % 2 == 0 {
             for sequence in [cycle - 1, cycle] {
@@ -111,7 +111,7 @@ fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
         let command = commands.iter().find(|(at, _)| *at == cycle).map(|(_, command)| *command);
         record.command = command.map_or(0, |command| command as u32);
         if command == Some(CommandKind::SubjectLoad) {
-            // What the live loop does: another worker is put in place whole.
+            // As in the live loop: the subject is replaced as a whole.
             memory.identification.mass_kg = 81.5;
         }
         if command == Some(CommandKind::Reload) {
@@ -299,7 +299,7 @@ fn a_recording_cut_anywhere_is_read_as_far_as_it_goes() {
     for share in 1..12 {
         let cut = directory.path().join("cut.mcap");
         std::fs::write(&cut, &whole[..whole.len() * share / 12]).unwrap();
-        // An error in words or a summary that says so; never a panic, never a false difference.
+        // An error message or a summary that reports it; never a panic, never a false difference.
         if let Ok((summary, _)) = replay(&cut) {
             assert!(!summary.is_whole(), "{summary}");
             assert_eq!(summary.fidelity.map_or(0, |fidelity| fidelity.states_differing), 0);

@@ -1,4 +1,4 @@
-//! Writes reports of made-up findings, one per answer, to be looked at: `cargo run -p equipoise-discrepancy --example
+//! Writes reports of made-up findings, one per answer, for visual checks: `cargo run -p equipoise-discrepancy --example
 //! report -- FOLDER`.
 
 #[path = "../tests/report/sample.rs"]

@@ -1,5 +1,6 @@
-//! What to do next to tell apart what these data cannot: of all poses of the library, turned and stepped aside too, of
-//! standing still for long and of moving fast, whatever separates the predictions of the two leading explanations most.
+//! The next pose or motion that discriminates between explanations which these data cannot separate. Candidates are all
+//! poses of the library (also turned and displaced), long standing and fast motion; the choice maximises the separation
+//! of the predictions of the two leading explanations.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::{Effect, Observation};
@@ -14,26 +15,27 @@ use crate::gram::Gram;
 use crate::select::{Selection, last_of};
 use crate::trials::trials;
 
-/// A declared relative is asked about if it is within so many log odds, or this share of the winner's.
+/// A declared relative is included if it is within this many log odds, or this fraction of the winner's.
 const RELATIVE: (f64, f64) = (15.0, 0.15);
-/// Turns that are thought of, degrees to the left.
+/// Candidate turns, degrees to the left.
 const TURNS_DEG: [f64; 3] = [0.0, 90.0, 180.0];
 /// A step aside, m.
 const STEP_M: f64 = 0.15;
-/// Standing still for long, s.
+/// Duration of long standing, s.
 const STILL_S: f64 = 180.0;
-/// Fast motion is so many times as fast as the fastest that was seen, in what it does to a delay.
+/// Factor of fast motion on the fastest observed motion, as far as the effect of a delay is concerned.
 const FASTER: f64 = 2.0;
-/// Separations below this many σ are not worth a person's while.
+/// Separations below this many σ do not justify an additional pose.
 const WORTH_SIGMA: f64 = 0.5;
 
-/// An explanation with the parameters that it would have.
+/// An explanation with its fitted parameters.
 struct Hypothesis {
     candidate: Candidate,
     estimate: Estimate,
 }
 
-/// The pose or motion that separates the two leading explanations most; `None` if nothing needs it, or nothing does.
+/// The pose or motion that best separates the two leading explanations; `None` if there are no two, or if none
+/// separates them.
 pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Option<Ask> {
     let [one, other] = leading(gram, selection)?;
     let sigma: [f64; 3] = std::array::from_fn(|axis| floor.root_mean_square(axis, |_| true).max(1e-6));
@@ -57,7 +59,7 @@ pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Opti
     best
 }
 
-/// To be filled in.
+/// An empty request, to be filled in.
 fn nothing() -> Ask {
     Ask {
         between: Default::default(),
@@ -71,7 +73,7 @@ fn nothing() -> Ask {
 }
 
 impl Hypothesis {
-    /// What it changes at a moment that has not been: centre of pressure x, y (m), vertical force (N).
+    /// Predicted change for a hypothetical observation: centre of pressure x, y (m), vertical force (N).
     fn predicts(&self, gram: &Gram<'_>, seen: &Observation) -> [f64; 3] {
         let mut term = self.candidate.term(gram.rows, self.candidate.parameters(&self.estimate.value));
         term.span_s[1] = f64::INFINITY;
@@ -79,7 +81,7 @@ impl Hypothesis {
         [x, y, z]
     }
 
-    /// What it would change at a block if that were faster.
+    /// Predicted change at a block if its motion were faster.
     fn predicts_at(&self, gram: &Gram<'_>, block: usize) -> [f64; 3] {
         let columns = self.candidate.columns(gram.rows, block);
         let value = crate::select::padded(&self.estimate.value);
@@ -91,7 +93,7 @@ impl Hypothesis {
     }
 }
 
-/// The first named effect that has a rival or a near relative, and that.
+/// The first named effect with a rival or a near relative, and that alternative.
 fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
     for accepted in &selection.accepted {
         let others: Vec<usize> =
@@ -115,7 +117,7 @@ fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
     None
 }
 
-/// All that a person could be asked to do while standing, as the model would see it.
+/// All activities that can be requested of a standing subject, as the model would observe them.
 fn activities(gram: &Gram<'_>) -> Vec<(Ask, Observation)> {
     let rows = gram.rows;
     let Some(last) = rows.blocks.last() else { return Vec::new() };
@@ -136,7 +138,7 @@ fn activities(gram: &Gram<'_>) -> Vec<(Ask, Observation)> {
     list
 }
 
-/// The block of the work with most acceleration.
+/// The block of the work with the largest acceleration.
 fn fastest(gram: &Gram<'_>) -> Option<usize> {
     let acceleration = |block: usize| {
         crate::noise::kernels::norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2)
@@ -144,7 +146,8 @@ fn fastest(gram: &Gram<'_>) -> Option<usize> {
     (gram.rows.work_from..gram.rows.len()).max_by(|&a, &b| acceleration(a).total_cmp(&acceleration(b)))
 }
 
-/// A person of this skeleton in a pose, at rest: turned by an angle about the feet, and some way from where they stood.
+/// A static subject of this skeleton in a pose, turned by an angle about the feet and displaced from the present
+/// position.
 fn standing(
     like: &Observation,
     rotation: &[UnitQuaternion<f64>; SEGMENTS],
@@ -181,7 +184,7 @@ fn standing(
     }
 }
 
-/// Segment origins in a pose, the middle between the feet where it was, plus a step.
+/// Segment origins in a pose, with the middle between the feet in its place, plus a step.
 fn place_on(
     like: &Observation,
     rotation: &[UnitQuaternion<f64>; SEGMENTS],

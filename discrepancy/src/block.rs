@@ -1,15 +1,15 @@
-//! A fraction of a second of a session: means of what was predicted and measured.
+//! A block: means of predictions and measurements over a fraction of a second of a session.
 
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 
-/// Lags for which each block keeps what they would change, s: negative where the suit is early.
+/// Lags whose change of the prediction is stored with each block, s; negative where the suit is early.
 pub const LAGS_S: [f64; 13] =
     [-0.12, -0.08, -0.05, -0.03, -0.02, -0.01, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18];
-/// Cutoffs of a first-order filter for which each block keeps what it would change, Hz.
+/// Cutoff frequencies of a first-order filter whose change of the prediction is stored with each block, Hz.
 pub const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
 
-/// What a change in time would change of the prediction: centre of pressure, m, and force, N.
+/// Change of the prediction by a lag or a filter: centre of pressure, m, and force, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     /// Of the centre of pressure, m.
@@ -18,39 +18,40 @@ pub struct Change {
     pub force_n: [f64; 3],
 }
 
-/// What a block belongs to.
+/// Phase of the recording to which a block belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Phase {
     /// Poses from which the worker was identified.
     Identify,
-    /// Work that is known to be clean.
+    /// Work declared clean.
     Reference,
     /// Work in question.
     Work,
 }
 
-/// Means over a block of suit samples. Everything that was differentiated went through one and the same smoothing as
-/// the ground's signals, so filters do not look like effects.
+/// Means over a block of suit samples. Differentiated quantities and ground signals pass through the same smoothing, so
+/// that filtering does not appear as an effect.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Where it belongs.
+    /// Its phase.
     pub phase: Phase,
     /// Number of the stance: the feet have not moved within one.
     pub stance: u64,
-    /// Whether all of it is a held pose.
+    /// Whether the whole block is a static pose.
     pub still: bool,
-    /// Means of everything that effects are made of; `time_s` is that of the suit samples in it, s since the recording's begin.
+    /// Means of the inputs of all effects; `time_s` is the mean time of its suit samples, s since the start of the
+    /// recording.
     pub observation: Observation,
     /// Velocity of the centre of mass, m/s.
     pub com_velocity_m_per_s: [f64; 3],
-    /// Shift of the centre of pressure by the turning of trunk, right arm, left arm, legs (sum: `turning_m`), m.
+    /// Shift of the centre of pressure by the rotation of trunk, right arm, left arm, legs (sum: `turning_m`), m.
     pub turning_by_group_m: [[f64; 2]; 4],
-    /// Rotation vector of each segment against its parent (pelvis: against the feet's heading), rad.
+    /// Rotation vector of each segment relative to its parent (pelvis: relative to the feet's heading), rad.
     pub joint_rad: [[f64; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,
-    /// What each of [`LAGS_S`] would change.
+    /// Change of the prediction by each of [`LAGS_S`].
     pub by_lag: [Change; LAGS_S.len()],
-    /// What each of [`CUTOFFS_HZ`] would change.
+    /// Change of the prediction by each of [`CUTOFFS_HZ`].
     pub by_cutoff: [Change; CUTOFFS_HZ.len()],
 }

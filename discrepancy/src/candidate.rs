@@ -1,4 +1,4 @@
-//! What is tried: every effect of the catalogue, everywhere it can act, with every shape of a coarse grid.
+//! Candidates: every effect of the catalogue, at every place where it can act, with every shape of a coarse grid.
 
 use equipoise_core::body::Side;
 use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
@@ -6,43 +6,45 @@ use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
 use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S};
 use crate::rows::Rows;
 
-/// When a candidate acts.
+/// Time span of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Scope {
-    /// All the time, identification included.
+    /// The whole recording, identification included.
     All,
     /// In the work in question.
     Work,
-    /// In a part of it: begin and end, s.
+    /// In a part of it: start and end, s.
     Span([f64; 2]),
 }
 
 /// An effect at a place, with a shape, at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Candidate {
-    /// Which effect.
+    /// The effect.
     pub(crate) effect: Effect,
-    /// Where.
+    /// Its place.
     pub(crate) place: Place,
-    /// What is not linear ([`effect::Term::shape`]).
+    /// The non-linear parameter ([`effect::Term::shape`]).
     pub(crate) shape: f64,
-    /// When.
+    /// Its time span.
     pub(crate) scope: Scope,
-    /// Large turns are not linear in their angle: the parameters about which the columns hold; 0 for small ones.
+    /// Large rotations are not linear in their angle: the parameters at which the columns are linearised; 0 for small
+    /// ones.
     pub(crate) about: [f64; PARAMETERS_MAX],
-    /// Believed parameters.
+    /// Prior mean of the parameters.
     pub(crate) mean: Vec<f64>,
-    /// How sure, 1-σ.
+    /// Prior 1-σ.
     pub(crate) sigma: Vec<f64>,
-    /// Logarithm of its share among the variants of its name.
+    /// Logarithm of its prior weight among the variants of its name.
     pub(crate) log_prior: f64,
 }
 
 /// Time constants of a drift, s; 0 is linear.
 const DRIFTS_S: [f64; 4] = [0.0, 20.0, 40.0, 90.0];
-/// Frequencies of breath and sway, Hz.
+/// Frequencies of respiration and sway, Hz.
 const SWAYS_HZ: [f64; 7] = [0.17, 0.2, 0.23, 0.26, 0.29, 0.32, 0.36];
-/// Headings of a segment, rad: about which angle, 1-σ, and share. Together as the effect's own belief, with longer arms.
+/// Mixture components for the heading of a segment, rad: mean angle, 1-σ, weight. Together they approximate the
+/// effect's own prior, with heavier tails.
 const HEADINGS: [(f64, f64, f64); 7] = [
     (0.0, 0.12, 0.5),
     (-0.3, 0.12, 0.13),
@@ -53,7 +55,7 @@ const HEADINGS: [(f64, f64, f64); 7] = [
     (1.1, 0.25, 0.04),
 ];
 impl Candidate {
-    /// One with the effect's own beliefs.
+    /// A candidate with the effect's own prior.
     pub(crate) fn new(effect: Effect, place: Place, shape: f64, scope: Scope) -> Candidate {
         let sigma = effect.prior_sigma(place, shape)[..effect.parameters().len()].to_vec();
         let mean = vec![0.0; sigma.len()];
@@ -74,12 +76,12 @@ impl Candidate {
         candidate
     }
 
-    /// Whether its only parameter is a share of what its shape says, near one.
+    /// Whether its only parameter is a factor near one on what its shape predicts.
     pub(crate) fn is_a_share(&self) -> bool {
         matches!(self.effect, Effect::SuitLag | Effect::PlateLowpass)
     }
 
-    /// The same about an angle, with how sure and which share of the belief.
+    /// The same candidate with a heading prior about an angle, with 1-σ and weight in the mixture.
     fn heading(&self, (psi_rad, sigma_rad, share): (f64, f64, f64)) -> Candidate {
         let mut about = self.about;
         about[0] = psi_rad;
@@ -100,7 +102,7 @@ impl Candidate {
         }
     }
 
-    /// Whether it acts at a time of the work or before it.
+    /// Whether it acts at the time of a block.
     pub(crate) fn acts(&self, rows: &Rows<'_>, block: usize) -> bool {
         match self.scope {
             Scope::All => true,
@@ -111,7 +113,7 @@ impl Candidate {
         }
     }
 
-    /// From when to when it holds, s.
+    /// Its time span, s.
     pub(crate) fn span_s(&self, rows: &Rows<'_>) -> [f64; 2] {
         match self.scope {
             Scope::All => [0.0, f64::INFINITY],
@@ -140,7 +142,7 @@ impl Candidate {
     }
 }
 
-/// `right`, `both`, `T8`; empty for the whole.
+/// `right`, `both`, `T8`; empty for the whole body.
 pub(crate) fn place_name(place: Place) -> &'static str {
     match place {
         Place::Whole => "",
@@ -151,7 +153,7 @@ pub(crate) fn place_name(place: Place) -> &'static str {
     }
 }
 
-/// All that is tried in the work as a whole, or all the time.
+/// All candidates that act during the whole work phase or the whole recording.
 pub(crate) fn all(rows: &Rows<'_>) -> Vec<Candidate> {
     let mut list = Vec::new();
     for effect in Effect::ALL {
@@ -181,8 +183,8 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
     list
 }
 
-/// How usual a place is, as a log prior: things are worn on back and belt, held in hands, strapped to thighs and forearms,
-/// hardly ever to heads, upper arms and shins.
+/// Log prior of a place: loads are usually worn on back and belt, held in hands, strapped to thighs and forearms, and
+/// rarely on head, upper arms and shins.
 pub(crate) fn usual(effect: Effect, place: Place) -> f64 {
     use equipoise_core::body::Segment;
     match (effect, place) {
@@ -232,7 +234,8 @@ fn of_change(change: Change) -> Columns {
     columns
 }
 
-/// What a lag would change: between the kept lags by a cubic through the nearest four, of which none is one too.
+/// Change by a lag: cubic interpolation through the nearest four stored lags; lag zero with no change is one of the
+/// nodes.
 fn lag_change(block: &Block, lag_s: f64) -> Change {
     let zero = LAGS_S.iter().take_while(|&&kept_s| kept_s < 0.0).count();
     let at = |i: usize| match i.cmp(&zero) {
@@ -243,7 +246,7 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
     between(lag_s, LAGS_S.len() + 1, at)
 }
 
-/// What a cutoff would change: between the kept ones, over the time constant.
+/// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
 fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
     let last = CUTOFFS_HZ.len();
     let at = |i: usize| match i {
@@ -253,7 +256,7 @@ fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
     between(1.0 / cutoff_hz, last + 1, at)
 }
 
-/// Lagrange's cubic through the four knots nearest to a value; knots rise.
+/// Lagrange's cubic through the four knots nearest to a value; knots ascending.
 fn between(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -> Change {
     let above = (0..knots).position(|i| at(i).0 >= value).unwrap_or(knots - 1);
     let first = above.saturating_sub(2).min(knots - PARAMETERS_MAX);

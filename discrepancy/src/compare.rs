@@ -1,10 +1,11 @@
-//! From moments to blocks: what the model predicts and the plate measured, over a fraction of a second each.
+//! Reduces snapshots to blocks: the model's predictions and the plate's measurements, averaged over a fraction of a
+//! second.
 //!
-//! Suit and ground go through one and the same local parabola (Savitzky and Golay), over samples at the same times, so
-//! that no filter looks like an effect. Nothing is known here of files: moments are pushed one by one, in any number,
-//! and the memory stays bounded (a second of moments, and at most [`Options::blocks_max`] blocks).
+//! Suit and ground pass through the same local parabola (Savitzky and Golay) over samples at the same times, so that
+//! filtering does not appear as an effect. This module does not read files: snapshots are pushed one by one, in any
+//! number, and memory stays bounded (one second of snapshots and at most [`Options::blocks_max`] blocks).
 //!
-//! Floors, ground first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `kept` → this file.
+//! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `kept` → this file.
 
 mod changes;
 mod kept;
@@ -30,12 +31,12 @@ use point::Point;
 use window::Window;
 pub use worker::{Worker, prior_covariance_m2};
 
-/// Times that spoil what lies around them are remembered for this long, s.
+/// Masked intervals are kept for this long, s.
 const SPOILT_FOR_S: f64 = 3.0;
-/// Predictions are kept for this long, s: a block waits for the latest of the lags, and for its own clean future.
+/// Predictions are kept for this long, s: a block waits for the largest lag and for unmasked samples after it.
 const POINTS_FOR_S: f64 = 1.5;
 
-/// Compares a worker's moments with what the plate measured.
+/// Compares the predictions for a subject with the plate's measurements.
 #[derive(Debug)]
 pub struct Comparison {
     worker: Worker,
@@ -43,9 +44,9 @@ pub struct Comparison {
     window: Window,
     filters: Filters,
     points: VecDeque<Point>,
-    /// Whether the loop saw a held pose, by time.
+    /// Static-pose flag of the loop, by time.
     still: VecDeque<(f64, bool)>,
-    /// Stretches of time in which nothing is compared.
+    /// Masked intervals: nothing is compared in them.
     spoilt_s: VecDeque<[f64; 2]>,
     filling: Option<Mean>,
     waiting: VecDeque<Mean>,
@@ -55,7 +56,7 @@ pub struct Comparison {
     shear_missing: bool,
 }
 
-/// What the moment before was like.
+/// Properties of the previous snapshot.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     time_s: f64,
@@ -63,7 +64,7 @@ struct Last {
 }
 
 impl Comparison {
-    /// Before the first moment.
+    /// A comparison without snapshots.
     pub fn new(worker: Worker, options: Options) -> Comparison {
         Comparison {
             window: Window::new(options.half_window_s, options.block_s),
@@ -82,7 +83,7 @@ impl Comparison {
         }
     }
 
-    /// Takes in the next moment. One whose time does not advance is passed over.
+    /// Ingests the next snapshot; ignores one whose time does not advance.
     pub fn push(&mut self, moment: &Moment) {
         let time_s = self.options.seconds(moment.time_ns);
         if let Some(last) = self.last {
@@ -109,18 +110,18 @@ impl Comparison {
         self.release(time_s);
     }
 
-    /// Whether the worker held a pose at a moment.
+    /// Records whether the pose was static at a time.
     pub fn hold(&mut self, time_ns: u64, still: bool) {
         self.still.push_back((self.options.seconds(time_ns), still));
     }
 
-    /// Whether the horizontal force was measured in all that was compared: where it was not, its rows would hold zeros
-    /// that nobody measured.
+    /// Whether the horizontal force was measured throughout: otherwise its rows would hold zeros that are not
+    /// measurements.
     pub fn has_shear(&self) -> bool {
         self.shear && !self.shear_missing
     }
 
-    /// All blocks by time, once the last moment has been pushed.
+    /// All blocks by time, once the last snapshot is pushed.
     pub fn finish(mut self) -> Vec<Block> {
         self.interrupt();
         self.kept.into_blocks()
@@ -142,7 +143,7 @@ impl Comparison {
         self.points.push_back(point);
     }
 
-    /// A block's time is over: what needs the moments themselves is made of them now.
+    /// Completes a block while the snapshots that its means require are still in memory.
     fn close(&mut self, mut full: Mean) {
         if full.is_whole(&self.options) {
             full.add_moments(&self.window);
@@ -150,7 +151,7 @@ impl Comparison {
         }
     }
 
-    /// Nothing within `margin_s` of a time is compared.
+    /// Masks the interval of `margin_s` on both sides of a time.
     fn spoil(&mut self, time_s: f64, margin_s: f64) {
         let [from_s, to_s] = [time_s - margin_s, time_s + margin_s];
         match self.spoilt_s.back_mut() {
@@ -159,7 +160,7 @@ impl Comparison {
         }
     }
 
-    /// Time leaps: what waited for its future will not have one.
+    /// Handles a time discontinuity: completes pending blocks, since their following samples will not arrive.
     fn interrupt(&mut self) {
         if let Some(full) = self.filling.take() {
             self.close(full);
@@ -172,7 +173,7 @@ impl Comparison {
         self.filters = Filters::default();
     }
 
-    /// Lets go of the blocks whose surroundings are known at `now_s`, and forgets what nobody needs any more.
+    /// Releases blocks whose neighbourhood is complete at `now_s`, and drops data that is no longer required.
     fn release(&mut self, now_s: f64) {
         let patience_s = self.options.patience_s();
         while let Some(mean) = self.waiting.pop_front_if(|mean| mean.span_s[1] + patience_s <= now_s) {
@@ -183,7 +184,7 @@ impl Comparison {
         while self.spoilt_s.pop_front_if(|span_s| span_s[1] < now_s - SPOILT_FOR_S).is_some() {}
     }
 
-    /// Keeps a block if nothing around it spoils it and the prediction is known as far as the lags reach.
+    /// Keeps a block if no masked interval overlaps its neighbourhood and the predictions cover all lags.
     fn decide(&mut self, mean: Mean) {
         let [from_s, to_s] = mean.span_s;
         let overlaps = |span_s: &[f64; 2]| span_s[0] < to_s && span_s[1] > from_s;

@@ -17,9 +17,9 @@ use crate::telling::{Told, scale};
 const LAGS: usize = 20;
 /// Edges of the bins of squared innovations.
 const SURPRISES: [f64; 7] = [0.0, 0.5, 1.0, 2.0, 4.0, 9.0, f64::INFINITY];
-/// Pieces of the work that are compared.
+/// Pieces of the work that are ranked as windows.
 const PIECES: usize = 18;
-/// Windows that are told.
+/// Largest number of reported windows.
 const WINDOWS_MAX: usize = 6;
 /// Features of the pose per signal.
 const FEATURES_MAX: usize = 2;
@@ -64,11 +64,11 @@ fn time(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> TimePlot
     TimePlot { signal: Signal::ALL[axis], points }
 }
 
-/// A feature of the pose: in words, its unit, and how to read it off a block.
+/// A feature of the pose: description, unit, and its value for a block.
 type Feature = (String, &'static str, Box<dyn Fn(&Block) -> f64>);
 
-/// Features of the pose in words, and how to read them off a block: of each arm its elevation, of the trunk its lean, of
-/// each its direction, of the whole its height.
+/// Pose features with their names and how to compute them from a block: elevation and direction of each arm,
+/// inclination and direction of the trunk, height of the body.
 fn features() -> Vec<Feature> {
     use equipoise_core::body::Segment;
     let mut list: Vec<Feature> = Vec::new();
@@ -205,7 +205,7 @@ fn surprise(gram: &Gram<'_>, told: &Told) -> Vec<SurpriseBin> {
         .collect()
 }
 
-/// How often the square of a standard normal is below a value: `erf(√(x/2))` by Abramowitz and Stegun 7.1.26.
+/// Probability that the square of a standard normal is below a value: `erf(√(x/2))` by Abramowitz and Stegun 7.1.26.
 fn below(value: f64) -> f64 {
     if value.is_infinite() {
         return 1.0;
@@ -271,7 +271,7 @@ fn phases(gram: &Gram<'_>, held: &HeldOut, floor: &Floor) -> Vec<PhaseGap> {
     list
 }
 
-/// Upper bounds of what was not found: 95 % of the largest of each effect's parameters, alone.
+/// Upper bounds of effects that were not detected: 95 % bound of the largest parameter of each effect, alone.
 fn unseen(gram: &Gram<'_>) -> Vec<Unseen> {
     let mut list: Vec<Unseen> = Vec::new();
     for (index, term) in gram.terms.iter().enumerate() {

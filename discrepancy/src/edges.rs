@@ -1,24 +1,25 @@
-//! When something may have begun or ended in the work: evenly cut, and where the residual leaps.
+//! Candidate onsets and ends of effects in the work: an even grid, and the steps of the residual.
 
 use crate::rows::Rows;
 
-/// Pieces that the work is cut into.
+/// Pieces of the even grid.
 const PIECES: usize = 24;
-/// Most leaps that are looked at.
+/// Maximum number of steps.
 const LEAPS_MAX: usize = 8;
-/// Blocks on each side of a leap whose median counts, and those between that do not: what begins takes a while.
+/// Blocks on each side of a step whose median counts, and blocks in between that are ignored: the onset of an effect
+/// takes time.
 const SIDE_BLOCKS: usize = 6;
 const BETWEEN_BLOCKS: usize = 2;
-/// A leap is at least this large: centre of pressure x and y, m, and vertical force, N.
+/// Minimum size of a step: centre of pressure x and y, m, and vertical force, N.
 const LEAST_M_M_N: [f64; 3] = [0.004, 0.004, 3.0];
 
-/// Length of a piece if all are alike, s.
+/// Length of a piece of the even grid, s.
 pub(crate) fn piece_s(rows: &Rows<'_>) -> f64 {
     let [from_s, to_s] = ends_s(rows);
     (to_s - from_s) / PIECES as f64
 }
 
-/// Begin and end of the work that there is, s.
+/// Start and end of the present work blocks, s.
 pub(crate) fn ends_s(rows: &Rows<'_>) -> [f64; 2] {
     let half_s = 0.5 * rows.session.block_s;
     let from_s = if rows.work_from < rows.len() { rows.time_s(rows.work_from) - half_s } else { 0.0 };
@@ -26,7 +27,7 @@ pub(crate) fn ends_s(rows: &Rows<'_>) -> [f64; 2] {
     [from_s, to_s]
 }
 
-/// All edges, s, rising: a large effect fits nowhere but between its own.
+/// All edges, s, ascending: a large effect fits only between its own edges.
 pub(crate) fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
     let [from_s, to_s] = ends_s(rows);
     let leaps_s = leaps_s(rows);
@@ -41,7 +42,7 @@ pub(crate) fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
     edges_s
 }
 
-/// Where the residual leaps most, s; not where a foot was put down.
+/// Largest steps of the residual, s; except at a change of stance.
 fn leaps_s(rows: &Rows<'_>) -> Vec<f64> {
     let first = rows.work_from + SIDE_BLOCKS + BETWEEN_BLOCKS;
     let last = rows.len().saturating_sub(SIDE_BLOCKS + BETWEEN_BLOCKS);
@@ -59,7 +60,7 @@ fn leaps_s(rows: &Rows<'_>) -> Vec<f64> {
     kept.into_iter().map(|at| 0.5 * (rows.time_s(at - 1) + rows.time_s(at))).collect()
 }
 
-/// How far the residual leaps just before a block, over what is looked at.
+/// Size of the residual's step just before a block, over the examined channels.
 fn leap(rows: &Rows<'_>, at: usize) -> f64 {
     let before = at - SIDE_BLOCKS - BETWEEN_BLOCKS..at - BETWEEN_BLOCKS;
     let after = at + BETWEEN_BLOCKS..at + BETWEEN_BLOCKS + SIDE_BLOCKS;

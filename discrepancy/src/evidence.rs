@@ -8,13 +8,13 @@ use crate::linear::Factor;
 /// Parameters of some terms, fitted together.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimate {
-    /// Of all terms one after the other.
+    /// Values of all terms in sequence.
     pub(crate) value: Vec<f64>,
     /// 1-σ of each.
     pub(crate) sigma: Vec<f64>,
 }
 
-/// Inner products with what is already accepted taken into account.
+/// Inner products conditioned on the accepted terms.
 #[derive(Debug, Clone)]
 pub(crate) struct Conditioned {
     /// As [`Gram::products`].
@@ -48,7 +48,7 @@ impl Gram<'_> {
         )
     }
 
-    /// The inner products, given some terms.
+    /// The inner products, conditioned on some terms.
     pub(crate) fn given(&self, terms: &[usize]) -> Conditioned {
         let mut products = self.products.clone();
         let mut with_residual = self.with_residual.clone();
@@ -73,7 +73,7 @@ impl Gram<'_> {
         terms.iter().flat_map(|&term| self.terms[term].columns()).collect()
     }
 
-    /// Believed parameters of some terms and how sure.
+    /// Prior means of some terms' parameters, and their 1-σ.
     pub(crate) fn beliefs(&self, terms: &[usize]) -> (Vec<f64>, Vec<f64>) {
         let of =
             |pick: fn(&Term) -> &Vec<f64>| terms.iter().flat_map(|&t| pick(&self.terms[t]).clone()).collect();
@@ -82,7 +82,7 @@ impl Gram<'_> {
 }
 
 impl Conditioned {
-    /// Log Bayes factor of one more term.
+    /// Log Bayes factor of one additional term.
     pub(crate) fn log_odds(&self, term: &Term) -> f64 {
         let first = term.first;
         log_odds(
@@ -120,7 +120,7 @@ pub(crate) fn log_odds(
     }
 }
 
-/// Posterior mean and 1-σ; `None` if the columns cannot be told apart at all.
+/// Posterior mean and 1-σ; `None` if the columns are not separable.
 pub(crate) fn estimate(
     products: &dyn Fn(usize, usize) -> f64,
     with_residual: &dyn Fn(usize) -> f64,
@@ -128,7 +128,7 @@ pub(crate) fn estimate(
     sigma: &[f64],
 ) -> Option<Estimate> {
     let count = mean.len();
-    // In units of the prior's sigma, so that metres and newtons are alike.
+    // In units of the prior's sigma, so that metres and newtons are comparable.
     let scaled =
         Mat::from_fn(count, count, |i, j| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j));
     let inverse = Factor::inverse(&scaled)?;

@@ -1,4 +1,4 @@
-//! How far noise alone strays in the work from what the clean rows make one expect there.
+//! Expected deviation by noise alone in the work phase, conditioned on the clean rows.
 
 use faer::Mat;
 
@@ -10,15 +10,15 @@ use crate::noise::kernels::features;
 /// Expected residual of every block of the work and its 1-σ: centre of pressure x, y (m), vertical force (N).
 #[derive(Debug, Clone)]
 pub(crate) struct Floor {
-    /// What the clean rows make one expect.
+    /// Expectation conditioned on the clean rows.
     pub(crate) mean: Vec<[f64; 3]>,
-    /// How far from that noise strays.
+    /// 1-σ of noise around that expectation.
     pub(crate) sigma: Vec<[f64; 3]>,
 }
 
 impl Floor {
-    /// Of all work rows, once it is known where the stances were put down. The clean rows stand first, so the factor
-    /// already holds both answers: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
+    /// Of all work rows, given the stance offsets. The clean rows come first, so the factor already contains both
+    /// results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
     pub(crate) fn of(gram: &Gram<'_>, stances_m: &[[f64; 2]]) -> Floor {
         let rows = gram.rows;
         let (work, from) = (rows.len() - rows.work_from, rows.work_from);
@@ -44,16 +44,16 @@ impl Floor {
         floor
     }
 
-    /// Root mean square of how far noise alone strays on one axis from what the clean rows make one expect, over some
-    /// blocks of the work.
+    /// Root mean square deviation of noise alone on one axis from the expectation conditioned on the clean rows, over
+    /// some blocks of the work.
     pub(crate) fn root_mean_square(&self, axis: usize, of: impl Fn(usize) -> bool) -> f64 {
         let some = (0..self.sigma.len()).filter(|&block| of(block));
         root_mean(some.map(|block| self.sigma[block][axis].powi(2)))
     }
 }
 
-/// Where each block's stance was put down off its place, m, by all that is known once some terms are accepted. A model
-/// cannot know it beforehand: it belongs to neither side of the gap.
+/// Stance offset of each block, m, estimated from all data once some terms are accepted. No model can predict it, so it
+/// counts on neither side of the gap.
 pub(crate) fn stances_m(gram: &Gram<'_>, after: &[f64]) -> Vec<[f64; 2]> {
     let count = gram.cop_rows();
     let mut weighted = Mat::from_fn(count, 1, |row, _| after[row]);
@@ -69,7 +69,7 @@ fn predicted(factor: &Factor, row: usize, clean: usize, whitened: &[f64]) -> (f6
     (mean, square.sqrt())
 }
 
-/// Square root of the mean; 0 of nothing.
+/// Square root of the mean; 0 for an empty input.
 pub(crate) fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
     if count == 0 { 0.0 } else { (sum / f64::from(count)).sqrt() }

@@ -1,5 +1,5 @@
-//! What nothing in the catalogue explains, in words of the body: a library of generic terms, searched sparsely by the same
-//! evidence.
+//! Residuals that no catalogue effect explains, described in terms of the body: sparse search of a library of generic
+//! terms by the same evidence.
 
 mod forces;
 mod library;
@@ -16,17 +16,17 @@ use search::Search;
 
 pub(crate) use words::words;
 
-/// Most generic terms that are told.
+/// Largest number of reported generic terms.
 const TOLD_MAX: usize = 3;
 
-/// What a generic term must gain beyond what chance reaches, in log odds: shapes that are made of the suit's own motion
-/// are never quite as the body's. Clean sessions stay below.
+/// Required gain of a generic term beyond the level reached by chance, log odds: shapes computed from the suit's motion
+/// never match the body's exactly. Clean sessions stay below.
 const SEARCHED: f64 = 2.0;
 
-/// What the library says.
+/// Results of the library search.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Generics {
-    /// Terms that explain what the catalogue leaves, best first.
+    /// Terms that explain the residual of the catalogue, best first.
     pub(crate) after: Vec<Generic>,
     /// Log Bayes factor of as many generic terms as effects were named (at least one) without the catalogue.
     pub(crate) alone: f64,

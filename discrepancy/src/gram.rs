@@ -1,7 +1,7 @@
-//! Whitened columns and their inner products: after this, every question is small algebra.
+//! Whitened columns and their inner products; all further inference is small algebra on them.
 //!
-//! Rows are the centre of pressure, then the force channels, each whitened by its own factor. What is counted as model
-//! error (see [`Gram::forgive`]) is projected out of all inner products.
+//! Rows are the centre of pressure, then the force channels, each whitened by its own factor. Directions that count as
+//! model error (see [`Gram::forgive`]) are projected out of all inner products.
 
 use equipoise_core::effect::Columns;
 use faer::Mat;
@@ -11,22 +11,23 @@ use crate::linear::{dot, inner};
 use crate::noise::Noise;
 use crate::rows::Rows;
 
-/// A term whose columns are whitened: a candidate of the catalogue, or a generic one that has only words.
+/// A term with whitened columns: a candidate of the catalogue, or a generic term with a description only.
 #[derive(Debug, Clone)]
 pub(crate) struct Term {
-    /// What it is.
+    /// The catalogue candidate, if it is one.
     pub(crate) candidate: Option<Candidate>,
-    /// Its first column and their number.
+    /// Index of its first column.
     pub(crate) first: usize,
     /// Number of columns.
     pub(crate) count: usize,
-    /// Believed parameters.
+    /// Prior mean of the parameters.
     pub(crate) mean: Vec<f64>,
-    /// How sure, 1-σ.
+    /// Prior 1-σ.
     pub(crate) sigma: Vec<f64>,
-    /// Logarithm of its share among the variants of its name.
+    /// Logarithm of its prior weight among the variants of its name.
     pub(crate) log_prior: f64,
-    /// Whether it was made on the way (refined, in a part of the work): not one of those that are tried each time.
+    /// Whether it was derived during the search (refined, or limited to a part of the work) and is not part of every
+    /// trial.
     pub(crate) is_derived: bool,
 }
 
@@ -40,9 +41,9 @@ impl Term {
 /// The whitened problem.
 #[derive(Debug, Clone)]
 pub(crate) struct Gram<'a> {
-    /// Where it comes from.
+    /// The rows from which it is built.
     pub(crate) rows: &'a Rows<'a>,
-    /// What it is whitened with.
+    /// The noise model that whitens it.
     pub(crate) noise: &'a Noise,
     /// Whitened residual.
     pub(crate) residual: Vec<f64>,
@@ -50,18 +51,18 @@ pub(crate) struct Gram<'a> {
     pub(crate) columns: Vec<Vec<f64>>,
     /// The terms.
     pub(crate) terms: Vec<Term>,
-    /// Directions that count as model error.
+    /// Directions marginalised as model error.
     pub(crate) forgiven: Vec<Vec<f64>>,
-    /// Those of them that are errors of the sensors, whatever was named.
+    /// Those of them that are errors of the sensors, independent of the named effects.
     pub(crate) errors: Vec<Vec<f64>>,
-    /// Inner products of columns, lower and upper.
+    /// Inner products of columns, full symmetric matrix.
     pub(crate) products: Vec<Vec<f64>>,
     /// Inner products of columns with the residual.
     pub(crate) with_residual: Vec<f64>,
 }
 
 impl<'a> Gram<'a> {
-    /// Of all candidates.
+    /// Built from all candidates.
     pub(crate) fn of(rows: &'a Rows<'a>, noise: &'a Noise, candidates: Vec<Candidate>) -> Gram<'a> {
         let residual = whitened_residual(rows, noise);
         let mut gram = Gram {
@@ -93,12 +94,12 @@ impl<'a> Gram<'a> {
         gram
     }
 
-    /// Whitened columns of something given block by block.
+    /// Whitened columns of a function of the block.
     pub(crate) fn whitened(&self, count: usize, of: impl Fn(usize) -> Columns) -> Vec<Vec<f64>> {
         whiten(self.rows, self.noise, count, of)
     }
 
-    /// Adds a term that was made on the way; gives its index.
+    /// Adds a derived term; returns its index.
     pub(crate) fn add(&mut self, mut term: Term, columns: Vec<Vec<f64>>) -> usize {
         term.first = self.columns.len();
         term.is_derived = true;
@@ -132,7 +133,7 @@ impl<'a> Gram<'a> {
         self.add(term, columns)
     }
 
-    /// Takes back what was added after there were so many terms.
+    /// Removes all terms beyond this number.
     pub(crate) fn truncate(&mut self, terms: usize) {
         self.terms.truncate(terms);
         let columns = self.terms.last().map_or(0, |term| term.first + term.count);
@@ -144,13 +145,13 @@ impl<'a> Gram<'a> {
         }
     }
 
-    /// Counts a direction as model error of this 1-σ (per unit of the column): nothing is concluded from it any more.
+    /// Marginalises a direction as model error of this 1-σ (per unit of the column): it provides no evidence any more.
     pub(crate) fn forgive(&mut self, column: &[f64], sigma: f64) {
         let direction = direction(column, sigma, &self.forgiven);
         self.project_out(direction);
     }
 
-    /// The same, of an error of the sensors: it belongs to none of the effects.
+    /// The same for an error of the sensors, which belongs to no effect.
     pub(crate) fn count_as_error(&mut self, column: &[f64], sigma: f64) {
         let error = direction(column, sigma, &self.errors);
         self.errors.push(error);
@@ -169,7 +170,7 @@ impl<'a> Gram<'a> {
         self.forgiven.push(direction);
     }
 
-    /// Inner product without what is forgiven.
+    /// Inner product without the marginalised directions.
     pub(crate) fn metric(&self, a: &[f64], b: &[f64]) -> f64 {
         self.forgiven.iter().fold(dot(a, b), |sum, known| sum - dot(a, known) * dot(b, known))
     }
@@ -199,7 +200,7 @@ fn whitened_residual(rows: &Rows<'_>, noise: &Noise) -> Vec<f64> {
     columns.into_iter().next().unwrap_or_default()
 }
 
-/// Whitens columns given block by block; blocks before the first that is not zero cost nothing.
+/// Whitens columns given block by block; leading zero blocks cost nothing.
 pub(crate) fn whiten(
     rows: &Rows<'_>,
     noise: &Noise,
@@ -235,7 +236,8 @@ fn place(whitened: &mut [Vec<f64>], from: usize, columns: &Mat<f64>) {
 }
 
 impl Gram<'_> {
-    /// Everything that is projected out if some terms are accepted too, and the residual less their believed means.
+    /// All directions that are projected out if some terms are accepted as well, and the residual minus their prior
+    /// means.
     pub(crate) fn directions_given(&self, accepted: &[usize]) -> (Vec<Vec<f64>>, Vec<f64>) {
         let mut directions = self.forgiven.clone();
         let mut residual = self.residual.clone();
@@ -250,7 +252,7 @@ impl Gram<'_> {
         (directions, residual)
     }
 
-    /// Log Bayes factor of a candidate that is not among the terms, with some directions projected out.
+    /// Log Bayes factor of a candidate outside the terms, with some directions projected out.
     pub(crate) fn score_alone(
         &self,
         candidate: &Candidate,
@@ -282,7 +284,7 @@ pub(crate) fn score(
     crate::evidence::log_odds(&of, &|i| pull[i], mean, sigma)
 }
 
-/// The direction that has to be projected out for a column whose amount is only known to a 1-σ, besides others.
+/// The direction to be projected out for a column whose amplitude has a 1-σ uncertainty, given the other directions.
 pub(crate) fn direction(column: &[f64], sigma: f64, others: &[Vec<f64>]) -> Vec<f64> {
     let mut direction = column.to_vec();
     let mut own = dot(column, column);
@@ -297,7 +299,7 @@ pub(crate) fn direction(column: &[f64], sigma: f64, others: &[Vec<f64>]) -> Vec<
 }
 
 impl Term {
-    /// What it changes at a block with these parameters: centre of pressure x, y (m), vertical force (N).
+    /// Predicted change at a block with these parameters: centre of pressure x, y (m), vertical force (N).
     pub(crate) fn predicted(&self, rows: &Rows<'_>, block: usize, value: &[f64]) -> [f64; 3] {
         let Some(candidate) = &self.candidate else { return [0.0; 3] };
         let columns = candidate.columns(rows, block);

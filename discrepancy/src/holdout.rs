@@ -1,5 +1,5 @@
-//! How far model and measurement are apart, before and after: parameters from four fifths of the work's stretches of time,
-//! the gap on the fifth that they have not seen.
+//! Gap between model and measurement before and after, by cross-validation: parameters from four fifths of the work's
+//! intervals, the gap on the remaining fifth.
 
 use faer::Mat;
 
@@ -8,26 +8,26 @@ use crate::gram::Gram;
 use crate::linear::{Factor, dot, inner};
 use crate::rows::Rows;
 
-/// Shares of the work that are held out in turn.
+/// Number of folds.
 const FOLDS: usize = 5;
-/// Stretches of time per share: blocks of time, never samples, since neighbours know each other's noise.
+/// Intervals per fold. Folds consist of intervals, not of samples, since neighbouring samples share their noise.
 const STRETCHES: usize = 6;
 
-/// Residuals of the work, by block: x, y (m), vertical (N); less where each stance was put down, and in the end less what
-/// the clean rows make one expect.
+/// Residuals of the work, by block: x, y (m), vertical (N); minus the stance offset, and finally minus the expectation
+/// conditioned on the clean rows.
 #[derive(Debug, Clone)]
 pub(crate) struct HeldOut {
-    /// As the model was.
+    /// With the original model.
     pub(crate) before: Vec<[f64; 3]>,
-    /// With what was named, by parameters from other stretches.
+    /// With the named effects, by parameters from the other folds.
     pub(crate) after: Vec<[f64; 3]>,
-    /// What each accepted term predicts, by parameters from other stretches.
+    /// Prediction of each accepted term, by parameters from the other folds.
     pub(crate) of_term: Vec<Vec<[f64; 3]>>,
 }
 
 impl HeldOut {
-    /// Takes off what the clean rows make one expect of each block of the work: errors of the worker's parameters and of
-    /// the pose that were there before belong to neither side of the gap.
+    /// Subtracts the expectation, conditioned on the clean rows, of each block of the work: earlier errors of the
+    /// subject's parameters and of the pose count on neither side of the gap.
     pub(crate) fn take_off_expected(&mut self, expected: &[[f64; 3]]) {
         for list in [&mut self.before, &mut self.after] {
             for (residual, mean) in list.iter_mut().zip(expected) {
@@ -37,7 +37,7 @@ impl HeldOut {
     }
 }
 
-/// Which share each block of the work belongs to.
+/// Fold of each block of the work.
 fn folds(rows: &Rows<'_>) -> Vec<usize> {
     let work = rows.work_from..rows.len();
     let Some(first_s) = work.clone().next().map(|block| rows.time_s(block)) else { return Vec::new() };
@@ -49,7 +49,7 @@ fn folds(rows: &Rows<'_>) -> Vec<usize> {
     .collect()
 }
 
-/// Takes off what was named. `None` where the algebra fails.
+/// Subtracts the named effects. `None` where the algebra fails.
 pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2]]) -> Option<HeldOut> {
     let rows = gram.rows;
     let before: Vec<[f64; 3]> = (rows.work_from..rows.len())
@@ -81,7 +81,7 @@ pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2
     Some(held)
 }
 
-/// Parameters as if these blocks had never been measured: their rows are given any amount of noise.
+/// Parameters without these blocks: their rows get infinite noise.
 fn without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<f64>> {
     let columns = gram.columns_of(accepted);
     let (mean, sigma) = gram.beliefs(accepted);
@@ -98,14 +98,14 @@ fn without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<
     };
     let off: Vec<Vec<f64>> = columns.iter().map(|&column| along(&gram.columns[column])).collect();
     let residual = along(&gram.residual);
-    // Without what is forgiven: those directions do not stand at right angles to the unseen ones.
+    // Without the marginalised directions, which are not orthogonal to those of the left-out blocks.
     let own = |column: usize, with: &[f64]| dot(&gram.columns[columns[column]], with);
     let products = |i: usize, j: usize| own(i, &gram.columns[columns[j]]) - dot(&off[i], &off[j]);
     let pull = |i: usize| own(i, &gram.residual) - dot(&off[i], &residual);
     Some(estimate(&products, &pull, &mean, &sigma)?.value)
 }
 
-/// Orthonormal directions of the whitened rows that these blocks span, per channel: where it begins, and the directions.
+/// Orthonormal directions of the whitened rows that these blocks span, per channel: first row, and directions.
 fn unseen_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Mat<f64>)>> {
     let count = gram.rows.len();
     let first = blocks[0];

@@ -1,9 +1,10 @@
-//! Where model and measurement disagree: find it, name it, add it to the model, show the gap shrink.
+//! Reconciliation of model and measurement: locates discrepancies, names their cause, adds it to the model and reports
+//! how much the gap shrinks.
 //!
-//! Data flow one way: a recording becomes a [`session::Session`] of [`block::Block`]s (what the model predicts and what
-//! the plate measured, over a fraction of a second each, with everything that an effect's columns are made of); the
-//! noise is fitted where nothing is suspected; every question about effects is then algebra on one whitened Gram matrix;
-//! what is found is a [`finding::Finding`], from which model file and report are made.
+//! Data flow one way: a recording becomes a [`session::Session`] of [`block::Block`]s (predictions of the model and
+//! measurements of the plate over a fraction of a second each, with all inputs of the effects' columns); the noise is
+//! fitted on the phases that are not in question; all inference about effects is algebra on one whitened Gram matrix;
+//! the result is a [`finding::Finding`], from which model file and report are made.
 
 mod ask;
 pub mod block;

@@ -1,4 +1,4 @@
-//! Dense algebra on a few thousand rows, one thread: what the statistics need of faer, in our words.
+//! Dense algebra on a few thousand rows, one thread: a thin wrapper of the parts of faer that the statistics use.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::DenseSolveCore;
@@ -12,7 +12,7 @@ pub(crate) struct Factor {
 }
 
 impl Factor {
-    /// Of a symmetric matrix, of which only the lower half is read; `None` if it is not positive definite.
+    /// Factor of a symmetric matrix, of which only the lower half is read; `None` if it is not positive definite.
     pub(crate) fn of(matrix: &Mat<f64>) -> Option<Factor> {
         let lower = matrix.llt(Side::Lower).ok()?.L().to_owned();
         (0..lower.nrows())
@@ -25,7 +25,7 @@ impl Factor {
         self.lower.nrows()
     }
 
-    /// `L⁻¹ columns`, where the columns are zero above row `from` and only the rest is given.
+    /// `L⁻¹ columns`, where the columns are zero above row `from` and only the rest is passed.
     pub(crate) fn whiten_from(&self, from: usize, columns: &mut Mat<f64>) {
         let count = self.len() - from;
         let block = self.lower.as_ref().submatrix(from, from, count, count);
@@ -37,7 +37,7 @@ impl Factor {
         solve_upper_triangular_in_place(self.lower.as_ref().transpose(), columns.as_mut(), Par::Seq);
     }
 
-    /// `½ ln det` of what was factored.
+    /// `½ ln det` of the factored matrix.
     pub(crate) fn half_log_det(&self) -> f64 {
         (0..self.len()).map(|i| self.lower[(i, i)].ln()).sum()
     }
@@ -47,7 +47,7 @@ impl Factor {
         self.lower.as_ref()
     }
 
-    /// The inverse of what was factored.
+    /// The inverse of the factored matrix.
     pub(crate) fn inverse(matrix: &Mat<f64>) -> Option<Mat<f64>> {
         Some(matrix.llt(Side::Lower).ok()?.inverse())
     }
@@ -74,7 +74,8 @@ pub(crate) fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64>
     product
 }
 
-/// A factor `S` with `S Sᵀ` = a symmetric positive semidefinite matrix given row by row; as many columns as it has rank.
+/// A factor `S` with `S Sᵀ` = a symmetric positive semidefinite matrix given row by row; as many columns as it has
+/// rank.
 pub(crate) fn root(rows: &[f64], size: usize) -> Mat<f64> {
     let mut left = Mat::from_fn(size, size, |i, j| rows[i * size + j]);
     let trace: f64 = (0..size).map(|i| left[(i, i)]).sum();

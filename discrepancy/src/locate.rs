@@ -1,5 +1,5 @@
-//! Where model and measurement are apart beyond noise: spans of time, signal, still or moving, and the segment whose pose
-//! goes with it.
+//! Discrepancies beyond noise: time spans, signal, static or moving, and the segment whose orientation correlates with
+//! them.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::Observation;
@@ -9,14 +9,14 @@ use crate::floor::{Floor, root_mean};
 use crate::gram::Gram;
 use crate::picture::Signal;
 
-/// Pieces of the work that are looked at.
+/// Pieces of the work that are examined.
 const PIECES: usize = 30;
-/// From here on a piece is suspicious: root mean square of the residual over its noise. Noise is coloured, so that a piece
+/// Threshold of a suspicious piece: root mean square of the residual over its noise. Noise is coloured, so that a piece
 /// holds few independent values.
 const BEYOND: f64 = 2.0;
-/// Most spans that are told.
+/// Largest number of reported spans.
 const TOLD_MAX: usize = 8;
-/// A segment goes with a residual if it explains at least this share of its square.
+/// A segment correlates with a residual if it explains at least this fraction of its square.
 const GOES_WITH: f64 = 0.25;
 
 /// All suspicious spans, worst first.
@@ -65,7 +65,7 @@ fn when(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> &'sta
     }
 }
 
-/// The segment whose direction in space explains most of the residual's change, if it explains much of it.
+/// The segment whose direction in space explains most of the residual's change, if the fraction suffices.
 fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Option<String> {
     let rows = gram.rows;
     let mean =
@@ -89,7 +89,7 @@ fn segment(gram: &Gram<'_>, blocks: &[usize], over: &dyn Fn(usize) -> f64) -> Op
     (best.0 > GOES_WITH && blocks.len() > 8).then(|| Segment::ALL[best.1].name().to_owned())
 }
 
-/// A segment's share of the centre of mass on one axis of the world, m.
+/// A segment's contribution to the centre of mass on one axis of the world, m.
 fn share_m(seen: &Observation, segment: usize, axis: usize) -> f64 {
     (0..3).map(|k| seen.rotation[segment][axis][k] * seen.phi_m[segment][k]).sum()
 }

@@ -1,8 +1,9 @@
-//! What is left over when nothing is missing: a Gaussian process whose shapes are physics and whose few sizes are fitted
-//! where nothing is suspected.
+//! Noise model of a session without effects: a Gaussian process whose shapes follow from physics and whose few sizes
+//! are fitted on the phases that are not in question.
 //!
-//! Suit orientations that wander, soft tissue that follows the joints, a stance put down some millimetres off, an unknown
-//! smooth function of the pose, sway, the plate's own noise. Without these colours every session has "effects".
+//! Drift of the suit's orientations, soft tissue that follows the joints, stance offsets of some millimetres, an
+//! unknown smooth function of the pose, sway, the plate's noise. Without these coloured components effects would be
+//! detected in every session.
 
 pub(crate) mod fit;
 pub(crate) mod force;
@@ -16,21 +17,21 @@ use crate::linear::Factor;
 use crate::options::ReconcileError;
 use crate::rows::Rows;
 
-/// The noise of all channels, ready to whiten with.
+/// The noise of all channels, factored for whitening.
 #[derive(Debug, Clone)]
 pub(crate) struct Noise {
     /// Factor of the covariance of the centre of pressure; two rows a block.
     pub(crate) cop: Factor,
-    /// The same without what is not known of where the stances were put down.
+    /// The same without the uncertainty of the stance offsets.
     pub(crate) cop_without_stances: Factor,
-    /// Covariance of where the stances were put down, m².
+    /// Covariance of the stance offsets, m².
     pub(crate) stances_m2: Mat<f64>,
     /// Factor of each measured force channel, in the order of [`Rows::force_axes`].
     pub(crate) force: Vec<Factor>,
 }
 
 impl Noise {
-    /// Fitted on what is not in question.
+    /// Fitted on the phases that are not in question.
     pub(crate) fn fit(rows: &Rows<'_>) -> Result<Noise, ReconcileError> {
         let no_noise = |channel| ReconcileError::NoNoise { channel };
         let [cop, cop_without_stances] = Noise::of_cop(rows).ok_or(no_noise("centre of pressure"))?;

@@ -1,40 +1,41 @@
-//! What the report draws: the residual seen against time, pose and each effect's own predictor, and what is left of it.
+//! Data of the report's figures: the residual over time, pose and each effect's own predictor, and the remaining
+//! residual.
 //!
-//! Everything here is of the work in question and in the units of its [`Signal`]. "Before" is measured less predicted
-//! with the model as it was, less what the clean part of the recording makes one expect; "after" has what was named taken
-//! off with parameters that were fitted on *other* blocks of time. If nothing was named, the two are the same. The engine
-//! fills it block by block, however long the recording; the report thins it out. A value that could not be made is left
-//! out, never NaN.
+//! All data refer to the work in question, in the units of its [`Signal`]. "Before" is measured minus predicted with
+//! the original model, minus the expectation from the clean part of the recording; "after" subtracts the named effects
+//! as well, with parameters fitted on *other* time intervals. If no effect was named, the two are equal. The engine
+//! fills it block by block, however long the recording; the report decimates it. A value that could not be computed is
+//! left out, never NaN.
 
 use crate::block::Phase;
 use crate::session::Spans;
 
-/// All that the report draws.
+/// Data of all figures of the report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Which part of the recording was taken for what, s since its begin.
+    /// Phases of the recording, s since its start.
     pub spans_s: Spans,
-    /// How long the recording is, s.
+    /// Length of the recording, s.
     pub length_s: f64,
-    /// How long a block is, s.
+    /// Length of a block, s.
     pub block_s: f64,
     /// Log Bayes factor from which an effect is named.
     pub threshold_log_odds: f64,
     /// The residual over time: one per signal, blocks by time.
     pub time: Vec<TimePlot>,
-    /// The residual against a feature of the pose: those that it goes with most, first.
+    /// The residual over pose features, highest correlation first.
     pub pose: Vec<PosePlot>,
-    /// The residual against what each named effect predicts of it; empty if nothing was named.
+    /// The residual over the prediction of each named effect; empty if none was named.
     pub predictors: Vec<PredictorPlot>,
-    /// What is left: one per signal.
+    /// Whiteness of the remaining residual, one per signal.
     pub whiteness: Vec<Whiteness>,
-    /// Normalised innovations: how often the whitened residual is how large.
+    /// Normalised innovations: histogram of the squared whitened residual.
     pub surprise: Vec<SurpriseBin>,
-    /// Windows of the work by how far they are beyond noise after the change, worst first; a handful.
+    /// The few windows of the work with the largest residual over noise after the change, worst first.
     pub windows: Vec<Window>,
     /// Gap by phase and signal.
     pub phases: Vec<PhaseGap>,
-    /// How large an effect could be and still not have been seen; told if nothing was named.
+    /// Upper bounds of undetected effects; reported if none was named.
     pub unseen: Vec<Unseen>,
 }
 
@@ -83,7 +84,7 @@ impl Signal {
 /// The residual of one signal over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimePlot {
-    /// Which signal; its unit is that of the values.
+    /// The signal; its unit is that of the values.
     pub signal: Signal,
     /// Blocks by time.
     pub points: Vec<TimePoint>,
@@ -92,22 +93,22 @@ pub struct TimePlot {
 /// One block of a [`TimePlot`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimePoint {
-    /// Middle of the block, s since the recording's begin.
+    /// Middle of the block, s since the recording's start.
     pub time_s: f64,
-    /// Whether it is a held pose.
+    /// Whether it is a static pose.
     pub still: bool,
     /// Residual before.
     pub before: f64,
     /// Residual after, by parameters from other blocks.
     pub after: f64,
-    /// 1-σ of what noise alone would show here, coloured noise included.
+    /// 1-σ of noise alone here, coloured noise included.
     pub noise_sigma: f64,
 }
 
 /// The residual of one signal against one feature of the pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PosePlot {
-    /// Which signal.
+    /// The signal.
     pub signal: Signal,
     /// The feature in words: "trunk inclination", "right arm elevation".
     pub feature: String,
@@ -115,7 +116,7 @@ pub struct PosePlot {
     pub unit: &'static str,
     /// One per block, in any order.
     pub points: Vec<PosePoint>,
-    /// Root mean square of what noise alone would show.
+    /// Root mean square of noise alone.
     pub noise_sigma: f64,
 }
 
@@ -130,16 +131,16 @@ pub struct PosePoint {
     pub after: f64,
 }
 
-/// The residual of one signal against what one named effect predicts of it: on the diagonal if the effect is right.
+/// The residual of one signal over the prediction of one named effect: on the diagonal if the effect is correct.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictorPlot {
     /// Name with place, as in [`crate::finding::Candidate::name`].
     pub effect: String,
     /// The signal that the effect changes most.
     pub signal: Signal,
-    /// One per block in which the effect holds, in any order.
+    /// One per block in which the effect acts, in any order.
     pub points: Vec<PredictorPoint>,
-    /// Root mean square of what noise alone would show.
+    /// Root mean square of noise alone.
     pub noise_sigma: f64,
 }
 
@@ -148,46 +149,46 @@ pub struct PredictorPlot {
 pub struct PredictorPoint {
     /// Column times value, with parameters from other blocks.
     pub predicted: f64,
-    /// Residual with the other named effects taken off, but not this one.
+    /// Residual after subtraction of the other named effects, but not of this one.
     pub residual: f64,
 }
 
-/// Whether what is left of one signal is white once its modelled colour is taken off.
+/// Whether the remaining residual of one signal is white once its modelled colour is removed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Whiteness {
-    /// Which signal.
+    /// The signal.
     pub signal: Signal,
     /// Autocorrelation of the whitened residual before, from a lag of one block on.
     pub before: Vec<f64>,
     /// The same after.
     pub after: Vec<f64>,
-    /// White noise stays within plus and minus this in 95 of 100 lags.
+    /// 95 of 100 lags of white noise are within plus and minus this.
     pub bound: f64,
 }
 
-/// How often the whitened residual squared, per block and signal, is this large.
+/// One bin of the histogram of the squared whitened residual, per block and signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurpriseBin {
-    /// Begin and end; the end of the last may be infinite.
+    /// Lower bound.
     pub from: f64,
-    /// End.
+    /// Upper bound; that of the last bin may be infinite.
     pub to: f64,
-    /// Share of blocks before, in \[0, 1\].
+    /// Fraction of blocks before, in \[0, 1\].
     pub before: f64,
-    /// Share of blocks after.
+    /// Fraction of blocks after.
     pub after: f64,
-    /// Share that noise alone would have.
+    /// Fraction expected by noise alone.
     pub expected: f64,
 }
 
-/// A stretch of the work and how far it is beyond noise.
+/// An interval of the work and its ratio of residual to noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
-    /// Begin, s.
+    /// Start, s.
     pub from_s: f64,
     /// End, s.
     pub to_s: f64,
-    /// Signal that shows it most.
+    /// Signal with the largest ratio.
     pub signal: Signal,
     /// Root mean square of the whitened residual there, before: 1 is noise alone.
     pub times_noise_before: f64,
@@ -198,26 +199,26 @@ pub struct Window {
 /// Gap of one signal in one phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseGap {
-    /// Which phase.
+    /// The phase.
     pub phase: Phase,
-    /// Which signal.
+    /// The signal.
     pub signal: Signal,
     /// Root mean square before.
     pub before: f64,
-    /// After, held out.
+    /// Root mean square after, held out.
     pub after: f64,
-    /// By noise alone.
+    /// Root mean square of noise alone.
     pub noise_floor: f64,
 }
 
-/// An effect that was looked for and is smaller than this, if it is there.
+/// Upper bound of an effect that was tested and not detected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unseen {
     /// Name with place.
     pub effect: String,
     /// Parameter's name.
     pub parameter: String,
-    /// Largest size that these data allow with 95 %.
+    /// 95 % upper bound of its size.
     pub at_most: f64,
     /// Unit.
     pub unit: &'static str,

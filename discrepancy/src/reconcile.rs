@@ -1,4 +1,4 @@
-//! The way from a session to an answer.
+//! The sequence of steps from a session to a finding.
 
 use equipoise_core::effect;
 
@@ -22,40 +22,40 @@ use crate::verdict::Rest;
 use crate::windows::Windows;
 use crate::{drawing, telling};
 
-/// Fewest blocks of work that are judged.
+/// Minimum number of work blocks.
 const WORK_MIN: usize = 30;
-/// Fewest blocks outside the work from which noise is known.
+/// Minimum number of blocks outside the work for the noise fit.
 const CLEAN_MIN: usize = 12;
-/// What chance stays below in so many of a hundred clean sessions is the threshold.
+/// The threshold is the level that chance does not exceed in this many of a hundred clean sessions.
 const CHANCE_OF_100: f64 = 99.0;
 
-/// What a reconciliation comes to.
+/// Result of a reconciliation.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// The answer; its `model` is filled by who writes the file.
+    /// The finding; its `model` is filled in by the writer of the file.
     pub finding: Finding,
-    /// What is to be added to the model, in the order of the finding's effects.
+    /// Terms to be added to the model, in the order of the finding's effects.
     pub terms: Vec<Fitted>,
-    /// What the report draws.
+    /// Data of the report's figures.
     pub picture: Picture,
 }
 
-/// A term that was fitted.
+/// A fitted term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fitted {
-    /// The term, as the loop runs it; an effect that lasted to the end of the recording has no end.
+    /// The term, as the loop runs it; an effect that lasts to the end of the recording has no end.
     pub term: effect::Term,
     /// 1-σ of its values.
     pub sigma: [f64; effect::PARAMETERS_MAX],
-    /// 1-σ of its shape, where that was fitted; else 0.
+    /// 1-σ of its shape if fitted; else 0.
     pub shape_sigma: f64,
     /// Log Bayes factor when it was accepted.
     pub log_odds: f64,
 }
 
-/// Where model and measurement disagree, what the model lacks, and how the gap shrinks with it.
+/// Locates discrepancies of model and measurement, names what the model lacks, and computes how much the gap shrinks.
 ///
-/// `progress` is told the share that is done, in \[0, 1\].
+/// `progress` receives the completed fraction, in \[0, 1\].
 pub fn reconcile(
     session: &Session,
     options: &Options,
@@ -87,7 +87,7 @@ pub fn reconcile(
     Ok(Outcome { finding: told.finding, terms: told.terms, picture })
 }
 
-/// Refuses what no statistics can make good.
+/// Rejects sessions that do not permit an inference.
 fn check(session: &Session) -> Result<(), ReconcileError> {
     let in_work = session.blocks.iter().filter(|block| block.phase == Phase::Work).count();
     let clean = session.blocks.len() - in_work;
@@ -110,7 +110,7 @@ fn check(session: &Session) -> Result<(), ReconcileError> {
 }
 
 impl crate::block::Block {
-    /// Whether everything that is judged is a number.
+    /// Whether all values used are finite.
     fn is_finite(&self) -> bool {
         let seen = &self.observation;
         let vectors =

@@ -1,4 +1,4 @@
-//! What is not linear in an effect, to more digits than its grid: one-dimensional search of the evidence.
+//! Refines the non-linear parameter of an effect beyond its grid: one-dimensional search of the evidence.
 
 use equipoise_core::effect::Effect;
 
@@ -6,14 +6,14 @@ use crate::candidate::Candidate;
 use crate::evidence::estimate;
 use crate::gram::Gram;
 
-/// A share that belongs to the shape is fixed once the shape is fitted: 1-σ.
+/// 1-σ at which the factor of a shape is fixed once the shape is fitted.
 const SHARE_SIGMA: f64 = 0.02;
 /// Steps of the golden section.
 const STEPS: usize = 14;
-/// Times that a turn is fitted about the angle that was fitted before.
+/// Number of linearisations of a rotation about the previously fitted angle.
 const TURNS: usize = 4;
 
-/// The refined term, added; or the term itself where everything is linear.
+/// The refined term, added; or the original one if all its parameters are linear.
 pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> usize {
     let Some(candidate) = gram.terms[term].candidate.clone() else { return term };
     if matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment) {
@@ -26,7 +26,7 @@ pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> us
     gram.add_candidate(with_shape(&candidate, best))
 }
 
-/// Fits a turn again and again about the angle that was just fitted, until columns and angle belong together.
+/// Fits a rotation repeatedly, linearised at the last fitted angle, until columns and angle agree.
 pub(crate) fn turned(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -> usize {
     candidate.sigma = Candidate::new(candidate.effect, candidate.place, 0.0, candidate.scope).sigma;
     candidate.mean = vec![0.0; candidate.sigma.len()];
@@ -39,7 +39,7 @@ pub(crate) fn turned(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[
     gram.add_candidate(candidate)
 }
 
-/// The same with another shape; a share is then fixed.
+/// The same with another shape; its factor is then fixed.
 pub(crate) fn with_shape(candidate: &Candidate, shape: f64) -> Candidate {
     let mut other = Candidate { shape, ..candidate.clone() };
     if other.is_a_share() {
@@ -48,7 +48,7 @@ pub(crate) fn with_shape(candidate: &Candidate, shape: f64) -> Candidate {
     other
 }
 
-/// Where the shape may lie; `None` where there is none.
+/// Range of the shape; `None` where there is none.
 fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]) -> Option<[f64; 2]> {
     let shape = candidate.shape;
     match candidate.effect {
@@ -57,7 +57,7 @@ fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]
             let share = *gram.estimate(&all)?.value.last()?;
             let told_s = (shape * share).clamp(-0.12, 0.18);
             let [from, to] = [told_s - 0.03, told_s + 0.03];
-            // A lag of the other sign is another story.
+            // A lag of the other sign is a different explanation.
             Some(if told_s > 0.0 { [from.max(5e-4), to.min(0.18)] } else { [from.max(-0.12), to.min(-5e-4)] })
         }
         Effect::PlateLowpass => Some([shape / 1.6, shape * 1.6]),
@@ -67,7 +67,7 @@ fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]
     }
 }
 
-/// The argument of the largest value between two bounds, if there is one hill.
+/// Argument of the maximum between two bounds, for a unimodal function.
 fn golden(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let (mut from, mut to) = (from, to);
@@ -87,7 +87,7 @@ fn golden(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
     0.5 * (from + to)
 }
 
-/// 1-σ of a refined shape, from how fast the evidence falls on both sides.
+/// 1-σ of a refined shape, from the curvature of the evidence.
 pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usize]) -> f64 {
     let (directions, residual) = gram.directions_given(others);
     let score = |shape: f64| gram.score_alone(&with_shape(candidate, shape), &directions, &residual);
@@ -101,7 +101,7 @@ pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usiz
     if curvature > 0.0 { 1.0 / curvature.sqrt() } else { candidate.shape.abs() }
 }
 
-/// Fits a mass's first moment again with a belief that fits the mass: an arm's length, not a metre.
+/// Refits a mass's first moment with a prior consistent with the mass: the length of an arm, not a metre.
 pub(crate) fn tie_moments(gram: &mut Gram<'_>) {
     for index in 0..gram.terms.len() {
         let term = &gram.terms[index];

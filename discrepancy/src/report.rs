@@ -1,8 +1,8 @@
-//! The finding told for people: `report.html`, which needs nothing else, and `report.md` with drawings beside it.
+//! The finding as a report: `report.html`, which is self-contained, and `report.md` with drawings as separate files.
 //!
-//! Six steps, each in plain words with its picture: what disagrees, where beyond noise, what was set aside and why, the
-//! change, the same picture again on data held out, what is left. An answer that names nothing is told as openly. Both
-//! forms are made of one document, so they cannot tell different numbers.
+//! Six steps, each in plain words with its figure: what disagrees, where beyond noise, what was rejected and why, the
+//! change, the same figure on held-out data, what remains. A finding without named effects is reported in the same
+//! detail. Both forms are rendered from one document, so their numbers agree.
 
 pub mod document;
 mod escape;
@@ -19,53 +19,53 @@ use crate::finding::Finding;
 use crate::picture::Picture;
 use document::{Document, Piece};
 
-/// All that a report tells.
+/// Inputs of a report.
 #[derive(Debug, Clone, Copy)]
 pub struct Report<'a> {
-    /// What was found.
+    /// The finding.
     pub finding: &'a Finding,
-    /// What is drawn of it.
+    /// Data of the figures.
     pub picture: &'a Picture,
-    /// Where it comes from.
+    /// Provenance of the finding.
     pub origin: &'a Origin,
     /// The text of the model file, if one was written; its path is [`Finding::model`].
     pub model_toml: Option<&'a str>,
 }
 
-/// Where a finding comes from, so that it can be made again.
+/// Provenance of a finding, sufficient to reproduce it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Origin {
-    /// What was read.
+    /// Recordings read.
     pub recordings: Vec<Recording>,
-    /// Who was measured.
+    /// The measured subject.
     pub subject: String,
-    /// Where.
+    /// The station.
     pub station: String,
-    /// When the finding was made: RFC 3339.
+    /// Time of the finding: RFC 3339.
     pub date: String,
     /// Program with its version.
     pub software: String,
-    /// The command as it was given.
+    /// The command line as entered.
     pub command: String,
 }
 
-/// A recording that was read.
+/// A recording used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recording {
-    /// Name of its file, as it was given.
+    /// Name of its file, as entered.
     pub name: String,
     /// SHA-256 of its bytes, in hexadecimal.
     pub sha256: String,
 }
 
-/// A document as one page that needs nothing else: no script, nothing from elsewhere; light, dark and printed.
+/// Renders a document as one self-contained page: no script, no external resources; light, dark and print styles.
 ///
-/// The style sheet knows the verdicts of a finding by their colour; any other word stands there without one.
+/// The style sheet has colours for the verdicts of a finding; any other word has none.
 pub fn page(document: &Document) -> String {
     html::html(document)
 }
 
-/// Text from elsewhere made harmless, for the body of a drawing.
+/// Escapes external text for the body of a drawing.
 pub fn escaped(text: &str) -> String {
     escape::xml(text)
 }
@@ -73,12 +73,12 @@ pub fn escaped(text: &str) -> String {
 /// A report, ready to be written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pages {
-    /// Names of files and what is in them: the HTML page, the Markdown text, its drawings.
+    /// Names and contents of its files: the HTML page, the Markdown text, its drawings.
     pub files: Vec<(String, String)>,
 }
 
 impl Report<'_> {
-    /// Tells the story, in both forms.
+    /// Renders both forms.
     pub fn pages(&self) -> Pages {
         let document = story::document(self);
         let mut files = vec![

@@ -1,7 +1,7 @@
-//! The blocks that are worked on, as rows: residuals, and how the errors that are modelled act on them.
+//! The selected blocks as rows: residuals, and the sensitivity of the rows to the modelled errors.
 //!
-//! Rows of the centre of pressure alternate x and y, block by block: identification, clean work, work in question. What
-//! acts in the work only is then zero in all rows before [`Rows::work_from`].
+//! Rows of the centre of pressure alternate x and y, block by block: identification, clean work, work in question.
+//! Effects of the work phase only are therefore zero in all rows before [`Rows::work_from`].
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::{Columns, misaligned};
@@ -13,23 +13,23 @@ use crate::thin::thin;
 /// The rows of a session.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows<'a> {
-    /// Where they come from.
+    /// The session.
     pub(crate) session: &'a Session,
     /// One per row of a force channel, two rows of the centre of pressure.
     pub(crate) blocks: Vec<&'a Block>,
     /// The first block of the work in question.
     pub(crate) work_from: usize,
-    /// Per block and segment, what is measured off if it is seen turned about each of its axes, per rad.
+    /// Per block and segment: measurement error per rad of orientation error about each of the segment's axes.
     turned: Vec<[Columns; SEGMENTS]>,
 }
 
 impl<'a> Rows<'a> {
-    /// Of a whole session, thinned.
+    /// Rows of a whole session, thinned.
     pub(crate) fn of(session: &'a Session) -> Rows<'a> {
         Rows::from_blocks(session, thin(session))
     }
 
-    /// Of some blocks, in the order of their phases.
+    /// Rows of some blocks, in the order of their phases.
     pub(crate) fn from_blocks(session: &'a Session, blocks: Vec<&'a Block>) -> Rows<'a> {
         let work_from = blocks.iter().position(|block| block.phase == Phase::Work).unwrap_or(blocks.len());
         let of_block = |block: &&Block| Segment::ALL.map(|segment| misaligned(segment, &block.observation));
@@ -37,7 +37,7 @@ impl<'a> Rows<'a> {
         Rows { session, blocks, work_from, turned }
     }
 
-    /// Only some of them, in order.
+    /// A subset of the blocks, in order.
     pub(crate) fn subset(&self, indices: &[usize]) -> Rows<'a> {
         Rows::from_blocks(self.session, indices.iter().map(|&i| self.blocks[i]).collect())
     }
@@ -47,13 +47,13 @@ impl<'a> Rows<'a> {
         self.blocks.len()
     }
 
-    /// Measured less predicted centre of pressure of a block, m.
+    /// Measured minus predicted centre of pressure of a block, m.
     pub(crate) fn cop_residual_m(&self, block: usize) -> [f64; 2] {
         let seen = &self.blocks[block].observation;
         [0, 1].map(|axis| seen.cop_measured_m[axis] - seen.cop_predicted_m[axis])
     }
 
-    /// Measured less predicted force of a block on one axis, N.
+    /// Measured minus predicted force of a block on one axis, N.
     pub(crate) fn force_residual_n(&self, block: usize, axis: usize) -> f64 {
         let seen = &self.blocks[block].observation;
         seen.force_measured_n[axis] - seen.force_predicted_n[axis]
@@ -64,12 +64,12 @@ impl<'a> Rows<'a> {
         if self.session.has_shear { &[2, 0, 1] } else { &[2] }
     }
 
-    /// How high forces act: by how much the centre of pressure moves per height of the centre of mass.
+    /// Slope of the reaction: shift of the centre of pressure per height of the centre of mass.
     pub(crate) fn slope(&self, block: usize) -> [f64; 2] {
         if self.session.has_inertia { self.blocks[block].observation.slope } else { [0.0; 2] }
     }
 
-    /// What the inertia of the body adds to the centre of pressure, m.
+    /// Contribution of the body's inertia to the centre of pressure, m.
     pub(crate) fn inertia_m(&self, block: usize) -> [f64; 2] {
         let seen = &self.blocks[block].observation;
         let height_m = seen.com_m[2] - seen.floor_m;
@@ -81,14 +81,14 @@ impl<'a> Rows<'a> {
         self.blocks[block].observation.time_s
     }
 
-    /// How far the centre of pressure (m) and the force (N) are measured off if a segment is seen turned about one of its
-    /// own axes, per rad.
+    /// Error of the centre of pressure (m) and of the force (N) per rad of a segment's orientation error about one of
+    /// its own axes.
     pub(crate) fn turned(&self, block: usize, segment: usize, axis: usize) -> ([f64; 2], [f64; 3]) {
         let columns = &self.turned[block][segment];
         (columns.cop_m[axis], columns.force_n[axis])
     }
 
-    /// The same if it is seen turned by a vector in the world's axes, rad.
+    /// The same for an orientation error given as a rotation vector in world axes, rad.
     pub(crate) fn turned_by(&self, block: usize, segment: usize, turn_rad: [f64; 3]) -> ([f64; 2], [f64; 3]) {
         let rotation = &self.blocks[block].observation.rotation[segment];
         let own_rad = [0, 1, 2].map(|axis| (0..3).map(|k| rotation[k][axis] * turn_rad[k]).sum());
@@ -96,7 +96,7 @@ impl<'a> Rows<'a> {
         self.turned[block][segment].times(&[x, y, z, 0.0])
     }
 
-    /// What a vector (m, or m per unit) added to the centre of mass adds to the centre of pressure.
+    /// Contribution of a vector (m, or m per unit) added to the centre of mass to the centre of pressure.
     pub(crate) fn on_cop(&self, block: usize, vector: [f64; 3]) -> [f64; 2] {
         let slope = self.slope(block);
         [vector[0] - slope[0] * vector[2], vector[1] - slope[1] * vector[2]]

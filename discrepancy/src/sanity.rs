@@ -1,5 +1,5 @@
-//! What a good fit alone does not make an explanation: too small to matter, a mass that is not where it is worn, a weight
-//! that only one channel wants.
+//! Plausibility checks beyond a good fit: minimum size, a mass at a plausible place, evidence from more than one
+//! channel.
 
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place};
@@ -8,24 +8,24 @@ use crate::candidate::{Candidate, Scope};
 use crate::evidence::log_odds;
 use crate::gram::Gram;
 
-/// A term acting on forces and the centre of pressure must be wanted by the latter alone by this much, in log odds.
+/// Minimum evidence by the centre of pressure alone for a term that acts on forces and centre of pressure, log odds.
 const FROM_COP_ALONE: f64 = 3.0;
-/// And a turned segment by more: what moves fast is the worst known, and poses show a turn as well.
+/// Threshold for a turned segment: fast segments have the largest orientation errors, and poses show a turn as well.
 const TURN_FROM_COP_ALONE: f64 = 8.0;
-/// A turn below the trunk needs no word of the centre of pressure from here on, log odds.
+/// From this evidence on, a turn below the trunk requires no support by the centre of pressure, log odds.
 const BELOW_BY_FORCES: f64 = 35.0;
-/// Nothing is believed to be larger than so many σ.
+/// Estimates beyond this many prior σ are rejected.
 const ABSURD: f64 = 4.5;
-/// Of a drift, which may come of anything, and of a heading near iron, which may be any.
+/// The same for a drift and for a heading near iron, which may be of any size.
 const ABSURD_DRIFT: f64 = 20.0;
 const ABSURD_HEADING: f64 = 9.0;
-/// A first moment may be so many of its believed arms.
+/// Largest first moment as a multiple of the prior arm length.
 const ARMS: f64 = 2.5;
-/// A share of a lag or filter is near one if the shape is right.
+/// The factor of a lag or filter is near one if the shape is right.
 const LEAST_SHARE: f64 = 0.3;
 
-/// Errors of pelvis and legs add up where the feet hold the body, and skin turns them by degrees: smaller ones than this come of
-/// no iron, rad.
+/// Errors of pelvis and legs add up where the feet hold the body, and soft tissue rotates them by degrees: smaller
+/// rotations than this are not caused by iron, rad.
 const LEAST_BELOW_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
 /// The size of an effect with these parameters ([`Effect::size`]).
@@ -34,20 +34,20 @@ pub(crate) fn size(candidate: &Candidate, value: &[f64]) -> f64 {
     candidate.effect.size(candidate.told_shape(value), &parameters)
 }
 
-/// Whether it is a turn of the pelvis or of a leg.
+/// Whether it is a rotation of the pelvis or of a leg.
 fn is_turned_below(candidate: &Candidate) -> bool {
     let is_turn = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
     is_turn && matches!(candidate.place, Place::Segment(segment) if !segment.is_distal_to(Segment::L5))
 }
 
-/// Whether an effect with these parameters is too small to matter.
+/// Whether an effect with these parameters is negligible.
 pub(crate) fn is_too_small(candidate: &Candidate, value: &[f64]) -> bool {
     let least =
         if is_turned_below(candidate) { LEAST_BELOW_RAD } else { candidate.effect.smallest_of_interest() };
     size(candidate, value) < least
 }
 
-/// Why an explanation does not count, if so.
+/// Reason to reject an explanation, if there is one.
 pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> {
     if is_too_small(candidate, value) {
         return Some("smaller than what matters".to_owned());
@@ -76,14 +76,14 @@ pub(crate) fn objection(candidate: &Candidate, value: &[f64]) -> Option<String> 
         .then(|| "the mass would not be where it is worn".to_owned())
 }
 
-/// Whether what speaks for a term is only the forces: then it is no mass and no turned segment.
+/// Whether only the forces support a term: then it is neither a mass nor a turned segment.
 pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> bool {
     let Some(candidate) = &gram.terms[term].candidate else { return false };
-    // What carries the whole body is felt by the forces, and a stance's place hides what it does to the pressure.
+    // Segments that carry the whole body act on the forces, and the stance offset masks their effect on the pressure.
     if is_turned_below(candidate) && log_odds > BELOW_BY_FORCES {
         return false;
     }
-    // Of masses, the gain of the force is the rival, and the odds decide (`no_better_than_a_gain`).
+    // For masses the alternative is a gain of the force, and the odds decide (`no_better_than_a_gain`).
     let is_judged_otherwise =
         matches!(candidate.effect, Effect::ForceGain | Effect::WornMass | Effect::HandLoad);
     let is_turn = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
@@ -91,17 +91,17 @@ pub(crate) fn only_by_forces(gram: &Gram<'_>, accepted: &[usize], term: usize, l
     !is_judged_otherwise && from_cop_alone(gram, accepted, term) < least
 }
 
-/// What must be certain by more than the threshold, in log odds. An offset that was always there shows only by where stances
-/// were put down, which is known by centimetres.
+/// Evidence required beyond the threshold, in log odds. An offset present from the start shows only in the stance
+/// offsets, which vary by centimetres.
 const OFFSET_BY_STANCES: f64 = 35.0;
-/// Orientations: the noise model knows of skin and wander, and not all of it.
+/// Orientations: the noise model covers soft tissue and drift only in part.
 const TURN: f64 = 22.0;
-/// A clock or a filter that is off for a while only.
+/// A lag or filter error in a part of the work only.
 const TIMING_IN_PART: f64 = 40.0;
-/// A plate that changes its axes and changes back.
+/// A plate whose axes change temporarily.
 const PLATE_IN_PART: f64 = 25.0;
 
-/// Why so much evidence is not enough here.
+/// Reason why the evidence is insufficient here.
 pub(crate) fn unproven(gram: &Gram<'_>, term: usize, log_odds: f64) -> Option<String> {
     let candidate = gram.terms[term].candidate.as_ref()?;
     let in_part = matches!(candidate.scope, Scope::Span(_));
@@ -123,7 +123,8 @@ pub(crate) fn unproven(gram: &Gram<'_>, term: usize, log_odds: f64) -> Option<St
     (log_odds < least).then(|| why.to_owned())
 }
 
-/// A mass must beat a gain of the vertical force by this much, in log odds: its weight alone does not show where it is.
+/// Required lead of a mass over a gain of the vertical force, in log odds: its weight alone does not determine its
+/// place.
 const OVER_A_GAIN: f64 = 3.0;
 
 /// Whether a mass explains no more than a gain of the vertical force would.
@@ -157,7 +158,7 @@ pub(crate) fn from_cop_alone(gram: &Gram<'_>, accepted: &[usize], term: usize) -
 }
 
 impl Candidate {
-    /// The effect's parameters, where the fitted one may be a share of the shape.
+    /// The effect's parameters, where the fitted one may be a factor on the shape.
     pub(crate) fn parameters(&self, value: &[f64]) -> [f64; PARAMETERS_MAX] {
         let mut parameters = [0.0; PARAMETERS_MAX];
         if self.is_a_share() {
@@ -168,11 +169,11 @@ impl Candidate {
         parameters
     }
 
-    /// The shape, with the share in it where one is fitted.
+    /// The shape, including its fitted factor.
     pub(crate) fn told_shape(&self, value: &[f64]) -> f64 {
         match self.effect {
             Effect::SuitLag => self.shape * value[0],
-            // Twice the share of a slow filter's change is that of a filter twice as slow, as far as both are small.
+            // Twice the change of a slow filter corresponds to a filter twice as slow, as long as both are small.
             Effect::PlateLowpass => self.shape / value[0].max(0.05),
             _ => self.shape,
         }

@@ -1,4 +1,5 @@
-//! Forward selection: the best explanation that stands every check, then the next, given that one; and backwards.
+//! Forward selection: the best explanation that passes every check, then the next, conditioned on it; then backward
+//! elimination.
 
 use equipoise_core::effect::Effect;
 
@@ -13,18 +14,18 @@ use crate::sanity::{
 use crate::trials::{Trial, trials};
 use crate::windows::{self, GAIN_OVER_WHOLE, Windows};
 
-/// Most effects that are named at once.
+/// Maximum number of named effects.
 const EFFECTS_MAX: usize = 4;
-/// Most trifles that are counted as errors of the sensors.
+/// Maximum number of negligible effects counted as errors of the sensors.
 const TRIFLES_MAX: usize = 6;
-/// How many of the best are checked each time before giving up.
+/// Number of best hypotheses that are checked in each step before giving up.
 const CHECKED: usize = 8;
-/// What comes or goes does so within this, s.
+/// Onset and end of an effect take up to this time, s.
 const EDGE_S: f64 = 1.2;
-/// Rivals within this many log odds, or within this share of the winner's, explain the data as well.
+/// Rivals within this many log odds, or within this fraction of the winner's, explain the data equally well.
 pub(crate) const RIVAL: (f64, f64) = (5.0, 0.05);
 
-/// An effect that was accepted.
+/// An accepted effect.
 #[derive(Debug, Clone)]
 pub(crate) struct Accepted {
     /// The term in the Gram matrix.
@@ -33,18 +34,18 @@ pub(crate) struct Accepted {
     pub(crate) name: String,
     /// Log Bayes factor when it was accepted.
     pub(crate) log_odds: f64,
-    /// All that was considered instead, best first.
+    /// All alternatives considered, best first.
     pub(crate) considered: Vec<Considered>,
 }
 
-/// What the selection came to.
+/// Result of the selection.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Selection {
-    /// Accepted effects, in the order in which they were found.
+    /// Accepted effects, in the order of acceptance.
     pub(crate) accepted: Vec<Accepted>,
-    /// What was set aside.
+    /// Rejected explanations.
     pub(crate) set_aside: Vec<SetAside>,
-    /// What was considered last, when nothing more was accepted.
+    /// Candidates of the last step, in which none was accepted.
     pub(crate) considered: Vec<Considered>,
 }
 
@@ -55,7 +56,7 @@ impl Selection {
     }
 }
 
-/// One way to explain what is left.
+/// One hypothesis for the remaining residual.
 struct Way {
     name: String,
     log_odds: f64,
@@ -67,7 +68,7 @@ enum What {
     Part(Candidate),
 }
 
-/// Names what the data need, one after the other.
+/// Selects the effects that the data require, one after the other.
 pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> Selection {
     let mut selection = Selection::default();
     let mut leak = 0.0_f64;
@@ -98,17 +99,17 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> 
     selection
 }
 
-/// What came of looking through the ways.
+/// Result of one search over the hypotheses.
 enum Answer {
-    /// This term, with its log odds.
+    /// An accepted term, with its log odds.
     Stands(usize, f64),
-    /// Something too small to matter explains more than all that matters: with these parameters.
+    /// A negligible effect, with its parameters, explains more than all relevant ones.
     Trifle(Candidate, Vec<f64>),
-    /// Nothing.
+    /// No hypothesis passes.
     Nothing,
 }
 
-/// A trifle is one more error that the sensors have: nothing else may be concluded from what it explains.
+/// Counts a negligible effect as one more error of the sensors: it must not support any other conclusion.
 fn blur(gram: &mut Gram<'_>, candidate: &Candidate, value: &[f64]) {
     let columns = gram.whitened(candidate.count(), |block| candidate.columns(gram.rows, block));
     for (column, value) in columns.iter().zip(value) {
@@ -118,7 +119,7 @@ fn blur(gram: &mut Gram<'_>, candidate: &Candidate, value: &[f64]) {
     }
 }
 
-/// All ways, best first: the whole work, or a part of it where that gains enough.
+/// All hypotheses, best first: the whole work, or a part of it where the gain suffices.
 fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
     let terms = selection.terms();
     let given = gram.given(&terms);
@@ -134,13 +135,14 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
         .collect();
     for part in windows.best(gram, &terms) {
         let name = part.candidate.name();
-        // What is there already may come again at another time, not twice at once.
+        // An accepted effect may act again at another time, but not twice at once.
         if is_known(&part.candidate) {
             continue;
         }
         let whole = ways.iter_mut().find(|way| way.name == name);
         match whole {
-            // Which time is a smaller question than which name: here a wrong one is not let in by its edges.
+            // Once the effect is known, its time span requires less evidence; here a wrong effect must not be accepted
+            // by fitting edges.
             Some(whole)
                 if matches!(whole.what, What::Term(_))
                     && part.same_name > whole.log_odds + GAIN_OVER_WHOLE =>
@@ -158,7 +160,7 @@ fn ways(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Way> {
     ways
 }
 
-/// Whether two are one effect at one time; a segment that is seen turned is turned by one cause.
+/// Whether two are the same effect at the same time; an apparent turn of a segment has one cause.
 fn overlap(one: &Candidate, other: &Candidate) -> bool {
     let turns = |candidate: &Candidate| {
         matches!(
@@ -181,7 +183,7 @@ fn considered(ways: &[Way]) -> Vec<Considered> {
         .collect()
 }
 
-/// The first of the best ways that nothing speaks against; what stood before it is set aside.
+/// The best hypothesis that passes all checks; those ranked before it are rejected.
 fn first_that_stands(
     gram: &mut Gram<'_>,
     ways: &[Way],
@@ -226,7 +228,7 @@ fn first_that_stands(
     trifle.map_or(Answer::Nothing, |(_, trifle)| trifle)
 }
 
-/// Nobody pushes evenly: a weight beside a push must be worth this share of what the push is.
+/// A push is never constant: a weight in addition to a push must reach this fraction of the push's evidence.
 const OF_A_PUSH: f64 = 0.12;
 
 fn is_of_a_push(gram: &Gram<'_>, selection: &Selection, term: usize, log_odds: f64) -> Option<String> {
@@ -240,12 +242,12 @@ fn is_of_a_push(gram: &Gram<'_>, selection: &Selection, term: usize, log_odds: f
         .then(|| "may as well be that the push varies".to_owned())
 }
 
-/// Whether an effect acts as a weight does.
+/// Whether an effect acts like a weight.
 fn weighs(candidate: &Candidate) -> bool {
     matches!(candidate.effect, Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain)
 }
 
-/// What was set aside only because it is too small.
+/// A hypothesis rejected only because it is too small.
 fn as_trifle(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Answer> {
     let candidate = gram.terms[term].candidate.as_ref()?;
     let value = last_of(gram, accepted, term)?.value;
@@ -268,14 +270,15 @@ fn why_not(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> O
         .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
 }
 
-/// Whether a weight is negative beside one that was named: nobody takes off what was just put on. A push may point anywhere.
+/// Whether a weight is negative next to a named one: removing a load that was just added is implausible. A push may
+/// have any direction.
 fn takes_back(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
     let known = accepted.iter().filter_map(|&term| gram.terms[term].candidate.as_ref());
     let is_less = weighs(candidate) && candidate.effect != Effect::HandContact && value[0] < 0.0;
     is_less && known.into_iter().any(weighs)
 }
 
-/// Parameters of one term, fitted together with those that are accepted.
+/// Parameters of one term, fitted together with the accepted ones.
 pub(crate) fn last_of(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Estimate> {
     let all: Vec<usize> = accepted.iter().copied().filter(|&other| other != term).chain([term]).collect();
     let estimate = gram.estimate(&all)?;
@@ -283,8 +286,8 @@ pub(crate) fn last_of(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Optio
     Some(Estimate { value: estimate.value[from..].to_vec(), sigma: estimate.sigma[from..].to_vec() })
 }
 
-/// How much evidence elsewhere an effect's own model error may bring about, in log odds: a share of what it has from the
-/// centre of pressure. A weight is seen by the force with much more, which moves no pressure.
+/// Spurious evidence elsewhere that an effect's own model error may cause, in log odds: a fraction of its evidence from
+/// the centre of pressure. The force detects a weight with much more evidence, which does not move the pressure.
 fn leaks(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> f64 {
     let share = match gram.terms[term].candidate.as_ref().map(|candidate| candidate.effect) {
         Some(Effect::HandContact) => 0.1,
@@ -294,7 +297,7 @@ fn leaks(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> f64
     share * from_cop_alone(gram, accepted, term).clamp(0.0, log_odds)
 }
 
-/// The newest effect is not exactly as its equation says: its strength may wander by some per cent, and that is no effect.
+/// Marginalises a deviation of the newest effect from its equation: its strength may vary by some per cent.
 fn forgive(gram: &mut Gram<'_>, accepted: &[usize]) {
     let Some(&term) = accepted.last() else { return };
     let Some(candidate) = gram.terms[term].candidate.clone() else { return };
@@ -329,14 +332,14 @@ fn forgive(gram: &mut Gram<'_>, accepted: &[usize]) {
     }
 }
 
-/// As many values as an effect has parameters at most.
+/// Pads the values to the maximum number of parameters of an effect.
 pub(crate) fn padded(value: &[f64]) -> [f64; equipoise_core::effect::PARAMETERS_MAX] {
     let mut all = [0.0; equipoise_core::effect::PARAMETERS_MAX];
     all.iter_mut().zip(value).for_each(|(all, value)| *all = *value);
     all
 }
 
-/// What the others explain as well by now goes again.
+/// Backward elimination: removes effects that the others explain by now.
 fn go_back(gram: &Gram<'_>, selection: &mut Selection, threshold: f64) {
     let mut index = 0;
     while selection.accepted.len() > 1 && index < selection.accepted.len() {

@@ -1,4 +1,4 @@
-//! A session: what one recording shows of one worker.
+//! A session: the data of one recording of one subject.
 
 use equipoise_core::body::SEGMENTS;
 
@@ -14,32 +14,32 @@ pub struct Session {
     pub blocks: Vec<Block>,
     /// Body mass, kg.
     pub mass_kg: f64,
-    /// What was believed of the chain's parameters (all 69, segment by segment) before any pose: covariance, m², row by
-    /// row. The blocks' `phi_m` is what was identified.
+    /// Prior covariance of the chain's parameters (all 69, segment by segment) before any pose, m², row by row. The
+    /// blocks' `phi_m` holds the identified parameters.
     pub prior_covariance_m2: Vec<f64>,
     /// Whether horizontal forces were measured.
     pub has_shear: bool,
-    /// Whether the model takes the body's inertia into account.
+    /// Whether the model includes the body's inertia.
     pub has_inertia: bool,
-    /// Whether the suit's position drifts, so that the feet are held and each stance has an offset of its own.
+    /// Whether the suit's position drifts, so that the anchor holds the feet and each stance has its own offset.
     pub suit_drifts: bool,
-    /// How long a block is, s.
+    /// Length of a block, s.
     pub block_s: f64,
-    /// Begin and end of the phases that were taken, s since the recording's begin; `None` where there is none.
+    /// Phases of the recording, s since its start; `None` where there is none.
     pub spans_s: Spans,
-    /// How long the recording is, s.
+    /// Length of the recording, s.
     pub length_s: f64,
 }
 
-/// Which part of a recording is what, s since its begin.
+/// Phases of a recording, s since its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spans {
     /// Identification poses.
     pub identify: [f64; 2],
-    /// Work known to be clean.
+    /// Work declared clean.
     pub reference: Option<[f64; 2]>,
     /// Work in question.
     pub work: [f64; 2],
-    /// Whether they were found and not given.
+    /// Whether they were determined from the recording rather than given.
     pub found: bool,
 }

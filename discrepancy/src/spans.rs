@@ -1,25 +1,25 @@
-//! Which part of a recording is what: as a person says, else as the recording shows.
+//! Phases of a recording: as given by the user, else as determined from the recording.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::session::Spans;
 
-/// A phase shorter than this says nothing, s.
+/// A phase shorter than this carries no information, s.
 const SHORTEST_S: f64 = 2.0;
-/// Work shorter than this is not worth looking for, s.
+/// Minimum length of the work, s.
 const WORK_MIN_S: f64 = 10.0;
-/// Where identification did not end, this share of the recording stands for it.
+/// Fraction of the recording taken as identification if that did not end.
 const IDENTIFY_SHARE: f64 = 0.4;
-/// Of a recording that goes on for so long after identification, s …
+/// In a recording that continues for at least this long after identification, s …
 const LONG_S: f64 = 900.0;
-/// … the first part is taken for clean work, s.
+/// … the first part is taken as clean work, s.
 const REFERENCE_S: f64 = 180.0;
 
-/// A span as people write it: `12:90.5`, seconds since the recording's begin.
+/// A span as on the command line: `12:90.5`, seconds since the recording's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Begin, s.
+    /// Start, s.
     pub from_s: f64,
     /// End, s.
     pub to_s: f64,
@@ -57,48 +57,48 @@ impl fmt::Display for Span {
     }
 }
 
-/// What a person said.
+/// Spans given by the user.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Given {
     /// Identification poses.
     pub identify: Option<Span>,
-    /// Work known to be clean.
+    /// Work declared clean.
     pub reference: Option<Span>,
     /// Work in question.
     pub work: Option<Span>,
 }
 
-/// What the recording shows, s since its begin.
+/// Events in the recording, s since its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shown {
-    /// Where samples begin and end.
+    /// Start and end of the samples.
     pub samples_s: [f64; 2],
-    /// When the worker was reported as identified.
+    /// Time at which the subject was reported as identified.
     pub identified_s: Option<f64>,
-    /// When the last pose or moment was learnt.
+    /// Time of the last pose or motion sample used by identification.
     pub last_learnt_s: Option<f64>,
-    /// Whether the recording brings a worker who had been identified before it began.
+    /// Whether the recording contains a subject identified before its start.
     pub brings_worker: bool,
 }
 
-/// Why spans cannot be used.
+/// Reasons why spans are unusable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpanError {
-    /// A span lies outside the recording.
+    /// A span is outside the recording.
     #[error(
         "{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it"
     )]
     Outside {
-        /// Which option.
+        /// The option.
         option: &'static str,
-        /// What it was.
+        /// The kind of span.
         span: Span,
-        /// Where samples begin, s.
+        /// Start of the samples, s.
         from_s: f64,
-        /// Where they end, s.
+        /// End of the samples, s.
         to_s: f64,
     },
-    /// Two spans share time.
+    /// Two spans overlap.
     #[error("{first} and {second} overlap; a moment can only be one of them")]
     Overlap {
         /// One of them, with its times.
@@ -109,26 +109,26 @@ pub enum SpanError {
     /// A phase is too short.
     #[error("{what} lasts {length_s:.1} s; at least {least_s} s are needed")]
     Short {
-        /// Which phase.
+        /// The phase.
         what: &'static str,
-        /// How long it is, s.
+        /// Its length, s.
         length_s: f64,
-        /// How long it should be, s.
+        /// The required length, s.
         least_s: f64,
     },
 }
 
-/// The phases, and what to say of how they came about.
+/// The phases, and a description of how they were determined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// The phases.
     pub spans_s: Spans,
-    /// One sentence for people.
+    /// A sentence for the user.
     pub told: String,
 }
 
 impl Given {
-    /// Whether the person's spans lie in the recording and apart from each other.
+    /// Checks that the user's spans lie in the recording and do not overlap.
     ///
     /// # Errors
     /// [`SpanError`], which names the option.
@@ -158,14 +158,14 @@ impl Given {
         Ok(())
     }
 
-    /// The last time from which may be learnt where nobody said it and identification does not end by itself, s.
+    /// End of identification where it is not given and identification does not end by itself, s.
     pub fn learn_until_s(&self, [from_s, to_s]: [f64; 2]) -> f64 {
         let next =
             [self.reference, self.work].into_iter().flatten().map(|span| span.from_s).fold(to_s, f64::min);
         next.min(from_s + IDENTIFY_SHARE * (to_s - from_s)).max(from_s)
     }
 
-    /// Fills in what was not given.
+    /// Fills in the spans that were not given.
     ///
     /// # Errors
     /// [`SpanError`]: as [`Given::check`], and if too little time is left for the work.
@@ -216,7 +216,7 @@ impl Given {
         Ok(Found { spans_s, told })
     }
 
-    /// The longest stretch of the recording that is neither identification nor reference.
+    /// The longest interval of the recording that is neither identification nor reference.
     fn longest_rest(
         &self,
         identify: [f64; 2],
@@ -268,7 +268,7 @@ mod tests {
         let spans_s = Spans { identify: [0.5, 80.0], reference: None, work: [80.0, 300.0], found: true };
         assert_eq!(found.spans_s, spans_s);
         assert!(found.told.contains("0.5 s – 80.0 s (until the worker was identified)"), "{}", found.told);
-        // Identification never came to its end: what was learnt in the first part stands for it.
+        // Identification did not converge: the result of the first part is used.
         let found = Given::default().find(&shown(None, Some(250.0))).unwrap();
         assert!((found.spans_s.identify[1] - 120.3).abs() < 1e-9, "{:?}", found.spans_s);
     }

@@ -1,4 +1,4 @@
-//! The answer, put together.
+//! Assembles the finding.
 
 use std::collections::BTreeMap;
 
@@ -19,29 +19,29 @@ use crate::refine::shape_sigma;
 use crate::select::{Accepted, Selection, last_of, padded};
 use crate::verdict::{Rest, verdict};
 
-/// The answer, and what it was made of.
+/// The finding and the quantities from which it was made.
 pub(crate) struct Told {
-    /// The answer.
+    /// The finding.
     pub(crate) finding: Finding,
     /// The terms of the model.
     pub(crate) terms: Vec<Fitted>,
-    /// What is left.
+    /// The remaining residual.
     pub(crate) rest: Rest,
-    /// What noise alone would show.
+    /// Level of noise alone.
     pub(crate) floor: Floor,
 }
 
-/// What is left over, and what noise would leave.
+/// The remaining residual, and the level of noise alone.
 pub(crate) struct Left<'a> {
-    /// Before and after, on blocks that were held out.
+    /// Residuals before and after, on held-out blocks.
     pub(crate) held: &'a HeldOut,
-    /// What is left, whitened.
+    /// The remaining residual, whitened.
     pub(crate) rest: Rest,
-    /// What noise alone would show.
+    /// Level of noise alone.
     pub(crate) floor: Floor,
 }
 
-/// Puts it together.
+/// Assembles the finding.
 pub(crate) fn tell(
     gram: &Gram<'_>,
     selection: &Selection,
@@ -100,8 +100,8 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
     Some(Fitted { term, sigma, shape_sigma, log_odds: one.log_odds })
 }
 
-/// How wrong an effect's own equation may be, 1-σ as a share of its parameters: bodies are not rigid, filters not of first
-/// order. What simulated sessions of known truth show beside the noise.
+/// Model error of an effect's own equation, 1-σ as a fraction of its parameters: bodies are not rigid, filters not of
+/// first order. Determined from simulated sessions of known truth, in addition to the noise.
 fn share_of_error(effect: Effect) -> f64 {
     match effect {
         Effect::Inertia | Effect::PlateLowpass => 0.1,
@@ -158,7 +158,7 @@ fn parameters(candidate: &Candidate, fitted: &Fitted, count: usize) -> BTreeMap<
     parameters
 }
 
-/// Names that these data cannot tell from it: rivals, and its declared family.
+/// Effects that these data cannot distinguish from it: rivals, and its declared family.
 fn family(candidate: &Candidate, one: &Accepted) -> Vec<String> {
     let mut family: Vec<String> = one.rivals().iter().map(|rival| rival.name.clone()).collect();
     for (effect, place) in candidate.effect.family(candidate.place) {
@@ -202,7 +202,7 @@ fn gap(gram: &Gram<'_>, floor: &Floor, held: &HeldOut) -> Gap {
     Gap { before_mm, after_mm, noise_floor_mm, held_out: true, per_axis }
 }
 
-/// From metres and newtons to the unit of a signal.
+/// Factor from metres and newtons to the unit of a signal.
 pub(crate) fn scale(axis: usize) -> f64 {
     if axis < 2 { 1e3 } else { 1.0 }
 }

@@ -1,20 +1,20 @@
-//! Which blocks of a session are worked on: as many as a minute of computing bears, however long the recording.
+//! Selects the blocks that are processed: as many as one minute of computing allows, however long the recording.
 
 use crate::block::{Block, Phase};
 use crate::session::Session;
 
-/// Most blocks of the identification that are kept.
+/// Maximum number of stored identification blocks.
 pub const IDENTIFY_MAX: usize = 140;
-/// Most blocks of clean work that are kept.
+/// Maximum number of stored clean-work blocks.
 pub const REFERENCE_MAX: usize = 300;
-/// Most blocks of the work in question that are kept.
+/// Maximum number of stored blocks of the work in question.
 pub const WORK_MAX: usize = 450;
-/// What changes between clean work and work in question takes this long, s: something is put on, or leant on.
+/// Duration of the change between clean work and work in question, s: a load is put on, or a contact begins.
 const ONSET_S: f64 = 1.2;
-/// Blocks that a held pose keeps: what is held teaches nothing new but noise.
+/// Blocks kept of a static pose: further ones add only noise.
 const PER_POSE: usize = 2;
 
-/// The blocks to work on: identification, clean work, work in question, each by time.
+/// The selected blocks: identification, clean work, work in question, each by time.
 pub(crate) fn thin(session: &Session) -> Vec<&Block> {
     let of =
         |phase: Phase| session.blocks.iter().filter(move |block| block.phase == phase).collect::<Vec<_>>();
@@ -27,7 +27,7 @@ pub(crate) fn thin(session: &Session) -> Vec<&Block> {
     kept
 }
 
-/// At most so many, evenly over the whole.
+/// At most `most` blocks, evenly spaced.
 fn evenly(blocks: Vec<&Block>, most: usize) -> Vec<&Block> {
     if blocks.len() <= most {
         return blocks;
@@ -35,7 +35,7 @@ fn evenly(blocks: Vec<&Block>, most: usize) -> Vec<&Block> {
     (0..most).map(|i| blocks[i * blocks.len() / most]).collect()
 }
 
-/// Of every run of still blocks a few; what moves is not a pose and is left as it is.
+/// Keeps a few blocks of every run of static ones; moving blocks are all kept.
 fn few_per_pose<'a>(blocks: &[&'a Block]) -> Vec<&'a Block> {
     let mut kept = Vec::new();
     for run in blocks.chunk_by(|a, b| a.still && b.still && a.stance == b.stance && near(a, b)) {
@@ -44,7 +44,7 @@ fn few_per_pose<'a>(blocks: &[&'a Block]) -> Vec<&'a Block> {
     kept
 }
 
-/// Whether two blocks show the same pose: no joint turned by more than a tremor would.
+/// Whether two blocks have the same pose: no joint rotated by more than a tremor would.
 fn near(a: &Block, b: &Block) -> bool {
     let turned =
         |(a, b): (&[f64; 3], &[f64; 3])| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();

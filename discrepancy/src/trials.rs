@@ -1,4 +1,4 @@
-//! What the whole catalogue scores at once, given what is already accepted; and what it would score by chance.
+//! Scores of the whole catalogue at once, conditioned on the accepted effects, and the scores reached by chance.
 
 use crate::evidence::{Conditioned, log_odds, log_sum};
 use crate::gram::Gram;
@@ -39,15 +39,15 @@ pub(crate) fn trials(gram: &Gram<'_>, given: &Conditioned) -> Vec<Trial> {
     trials
 }
 
-/// The log odds that the best of the catalogue reaches by chance in so many of a hundred clean sessions: the residual is
-/// drawn from the noise model itself, in whitened space, where it is white.
+/// The log odds that the best candidate of the catalogue reaches by chance in the given number of a hundred clean
+/// sessions: the residual is drawn from the noise model itself, in whitened space, where it is white.
 pub(crate) fn by_chance(gram: &Gram<'_>, draws: usize, of_100: f64) -> f64 {
     let count = gram.with_residual.len();
     let trace: f64 = (0..count).map(|i| gram.products[i][i]).sum();
     if count == 0 || trace <= 0.0 {
         return 0.0;
     }
-    // Columns differ by orders of magnitude: the factor is of the correlation.
+    // Columns differ by orders of magnitude, so the correlation matrix is factored.
     let scale: Vec<f64> = (0..count).map(|i| gram.products[i][i].max(1e-12 * trace).sqrt()).collect();
     let alike = Mat::from_fn(count, count, |i, j| {
         gram.products[i][j] / (scale[i] * scale[j]) + if i == j { 1e-8 } else { 0.0 }
@@ -84,7 +84,7 @@ fn best_of_a_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut 
     by_name.iter().map(|(_, scores)| log_sum(scores)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Numbers that look random and are the same each time (Steele's SplitMix; Box and Muller's normal).
+/// Reproducible pseudo-random numbers (Steele's SplitMix; Box and Muller's normal).
 #[derive(Debug, Clone)]
 pub(crate) struct Random(u64);
 

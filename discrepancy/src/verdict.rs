@@ -1,4 +1,4 @@
-//! What is left after the accepted effects, against what clean sessions leave; and the verdict.
+//! Compares the residual after the accepted effects with that of clean sessions; and the verdict.
 
 use equipoise_core::effect::Effect;
 
@@ -10,41 +10,41 @@ use crate::gram::Gram;
 use crate::linear::dot;
 use crate::select::{RIVAL, Selection};
 
-/// Pieces of the work that are judged by themselves.
+/// Pieces of the work that are evaluated separately.
 const PIECES: usize = 18;
 
-/// The whitened residual after all that was accepted, and how far it is from white.
+/// The whitened residual after all accepted effects, and its deviation from white noise.
 #[derive(Debug, Clone)]
 pub(crate) struct Rest {
-    /// Whitened residual before anything was accepted.
+    /// Whitened residual before any effect.
     pub(crate) before: Vec<f64>,
-    /// And after.
+    /// Whitened residual after the accepted effects.
     pub(crate) after: Vec<f64>,
     /// Mean square of the work's rows over that of the clean work's (at least 1): centre of pressure, vertical force.
     pub(crate) times_clean: [f64; 2],
     /// Correlation of one row of the centre of pressure with the next of its axis.
     pub(crate) correlation: f64,
-    /// Worst piece of the work: how many σ its sum of squares lies above its number of rows.
+    /// Worst piece of the work: how many σ its sum of squares exceeds its number of rows.
     pub(crate) worst_piece_sigma: f64,
 }
 
 /// Clean sessions stay below these: mean squares, correlation, worst piece.
 const BOUNDS: ([f64; 2], f64, f64) = ([2.0, 3.0], 0.35, 14.0);
-/// A generic term must gain this much beyond the threshold, and this share of what is explained already.
+/// A generic term must gain this much beyond the threshold, and this fraction of the explained evidence.
 const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
-/// Of a large effect something is always left, as equations are not exact: what is less than this share of what is
-/// explained is not another effect, even where the rest is beyond noise.
+/// A large effect always leaves a residual, since equations are not exact: less than this fraction of the explained
+/// evidence is no further effect, even beyond noise.
 const LEFT_SHARE: f64 = 0.04;
-/// The same two shares beside a push, which is never even.
+/// The same two fractions next to a push, which is never constant.
 const OF_A_PUSH: [f64; 2] = [0.25, 0.2];
-/// Generic terms alone must beat the catalogue by this much, or this share.
+/// Generic terms alone must beat the catalogue by this much, or this fraction.
 const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
 
 impl Rest {
-    /// After some accepted terms.
+    /// The residual after some accepted terms.
     pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize]) -> Rest {
         let (directions, mut after) = gram.directions_given(accepted);
-        // All inner products with the residual before any is taken off: the directions are not orthogonal.
+        // Compute all inner products before any subtraction: the directions are not orthogonal.
         let along: Vec<f64> = directions.iter().map(|direction| dot(direction, &after)).collect();
         for (direction, along) in directions.iter().zip(along) {
             after.iter_mut().zip(direction).for_each(|(value, direction)| *value -= along * direction);
@@ -55,7 +55,7 @@ impl Rest {
         Rest { before: gram.residual.clone(), after, times_clean, correlation, worst_piece_sigma }
     }
 
-    /// Whether it is beyond what clean sessions leave.
+    /// Whether it exceeds the level of clean sessions.
     pub(crate) fn is_beyond_noise(&self) -> bool {
         let (squares, correlation, worst) = BOUNDS;
         self.times_clean.iter().zip(squares).any(|(times, bound)| *times > bound)
@@ -104,14 +104,14 @@ fn worst_piece_sigma(gram: &Gram<'_>, after: &[f64]) -> f64 {
     work.chunks(length).filter(|piece| piece.len() >= 5).map(of_piece).fold(0.0, f64::max)
 }
 
-/// What it comes down to.
+/// The verdict.
 pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, threshold: f64) -> Verdict {
     let explained: f64 = selection.accepted.iter().map(|accepted| accepted.log_odds).sum();
     let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
     let alone = generics.alone;
     let first = selection.accepted.iter().map(|accepted| accepted.log_odds).fold(0.0, f64::max);
     let lead = |named: f64| named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
-    // Several terms at once pay the threshold again; one that is like nothing in the catalogue has paid it.
+    // Several terms at once must exceed the threshold again; one unlike every catalogue effect already has.
     let outdone = alone > threshold + lead(explained) || generics.unlike > lead(first);
     let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
     let push = Effect::HandContact.name();
@@ -132,7 +132,7 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
 }
 
 impl crate::select::Accepted {
-    /// What explains the data as well, by name.
+    /// Effects that explain the data equally well, by name.
     pub(crate) fn rivals(&self) -> Vec<&crate::finding::Candidate> {
         let margin = RIVAL.0.max(RIVAL.1 * self.log_odds);
         self.considered

@@ -1,5 +1,5 @@
-//! Effects that come and go: all pairs of onset and end over some two dozen pieces of the work, by cumulative sums of the
-//! inner products of the pieces; then the edges to a second.
+//! Temporary effects: all pairs of onset and end over some two dozen pieces of the work, by cumulative sums of the
+//! pieces' inner products; then the edges to a second.
 
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
@@ -10,30 +10,30 @@ use crate::evidence::log_odds;
 use crate::gram::Gram;
 use crate::linear::dot;
 
-/// What a part must gain over the whole to be believed, in log odds, beside the number of parts that were tried.
+/// Required gain of a part over the whole, in log odds, in addition to the penalty for the number of parts tried.
 pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
-/// And this share of what it explains: with two edges to choose, a wrong explanation fits a large effect well.
+/// And this fraction of the explained evidence: with two free edges, a wrong explanation fits a large effect well.
 const MODEL_ERROR: f64 = 0.12;
-/// The same where the name is not in question.
+/// The same where the effect's name is certain.
 const MODEL_ERROR_OF_EDGES: f64 = 0.02;
-/// Lags and cutoffs that are looked for in parts; their share does the rest.
+/// Lags and cutoffs tried in parts; their fitted factor covers the values in between.
 const PART_LAGS_S: [f64; 4] = [-0.03, -0.01, 0.01, 0.03];
 const PART_CUTOFFS_HZ: [f64; 3] = [1.0, 2.0, 4.5];
-/// Shortest part of those, s: clocks are not set, nor filters switched, for a moment.
+/// Shortest part of those, s: clocks and filters do not change for an instant.
 const SHORTEST_TIMING_S: f64 = 20.0;
 /// Shortest part, s.
 const SHORTEST_S: f64 = 2.0;
 
-/// An effect in the part of the work where it fits best.
+/// An effect in the best-fitting part of the work.
 #[derive(Debug, Clone)]
 pub(crate) struct Part {
-    /// The effect there.
+    /// The effect with that time span.
     pub(crate) candidate: Candidate,
-    /// Log Bayes factor, having paid for the number of parts.
+    /// Log Bayes factor, including the penalty for the number of parts.
     pub(crate) log_odds: f64,
-    /// The same, if it is known that it is this effect and the question is when.
+    /// The same if the effect is certain and only its time span is in question.
     pub(crate) same_name: f64,
-    /// That of the whole work.
+    /// Log Bayes factor of the whole work.
     pub(crate) of_whole: f64,
 }
 
@@ -44,13 +44,14 @@ struct Pieces {
     products: Vec<Vec<f64>>,
 }
 
-/// All that can come and go, ready to be asked again and again.
+/// All temporary candidates, prepared for repeated searches.
 pub(crate) struct Windows {
     edges_s: Vec<f64>,
     pieces: Vec<Pieces>,
 }
 
-/// What is looked for in parts: what is put on, leant on, taken up, knocked or disturbed, above the legs.
+/// Candidates that may act in parts of the work: loads put on or taken up, contacts, knocked sensors and disturbances,
+/// above the legs.
 fn can_come_and_go(candidate: &Candidate) -> bool {
     let is_above_the_legs = match candidate.place {
         Place::Segment(segment) => segment == Segment::Pelvis || segment.is_distal_to(Segment::T8),
@@ -66,7 +67,7 @@ fn can_come_and_go(candidate: &Candidate) -> bool {
 }
 
 impl Windows {
-    /// Of the candidates that can come and go.
+    /// Prepares the candidates that may be temporary.
     pub(crate) fn of(gram: &Gram<'_>) -> Windows {
         let edges_s = edges_s(gram.rows);
         let pieces = gram
@@ -80,7 +81,7 @@ impl Windows {
         Windows { edges_s, pieces }
     }
 
-    /// The best part of each, given what is accepted; best first.
+    /// The best part of each, conditioned on the accepted terms; best first.
     pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize]) -> Vec<Part> {
         let (directions, residual) = gram.directions_given(accepted);
         let mut parts: Vec<Part> =
@@ -128,7 +129,7 @@ impl Windows {
     }
 }
 
-/// Moves both edges of a part as long as that gains; blocks decide how finely.
+/// Moves both edges of a part as long as the evidence increases; the resolution is a block.
 pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize]) -> Candidate {
     let Scope::Span(mut span_s) = candidate.scope else { return candidate.clone() };
     let (directions, residual) = gram.directions_given(accepted);
@@ -154,7 +155,7 @@ pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize])
     Candidate { scope: Scope::Span(span_s), ..candidate.clone() }
 }
 
-/// Only the mass, not where exactly it hangs: a part is short.
+/// Only the mass without its exact position, since a part is short.
 fn simplified(candidate: &Candidate) -> Candidate {
     let mut simple = candidate.clone();
     let is_trunk = matches!(candidate.place, Place::Segment(Segment::T8 | Segment::Pelvis));
@@ -187,7 +188,7 @@ fn cut(gram: &Gram<'_>, candidate: &Candidate, edges_s: &[f64]) -> Pieces {
     Pieces { candidate, columns, products }
 }
 
-/// Cumulative sums over pieces, of products and of pulls.
+/// Cumulative sums over pieces, of products of columns and of products with the residual.
 struct Sums {
     count: usize,
     products: Vec<Vec<f64>>,

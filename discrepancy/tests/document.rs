@@ -1,4 +1,4 @@
-//! `docs/discrepancy.md` knows every effect and every field that is printed.
+//! `docs/discrepancy.md` covers every effect and every printed field.
 
 #[path = "report/sample.rs"]
 #[expect(dead_code, reason = "the report's tests need more of it")]

@@ -1,4 +1,4 @@
-//! The whole way from a session to an answer, on sessions whose truth is known.
+//! From a session to a finding, on sessions of known truth.
 #![expect(clippy::unwrap_used, reason = "a test may panic, and so may its helpers")]
 
 mod support;
@@ -100,7 +100,7 @@ fn a_heading_that_is_far_off_is_told_as_large_as_it_is() {
     assert!((psi.value + 0.7).abs() < 0.03, "{psi:?}");
 }
 
-/// Thighs turned by four degrees are skin, and nothing else may be concluded from what they explain.
+/// Thighs turned by four degrees are soft tissue, and their evidence must not support any other conclusion.
 #[test]
 fn a_trifle_is_not_named_and_nothing_in_its_place() {
     let mut session = clean(17);

@@ -1,4 +1,4 @@
-//! Laws of the report: it tells one story in two forms, needs nothing from elsewhere, and survives any input.
+//! Invariants of the report: both forms agree, it is self-contained, and it accepts any input.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 #[path = "report/sample.rs"]

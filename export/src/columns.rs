@@ -1,42 +1,42 @@
-//! The columns of a message, from its field table, and a message as a row of them.
+//! Columns of a message, derived from its field table, and conversion of a message to a row.
 
 use equipoise_core::message::layout::{Field, Primitive};
 
 use super::names;
 use super::rules::Exported;
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Numbers with a point.
+    /// Floating-point numbers of 64 bits.
     F64,
-    /// Whole numbers of 8 bytes without a sign.
+    /// Unsigned integers of 64 bits.
     U64,
-    /// Whole numbers of 4 bytes without a sign.
+    /// Unsigned integers of 32 bits.
     U32,
-    /// Words.
+    /// Text.
     Text,
 }
 
 /// One column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name.
+    /// Column name.
     pub name: String,
-    /// Its unit, if the name says one.
+    /// Unit, if the name contains one.
     pub unit: Option<&'static str>,
-    /// What it holds.
+    /// Type of the values.
     pub kind: Kind,
     place: Place,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Place {
-    /// Seconds since the recording's begin.
+    /// Seconds since the start of the recording.
     Time,
-    /// One of the texts.
+    /// Index into the message's texts.
     Text(usize),
-    /// A number of a field.
+    /// An element of a field.
     Number { field: Field, index: usize },
 }
 
@@ -53,11 +53,11 @@ pub enum Value {
     Text(String),
 }
 
-/// The values of one message in the order of its columns; `None` where a value must not be used.
+/// Values of one message in the order of its columns; `None` for invalid values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row(pub Vec<Option<Value>>);
 
-/// The columns of a message: `t_s`, its texts, then every field but the reserved ones.
+/// Columns of a message: `t_s`, its texts, then every field except reserved ones.
 pub fn columns<M: Exported>() -> Vec<Column> {
     let time = Column { name: "t_s".to_owned(), unit: Some("s"), kind: Kind::F64, place: Place::Time };
     let texts = M::TEXTS.iter().enumerate().map(|(index, name)| Column {
@@ -83,13 +83,13 @@ pub fn columns<M: Exported>() -> Vec<Column> {
 }
 
 impl Row {
-    /// A message as a row; its time counts from `started_ns`.
+    /// Converts a message to a row; its time counts from `started_ns`.
     pub fn of<M: Exported>(message: &M, columns: &[Column], started_ns: u64) -> Row {
         let (bytes, texts) = (bytemuck::bytes_of(message), message.texts());
         let value = |column: &Column| match column.place {
             Place::Time => {
                 let since_ns = i128::from(message.row_time_ns()) - i128::from(started_ns);
-                // Divided, not multiplied: 34 ms is 0.034 then.
+                // Dividing by 1e9 rounds correctly, multiplying by 1e-9 does not: 34 ms yields 0.034.
                 Some(Value::F64(since_ns as f64 / 1e9))
             }
             Place::Text(index) => texts.get(index).cloned().map(Value::Text),
@@ -102,7 +102,7 @@ impl Row {
     }
 }
 
-/// Reads one number of a field; none that is not finite.
+/// Reads one element of a field; `None` if it is not finite.
 fn number(bytes: &[u8], field: Field, index: usize) -> Option<Value> {
     let bytes = bytes.get(field.offset + index * field.primitive.size()..)?;
     Some(match field.primitive {

@@ -1,4 +1,4 @@
-//! Rows as lines of text, RFC 4180 with line feeds: names first; an empty field is a value that must not be used.
+//! CSV writer, RFC 4180 with line feeds: column names first; an empty field is an invalid value.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -9,14 +9,14 @@ use anyhow::Context;
 use super::Sink;
 use super::columns::{Column, Row, Value};
 
-/// A table being written.
+/// A CSV table being written.
 pub(super) struct Table {
     file: BufWriter<File>,
     line: String,
 }
 
 impl Table {
-    /// Writes the names.
+    /// Writes the header line.
     pub(super) fn begin(file: File, columns: &[Column]) -> anyhow::Result<Table> {
         let mut file = BufWriter::new(file);
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
@@ -32,7 +32,8 @@ impl Sink for Table {
             if index > 0 {
                 self.line.push(',');
             }
-            // Names have neither comma nor quote, and numbers read back as the same bits.
+            // No quoting: names contain neither comma nor quote. Numbers are written so that they parse back to the
+            // same bits.
             match value {
                 Some(Value::F64(value)) => write!(self.line, "{value}")?,
                 Some(Value::U64(value)) => write!(self.line, "{value}")?,

@@ -134,7 +134,8 @@ fn sink<M: Exported>(
 fn metadata<M: Exported>(header: &RecordingHeader, columns: &[Column]) -> Vec<(String, String)> {
     let units: serde_json::Map<String, serde_json::Value> =
         columns.iter().filter_map(|column| Some((column.name.clone(), column.unit?.into()))).collect();
-    // Whatever release made it: only these two are read, and a configuration that has none is told as it stands.
+    // Accepts recordings of any release: only these two keys are read, and a configuration without them is exported as
+    // it is.
     let config: toml::Table = header.config_toml.parse().unwrap_or_default();
     let text =
         |value: Option<&toml::Value>| value.and_then(toml::Value::as_str).unwrap_or_default().to_owned();

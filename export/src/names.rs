@@ -1,4 +1,4 @@
-//! Names and units of columns, and what numbers stand for.
+//! Names and units of columns, and the meanings of enumerated numbers.
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment};
 use equipoise_core::cycle::{BodyRefusal, BodySource};
@@ -12,10 +12,10 @@ use serde_json::{Map, Value, json};
 const AXES: [&str; 3] = ["x", "y", "z"];
 const QUATERNION: [&str; 4] = ["w", "x", "y", "z"];
 const SIDES: [&str; 2] = ["left", "right"];
-/// Joint angles as MVN has them.
+/// Names of MVN's joint angles.
 const ANGLES: [&str; 3] = ["abduction", "axial_rotation", "flexion"];
 
-/// What names end in, the longer ones first, and the unit that says.
+/// Suffixes of field names, longer ones first, and the units that they denote.
 const UNITS: [(&str, &str); 17] = [
     ("_nm_per_cm", "N m/cm"),
     ("_m_per_s2", "m/s^2"),
@@ -36,12 +36,12 @@ const UNITS: [(&str, &str); 17] = [
     ("_direction", "1"),
 ];
 
-/// The unit of a field, by its name.
+/// Unit of a field, from the suffix of its name.
 pub(super) fn unit(field: &str) -> Option<&'static str> {
     UNITS.iter().find(|(end, _)| field.ends_with(end)).map(|(_, unit)| *unit)
 }
 
-/// The name of one number of a field: joints, segments, sides and axes by name.
+/// Column name of one element of a field: joints, segments, sides and axes appear by name.
 pub(super) fn column(field: &Field, index: usize) -> String {
     let name = field.name;
     let joint = |index: usize| Joint::ALL[index].name();
@@ -60,7 +60,7 @@ pub(super) fn column(field: &Field, index: usize) -> String {
     }
 }
 
-/// What the numbers of states stand for, by column: values, or bits where they are sums of them.
+/// Names of the numbers in states, by column: values, or bits where numbers are bit sets.
 pub(super) fn numbers() -> Value {
     let list = |names: &mut dyn Iterator<Item = &'static str>| -> Value {
         names

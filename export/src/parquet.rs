@@ -121,13 +121,13 @@ impl Values {
 
     fn push(&mut self, value: Option<&Value>) {
         self.there.push(if value.is_some() { THERE } else { 0 });
-        // Unsigned numbers have the bits of signed ones; the schema says which they are.
+        // Parquet stores unsigned numbers as signed ones with the same bits; the schema marks them as unsigned.
         match (&mut self.values, value) {
             (Typed::F64(values), Some(Value::F64(value))) => values.push(*value),
             (Typed::U64(values), Some(Value::U64(value))) => values.push(value.cast_signed()),
             (Typed::U32(values), Some(Value::U32(value))) => values.push(value.cast_signed()),
             (Typed::Text(values), Some(Value::Text(text))) => values.push(text.as_str().into()),
-            // A row is made for these columns.
+            // Unreachable: rows are built for these columns.
             (_, _) => {}
         }
     }

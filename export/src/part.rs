@@ -1,4 +1,4 @@
-//! A file under a name of its own until it is whole.
+//! A temporary file that replaces the result once it is complete.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-/// As of recordings: a table tells how a person moves, and is not for everyone on the machine.
+/// Same mode as recordings: a table contains personal motion data, so other users of the machine have no access.
 const FILE_MODE: u32 = 0o640;
 
-/// A file that nobody else has; removed when dropped, unless it took its place.
+/// A temporary file of this process; removed when dropped, unless it replaced the result.
 #[derive(Debug)]
 pub(super) struct Part {
     path: PathBuf,
@@ -18,7 +18,7 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// Makes one beside the result: its name, the number of this process, `.part`.
+    /// Creates the file next to the result: the result's name, the process ID, `.part`.
     pub(super) fn beside(out: &Path) -> anyhow::Result<Part> {
         let mut name: OsString = out.as_os_str().to_owned();
         name.push(format!(".{}.part", std::process::id()));
@@ -28,12 +28,12 @@ impl Part {
         Ok(Part { path, file })
     }
 
-    /// The file, to be written.
+    /// A handle for writing.
     pub(super) fn file(&self) -> anyhow::Result<File> {
         self.file.try_clone().with_context(|| format!("cannot write {}", self.path.display()))
     }
 
-    /// The file is whole: it replaces what has its name.
+    /// Renames the complete file to `out`, replacing any existing file.
     pub(super) fn take_place(self, out: &Path) -> anyhow::Result<()> {
         fs::rename(&self.path, out).with_context(|| format!("cannot write {}", out.display()))
     }
@@ -41,7 +41,7 @@ impl Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // Half a table is none. After it took its place there is nothing under this name.
+        // Removes an incomplete table. After a rename this name no longer exists.
         let _ = fs::remove_file(&self.path);
     }
 }

@@ -1,4 +1,4 @@
-//! Which value of a message may be used: the rules of the JSON, for every field by name.
+//! Validity of each value of a message: the rules of the JSON, for every field by name.
 
 use equipoise_adapters::recording::Entry;
 use equipoise_core::message::ground::Component;
@@ -6,23 +6,24 @@ use equipoise_core::message::state::NotGiven;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample, Validity};
 
-/// What spoils the shares of the feet.
+/// Flags that invalidate the foot load fraction.
 const SPOILS_ZETA: Validity = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-/// What spoils the distance of the load from the hands. That it is far away does not: it is the evidence.
+/// Flags that invalidate the distance of the load from the hands. `load_not_at_hands` does not: a large distance is
+/// what raises it.
 const SPOILS_LOAD_DISTANCE: Validity = Validity(Validity::SPOILS_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
 
-/// A message that can be exported.
+/// A message type that can be exported.
 pub trait Exported: Message {
-    /// Columns of text beside the fields: names.
+    /// Names of additional text columns.
     const TEXTS: &'static [&'static str] = &[];
 
-    /// It, if an entry of a recording is one.
+    /// The message, if an entry of a recording has this type.
     fn of(entry: &Entry) -> Option<&Self>;
 
-    /// The time of its row, CLOCK_MONOTONIC ns.
+    /// Time of the row, CLOCK_MONOTONIC ns.
     fn row_time_ns(&self) -> u64;
 
-    /// Whether one number of a field may be used.
+    /// Whether one element of a field is valid.
     fn is_given(&self, field: &str, index: usize) -> bool;
 
     /// The text columns, in the order of [`Exported::TEXTS`].
@@ -66,7 +67,7 @@ impl Exported for State {
             "cop_estimated_m" | "cop_sigma_m" => unless(Validity::SPOILS_COP_ESTIMATED),
             "com_m" | "acceleration_source" => unless(Validity::SPOILS_COM),
             "suit_com_m" => self.suit_com_m().is_some(),
-            // Insoles feel the vertical only.
+            // Insoles measure the vertical force only.
             "ground_force_n" => {
                 unless(Validity::SPOILS_GROUND_FORCE) && (index == 2 || self.gives(NotGiven::Shear))
             }
@@ -87,7 +88,7 @@ impl Exported for State {
             "l5s1_moment_nm" | "l5s1_moment_sigma_nm" | "l5s1_compression_n" | "l5s1_compression_sigma_n" => {
                 unless(Validity::SPOILS_BACK)
             }
-            // Zero: the filter has not said one yet.
+            // Zero: not computed yet.
             "variance_max_m2" => self.variance_max_m2 > 0.0,
             "predicted_cop_sigma_m" => self.predicted_cop_sigma_m > 0.0,
             "nis" => self.nis > 0.0,
@@ -141,7 +142,7 @@ impl Exported for GroundSample {
             ("moment_nm", _) => sound && measures(Component::Tilt),
             ("foot_vertical_n", _) => each,
             ("foot_frame", _) => self.per_foot != 0,
-            // A foot without force has no centre.
+            // A foot without force has no centre of pressure.
             ("foot_cop_m", _) => each && self.foot_vertical_n[index / 2] != 0.0,
             _ => true,
         }

@@ -64,7 +64,7 @@ fn a_table_is_not_for_everybody_and_what_others_have_stays() {
     assert_eq!(export(&file("made.mcap"), &file("out.csv")).status.code(), Some(0));
     let mode = std::fs::metadata(file("out.csv")).unwrap().permissions().mode();
     assert_eq!(mode & 0o027, 0, "{mode:o}: no more than a recording's");
-    // A folder has the name of the result: it cannot be replaced, and nothing half done stays.
+    // A folder with the result's name cannot be replaced; no partial file may remain.
     std::fs::create_dir(file("half.csv")).unwrap();
     assert_eq!(export(&file("made.mcap"), &file("half.csv")).status.code(), Some(1));
     for name in ["notes.txt.part", "out.csv.part", "half.csv.part"] {

@@ -109,7 +109,7 @@ fn read_parquet(path: &Path) -> (Vec<Row>, BTreeMap<String, String>) {
     let footer = pairs.iter().map(|pair| (pair.key.clone(), pair.value.clone().unwrap())).collect();
     let there = |(name, value): (&String, &Field)| {
         let told = match value {
-            // A CSV cannot tell an empty text from none.
+            // CSV does not distinguish an empty text from a missing one.
             Field::Null => return None,
             Field::Str(text) if text.is_empty() => return None,
             Field::Double(value) => value.to_string(),
@@ -297,7 +297,7 @@ fn what_is_not_there_is_said_and_leaves_no_file() {
         assert!(ended.status.code() == Some(1) && said.contains(why), "{said}");
         assert!(!out.exists() && !folder.path().join(format!("{name}.part")).exists());
     }
-    // Cut short it is told as far as it goes.
+    // A truncated recording is exported up to the damage.
     let mut numbers = Numbers(1);
     let states: Vec<State> = (1..=STATES).map(|cycle| state(cycle, &mut numbers)).collect();
     std::fs::remove_file(&recording).unwrap();

@@ -1,7 +1,7 @@
-//! Every file that is read is opened here, so that none can make the reader wait, or hold more than it has room for.
+//! Opens all files that are read, such that none can block the reader or exceed the memory intended for it.
 //!
-//! [`open_regular`] refuses what is no regular file, without waiting for a pipe's writer; [`read_text`] reads up to a
-//! bound; [`secret`] reads only what nobody else can read or change.
+//! [`open_regular`] rejects anything but regular files and does not wait for the writer of a pipe; [`read_text`] reads
+//! up to a size limit; [`secret`] reads only files that other users can neither read nor change.
 #![forbid(unsafe_code)]
 
 mod open;

@@ -1,4 +1,4 @@
-//! Opening a file, if it is one.
+//! Opening regular files only.
 
 use std::fs::{File, Metadata};
 use std::io;
@@ -7,20 +7,21 @@ use std::path::Path;
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 
-/// Whether a symbolic link at the end of the path may lead elsewhere.
+/// How to treat a symbolic link at the end of the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Links {
-    /// The file that it names is opened.
+    /// Open the target.
     Follow,
-    /// It is refused.
+    /// Reject it.
     Refuse,
 }
 
-/// Opens a regular file for reading, with what the system knows of it.
+/// Opens a regular file for reading and returns it with its metadata.
 ///
 /// # Errors
-/// What the system said; of a folder, pipe, socket or device, and with [`Links::Refuse`] of a link, an
-/// [`io::ErrorKind::InvalidInput`] that says what it is. Nothing waits: a pipe without a writer is told at once.
+/// Errors of the system; for a folder, pipe, socket or device, and with [`Links::Refuse`] for a link,
+/// [`io::ErrorKind::InvalidInput`] with the kind of the file. Never blocks: a pipe without a writer is rejected at
+/// once.
 pub fn open_regular_by(path: &Path, links: Links) -> io::Result<(File, Metadata)> {
     let refused = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what.to_owned());
     let mut flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
@@ -32,7 +33,7 @@ pub fn open_regular_by(path: &Path, links: Links) -> io::Result<(File, Metadata)
         Err(Errno::LOOP) if links == Links::Refuse => return Err(refused("it is a symbolic link")),
         Err(errno) => return Err(errno.into()),
     };
-    // What is looked at is what is read: the name could lead elsewhere by now.
+    // Check the opened file instead of the path, which may refer to another file by now.
     let facts = file.metadata()?;
     match facts.is_file() {
         true => Ok((file, facts)),
@@ -41,7 +42,7 @@ pub fn open_regular_by(path: &Path, links: Links) -> io::Result<(File, Metadata)
     }
 }
 
-/// Opens a regular file for reading, links followed.
+/// Opens a regular file for reading and follows links.
 ///
 /// # Errors
 /// As [`open_regular_by`].

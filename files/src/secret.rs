@@ -1,4 +1,4 @@
-//! Files with tokens, passwords and keys: read only if nobody else can.
+//! Files with tokens, passwords and keys: read only if other users cannot access them.
 
 use std::io::{Error, ErrorKind, Read};
 use std::os::unix::fs::MetadataExt;
@@ -6,68 +6,68 @@ use std::path::{Path, PathBuf};
 
 use crate::{Links, open_regular_by};
 
-/// Larger files are neither lists of passwords nor keys.
+/// Lists of passwords and keys are smaller.
 const BYTES_MAX: u64 = 64 * 1024;
 
-/// Why such a file is not used.
+/// Why a file with a secret is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum SecretError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {path}: {source}; name an existing file that this user may read")]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: Error,
     },
-    /// It is a symbolic link, a directory, a pipe or a device.
+    /// The path is a symbolic link, a directory, a pipe or a device.
     #[error("{path} holds a secret, but {what}: name the regular file itself")]
     Kind {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What it is.
+        /// Kind of the file.
         what: String,
     },
-    /// Another user owns it, and can change it.
+    /// The file belongs to another user, who can change it.
     #[error(
         "{path} holds a secret, but belongs to user {owner}: chown it to {user}, the user of this process, or to root"
     )]
     Owner {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Number of its owner.
+        /// User id of its owner.
         owner: u32,
-        /// Number of this process's user.
+        /// User id of this process.
         user: u32,
     },
-    /// Others may read or write it.
+    /// Other users may read or write the file.
     #[error(
         "{path} holds a secret, but others may read or change it (mode {mode:04o}): chmod {mode_max:04o} {path}"
     )]
     Open {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
         /// Its permissions.
         mode: u32,
-        /// Those that it may have at most.
+        /// The maximum permissions.
         mode_max: u32,
     },
-    /// A line of it is not `name:password`.
+    /// A line is not `name:password`.
     #[error("{path}, line {line}: {what}; a line is name:password, a name stands once, # begins a comment")]
     Line {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Counted from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong, without what stands there.
+        /// What is wrong, without the content of the line.
         what: &'static str,
     },
 }
 
-/// A name and its password, which no log ever shows.
+/// A name and its password, which `Debug` omits.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Login {
-    /// Name.
+    /// User name.
     pub name: String,
     /// Password.
     pub password: String,
@@ -79,12 +79,12 @@ impl std::fmt::Debug for Login {
     }
 }
 
-/// Who may read a secret beside root.
+/// Users besides root that may be able to read a secret.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Readers {
-    /// Its owner.
+    /// The owner.
     Owner,
-    /// Its owner, and members of its group.
+    /// The owner and the members of its group.
     Group,
 }
 
@@ -97,7 +97,7 @@ impl Readers {
     }
 }
 
-/// The text of a file that nobody else can read, or a private key would be none.
+/// The text of a file that only its owner can read, for example a private key.
 ///
 /// # Errors
 /// The file cannot be read, is no regular file, belongs to another user, or others may read or change it.
@@ -105,7 +105,7 @@ pub fn read(path: &Path) -> Result<String, SecretError> {
     read_for(path, Readers::Owner)
 }
 
-/// The same for these readers.
+/// The text of a file that `readers` can read.
 ///
 /// # Errors
 /// As [`read`].
@@ -126,7 +126,7 @@ pub fn read_for(path: &Path, readers: Readers) -> Result<String, SecretError> {
     }
 }
 
-/// Whether a file of this owner and mode can be read or changed by nobody else than `user`, root and `readers`.
+/// Checks that only `user`, root and `readers` can read or change a file of this owner and mode.
 fn check(path: &Path, owner: u32, mode: u32, user: u32, readers: Readers) -> Result<(), SecretError> {
     let (path, mode_max) = (path.to_owned(), readers.mode_max());
     if owner != user && owner != 0 {
@@ -138,10 +138,10 @@ fn check(path: &Path, owner: u32, mode: u32, user: u32, readers: Readers) -> Res
     Ok(())
 }
 
-/// The logins of a file: `name:password`, one a line. The password is the rest of the line, colons included.
+/// The logins of a file, one `name:password` per line. The password is the rest of the line, colons included.
 ///
 /// # Errors
-/// The file cannot be read, is open to others, has no login, or a line that is none.
+/// The file cannot be read, is accessible to other users, has no login, or has an invalid line.
 pub fn logins(path: &Path) -> Result<Vec<Login>, SecretError> {
     let text = read(path)?;
     let wrong = |line, what| SecretError::Line { path: path.to_owned(), line, what };

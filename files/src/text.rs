@@ -1,18 +1,17 @@
-//! Text files that people or programs wrote, read whole: up to a bound, so that a wrong path or a hostile file costs no
-//! memory.
+//! Reading whole text files up to a size limit, so that a wrong path or a malicious file does not exhaust the memory.
 
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
 use crate::open_regular;
 
-/// The longest configuration, model or profile, bytes; the largest that is written has some 150 000.
+/// Maximum size of a configuration, model or profile, bytes; the largest one written has about 150 000.
 pub const TEXT_BYTES_MAX: u64 = 1 << 20;
 
 /// Reads a file of at most `bytes_max` bytes.
 ///
 /// # Errors
-/// As [`open_regular`]; [`ErrorKind::FileTooLarge`] for a longer file, [`ErrorKind::InvalidData`] for one that is no
+/// As [`open_regular`]; [`ErrorKind::FileTooLarge`] for a longer file, [`ErrorKind::InvalidData`] for one that is not
 /// UTF-8.
 pub fn read_text(path: &Path, bytes_max: u64) -> io::Result<String> {
     let mut text = String::new();

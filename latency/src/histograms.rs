@@ -5,14 +5,14 @@ use hdrhistogram::Histogram;
 
 use crate::stage::{NotRecorded, Stage};
 
-/// Smallest value told apart from zero, ns.
+/// Smallest value distinguished from zero, ns.
 pub const LOWEST_NS: u64 = 1;
-/// Largest value told apart, ns; what is longer is recorded as this.
+/// Largest value, ns; longer times are recorded as this value.
 pub const HIGHEST_NS: u64 = 10_000_000_000;
 /// Significant decimal digits of every recorded value.
 pub const DIGITS: u8 = 3;
 
-/// The values of one stage, and how many cycles should have had one and had none.
+/// Times of one stage, and the number of cycles that lack a value.
 #[derive(Debug, Clone)]
 pub struct StageHistogram {
     /// Times, ns.
@@ -26,19 +26,19 @@ pub struct StageHistogram {
 /// Counts of the cycles themselves.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CycleCounts {
-    /// Cycle records seen.
+    /// Cycle records received.
     pub cycles: u64,
-    /// Cycle records that never came, by the gaps in `CycleRecord::cycle`.
+    /// Cycle records lost, from the gaps in `CycleRecord::cycle`.
     pub cycles_lost: u64,
-    /// Periods the loop dropped whole while we looked.
+    /// Slots that the loop skipped during the interval.
     pub slots_skipped: u64,
-    /// … of these, the ones in a gap of the records, of which no lateness is known.
+    /// Skipped slots that lie in a gap of the records, so that their lateness is unavailable.
     pub slots_skipped_unplaced: u64,
-    /// Cycles ready only after the next was due.
+    /// Cycles that finished after the next one was due.
     pub deadlines_missed: u64,
 }
 
-/// Histograms of every stage over one interval or one run. About 200 KiB per stage, all of it allocated at once.
+/// Histograms of every stage over one interval or one run. About 200 KiB per stage, allocated at construction.
 #[derive(Debug, Clone)]
 pub struct PathHistograms {
     stages: [StageHistogram; Stage::COUNT],
@@ -46,7 +46,7 @@ pub struct PathHistograms {
     last: Option<Last>,
 }
 
-/// What of the record before is needed to see a gap or a skipped period.
+/// Values of the previous record from which gaps and skipped slots are computed.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     cycle: u64,
@@ -71,10 +71,10 @@ impl PathHistograms {
         PathHistograms { stages, counts: CycleCounts::default(), last: None }
     }
 
-    /// Enters one cycle. Never allocates; at most `10 s / period` steps.
+    /// Records one cycle. Never allocates; at most `10 s / period` steps.
     ///
-    /// A loop that oversleeps takes fewer samples just when it is slow (coordinated omission). So every period
-    /// skipped before this cycle is entered too, with the lateness it had when the loop came back.
+    /// A late loop runs fewer cycles exactly when it is slow (coordinated omission). So every slot skipped before this
+    /// cycle is recorded too, with the lateness it had when the loop resumed.
     pub fn record(&mut self, record: &CycleRecord) {
         self.counts.cycles += 1;
         self.counts.deadlines_missed += u64::from(record.deadline_missed != 0);
@@ -95,11 +95,12 @@ impl PathHistograms {
         }
     }
 
-    /// Periods skipped between the record before and this one; 0 where a gap hides where they lay.
+    /// Slots skipped between the previous record and this one; 0 if a gap in the records makes their position
+    /// ambiguous.
     fn skipped_before(&mut self, record: &CycleRecord) -> u64 {
         let now = Last { cycle: record.cycle, slots_skipped: record.slots_skipped };
         let Some(last) = self.last.replace(now) else { return 0 };
-        // Going back means that the daemon started anew; its counts begin afresh.
+        // A decrease means that the daemon restarted; its counts start at 0 again.
         if now.cycle <= last.cycle || now.slots_skipped < last.slots_skipped {
             return 0;
         }
@@ -124,7 +125,7 @@ impl PathHistograms {
         self.counts
     }
 
-    /// Empties everything but what is needed to see a gap across the interval's border. Does not allocate.
+    /// Clears all values except those needed to detect a gap across the interval's boundary. Does not allocate.
     pub fn start_interval(&mut self) {
         for stage in &mut self.stages {
             stage.times_ns.reset();
@@ -150,17 +151,17 @@ impl PathHistograms {
     }
 }
 
-/// Enters the `skipped` periods before a cycle: the n-th before it was due `n` periods earlier.
+/// Records the `skipped` slots before a cycle: the n-th slot before it was due `n` periods earlier.
 fn record_skipped(times_ns: &mut Histogram<u64>, time_ns: u64, period_ns: u64, skipped: u64) {
     if period_ns == 0 {
         return;
     }
-    // From here on every value saturates, and the rest is entered in one go.
+    // Beyond this number every value saturates, so the rest is recorded in one call.
     let told_apart = skipped.min(HIGHEST_NS / period_ns);
     for n in 1..=told_apart {
         times_ns.saturating_record(time_ns.saturating_add(n.saturating_mul(period_ns)));
     }
-    // Entering a value zero times would still make it the maximum.
+    // Recording a value zero times would still make it the maximum.
     if skipped > told_apart {
         times_ns.saturating_record_n(HIGHEST_NS, skipped - told_apart);
     }

@@ -1,10 +1,9 @@
-//! Where time goes along the path: stages, histograms, reports.
+//! Latency of each stage from sensor to state: stages, histograms, reports.
 //!
-//! The loop writes raw stamps into each `CycleRecord`; whoever reads the records (egress, a latency consumer, a
-//! replay) turns them into one histogram per [`Stage`]. Nothing here runs in the loop, and nothing here reads a
-//! clock.
+//! The loop writes raw stamps into each `CycleRecord`; the readers of the records (egress, a latency consumer, a
+//! replay) convert them into one histogram per [`Stage`]. Nothing here runs in the loop or reads a clock.
 //!
-//! Floors, ground first: [`stage`] → [`histograms`] → [`pick_up`] → [`report`], [`hlog`]
+//! Modules in the order of dependency: [`stage`] → [`histograms`] → [`pick_up`] → [`report`], [`hlog`]
 #![forbid(unsafe_code)]
 
 pub mod histograms;

@@ -1,7 +1,7 @@
-//! What consumers report of their pick-up, as histograms of the time that we looked.
+//! Histograms of the consumers' receipts, restricted to the observed interval.
 //!
-//! Reports are cumulative since the consumer's start. The difference of two is what happened between them, and a
-//! consumer that starts anew begins afresh.
+//! Reports are cumulative since the consumer's start. The difference of two reports covers the time between them; a
+//! restarted consumer starts at 0 again.
 
 use equipoise_core::message::PickUp;
 use equipoise_core::message::pick_up::{BUCKETS, shortest_ns};
@@ -9,32 +9,32 @@ use hdrhistogram::Histogram;
 
 use crate::histograms::{DIGITS, HIGHEST_NS, LOWEST_NS};
 
-/// What a consumer's three histograms are called and mean, in the order of `PickUp::max_ns`.
+/// Names and definitions of a consumer's three histograms, in the order of `PickUp::max_ns`.
 pub const PICK_UP_STAGES: [(&str, &str); 3] = [
     ("pick_up", "publish_start_ns -> consumer"),
     ("from_due", "due_ns -> consumer"),
     ("from_suit", "newest suit_sample_time_ns -> consumer"),
 ];
 
-/// What one consumer saw while we looked.
+/// Values of one consumer in the observed interval.
 #[derive(Debug, Clone)]
 pub struct ConsumerTimes {
-    /// Its name; with its process where two have the same.
+    /// Its name; with its process id if two consumers have the same name.
     pub name: String,
-    /// Its process.
+    /// Its process id.
     pub process_id: u32,
-    /// States picked up.
+    /// States received.
     pub states: u64,
-    /// States that it never saw.
+    /// States missed.
     pub states_missed: u64,
     /// Times of each of [`PICK_UP_STAGES`], ns.
     pub times_ns: [Histogram<u64>; 3],
 }
 
-/// Who reports: process and start tell two lives of one name apart.
+/// Key of a report: process id, start time and name. Process and start distinguish two runs with one name.
 type Life = (u32, u64, [u8; 32]);
 
-/// The first report of each consumer that counts, and the newest.
+/// The baseline report of a consumer and its newest report.
 #[derive(Debug)]
 struct Reports {
     life: Life,
@@ -42,23 +42,23 @@ struct Reports {
     newest: Box<PickUp>,
 }
 
-/// Takes reports in and says what they tell of the time since it was made.
+/// Collects reports and computes the values since its construction.
 #[derive(Debug)]
 pub struct PickUps {
     since_ns: u64,
     reports: Vec<Reports>,
 }
 
-/// More consumers than a station has places for are not kept.
+/// Limit of the consumers stored, as many as a station's bus allows.
 const CONSUMERS_MAX: usize = 64;
 
 impl PickUps {
-    /// Looks at what happens from `since_ns` on, CLOCK_MONOTONIC.
+    /// Observes from `since_ns` on, CLOCK_MONOTONIC.
     pub fn new(since_ns: u64) -> PickUps {
         PickUps { since_ns, reports: Vec::new() }
     }
 
-    /// Takes one report in. One from before the beginning is passed over: it may tell of a time long ago.
+    /// Adds one report. Ignores reports from before the start, which may refer to an earlier time.
     pub fn see(&mut self, report: &PickUp) {
         if report.time_ns < self.since_ns {
             return;
@@ -71,13 +71,13 @@ impl PickUps {
             return;
         }
         if self.reports.len() < CONSUMERS_MAX {
-            // What began after us happened under our eyes from its first state on.
+            // A consumer that started after `since_ns` was observed from its first state on and needs no baseline.
             let before = (report.since_ns < self.since_ns).then(|| Box::new(*report));
             self.reports.push(Reports { life, before, newest: Box::new(*report) });
         }
     }
 
-    /// What happened between the first report and the newest, by consumer; a consumer without two is left out.
+    /// Values between the first report and the newest, by consumer; consumers without new states are omitted.
     pub fn consumers(&self) -> Vec<ConsumerTimes> {
         let mut all: Vec<ConsumerTimes> = self.reports.iter().filter_map(Reports::times).collect();
         all.sort_by(|a, b| (&a.name, a.process_id).cmp(&(&b.name, b.process_id)));
@@ -102,7 +102,7 @@ impl Reports {
     }
 }
 
-/// What a consumer reported of itself since its own start.
+/// Values of a consumer since its own start.
 pub fn since_its_start(report: &PickUp) -> ConsumerTimes {
     ConsumerTimes {
         name: name_of(&report.consumer),
@@ -113,7 +113,7 @@ pub fn since_its_start(report: &PickUp) -> ConsumerTimes {
     }
 }
 
-/// Whether every count of `later` is at least that of `earlier`: what shrinks is no report of the same life.
+/// Whether every count of `later` is at least that of `earlier`: a decrease means another run.
 fn has_grown(earlier: &PickUp, later: &PickUp) -> bool {
     let grown = |which: usize| {
         let pairs = buckets(later, which).iter().zip(buckets(earlier, which));
@@ -126,8 +126,8 @@ fn buckets(report: &PickUp, which: usize) -> &[u64; BUCKETS] {
     [&report.published_to_consumer, &report.due_to_consumer, &report.suit_to_consumer][which]
 }
 
-/// The times between two reports. Each stands in the middle of its bucket, so is off by 3.2 % at the most; the longest
-/// stands where it was if it is known, or else at its bucket's end.
+/// The times between two reports. Each is placed at the middle of its bucket, an error of at most 3.2 %; the longest is
+/// exact if available, or else at its bucket's upper end.
 fn histogram(newest: &PickUp, before: Option<&PickUp>, which: usize) -> Histogram<u64> {
     let mut times_ns = Histogram::new_with_bounds(LOWEST_NS, HIGHEST_NS, DIGITS)
         .expect("the bounds are constants that hdrhistogram accepts");
@@ -142,7 +142,7 @@ fn histogram(newest: &PickUp, before: Option<&PickUp>, which: usize) -> Histogra
     }
     let known = newest.max_ns[which] > before.map_or(0, |before| before.max_ns[which]);
     let max_ns = if known { newest.max_ns[which] } else { end_ns(last).min(newest.max_ns[which]) };
-    // Entering a value zero times would still make it the maximum.
+    // Recording a value zero times would still make it the maximum.
     if count_of(last) > 1 {
         times_ns.saturating_record_n(middle_ns(last).min(max_ns), count_of(last) - 1);
     }
@@ -150,7 +150,7 @@ fn histogram(newest: &PickUp, before: Option<&PickUp>, which: usize) -> Histogra
     times_ns
 }
 
-/// The longest time of a bucket; the last one's has no end.
+/// The longest time of a bucket; the last bucket is unbounded.
 fn end_ns(bucket: usize) -> u64 {
     if bucket + 1 < BUCKETS { shortest_ns(bucket + 1) - 1 } else { u64::MAX }
 }
@@ -160,7 +160,7 @@ fn middle_ns(bucket: usize) -> u64 {
     if bucket + 1 < BUCKETS { shortest + (shortest_ns(bucket + 1) - shortest) / 2 } else { shortest }
 }
 
-/// The name as a tag of an interval log may have it: what else a consumer wrote there is left out.
+/// The name restricted to characters that are valid in a tag of an interval log.
 fn name_of(name: &[u8; 32]) -> String {
     let name: String = name
         .iter()
@@ -171,7 +171,7 @@ fn name_of(name: &[u8; 32]) -> String {
     if name.is_empty() { "unnamed".to_owned() } else { name }
 }
 
-/// Consumers of one name get their process, and lives of one process a number, put behind it.
+/// Makes names unique: appends the process id to equal names, and a number to several runs of one process.
 pub fn tell_apart(consumers: &mut [ConsumerTimes]) {
     let names: Vec<(String, u32)> = consumers.iter().map(|one| (one.name.clone(), one.process_id)).collect();
     for (index, (name, process_id)) in names.iter().enumerate() {

@@ -121,7 +121,7 @@ fn stage_report(histograms: &PathHistograms, stage: Stage) -> StageReport {
 }
 
 fn percentiles(times_ns: &Histogram<u64>) -> StageReport {
-    // hdrhistogram answers with the highest value of the bucket, which may lie above the bound.
+    // hdrhistogram returns the highest value of the bucket, which may exceed the bound.
     let at = |quantile: f64| times_ns.value_at_quantile(quantile).min(HIGHEST_NS);
     StageReport {
         stage: "".into(),

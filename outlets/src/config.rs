@@ -150,7 +150,7 @@ fn between(key: &'static str, value: f64, least: f64, most: f64) -> Checked {
     if (least..=most).contains(&value) {
         return Ok(());
     }
-    // All the digits of 1e300 would be no help.
+    // Avoid printing all the digits of a number like 1e300.
     let value = if value.abs() < 1e9 { format!("{value}") } else { format!("{value:?}") };
     Err((key, format!("{value} is not between {least} and {most}")))
 }

@@ -1,4 +1,4 @@
-//! What all outlets have in common: the newest state, at a rate, until told to stop.
+//! Common part of all gateways: publishes the newest state at a fixed rate until stopped.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -8,14 +8,15 @@ use tracing::{info, warn};
 
 use crate::outlet::Outlet;
 
-/// How often the log and the service manager hear of what was told.
+/// How often the tally is logged and reported to the service manager.
 const SAY_EVERY: Duration = Duration::from_secs(60);
-/// The longest that is slept at once: a beat may be ten seconds away, and whoever stops it waits.
+/// Longest single sleep: the next tick may be ten seconds away, and a stop must take effect soon.
 const SLEEP_MAX: Duration = Duration::from_millis(200);
-/// How often the watchdog is fed, while beats go out or the next one is waited for; never from within a beat.
+/// How often the watchdog is notified while ticks go out or the next one is awaited; never within a tick, so that a
+/// hanging gateway is detected.
 const PING_EVERY: Duration = Duration::from_secs(1);
 
-/// Beats at a rate that does not drift; what is missed is skipped, not made up for.
+/// Schedule of ticks at a rate that does not drift; missed ticks are skipped.
 #[derive(Debug, Clone, Copy)]
 pub struct Beats {
     period: Duration,
@@ -23,17 +24,17 @@ pub struct Beats {
 }
 
 impl Beats {
-    /// The first beat is at `start`.
+    /// A schedule with the first tick at `start`.
     pub fn new(rate_hz: f64, start: Instant) -> Beats {
         Beats { period: Duration::from_secs_f64(1.0 / rate_hz), due: start }
     }
 
-    /// The time to sleep until the next beat; zero if it is overdue.
+    /// Time until the next tick; zero if it is overdue.
     pub fn wait(&self, now: Instant) -> Duration {
         self.due.saturating_duration_since(now)
     }
 
-    /// A beat is done: the next one is the first that lies ahead.
+    /// Marks the tick as done and schedules the next one after `now`.
     pub fn done(&mut self, now: Instant) {
         let late = now.saturating_duration_since(self.due);
         let periods = (late.as_nanos() / self.period.as_nanos().max(1)) as u32 + 1;
@@ -41,14 +42,14 @@ impl Beats {
     }
 }
 
-/// Tells an outlet at `rate_hz` what the station knows, until `stop`. `role` is its name on the bus.
+/// Passes the newest state to a gateway at `rate_hz`, until `stop`. `role` is its name on the bus.
 ///
-/// Every beat tells the newest state there is: of a loop that is slower than the beat some are told more than once
-/// (`Reading::is_new`), each time older. The daemon need not run: the outlet is told so, and of states again when there are
-/// some.
+/// Every tick passes the newest state. If the loop is slower than the ticks, some states are passed more than once
+/// (`Reading::is_new`), with increasing age. The daemon need not run: the gateway then gets the reason, and states
+/// again as soon as there are any.
 ///
 /// # Errors
-/// What [`Consumer::join_with`] says: another release's services, or no place left for a reader.
+/// Those of [`Consumer::join_with`]: services of another release, or no free place for a reader.
 pub fn drive(
     station: &str,
     role: &str,
@@ -57,7 +58,7 @@ pub fn drive(
     stop: &AtomicBool,
 ) -> anyhow::Result<()> {
     let settings = ConsumerSettings { depth: 1, ..ConsumerSettings::new(station, role) };
-    // Only the first beat waits for a state: whoever has heard of none for so long has none.
+    // Only the first tick waits for a state; after this time there is none.
     let patience = settings.stale_after;
     let mut consumer = Consumer::join_with(settings)?;
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
@@ -75,7 +76,7 @@ pub fn drive(
         if wait > SLEEP_MAX {
             continue;
         }
-        // A beat faster than the loop tells a state again, older than before, until it is too old.
+        // If ticks are faster than the loop, the same state is passed again, with a larger age, until it is too old.
         let seen = first.take().unwrap_or_else(|| consumer.latest());
         outlet.tell(&seen);
         tell_change(&mut trouble, seen.err());
@@ -92,7 +93,7 @@ pub fn drive(
     Ok(())
 }
 
-/// A reason is said when it begins and when it ends, not at every beat.
+/// Logs a missing state when it begins and when it ends, not at every tick.
 fn tell_change(before: &mut Option<NoReading>, now: Option<NoReading>) {
     match (before.as_ref(), now.as_ref()) {
         (None, Some(reason)) => warn!("no state: {reason}"),

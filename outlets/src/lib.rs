@@ -1,16 +1,17 @@
-//! Outlets: what leaves the station's machine, each in a process of its own, so that no peer of it reaches the loop.
+//! Gateways ("outlets"): send a station's states to other machines. Each runs in a process of its own, so that no
+//! remote peer affects the loop.
 //!
-//! An [`Outlet`] says how a reading, or the reason why there is none, looks on one wire. [`drive()`] is what all have in
-//! common: it takes the newest state off the bus at the outlet's rate, as one more consumer, and feeds the watchdog.
-//! [`process`] is the rest of a program: arguments, configuration, signals, log.
+//! An [`Outlet`] encodes a reading, or the reason why there is none, for one protocol. [`drive()`] is common to all: it
+//! reads the newest state from the bus at the gateway's rate, like any other consumer, and notifies the watchdog.
+//! [`process`] is the rest of the program: arguments, configuration, signals, log.
 //!
-//! Outlets that stand on a big library (`outlets/opcua`, `outlets/mqtt`, `outlets/zenoh`, `outlets/foxglove`) are crates
-//! of their own, so that nobody who does not need one builds it: `equipoise outlet KIND` starts the program
-//! `equipoise-outlet-KIND` that lies beside it.
+//! Gateways that depend on a large library (`outlets/opcua`, `outlets/mqtt`, `outlets/zenoh`, `outlets/foxglove`) are
+//! crates of their own, so that they are built only where needed: `equipoise outlet KIND` starts the program
+//! `equipoise-outlet-KIND` in its own folder.
 //!
-//! Those that need no library of their own are here: [`udp`], [`rtde`].
+//! Gateways without such a library are in this crate: [`udp`], [`rtde`].
 //!
-//! Floors, ground first: [`config`] → [`outlet`] → [`drive`](mod@drive) → [`process`] → [`udp`], [`rtde`]
+//! Modules, lowest layer first: [`config`] → [`outlet`] → [`drive`](mod@drive) → [`process`] → [`udp`], [`rtde`]
 #![forbid(unsafe_code)]
 
 pub mod config;

@@ -1,31 +1,33 @@
-//! What an outlet is.
+//! Interface of a gateway.
 
 use std::fmt;
 
 use equipoise_client::{NoReading, Reading};
 
-/// What the station knows at a beat: a current state, or the reason why there is none.
+/// Input of a tick: a current state, or the reason why there is none.
 pub type Seen = Result<Reading, NoReading>;
 
-/// Turns what the station knows into messages of one wire.
+/// Encodes states as messages of one protocol and sends them.
 pub trait Outlet {
-    /// One beat. The wire must carry the reason as well as the values: who receives it must not go on with the last.
+    /// Sends the messages of one tick. They must contain the reason why there is no state as well as the values, so
+    /// that receivers do not keep using the last state.
     ///
-    /// It returns soon: what a peer does not take now is dropped and counted, since the next beat says more.
+    /// Must not block: data that a peer does not accept now is dropped and counted, because the next tick supersedes
+    /// it.
     fn tell(&mut self, seen: &Seen);
 
-    /// What was told and lost so far.
+    /// Counts of sent and lost messages so far.
     fn tally(&self) -> Tally;
 }
 
-/// What an outlet has done since its start.
+/// Counts since the start of a gateway.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Messages handed to the network, to all peers together.
+    /// Messages handed to the network, for all peers together.
     pub sent: u64,
-    /// Messages that a peer did not take in time, or that could not be sent.
+    /// Messages that a peer did not accept in time, or that could not be sent.
     pub lost: u64,
-    /// Peers now.
+    /// Number of peers now.
     pub peers: u64,
 }
 

@@ -1,8 +1,8 @@
 //! `[outlets.rtde]`: writes into input registers of a Universal Robots controller; docs/consumers/rtde.md.
 //!
-//! A register holds its last value for ever, so the reason why there is no state is written as well, with a sequence that
-//! stands still when nobody writes any more. The beat never waits for the robot: a thread connects, and what the network
-//! does not take is dropped and counted.
+//! A register keeps its last value for ever. Therefore the reason why there is no state is written as well, with a
+//! sequence number that stops when the gateway stops. A tick never waits for the robot: a thread connects, and packages
+//! that the network does not accept are dropped and counted.
 
 mod link;
 mod registers;
@@ -16,7 +16,7 @@ use crate::process::{Made, no_section};
 use link::{Dialling, Sent, Started};
 use registers::{Counts, word};
 
-/// Writes registers of one controller.
+/// Writes the registers of one controller.
 #[derive(Debug)]
 pub struct Rtde {
     recipe: Vec<Register>,
@@ -28,10 +28,10 @@ pub struct Rtde {
 }
 
 impl Rtde {
-    /// Begins to dial the robot of a configuration.
+    /// Starts to connect to the configured robot.
     ///
     /// # Errors
-    /// Registers that cannot be, in words.
+    /// The configured registers are invalid; the error states which.
     pub fn new(config: &RtdeConfig) -> anyhow::Result<Rtde> {
         let recipe = config.recipe().map_err(|what| anyhow!("outlets.rtde.registers: {what}"))?;
         let dialling = Dialling::new(config.robot, recipe.clone());
@@ -61,7 +61,7 @@ impl Rtde {
 
 impl Outlet for Rtde {
     fn tell(&mut self, seen: &Seen) {
-        // 0 is what a register holds that nobody has written.
+        // 0 is skipped: it means that the register was never written.
         self.counts.sequence = self.counts.sequence.checked_add(1).unwrap_or(1);
         if let Ok(reading) = seen {
             self.counts.daemon_life = reading.daemon_life;
@@ -78,10 +78,10 @@ impl Outlet for Rtde {
     }
 }
 
-/// The outlet that a configuration asks for.
+/// Creates the gateway from the configuration.
 ///
 /// # Errors
-/// There is no `[outlets.rtde]`, or its registers cannot be.
+/// There is no `[outlets.rtde]`, or its registers are invalid.
 pub fn make(file: &StationFile) -> anyhow::Result<Made> {
     let config = file.outlets.rtde.as_ref().ok_or_else(|| no_section("rtde"))?;
     Ok(Made { outlet: Box::new(Rtde::new(config)?), rate_hz: config.rate_hz })

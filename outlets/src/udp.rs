@@ -1,8 +1,9 @@
-//! `[outlets.udp]`: datagrams of fixed layout ([`layout`]) to configured addresses; docs/consumers/udp.md is the table.
+//! `[outlets.udp]`: datagrams of fixed layout ([`layout`]) to configured addresses; docs/consumers/udp.md has the
+//! table.
 //!
-//! A datagram goes out at every beat, with a state or with the reason why there is none: who receives nothing knows that
-//! the network is at fault, or this program. Nothing a receiver does can hold it up: sockets do not block, and what
-//! cannot be sent is counted.
+//! A datagram is sent at every tick, with a state or with the reason why there is none; if none arrives, the network or
+//! this program has failed. No receiver can block it: sockets are non-blocking, and datagrams that cannot be sent are
+//! counted.
 
 pub mod encode;
 pub mod layout;
@@ -17,20 +18,20 @@ use crate::process::{Made, no_section};
 use encode::{Told, encode};
 use peer::Peer;
 
-/// Sends datagrams to every address.
+/// Sends datagrams to all configured addresses.
 #[derive(Debug)]
 pub struct Udp {
     station: String,
     session_ns: u64,
     sequence: u64,
-    /// Of the last state; while there is none it is still told.
+    /// From the last state; still sent while there is none.
     daemon_life: u16,
     peers: Vec<Peer>,
 }
 
 impl Udp {
-    /// An outlet of `station` for these addresses. The session is the wall clock's time now, so that a receiver can tell
-    /// a later start from an earlier one.
+    /// A gateway of `station` to these addresses. The session is the wall-clock time of the start, so that a receiver
+    /// distinguishes a later start from an earlier one.
     pub fn new(station: &str, to: &[SocketAddr]) -> Udp {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let session_ns = since_epoch.as_nanos() as u64;
@@ -43,7 +44,7 @@ impl Outlet for Udp {
     fn tell(&mut self, seen: &Seen) {
         self.sequence += 1;
         if let Ok(reading) = seen {
-            // Who starts so often sees the numbers come round; the next is another one all the same.
+            // The count may wrap around; consecutive lives still differ.
             self.daemon_life = reading.daemon_life as u16;
         }
         let Udp { station, session_ns, sequence, daemon_life, .. } = self;
@@ -63,7 +64,7 @@ impl Outlet for Udp {
     }
 }
 
-/// The outlet that a configuration asks for.
+/// Creates the gateway from the configuration.
 ///
 /// # Errors
 /// There is no `[outlets.udp]`.

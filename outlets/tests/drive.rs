@@ -1,4 +1,4 @@
-//! The drive in a process of its own, on a station that publishes, dies, and comes back on another bus.
+//! Drives a gateway in a process of its own, with a station that publishes, dies, and returns on another bus.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "../../clients/rust/tests/common/mod.rs"]
@@ -16,13 +16,13 @@ use equipoise_outlets::{Outlet, Seen, Tally, drive};
 
 const RATE: &str = "EQUIPOISE_DRIVE_TEST_RATE_HZ";
 
-/// Not a test: the life of a station's process.
+/// Not a test: body of the station's process.
 #[test]
 fn child_publishes() {
     common::publish_until_killed();
 }
 
-/// Not a test: the life of an outlet's process, until it is killed or forgotten.
+/// Not a test: body of the gateway's process, until it is killed or a time-out passes.
 #[test]
 fn child_drives() {
     let Some(rate_hz) = std::env::var_os(RATE) else { return };
@@ -35,7 +35,7 @@ fn child_drives() {
     drive("test", "outlet", rate_hz, &mut Printer, stop).unwrap();
 }
 
-/// Says each beat in a line.
+/// Prints a line per tick.
 struct Printer;
 
 impl Outlet for Printer {
@@ -57,7 +57,7 @@ impl Outlet for Printer {
     }
 }
 
-/// What was told at a beat.
+/// Contents of a printed line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Told {
     cycle: u64,
@@ -66,7 +66,7 @@ struct Told {
     daemon_life: u64,
 }
 
-/// An outlet's process: SIGKILLed at the latest when the test ends.
+/// A gateway's process, killed with SIGKILL when the test ends.
 struct Outside {
     child: Child,
     beats: Receiver<Option<Told>>,
@@ -82,7 +82,7 @@ impl Outside {
         let (to, beats) = channel();
         std::thread::spawn(move || {
             for line in lines.map_while(Result::ok) {
-                // The first one stands behind what the test harness says.
+                // The first line follows output of the test harness.
                 let Some((_, told)) = line.split_once("beat ") else { continue };
                 if to.send(read(told)).is_err() {
                     return;
@@ -141,7 +141,7 @@ fn who_beats_faster_than_the_loop_tells_a_state_again_and_older() {
     let mut last = outlet.until("a state is told", |beat| beat);
     let (mut new, mut again) = (0, 0);
     while new + again < 1000 {
-        // A machine that is busy elsewhere is told as such.
+        // On a busy machine a tick may lack a current state.
         let Some(told) = outlet.beat() else { continue };
         assert_eq!(told.is_new, told.cycle > last.cycle, "{told:?} after {last:?}");
         if told.is_new {

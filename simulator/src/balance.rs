@@ -1,4 +1,4 @@
-//! Standing: legs that keep both feet where they are, and a pelvis shifted until the whole is in balance.
+//! Standing: leg poses that keep both feet in place, and the pelvis shift that balances the whole body.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use nalgebra::{Matrix2, UnitQuaternion, Vector2, Vector3};
@@ -9,9 +9,10 @@ use crate::person::Person;
 use crate::pose::{Pose, straight_height_m};
 use crate::stance::Stance;
 
-/// A leg never stretches beyond this share of its length: a locked knee has no direction to bend.
+/// Upper limit of a leg's extension, as a fraction of its length: a fully extended knee has no defined bending
+/// direction.
 const REACH: f64 = 0.9995;
-/// Over this height the limit of reach rounds off, so that motion through it stays smooth, m.
+/// Height over which the reach limit is rounded off, so that motion through it stays smooth, m.
 const REACH_ROUNDING_M: f64 = 0.002;
 /// The pelvis is shifted until the centre of mass is this close to its target, m.
 ///
@@ -19,16 +20,16 @@ const REACH_ROUNDING_M: f64 = 0.002;
 const TOLERANCE_M: f64 = 1e-13;
 const MAX_ITERATIONS: usize = 40;
 
-/// What stands: the person, how the feet are placed, what is carried.
+/// Inputs of the balance: the human, the placement of the feet, the carried load.
 #[derive(Debug, Clone, Copy)]
 pub struct Standing<'a> {
-    /// Who.
+    /// The human.
     pub person: &'a Person,
-    /// Centres of mass of the segments, segment axes, m (breathing moves them off the person's own).
+    /// Centres of mass of the segments, segment axes, m (they deviate from the human's by breathing).
     pub com_m: &'a [Vector3<f64>; SEGMENTS],
-    /// Where the feet are.
+    /// Placement of the feet.
     pub stance: &'a Stance,
-    /// What the hands carry at the middle between their grips, kg.
+    /// Load carried at the middle between the grips of the hands, kg.
     pub load_kg: f64,
 }
 
@@ -45,7 +46,7 @@ pub struct Balanced {
     pub com_m: [Vector3<f64>; SEGMENTS],
     /// Flexion of the left and right knee, rad.
     pub knee_flexion_rad: [f64; 2],
-    /// By how much the legs miss the ankles, m; 0 unless the pose is out of reach.
+    /// Distance by which the legs miss the ankles, m; 0 unless the pose is out of reach.
     pub out_of_reach_m: f64,
 }
 
@@ -77,7 +78,7 @@ impl Standing<'_> {
         self.assemble(&upper, &legs)
     }
 
-    /// Both legs for a pelvis above `pelvis_xy`, as high as the pose wants and the legs allow.
+    /// Both legs for a pelvis above `pelvis_xy`, at the pose's height as far as the legs reach.
     fn legs(&self, pose: &Pose, upper: &Upper, pelvis_xy: Vector2<f64>) -> Legs {
         let mut wanted = [pose.pelvis_height * straight_height_m(self.person); 3];
         for (k, hip) in upper.hip_from_pelvis.iter().enumerate() {
@@ -127,7 +128,7 @@ pub fn between_the_grips_m(
     (grips[0] + grips[1]) * 0.5
 }
 
-/// Where the left and the right hand grip, world, m.
+/// Grip points of the left and right hand, world, m.
 pub fn grips_m(
     person: &Person,
     origin_m: &[Vector3<f64>; SEGMENTS],
@@ -139,10 +140,10 @@ pub fn grips_m(
     })
 }
 
-/// All that moves rigidly with the pelvis once the pose is chosen.
+/// All parts that move rigidly with the pelvis once the pose is chosen.
 struct Upper {
     world_from_segment: Rotations,
-    /// Mass of it with the load, kg, and its centre from the pelvis origin, world axes, m.
+    /// Their mass with the load, kg, and their centre from the pelvis origin, world axes, m.
     mass_kg: f64,
     centre_from_pelvis: Vector3<f64>,
     hip_from_pelvis: [Vector3<f64>; 2],
@@ -155,7 +156,7 @@ impl Upper {
         let world_from_segment = down_the_tree(&pose.parent_from_segment);
         let origin_m = origins_m(person, Vector3::zeros(), &world_from_segment);
         let com_m = coms_m(standing.com_m, &origin_m, &world_from_segment);
-        // The legs stand last in the segment order.
+        // The legs are last in the segment order.
         let trunk = ..Segment::RightUpperLeg.index();
         let body_kg: f64 = person.segment_mass_kg[trunk].iter().sum();
         let body = centre_m(&person.segment_mass_kg[trunk], &com_m[trunk]);
@@ -205,7 +206,7 @@ impl Legs {
     }
 }
 
-/// The least of three heights, rounded off where two of them meet; never above the least.
+/// Smooth minimum of three heights, rounded off where two of them meet; never above the minimum.
 fn soft_min(heights_m: [f64; 3]) -> f64 {
     let least = heights_m.into_iter().fold(f64::INFINITY, f64::min);
     let sum: f64 = heights_m.iter().map(|height| ((least - height) / REACH_ROUNDING_M).exp()).sum();

@@ -1,5 +1,5 @@
-//! What the physics of a worker has beside the body and the box: masses worn, forces on the body, a body that is not
-//! the one of before, a joint more than a suit knows of. Each may come and go.
+//! Deviations of the simulated physics from the bare body and the box: worn masses, external forces on the body,
+//! changed body parameters, a degree of freedom that the suit does not measure. Each may be limited in time.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use nalgebra::Vector3;
@@ -11,25 +11,25 @@ use crate::motion::BodyState;
 use crate::random::Coloured;
 use crate::schedule::minimum_jerk;
 
-/// What comes or goes takes this long, s.
+/// Duration of an onset or end, s.
 const RAMP_S: f64 = 0.8;
 
-/// When something is there.
+/// Time span in which an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// From when, s.
+    /// Start, s.
     pub from_s: f64,
-    /// Until when, s.
+    /// End, s.
     pub to_s: f64,
-    /// When its sign turns over, s.
+    /// Time at which its sign flips, s.
     pub flips_at_s: Option<f64>,
 }
 
 impl Span {
-    /// From before everything until after it.
+    /// Unlimited in time.
     pub const ALWAYS: Span = Span { from_s: f64::NEG_INFINITY, to_s: f64::INFINITY, flips_at_s: None };
 
-    /// How much of it is there at a time, in [−1, 1]; it comes, turns over and goes within a moment.
+    /// Activation at a time, in [−1, 1]; onset, flip and end are short ramps.
     pub fn share(&self, time_s: f64) -> f64 {
         let since = |start_s: f64| minimum_jerk((time_s - start_s) / RAMP_S);
         let sign = self.flips_at_s.map_or(1.0, |flips_at_s| 1.0 - 2.0 * since(flips_at_s));
@@ -42,31 +42,31 @@ impl Span {
 pub struct Point {
     /// Which segment.
     pub segment: Segment,
-    /// Where on it, m.
+    /// Position on it, m.
     pub at_m: Vector3<f64>,
 }
 
 impl Point {
-    /// Where it is in the world, m.
+    /// Its position in the world, m.
     pub fn in_world_m(&self, body: &BodyState) -> Vector3<f64> {
         let i = self.segment.index();
         body.origin_m[i] + body.world_from_segment[i] * self.at_m
     }
 }
 
-/// Something that pulls or pushes at the body.
+/// An external mass or force on the body.
 #[derive(Debug, Clone)]
 pub enum Burden {
     /// A point mass, kg.
     Mass(Point, f64),
-    /// A force of the surroundings on the body, N, and what it varies by (a share of it).
+    /// A force of the surroundings on the body, N, and its relative variation.
     Push(Point, Vector3<f64>, Coloured),
-    /// A band to a fixed point (m): N/m beyond a length at rest (m).
+    /// An elastic band to a fixed point (m): N/m beyond its rest length (m).
     Band(Point, Vector3<f64>, f64, f64),
 }
 
 impl Burden {
-    /// What the ground does more because of it, about the world's origin, from three states `step_s` apart.
+    /// Additional ground reaction caused by it, about the world's origin, from three states `step_s` apart.
     pub fn ground_reaction(&self, [before, now, after]: &[BodyState; 3], step_s: f64) -> Wrench {
         match self {
             Burden::Mass(point, mass_kg) => {
@@ -87,23 +87,23 @@ impl Burden {
     }
 }
 
-/// How a body differs from the one that the suit measures.
+/// Difference between the body and the one that the suit measures.
 #[derive(Debug, Clone)]
 pub enum BodyChange {
-    /// A segment's centre of mass lies elsewhere, segment axes, m.
+    /// A displaced centre of mass of a segment, segment axes, m.
     Centre(Segment, Vector3<f64>),
-    /// A segment's centre of mass moves along an axis (m) so many times a second: breath.
+    /// A segment's centre of mass oscillates along an axis (m) at a frequency (Hz): respiration.
     Breath(Segment, Vector3<f64>, f64),
-    /// Shoulder blades that glide: as an arm is raised, its shoulder's joint leaves its place by this (trunk's axes, m;
-    /// sideways is outwards) at a right angle, and the arm with it.
+    /// Scapular translation: as an arm is raised, its shoulder joint and the arm are displaced by this at 90° (trunk
+    /// axes, m; sideways is outwards).
     ShoulderBlades(Vector3<f64>),
-    /// A spine that bends elsewhere than the suit thinks: all above L3 leaves its place by this (pelvis' axes, m) for
-    /// each radian between pelvis and trunk.
+    /// Spine curvature that the suit's model lacks: everything above L3 is displaced by this (pelvis axes, m) for each
+    /// radian between pelvis and trunk.
     SpineShape(Vector3<f64>),
 }
 
 impl BodyChange {
-    /// The body with a share of the change.
+    /// Applies a fraction of the change to the body.
     pub fn on(&self, body: &mut BodyState, share: f64) {
         match *self {
             BodyChange::Centre(segment, by_m) => {
@@ -118,7 +118,7 @@ impl BodyChange {
             BodyChange::ShoulderBlades(by_m) => {
                 for (upper, side) in [(Segment::LeftUpperArm, 1.0), (Segment::RightUpperArm, -1.0)] {
                     let trunk = body.world_from_segment[Segment::T8.index()];
-                    // Hanging, an arm points down the trunk; in the T-pose its length is the Y axis.
+                    // A hanging arm points down the trunk; in the T-pose its length is the Y axis.
                     let along = body.world_from_segment[upper.index()] * Vector3::new(0.0, side, 0.0);
                     let raised = 1.0 + (trunk.inverse() * along).z;
                     let by_m = trunk * Vector3::new(by_m.x, side * by_m.y, by_m.z) * (share * raised);
@@ -150,23 +150,23 @@ fn shift(body: &mut BodyState, segments: core::ops::Range<usize>, by_m: Vector3<
     }
 }
 
-/// How a suit's rotations err beside its ordinary noise.
+/// Errors of the suit's orientations in addition to its ordinary noise.
 #[derive(Debug, Clone)]
 pub enum SuitFault {
-    /// The whole suit turns to the left, rad/s since the span's begin.
+    /// The whole suit rotates to the left, rad/s since the start of the span.
     HeadingDrift(f64),
-    /// One segment is turned to the left, rad.
+    /// One segment is rotated to the left, rad.
     Heading(Segment, f64),
-    /// One segment's sensor sits crooked, rotation vector in the segment's axes, rad.
+    /// Misalignment of one segment's sensor, rotation vector in segment axes, rad.
     Misalignment(Segment, Vector3<f64>),
-    /// One segment is turned to the left by up to an angle (rad) near a point of the room (m), with this reach (m).
+    /// One segment is rotated to the left by up to an angle (rad) near a point of the room (m), with this reach (m).
     MagneticRegion(Segment, f64, Vector3<f64>, f64),
-    /// One segment's sensor turns by a share of the joint's angle.
+    /// One segment's sensor rotates by a fraction of the joint angle.
     Slip(Segment, f64),
 }
 
 impl SuitFault {
-    /// Rotations of a suit with a share of the fault; `since_s` after its begin.
+    /// Rotations of a suit with a fraction of the fault; `since_s` after its start.
     pub fn on(
         &self,
         seen: &mut [nalgebra::UnitQuaternion<f64>; SEGMENTS],
@@ -215,7 +215,7 @@ mod tests {
 
     const HALF: Span = Span { from_s: 10.0, to_s: f64::INFINITY, flips_at_s: None };
 
-    /// Stands still, raises both arms at 2 s, and then something is hidden from 10 s on.
+    /// Stands still, raises both arms at 2 s; the hidden deviation acts from 10 s on.
     fn scene(hidden: Hidden) -> Scene {
         let mut worker = Worker::with_habits(Person::new(6, 1.77, 72.0), 6, Habits::NONE);
         let level = Arm { elevation_deg: 90.0, forward_deg: 90.0, outward_deg: 0.0, elbow_deg: 20.0 };
@@ -223,7 +223,7 @@ mod tests {
         Scene { worker, suit: Suit::new(SuitNoise::NONE, 6), hidden }
     }
 
-    /// What the ground does more once it is there.
+    /// Additional ground reaction once the deviation acts.
     fn more(hidden: Hidden) -> Wrench {
         let scene = scene(hidden);
         let (before, after) = (scene.ground_reaction(9.0), scene.ground_reaction(14.0));
@@ -272,7 +272,7 @@ mod tests {
         let band =
             Hidden { burdens: vec![(Burden::Band(point, anchor_m, 20.0, 1.0), HALF)], ..Hidden::default() };
         let found = more(band);
-        // It draws the body backwards, so the ground must push forwards.
+        // It pulls the body backwards, so the ground reaction must push forwards.
         assert!(found.force_n.x > 20.0 && found.moment_nm.y > 20.0, "{found:?}");
     }
 

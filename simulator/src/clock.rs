@@ -15,11 +15,11 @@ pub fn monotonic_ns() -> u64 {
 /// Sleeps until a time; returns at once if it is past.
 pub fn sleep_until_ns(time_ns: u64) {
     let due = Timespec { tv_sec: (time_ns / NS_PER_S) as i64, tv_nsec: (time_ns % NS_PER_S) as i64 };
-    // A signal may wake us early.
+    // A signal may interrupt the sleep.
     while clock_nanosleep_absolute(ClockId::Monotonic, &due).is_err() && monotonic_ns() < time_ns {}
 }
 
-/// A span of seconds in whole nanoseconds; negative spans are none.
+/// A span of seconds in whole nanoseconds; negative spans become zero.
 pub fn span_ns(seconds: f64) -> u64 {
     (seconds * NS_PER_S as f64).round() as u64
 }

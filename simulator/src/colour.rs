@@ -1,4 +1,4 @@
-//! Errors of the sensors that go with pose and time: what makes residuals coloured, and clean data look suspicious.
+//! Pose- and time-dependent sensor errors, which make residuals coloured and cause false detections in clean data.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -8,15 +8,15 @@ use crate::kinematics::{Rotations, relative_to_parents};
 use crate::motion::BodyState;
 use crate::random::{Coloured, Random};
 
-/// How coloured a suit's errors are.
+/// Sizes of a suit's coloured errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SuitColours {
-    /// Standard deviation of each element of the map from a joint's angle (rad) to the turn of the sensor on the soft
-    /// tissue (rad); of the legs half, of pelvis and feet a third, where there is more bone.
+    /// Standard deviation of each element of the map from a joint's angle (rad) to the rotation of the sensor on the
+    /// soft tissue (rad); half of it for the legs, a third for pelvis and feet, where there is more bone.
     pub soft_tissue: f64,
-    /// Standard deviation of each segment's slow turn about the upright, rad.
+    /// Standard deviation of each segment's slow rotation about the vertical, rad.
     pub heading_rad: f64,
-    /// It forgets itself within a time between these, s.
+    /// Range of its correlation time, s.
     pub heading_tau_s: [f64; 2],
     /// Standard deviation per axis of each sample's own error, rad.
     pub white_rad: f64,
@@ -31,7 +31,7 @@ impl SuitColours {
         white_rad: 0.00035,
     };
 
-    /// All of it so many times as large.
+    /// All errors scaled by a factor.
     #[must_use]
     pub fn times(self, factor: f64) -> SuitColours {
         SuitColours {
@@ -53,7 +53,7 @@ pub struct SuitColour {
 }
 
 impl SuitColour {
-    /// Those of a seed, over a time.
+    /// The errors of a seed, over a duration.
     pub fn new(colours: SuitColours, seed: u64, length_s: f64) -> SuitColour {
         let mut random = Random::new(seed, "suit's colour");
         let tissue = std::array::from_fn(|i| {
@@ -73,7 +73,7 @@ impl SuitColour {
     /// Rotations with these errors; the joints' angles are the body's own.
     pub fn on(&self, seen: Rotations, body: &BodyState) -> Rotations {
         let joint_rad = joint_rad(body);
-        // A stream of numbers for each tenth of a millisecond: a sample's error is its own.
+        // A random stream for each tenth of a millisecond: the errors of samples are independent.
         let moment = (body.time_s.max(0.0) * 1e4).round() as u32;
         let mut random = Random::numbered(self.seed, "suit's white", moment);
         std::array::from_fn(|i| {
@@ -85,7 +85,7 @@ impl SuitColour {
     }
 }
 
-/// Each segment's turn against its parent, rad; of the pelvis against the feet.
+/// Each segment's rotation relative to its parent, rad; of the pelvis relative to the feet.
 pub fn joint_rad(body: &BodyState) -> [Vector3<f64>; SEGMENTS] {
     let mut turns = relative_to_parents(&body.world_from_segment);
     let [left, right] = Side::BOTH.map(|side| body.world_from_segment[side.foot().index()]);
@@ -110,7 +110,7 @@ pub struct PlateColour {
 }
 
 impl PlateColour {
-    /// Those of a seed, over a time, so many times as large as usual: 0.4 mm over 3 s, 0.8 N over 20 s.
+    /// The errors of a seed, over a duration, scaled by a factor: 0.4 mm over 3 s, 0.8 N over 20 s at factor 1.
     pub fn new(factor: f64, seed: u64, length_s: f64) -> PlateColour {
         let mut random = Random::new(seed, "plate's colour");
         let mut noise = |sigma: f64, tau_s: f64| Coloured::new(&mut random, factor * sigma, tau_s, length_s);
@@ -120,7 +120,7 @@ impl PlateColour {
         }
     }
 
-    /// A wrench with these errors; the pressure's centre moves by its own and not by the force's.
+    /// A wrench with these errors; the centre of pressure shifts by its own error, not by the force's.
     #[must_use]
     pub fn on(&self, wrench: Wrench, time_s: f64) -> Wrench {
         let [x_m, y_m] = [0, 1].map(|axis: usize| self.pressure_m[axis].at(time_s));

@@ -1,11 +1,11 @@
-//! What a device's own clock and counter do: they run, change their pace, leap, and start anew.
+//! A device's clock and sample counter, with drift, steps and restarts.
 
-/// Times and counts of a device's samples. Its own idea of time follows from its counter, as in the devices that are
-/// simulated; true time does not care.
+/// Times and counts of a device's samples. As in the simulated devices, device time follows from the counter and is
+/// independent of true time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeviceClock {
     rate_hz: f64,
-    /// Samples since the pace last changed, and when that was.
+    /// Samples since the last change of rate, and its time.
     since: (u32, f64),
     counter: u32,
 }
@@ -16,22 +16,22 @@ impl DeviceClock {
         DeviceClock { rate_hz, since: (0, 0.0), counter: 0 }
     }
 
-    /// When the current sample is due, s.
+    /// Due time of the current sample, s.
     pub fn time_s(&self) -> f64 {
         self.since.1 + f64::from(self.since.0) / self.rate_hz
     }
 
-    /// The device's number of it.
+    /// The device's number of the current sample.
     pub fn counter(&self) -> u32 {
         self.counter
     }
 
-    /// Samples per second now.
+    /// Present sample rate, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    /// Goes on to the next sample, at this pace.
+    /// Advances to the next sample at this rate.
     pub fn advance(&mut self, rate_hz: f64) {
         if rate_hz == self.rate_hz {
             self.since.0 += 1;
@@ -42,12 +42,12 @@ impl DeviceClock {
         self.counter = self.counter.wrapping_add(1);
     }
 
-    /// The counter leaps, forward or back; time does not.
+    /// The counter jumps forward or back; time does not.
     pub fn leap(&mut self, by: i32) {
         self.counter = self.counter.wrapping_add_signed(by);
     }
 
-    /// The device is switched off and on: it counts from 0 again.
+    /// Power cycle: the counter restarts at 0.
     pub fn restart(&mut self) {
         self.counter = 0;
     }

@@ -1,7 +1,8 @@
-//! Devices that answer: the other end of each wire, over the transport that a real one has.
+//! Devices with their protocols: the device end of each connection, over the transport of a real one.
 //!
-//! [`felt`] (what presses on a device) and [`port`] (serial line, TCP, UDP, each through [`line`](mod@line)'s faults) carry one file a
-//! device. None has a thread or a clock: time and load come in with every call. [`running`] paces one in a thread.
+//! One file per device, on top of [`felt`] (the load on a device) and [`port`] (serial line, TCP, UDP, each through the
+//! faults of [`line`](mod@line)). None has a thread or a clock: time and load are arguments of each call. [`running`]
+//! paces one in a thread.
 
 pub mod amti;
 pub mod ati_rdt;
@@ -31,45 +32,45 @@ use self::felt::Felt;
 use self::line::Suffered;
 use crate::faults::Faults;
 
-/// A device on its wire.
+/// A device with its connection.
 pub trait Device: Send {
-    /// Takes in what hosts say, and answers. `device_now_s` is the time on the device's own clock.
+    /// Receives requests of hosts and answers them. `device_now_s` is the time on the device's own clock.
     ///
     /// # Errors
-    /// Those of this machine; that nobody is there is none.
+    /// Errors of the operating system; an absent host is no error.
     fn poll(&mut self, device_now_s: f64) -> io::Result<Asked>;
 
-    /// Samples a second by its own clock; hosts may change it.
+    /// Sample rate by the device's clock; hosts may change it.
     fn rate_hz(&self) -> f64;
 
-    /// One more sample was measured: sends what is due.
+    /// Handles a new sample: sends the data that are due.
     ///
     /// # Errors
     /// As [`Self::poll`].
     fn measure(&mut self, felt: &Felt) -> io::Result<()>;
 
-    /// What became of what it sent.
+    /// Counters of the sent samples.
     fn suffered(&self) -> Suffered;
 
-    /// The way to the host is another from now on.
+    /// Replaces the faults of the connection.
     fn set_faults(&mut self, faults: Faults);
 
-    /// Pulled out: whoever is connected is cut off, and nobody can come.
+    /// Disconnects the device: closes all connections and refuses new ones.
     fn unplug(&mut self);
 
-    /// Back again under the same name, switched off and on: whatever the host had told it is forgotten.
+    /// Reconnects the device under the same name, after a power cycle: all settings of the host are reset.
     ///
     /// # Errors
-    /// The name or address was taken meanwhile.
+    /// The name or address is in use by now.
     fn plug(&mut self) -> io::Result<()>;
 
-    /// The section of a configuration that fits it, without where it stands.
+    /// A matching configuration section, without the plate's pose.
     fn config(&self) -> String;
 }
 
-/// What hosts ask besides samples.
+/// Host requests other than samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Asked {
-    /// The present load is zero.
+    /// Zero the present load.
     pub zero: bool,
 }

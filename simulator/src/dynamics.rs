@@ -1,4 +1,4 @@
-//! Newton and Euler over all segments and the box: what the ground must do for the body to move as it does.
+//! Newton–Euler equations over all segments and the box: the ground reaction that the body's motion requires.
 
 use equipoise_core::body::Segment;
 use nalgebra::{Vector2, Vector3};
@@ -22,21 +22,21 @@ impl Wrench {
         Wrench { force_n, moment_nm: point_m.cross(&force_n) }
     }
 
-    /// Centre of pressure on the floor (`z = 0`), m. Means nothing without a vertical force.
+    /// Centre of pressure on the floor (`z = 0`), m. Undefined without a vertical force.
     pub fn cop_m(&self) -> Vector2<f64> {
         Vector2::new(-self.moment_nm.y, self.moment_nm.x) / self.force_n.z
     }
 }
 
-/// What the ground does to the person, from three states `step_s` apart: the rates of the momenta, less gravity.
+/// Ground reaction on the person, from three states `step_s` apart: the rates of the momenta, minus gravity.
 ///
 /// Each segment's angular momentum is taken at the half steps, where its angular velocity is the rotation of one step.
-/// The box is a point ([`BodyState::load_m`]); while it is grasped the hands carry a growing share of it.
+/// The box is a point ([`BodyState::load_m`]); while it is grasped the hands carry a growing fraction of it.
 pub fn ground_reaction(person: &Person, around: &[BodyState; 3], step_s: f64) -> Wrench {
     external_wrench(person, around, step_s, |_| true)
 }
 
-/// What the rest of the world does to the wanted segments together with the box, as [`ground_reaction`] for all of them.
+/// Wrench of the surroundings on selected segments together with the box, as [`ground_reaction`] for all of them.
 pub(crate) fn external_wrench(
     person: &Person,
     [before, now, after]: &[BodyState; 3],
@@ -76,7 +76,7 @@ mod tests {
     use equipoise_core::body::SEGMENTS;
     use nalgebra::UnitQuaternion;
 
-    /// A body that flies: its centre falls freely, every segment turns with it as one rigid whole about that centre.
+    /// A body in free fall: its centre falls freely, every segment rotates with it as one rigid body about that centre.
     fn falling(person: &Person, time_s: f64) -> BodyState {
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, 1.1, -0.7) * time_s);
         let fall = Vector3::new(0.5 * time_s, 0.1, 2.0 + time_s - 0.5 * GRAVITY_M_PER_S2 * time_s * time_s);
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn the_moment_of_a_spinning_rigid_body_is_eulers() {
-        // One rigid whole: its moment about the centre must be ω × Iω with the inertia of the whole.
+        // One rigid body: its moment about the centre must be ω × Iω with its total inertia.
         let person = Person::new(4, 1.77, 72.0);
         let (t, h) = (0.3, 1e-3);
         let around = [t - h, t, t + h].map(|t| falling(&person, t));

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use crate::random::Random;
 
-/// How bad the network is: probabilities for each datagram, or each packet of a stream.
+/// Fault probabilities for each datagram, or each packet of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Faults {
     /// It never arrives.
@@ -14,17 +14,17 @@ pub struct Faults {
     pub reorder: f64,
     /// It arrives twice.
     pub duplicate: f64,
-    /// One of its bytes is another. A network's checksums refuse such a datagram nearly always.
+    /// One of its bytes is changed. A network's checksums reject such a datagram nearly always.
     pub corrupt: f64,
     /// Its end is missing.
     pub truncate: f64,
-    /// One of as many bytes, all of them 0xff, arrives before it; in a stream up to 40 bytes of noise.
+    /// A packet of the same length, all bytes 0xff, arrives before it; in a stream up to 40 bytes of noise.
     pub garbage: f64,
-    /// A stream's bytes come in pieces of any length, whatever they were sent in; certain at 1.
+    /// A stream's bytes arrive in pieces of any length, whatever their packets; always at 1.
     pub chop: f64,
 }
 
-/// What a way made of what was sent on it, in samples.
+/// Counters of a faulty connection, in samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Suffered {
     /// Sent.
@@ -37,7 +37,7 @@ pub struct Suffered {
     pub doubled: u64,
     /// Arrived after those behind them.
     pub late: u64,
-    /// How often garbage came in between.
+    /// How often garbage was inserted.
     pub garbage: u64,
 }
 
@@ -56,7 +56,7 @@ impl core::ops::Add for Suffered {
     }
 }
 
-/// What happens to one packet.
+/// Faults of one packet.
 #[derive(Debug, Clone, Copy)]
 struct Fate {
     lost: bool,
@@ -71,7 +71,7 @@ struct Fate {
 impl Fate {
     fn draw(faults: Faults, random: &mut Random) -> Fate {
         let Faults { loss, reorder, duplicate, corrupt, truncate, garbage, chop } = faults;
-        // Every draw is taken, so that one fault's probability does not shift another's luck.
+        // Every draw is made, so that one fault's probability does not change the random sequence of another.
         let [lost, late, twice, damaged, cut, garbage] =
             [loss, reorder, duplicate, corrupt, truncate, garbage].map(|chance| random.happens(chance));
         Fate { lost, late, twice, damaged, cut, garbage, chopped: chop > 0.0 && random.happens(chop) }
@@ -96,25 +96,25 @@ impl Fate {
 pub struct FaultySender(FaultyStream);
 
 impl FaultySender {
-    /// A sender with the misfortunes of a seed.
+    /// A sender with the faults of a seed.
     pub fn new(faults: Faults, seed: u64) -> FaultySender {
         FaultySender(FaultyStream::new(faults, seed))
     }
 
-    /// The network is another from the next datagram on.
+    /// Replaces the faults from the next datagram on.
     pub fn set_faults(&mut self, faults: Faults) {
         self.0.set_faults(faults);
     }
 
-    /// What became of what was sent.
+    /// Counters of the sent samples.
     pub fn suffered(&self) -> Suffered {
         self.0.suffered()
     }
 
-    /// Sends one datagram of one sample, or what the faults make of it.
+    /// Sends one datagram of one sample, modified by the faults.
     ///
     /// # Errors
-    /// Those of the socket, but not that nobody listens: a real sensor does not care.
+    /// Those of the socket, except an absent listener: a real sensor ignores it.
     pub fn send(&mut self, socket: &UdpSocket, datagram: &[u8], to: SocketAddr) -> io::Result<()> {
         self.send_samples(socket, datagram, 1, to)
     }
@@ -140,31 +140,31 @@ impl FaultySender {
     }
 }
 
-/// Does to packets what the faults say, and counts it.
+/// Applies the faults to packets, and counts them.
 #[derive(Debug)]
 pub struct FaultyStream {
     faults: Faults,
     random: Random,
-    /// A datagram that comes behind the next one.
+    /// A datagram delayed until after the next one.
     held: Option<Vec<u8>>,
-    /// The end of a stream's packet that comes with the next one.
+    /// The end of a stream's packet, delivered with the next one.
     rest: Vec<u8>,
     suffered: Suffered,
 }
 
 impl FaultyStream {
-    /// With the misfortunes of a seed.
+    /// With the faults of a seed.
     pub fn new(faults: Faults, seed: u64) -> FaultyStream {
         let random = Random::new(seed, "faults");
         FaultyStream { faults, random, held: None, rest: Vec::new(), suffered: Suffered::default() }
     }
 
-    /// Other faults from the next packet on.
+    /// Replaces the faults from the next packet on.
     pub fn set_faults(&mut self, faults: Faults) {
         self.faults = faults;
     }
 
-    /// What became of what was sent.
+    /// Counters of the sent samples.
     pub fn suffered(&self) -> Suffered {
         self.suffered
     }
@@ -184,7 +184,7 @@ impl FaultyStream {
         fate
     }
 
-    /// What arrives when this datagram is sent.
+    /// Datagrams that arrive when this one is sent.
     pub fn datagrams(&mut self, datagram: &[u8], samples: u32) -> Vec<Vec<u8>> {
         let mut arriving = Vec::new();
         let fate = self.fate(samples);
@@ -208,7 +208,7 @@ impl FaultyStream {
         arriving
     }
 
-    /// What a stream brings when this packet is sent on it: nothing overtakes there.
+    /// Bytes that arrive on a stream when this packet is sent: a stream keeps the order.
     pub fn bytes(&mut self, packet: &[u8], samples: u32) -> Vec<u8> {
         let fate = self.fate(samples);
         let mut arriving = std::mem::take(&mut self.rest);

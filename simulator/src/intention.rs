@@ -1,4 +1,4 @@
-//! What a person means to do with the upper body, in the words of a physiotherapist, and the pose that it is.
+//! Intended posture of the upper body in clinical joint angles, and the resulting pose.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -12,19 +12,19 @@ pub struct Arm {
     pub elevation_deg: f64,
     /// The plane in which it is raised: 0 to the side, 90 to the front.
     pub forward_deg: f64,
-    /// Outward turn about the long axis.
+    /// Outward rotation about the long axis.
     pub outward_deg: f64,
     /// Flexion of the elbow.
     pub elbow_deg: f64,
 }
 
 impl Arm {
-    /// Hanging at the side, a hand's breadth off the thigh.
+    /// Hanging at the side, a hand's breadth from the thigh.
     pub const DOWN: Arm = Arm { elevation_deg: 10.0, forward_deg: 0.0, outward_deg: 0.0, elbow_deg: 8.0 };
 
     /// `parent_from_segment` of shoulder, upper arm and forearm. `side`: 1 left, −1 right.
     fn rotations(&self, side: f64) -> [UnitQuaternion<f64>; 3] {
-        // The shoulder girdle carries a part of the rise above 30°.
+        // The shoulder girdle contributes to the elevation above 30°.
         let girdle = 0.15 * (self.elevation_deg - 30.0).max(0.0);
         let about =
             |axis: Vector3<f64>, degrees: f64| UnitQuaternion::from_scaled_axis(axis * degrees.to_radians());
@@ -36,20 +36,20 @@ impl Arm {
     }
 }
 
-/// An intention for the whole upper body. Angles in degrees; forward, right and left are the person's.
+/// An intention for the whole upper body. Angles in degrees; forward, right and left are relative to the person.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intention {
-    /// How far the pelvis sinks, as a share of its height on straight legs.
+    /// Lowering of the pelvis, as a fraction of its height on straight legs.
     pub pelvis_drop: f64,
-    /// Pelvis: forward tilt, lean to the right, turn to the left.
+    /// Pelvis: forward tilt, lean to the right, rotation to the left.
     pub pelvis_deg: [f64; 3],
     /// Flexion of the spine, forward.
     pub trunk_flex_deg: f64,
     /// Bend of the spine to the right.
     pub trunk_side_deg: f64,
-    /// Turn of the spine to the left.
+    /// Rotation of the spine to the left.
     pub trunk_twist_deg: f64,
-    /// Head: nod, tilt to the right, turn to the left.
+    /// Head: nod, tilt to the right, rotation to the left.
     pub head_deg: [f64; 3],
     /// Left arm.
     pub left_arm: Arm,
@@ -57,7 +57,7 @@ pub struct Intention {
     pub right_arm: Arm,
 }
 
-/// How the spine's bend is shared among its joints, L5S1 up to T9T8.
+/// Distribution of the spine's bend over its joints, L5S1 up to T9T8.
 const SPINE: [(Segment, f64); 4] =
     [(Segment::L5, 0.30), (Segment::L3, 0.30), (Segment::T12, 0.22), (Segment::T8, 0.18)];
 const NECK: [(Segment, f64); 2] = [(Segment::Neck, 0.4), (Segment::Head, 0.6)];
@@ -75,15 +75,15 @@ impl Intention {
         right_arm: Arm::DOWN,
     };
 
-    /// Both arms alike.
+    /// Both arms in the same position.
     #[must_use]
     pub const fn arms(self, arm: Arm) -> Intention {
         Intention { left_arm: arm, right_arm: arm, ..self }
     }
 
-    /// The pose that is meant.
+    /// The resulting pose.
     pub fn pose(&self) -> Pose {
-        // World X is the axis of a lean to the right, Y of a tilt forward, Z of a turn to the left.
+        // World X is the axis of a lean to the right, Y of a tilt forward, Z of a rotation to the left.
         let turn = |[forward, right, left]: [f64; 3], share: f64| {
             UnitQuaternion::from_scaled_axis(Vector3::new(right, forward, left).map(f64::to_radians) * share)
         };
@@ -130,7 +130,7 @@ mod tests {
         let up = Arm { elevation_deg: 170.0, ..level };
         assert!(hand(up, left).z > 0.6 && hand(up, right).z > 0.6);
         assert!(hand(Arm::DOWN, left).z < -0.3 && hand(Arm::DOWN, right).z < -0.3);
-        // Elbows bent at the side bring the hands to the front; with the arm in front and turned out, up.
+        // Elbows bent at the side bring the hands to the front; with the arm in front and rotated outwards, up.
         let bent = Arm { elbow_deg: 90.0, ..Arm::DOWN };
         assert!(hand(bent, left).x > 0.2 && hand(bent, right).x > 0.2);
         let flexed = Arm { outward_deg: 90.0, elbow_deg: 90.0, ..front };

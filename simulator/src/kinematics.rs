@@ -1,4 +1,4 @@
-//! From a pelvis position and 23 rotations to where every segment is.
+//! Segment positions from a pelvis position and 23 rotations.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -17,7 +17,7 @@ pub fn origins_m(
     chain_m(&person.offset_m, pelvis_m, world_from_segment)
 }
 
-/// The same for given bones: each segment's origin from its parent's, parent's axes, m.
+/// The same for given segment lengths: each segment's origin from its parent's, parent's axes, m.
 pub fn chain_m(
     bone_m: &[Vector3<f64>; SEGMENTS],
     pelvis_m: Vector3<f64>,
@@ -33,7 +33,7 @@ pub fn chain_m(
     origin_m
 }
 
-/// Rotations of the tree: `world_from_pelvis` stands first, then `parent_from_segment` of each.
+/// Forward rotations of the tree: input `world_from_pelvis` first, then `parent_from_segment` of each.
 pub fn down_the_tree(parent_from_segment: &Rotations) -> Rotations {
     let mut world_from_segment = *parent_from_segment;
     for segment in Segment::ALL {

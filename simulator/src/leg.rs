@@ -1,11 +1,11 @@
-//! A leg between a hip and an ankle that are given: two links and a hinge, in closed form.
+//! Inverse kinematics of a leg between a given hip and ankle: two links and a hinge, in closed form.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// A leg is never wholly straight nor wholly folded: there its knee has no direction to bend.
+/// A leg is never fully extended or folded: there the bending direction of its knee is undefined.
 const LEAST_BEND_M: f64 = 1e-6;
 
-/// A leg whose ends are met.
+/// A solved leg.
 #[derive(Debug, Clone, Copy)]
 pub struct Leg {
     /// `world_from_upper_leg`.
@@ -16,8 +16,8 @@ pub struct Leg {
     pub knee_flexion_rad: f64,
 }
 
-/// The leg from `hip_m` towards `ankle_m` with links of `[thigh, shank]` metres whose knee points along
-/// `knee_forward` (world). A leg too short ends, stretched, before the ankle.
+/// The leg from `hip_m` towards `ankle_m` with links of `[thigh, shank]` metres whose knee points along `knee_forward`
+/// (world). A leg that is too short ends, fully extended, before the ankle.
 pub fn solve(
     hip_m: Vector3<f64>,
     ankle_m: Vector3<f64>,
@@ -28,7 +28,7 @@ pub fn solve(
     let span = ankle_m - hip_m;
     let down = span.try_normalize(1e-9).unwrap_or(-Vector3::z());
     let distance = span.norm().clamp((thigh - shank).abs() + LEAST_BEND_M, thigh + shank - LEAST_BEND_M);
-    // A leg that points along its knee's direction lies level; then its knee points up.
+    // If the leg is parallel to its knee's direction it is horizontal; then its knee points up.
     let forward = (knee_forward - down * knee_forward.dot(&down)).try_normalize(1e-6).unwrap_or(Vector3::z());
     // The law of cosines gives the angle at the hip between thigh and span.
     let cos_hip = (thigh * thigh + distance * distance - shank * shank) / (2.0 * thigh * distance);

@@ -1,11 +1,12 @@
-//! A person who does not exist, on the real wires, with physics of its own.
+//! A simulated human on the real wires, with its own physics.
 //!
-//! Floors, ground first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] → [`realism`], [`dynamics`] → [`truth`] →
-//! [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] → [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] →
-//! [`suit_sender`], [`plate_server`] (through [`faults`]), [`device`] → [`devices`] → [`simulation`], [`player`].
-//! Geometry, masses and dynamics are the simulator's own: it shares the names of segments and joints with
-//! `equipoise_core`, and never its anthropometry or its estimator, so that agreement between the two means something.
+//! Layers, lowest first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
+//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →
+//! [`realism`], [`dynamics`] → [`truth`] → [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] →
+//! [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] → [`suit_sender`], [`plate_server`] (through [`faults`]),
+//! [`device`] → [`devices`] → [`simulation`], [`player`]. Geometry, masses and dynamics are the simulator's own: it
+//! shares the names of segments and joints with `equipoise_core`, and never its anthropometry or its estimator, so that
+//! agreement between the two is independent evidence.
 //!
 //! World: X forward, Y left, Z up, metres; the floor under the feet is `z = 0`.
 #![forbid(unsafe_code)]
@@ -49,5 +50,5 @@ pub mod walk;
 pub mod wire;
 pub mod wires;
 
-/// Standard gravity as the simulated plate feels it, m/s².
+/// Standard gravity at the simulated plate, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;

@@ -1,4 +1,4 @@
-//! What joints and balance allow a person to do without strain.
+//! Joint and balance limits of poses without strain.
 
 use equipoise_core::body::{Segment, Side};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -6,10 +6,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 use crate::balance::Balanced;
 use crate::stance::Stance;
 
-/// Why a pose is not one to ask a person for. Angles in whole degrees.
+/// Reason why a pose is unsuitable. Angles in whole degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Strain {
-    /// A foot has to leave its place; by how many millimetres.
+    /// A foot has to leave its place; distance in millimetres.
     Reach(i32),
     /// A knee bends too far.
     Knee(i32),
@@ -28,7 +28,7 @@ const SIDEWAYS_DEG: f64 = 35.0;
 const HAND_ABOVE_FLOOR_M: f64 = 0.10;
 const HAND_OFF_TRUNK_M: f64 = 0.13;
 
-/// Whether a healthy adult can take this pose, and if not, what hinders.
+/// Whether a healthy adult can take this pose.
 ///
 /// # Errors
 /// The first [`Strain`] found.
@@ -69,7 +69,7 @@ fn inside(angle_deg: f64, [low, high]: [f64; 2]) -> bool {
     (low..=high).contains(&angle_deg)
 }
 
-/// How the Z axis of `moved` leans in the axes of `reference`: forward and to the left, degrees.
+/// Inclination of the Z axis of `moved` in the axes of `reference`: forward and to the left, degrees.
 fn lean_deg(reference: UnitQuaternion<f64>, moved: UnitQuaternion<f64>) -> [f64; 2] {
     let up = reference.inverse() * (moved * Vector3::z());
     [up.x.atan2(up.z).to_degrees(), up.y.atan2(up.x.hypot(up.z)).to_degrees()]

@@ -1,8 +1,8 @@
-//! Marching on the spot: the feet leave the floor in turn while the centre of mass swings from side to side.
+//! Marching on the spot: the feet leave the floor alternately while the centre of mass swings sideways.
 //!
 //! A standing person's centre of pressure is `p = y − ÿ z/g` (z: height of the centre of mass y). A sideways swing
-//! `y = A sin ωt` so has its centre of pressure at `(1 + ω² z/g) y`: a small sway of the body carries all weight from
-//! foot to foot. A third harmonic keeps it longer under each, and a foot is in the air only meanwhile.
+//! `y = A sin ωt` has its centre of pressure at `(1 + ω² z/g) y`: a small sway of the body shifts all weight from foot to
+//! foot. A third harmonic keeps it longer under each foot, and a foot is in the air only during that time.
 
 use core::f64::consts::PI;
 
@@ -13,19 +13,19 @@ use crate::stance::Stance;
 
 /// From one footfall to the next, s: 86 steps a minute.
 const STEP_S: f64 = 0.70;
-/// How high a foot is raised, m.
+/// Lift height of a foot, m.
 const LIFT_M: f64 = 0.09;
 /// Height of a standing person's centre of mass over stature.
 const CENTRE_HEIGHT: f64 = 0.56;
-/// Swing of the centre of pressure over the distance of an ankle from the middle: its frequencies over that of a
-/// stride, and the amplitude of each.
+/// Swing of the centre of pressure relative to the distance of an ankle from the middle: frequencies as multiples of
+/// the stride frequency, and their amplitudes.
 const SWING: [(f64, f64); 2] = [(1.0, 1.20), (3.0, 0.24)];
-/// Share of a step in which the foot is in the air, about its middle.
+/// Fraction of a step in which the foot is in the air, centred in the step.
 const IN_THE_AIR: f64 = 0.65;
-/// The knees are bent a little meanwhile: the pelvis sinks by this share of its height. A straight leg has no speed at
-/// which its foot could leave the floor without a jerk of the knee.
+/// The knees are slightly bent meanwhile: the pelvis sinks by this fraction of its height. With a straight leg the foot
+/// could not leave the floor without a jerk of the knee.
 const SINK: f64 = 0.08;
-/// The swing grows and dies away over this many steps, during which both feet stand.
+/// The swing builds up and decays over this many steps, during which both feet stand.
 const RAMP_STEPS: f64 = 2.0;
 
 /// One bout of marching.
@@ -33,12 +33,12 @@ const RAMP_STEPS: f64 = 2.0;
 pub struct March {
     start_s: f64,
     steps: f64,
-    /// Of the centre of mass at each frequency of the swing.
+    /// Amplitudes of the centre of mass at the frequencies of the swing.
     amplitude_m: [f64; SWING.len()],
 }
 
 impl March {
-    /// `steps` steps in a stance; the first foot leaves the floor some 1.5 s after `start_s`, and it is the right one.
+    /// `steps` steps in a stance; the first foot, the right one, leaves the floor some 1.5 s after `start_s`.
     pub fn new(person: &Person, stance: &Stance, start_s: f64, steps: u32) -> March {
         let ankle_aside_m = 0.5 * (stance.ankle_m[0] - stance.ankle_m[1]).xy().norm();
         let falls_s2 = CENTRE_HEIGHT * person.height_m / GRAVITY_M_PER_S2;
@@ -48,17 +48,17 @@ impl March {
         March { start_s, steps: f64::from(steps), amplitude_m }
     }
 
-    /// When it is over, s.
+    /// Its end, s.
     pub fn end_s(&self) -> f64 {
         self.start_s + (self.steps + 2.0 * RAMP_STEPS) * STEP_S
     }
 
-    /// Whether it is under way.
+    /// Whether it is in progress.
     pub fn lasts(&self, time_s: f64) -> bool {
         (self.start_s..self.end_s()).contains(&time_s)
     }
 
-    /// How far the centre of mass is to the left at a time, m.
+    /// Displacement of the centre of mass to the left at a time, m.
     pub fn aside_m(&self, time_s: f64) -> f64 {
         let stride_rad = PI * (time_s - self.start_s) / STEP_S;
         let swing = SWING.iter().zip(self.amplitude_m);
@@ -67,18 +67,18 @@ impl March {
         self.share(time_s) * swing_m
     }
 
-    /// By which share of its height the pelvis is lower at a time.
+    /// Lowering of the pelvis at a time, as a fraction of its height.
     pub fn sink(&self, time_s: f64) -> f64 {
         SINK * self.share(time_s)
     }
 
-    /// How much of it is under way: 0 at both ends, 1 while the feet are raised.
+    /// Activation: 0 at both ends, 1 while the feet are raised.
     fn share(&self, time_s: f64) -> f64 {
         let ramp_s = RAMP_STEPS * STEP_S;
         minimum_jerk((time_s - self.start_s) / ramp_s) * minimum_jerk((self.end_s() - time_s) / ramp_s)
     }
 
-    /// How high the left and the right foot are at a time, m.
+    /// Heights of the left and right foot at a time, m.
     pub fn lift_m(&self, time_s: f64) -> [f64; 2] {
         let step = (time_s - self.start_s) / STEP_S;
         if !(RAMP_STEPS..RAMP_STEPS + self.steps).contains(&step) {

@@ -1,4 +1,5 @@
-//! A person who follows poses in time, breathes, sways, and lifts a box. A pure function of time once told what to do.
+//! A simulated human that follows poses over time, breathes, sways, and lifts a box. A pure function of time for a
+//! given sequence of commands.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::pose_suggestion::Posture;
@@ -24,14 +25,14 @@ use crate::walk::{Place, Walk};
 pub(crate) const DIFFERENCE_S: f64 = 0.002;
 /// From "the box is on the table" to "the hands carry it all", s.
 const GRASP_S: f64 = 0.3;
-/// The body leans against a new load more slowly than the load comes, s.
+/// Time in which the body adapts its balance to a new load, longer than the load's onset, s.
 const LEAN_S: f64 = 1.2;
-/// How fast the place changes at which a foot presses: from minutes of standing to a few poses of work, Hz.
+/// Frequencies at which the pressure point of a foot changes: from minutes of standing to a few poses of work, Hz.
 const PRESS_HZ: [f64; 2] = [0.01, 0.3];
-/// A foot whose ankle is so much higher than in standing is in the air, m.
+/// A foot whose ankle is higher than in standing by this is in the air, m.
 const LIFTED_M: f64 = 0.002;
 
-/// What a living person does besides what is asked. All zero is a statue.
+/// Involuntary and habitual deviations from the commanded motion. All zero is a statue.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Habits {
     /// The chest's centre of mass moves back and forth by this with each breath, m.
@@ -42,20 +43,20 @@ pub struct Habits {
     pub sway_m: [f64; 2],
     /// Standard deviation of the slow tilt of the pelvis, rad.
     pub sway_rad: f64,
-    /// Standard deviation of each joint's deviation from the pose that was asked for, rad.
+    /// Standard deviation of each joint's deviation from the requested pose, rad.
     pub pose_error_rad: f64,
-    /// Standard deviation of where the person chooses to balance, pose by pose, m.
+    /// Standard deviation of the chosen balance point, per pose, m.
     pub balance_error_m: f64,
-    /// How much of a box the right hand carries, in [0, 1].
+    /// Fraction of a box carried by the right hand, in [0, 1].
     pub right_hand_share: f64,
-    /// Standard deviation of where each foot presses, from the line that is common to both, forward and sideways in the
+    /// Standard deviation of each foot's pressure point from the line common to both, forward and sideways in the
     /// foot's axes, m. It changes slowly, and independently under both feet.
     pub foot_press_m: [f64; 2],
-    /// Where each hand grips, from the person's average place, hand's axes (left; the right mirrors Y), m.
+    /// Grip point of each hand, relative to the person's average, hand's axes (left; the right mirrors Y), m.
     pub grip_off_m: [[f64; 3]; 2],
     /// Horizontal distance of a box's centre beyond the line between the grips, away from the body, m.
     pub load_ahead_m: f64,
-    /// Force with which each hand presses a box between both, as a share of its weight.
+    /// Squeezing force of each hand on a box between both, as a fraction of its weight.
     pub squeeze_share: f64,
 }
 
@@ -86,7 +87,7 @@ impl Habits {
     };
 }
 
-/// Where everything is at one time. World: X forward, Y left, Z up, the floor at 0; m.
+/// State of the body at one time. World: X forward, Y left, Z up, the floor at 0; m.
 #[derive(Debug, Clone)]
 pub struct BodyState {
     /// The time, s.
@@ -97,24 +98,24 @@ pub struct BodyState {
     pub world_from_segment: Rotations,
     /// Centres of mass of the segments, m.
     pub com_m: [Vector3<f64>; SEGMENTS],
-    /// Where the left and the right hand grip, m.
+    /// Grip points of the left and right hand, m.
     pub grip_m: [Vector3<f64>; 2],
-    /// What the hands carry, kg; grows from nothing while a box is grasped.
+    /// Load on the hands, kg; increases from zero while a box is grasped.
     pub load_kg: f64,
-    /// How much of it the right hand carries, in [0, 1].
+    /// Fraction of it on the right hand, in [0, 1].
     pub right_hand_share: f64,
     /// From the line between the grips to the box's centre, m.
     pub load_ahead_m: Vector3<f64>,
-    /// Force of the box on the left hand by being pressed between both, N; its opposite is on the right hand.
+    /// Squeezing force of the box on the left hand, N; its opposite acts on the right hand.
     pub squeeze_n: Vector3<f64>,
-    /// Where the left and the right foot press, from the line that is common to both, m ([`Habits::foot_press_m`]).
+    /// Pressure points of the left and right foot, relative to the line common to both, m ([`Habits::foot_press_m`]).
     pub foot_press_m: [Vector2<f64>; 2],
     /// Which feet are on the floor: left, right.
     pub foot_stands: [bool; 2],
 }
 
 impl BodyState {
-    /// How much of the box each hand carries, left and right.
+    /// Fraction of the box on each hand, left and right.
     pub fn hand_share(&self) -> [f64; 2] {
         [1.0 - self.right_hand_share, self.right_hand_share]
     }
@@ -125,14 +126,14 @@ impl BodyState {
         self.grip_m[0] * left + self.grip_m[1] * right + self.load_ahead_m
     }
 
-    /// Where each hand's share of the box's weight acts, left and right, m: a rigid box passes on to each hand its share of
-    /// the couple that its centre, ahead of the grips, makes.
+    /// Point of action of the box's weight on each hand, left and right, m: a rigid box, whose centre is ahead of the
+    /// grips, passes to each hand its fraction of the resulting couple.
     pub fn load_on_hand_m(&self) -> [Vector3<f64>; 2] {
         self.grip_m.map(|grip_m| grip_m + self.load_ahead_m)
     }
 }
 
-/// What is asked of the body: a pose, and the point above which to balance it.
+/// Target of the motion: a pose, and the point above which to balance it.
 #[derive(Debug, Clone, Copy)]
 struct Aim {
     pose: Pose,
@@ -153,7 +154,7 @@ pub struct Worker {
     walk: Walk,
     deviation: Random,
     sway: [Wander; 4],
-    /// Of each foot, forward and sideways.
+    /// For each foot, forward and sideways.
     foot_press: [[Wander; 2]; 2],
 }
 
@@ -163,7 +164,7 @@ impl Worker {
         Worker::with_habits(person, seed, Habits::ORDINARY)
     }
 
-    /// The same, with other habits.
+    /// The same with other habits.
     pub fn with_habits(mut person: Person, seed: u64, habits: Habits) -> Worker {
         for ((grip_m, [x, y, z]), side) in person.grip_m.iter_mut().zip(habits.grip_off_m).zip([1.0, -1.0]) {
             *grip_m += Vector3::new(x, side * y, z);
@@ -195,52 +196,53 @@ impl Worker {
         }
     }
 
-    /// Who it is.
+    /// The body.
     pub fn person(&self) -> &Person {
         &self.person
     }
 
-    /// Where the feet are before any walking ([`Worker::go`]).
+    /// Placement of the feet before any walking ([`Worker::go`]).
     pub fn stance(&self) -> &Stance {
         &self.stance
     }
 
-    /// Where the feet are at a time, and the polygon about those on the floor.
+    /// Placement of the feet at a time, and the polygon of those on the floor.
     pub fn stance_at(&self, time_s: f64) -> Stance {
         self.walk.stance(&self.person, time_s)
     }
 
-    /// Where the person looks at a time: turn to the left, rad.
+    /// Heading at a time: rotation to the left, rad.
     pub fn heading_rad(&self, time_s: f64) -> f64 {
         self.walk.heading_rad(time_s)
     }
 
-    /// Walks to another place, one foot after the other. Returns when it is over, s.
+    /// Walks to another place, one foot after the other. Returns its end, s.
     ///
-    /// The upper body goes on with what it does, in the new direction; it should stand upright meanwhile, without a box
-    /// and not marching.
+    /// The upper body continues its motion, in the new direction; it should be upright meanwhile, without a box and not
+    /// marching.
     pub fn go(&mut self, at_s: f64, to: Place) -> f64 {
         self.walk.go(at_s, to)
     }
 
-    /// Starts to take a posture of the library at `at_s` and has it after `over_s`, as well as the habits allow.
+    /// Begins to take a posture of the library at `at_s` and reaches it after `over_s`, with the deviations of the
+    /// habits.
     pub fn take_pose(&mut self, posture: &Posture, at_s: f64, over_s: f64) {
         let pose = Pose::of_posture(posture, &self.person);
         self.follow(pose, at_s, over_s);
     }
 
-    /// Likewise for an intention.
+    /// The same for an intention.
     pub fn intend(&mut self, intention: &Intention, at_s: f64, over_s: f64) {
         self.follow(intention.pose(), at_s, over_s);
     }
 
-    /// Grasps a box of that mass at `at_s`; where its centre is, [`BodyState::load_m`] says.
+    /// Grasps a box of that mass at `at_s`; [`BodyState::load_m`] is its centre.
     pub fn lift(&mut self, mass_kg: f64, at_s: f64) {
         self.load_kg.push(mass_kg, at_s, GRASP_S);
         self.expected_load_kg.push(mass_kg, at_s, LEAN_S);
     }
 
-    /// Lets go of the box at `at_s`.
+    /// Releases the box at `at_s`.
     pub fn put_down(&mut self, at_s: f64) {
         self.lift(0.0, at_s);
     }
@@ -254,18 +256,19 @@ impl Worker {
         self.put_down(at_s + 14.5);
     }
 
-    /// Marches on the spot: that many steps, the feet in turn some 9 cm off the floor. Returns when it is over, s.
+    /// Marches on the spot: the given number of steps, the feet alternately some 9 cm off the floor. Returns its end,
+    /// s.
     ///
-    /// The upper body goes on with what it does. It should stand without a load (the truth shares a load between both
-    /// feet, wherever they are), and no other march should be under way.
+    /// The upper body continues its motion. No load should be carried (the truth shares a load between both feet,
+    /// regardless of their positions), and no other march should be in progress.
     pub fn march_on_the_spot(&mut self, at_s: f64, steps: u32) -> f64 {
         let march = March::new(&self.person, &self.stance, at_s, steps);
         self.marches.push(march);
         march.end_s()
     }
 
-    /// Stamps the right foot down, that many times at an irregular beat, with the weight on the left. Returns when it is over,
-    /// s. As with [`Worker::march_on_the_spot`] nothing else should be under way.
+    /// Stamps the right foot down, that many times at an irregular beat, with the weight on the left. Returns its end,
+    /// s. As with [`Worker::march_on_the_spot`], no other activity should be in progress.
     pub fn stomp(&mut self, at_s: f64, count: u32) -> f64 {
         let stomps = Stomps::new(&self.stance, at_s, count);
         self.stomps.push(stomps);
@@ -285,7 +288,7 @@ impl Worker {
         self.aims.push(Aim { pose, balance_m }, at_s, over_s);
     }
 
-    /// Where everything is at a time.
+    /// State of the body at a time.
     pub fn sample(&self, time_s: f64) -> BodyState {
         let mut aim = self.aims.at(time_s, |from, to, s| Aim {
             pose: from.pose.towards(&to.pose, s),
@@ -326,8 +329,9 @@ impl Worker {
         let grip_m = grips_m(&self.person, &body.origin_m, &body.world_from_segment);
         let load_kg = self.load_kg.at(time_s, mix);
         let apart = grip_m[0] - grip_m[1];
-        // Away from the body: before the chest. (Before the line between the hands it would spin where one hand passes above
-        // the other, and a box that spins by centimetres in milliseconds weighs tons.)
+        // "Ahead" is relative to the chest, not to the line between the hands: that line rotates quickly where one hand
+        // passes above the other, which would move the box by centimetres within milliseconds and cause huge inertial
+        // forces.
         let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
         let ahead = leftwards.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
         let squeeze_n = self.habits.squeeze_share * load_kg * GRAVITY_M_PER_S2;
@@ -350,12 +354,12 @@ impl Worker {
         }
     }
 
-    /// What the ground does to the person at a time, by the laws of motion.
+    /// Ground reaction on the person at a time, by the equations of motion.
     pub fn ground_reaction(&self, time_s: f64) -> Wrench {
         ground_reaction(&self.person, &self.around(time_s), DIFFERENCE_S)
     }
 
-    /// The states a difference before, at, and a difference after a time.
+    /// The states one difference before, at, and one difference after a time.
     pub(crate) fn around(&self, time_s: f64) -> [BodyState; 3] {
         [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t))
     }
@@ -370,10 +374,10 @@ impl Worker {
         })
     }
 
-    /// What is aimed at, seen from where the person has walked.
+    /// Transforms the target to the place and heading reached by walking.
     fn turn_towards(&self, aim: &mut Aim, time_s: f64) {
         let heading = UnitQuaternion::from_scaled_axis(Vector3::z() * self.walk.heading_rad(time_s));
-        // On one foot there is little room to choose where to balance.
+        // On one foot the range of possible balance points is small.
         let room = 1.0 - 0.8 * self.walk.share(time_s);
         let chosen_m = (aim.balance_m - usual_balance_m(&self.person, &self.stance)) * room;
         aim.balance_m = self.walk.balance_m(time_s) + self.in_heading(chosen_m, time_s);
@@ -403,7 +407,7 @@ impl Worker {
     }
 }
 
-/// People stand with their weight in front of the ankles, near the middle of the foot.
+/// Usual balance point: in front of the ankles, near the middle of the foot.
 fn usual_balance_m(person: &Person, stance: &Stance) -> Vector2<f64> {
     stance.between_the_feet_m(0.025 * person.height_m)
 }

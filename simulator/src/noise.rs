@@ -1,4 +1,4 @@
-//! What the sensors add to the truth: a suit's misalignment and drift, a plate's noise.
+//! Sensor errors added to the truth: a suit's misalignment and drift, a plate's noise.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -10,12 +10,12 @@ use crate::motion::BodyState;
 use crate::person::Person;
 use crate::random::{Random, Wander};
 
-/// How good a suit is.
+/// Error sizes of a suit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SuitNoise {
     /// Standard deviation per axis of each segment's constant misalignment, rad.
     pub misalignment_rad: f64,
-    /// Standard deviation per axis of each segment's slow wander, rad.
+    /// Standard deviation per axis of each segment's slow orientation drift, rad.
     pub wander_rad: f64,
     /// Standard deviation per axis of the slow drift of the whole body's position, m.
     pub drift_m: [f64; 3],
@@ -34,14 +34,14 @@ impl SuitNoise {
         soft_tissue_m_per_rad: 0.0,
     };
     /// The same on a body with soft tissue. Over recordings of people who lift, bones as measured change by 3 to 19 mm
-    /// in most segments and by up to 60 mm at thigh and trunk; a test holds this size.
+    /// in most segments and by up to 60 mm at thigh and trunk; a test checks this size.
     pub const REALISTIC: SuitNoise = SuitNoise { soft_tissue_m_per_rad: 0.008, ..SuitNoise::ORDINARY };
     /// A suit without error.
     pub const NONE: SuitNoise =
         SuitNoise { misalignment_rad: 0.0, wander_rad: 0.0, drift_m: [0.0; 3], soft_tissue_m_per_rad: 0.0 };
 }
 
-/// What a suit with errors sees of a body.
+/// A suit with errors.
 #[derive(Debug, Clone)]
 pub struct Suit {
     misalignment: Rotations,
@@ -69,7 +69,7 @@ impl Suit {
         Suit { misalignment, wander, drift, soft_tissue, colour: None }
     }
 
-    /// The same with errors that go with pose and time.
+    /// The same with errors that depend on pose and time.
     #[must_use]
     pub fn with_colour(self, colour: SuitColour) -> Suit {
         Suit { colour: Some(colour), ..self }
@@ -77,8 +77,8 @@ impl Suit {
 
     /// Segment origins (m) and `world_from_segment` as the suit reports them.
     ///
-    /// A suit computes positions from its own orientations along the segments, and ties the feet to the floor; so do
-    /// we, with the true lengths and what soft tissue adds to them.
+    /// Like a real suit, computes positions from the measured orientations along the segments and ties the feet to the
+    /// floor, with the true lengths plus the soft-tissue changes.
     pub fn see(&self, person: &Person, body: &BodyState) -> ([Vector3<f64>; SEGMENTS], Rotations) {
         let t = body.time_s;
         let seen: Rotations = std::array::from_fn(|i| {
@@ -92,7 +92,7 @@ impl Suit {
         self.place(person, body, seen)
     }
 
-    /// Positions for rotations that the suit believes.
+    /// Positions for the suit's measured rotations.
     pub fn place(
         &self,
         person: &Person,
@@ -130,7 +130,7 @@ fn soft_tissue(sigma_m_per_rad: f64, seed: u64) -> [Matrix3<f64>; SEGMENTS] {
     })
 }
 
-/// How good a plate is.
+/// Noise of a plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateNoise {
     /// Standard deviation of each force component, white, N.
@@ -145,7 +145,7 @@ impl PlateNoise {
     /// A plate without error.
     pub const NONE: PlateNoise = PlateNoise { force_n: 0.0, moment_nm: 0.0 };
 
-    /// A wrench with the noise of one more sample.
+    /// A wrench with the noise of one sample.
     #[must_use]
     pub fn on(&self, wrench: Wrench, random: &mut Random) -> Wrench {
         let mut white = |sigma: f64| Vector3::from_fn(|_, _| sigma * random.normal());
@@ -157,14 +157,15 @@ impl PlateNoise {
 }
 
 /// Drift of the charge amplifiers of a piezoelectric plate since they were last reset: data sheets of such plates allow
-/// 0.01 N/s in each force component. Each component's four sensors, below the corners, drift at constant rates of their own.
+/// 0.01 N/s in each force component. Each component's four sensors, below the corners, drift at constant rates of their
+/// own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ZeroDrift {
     corner_n_per_s: [[f64; 3]; 4],
 }
 
 impl ZeroDrift {
-    /// A plate whose zero stays.
+    /// A plate without drift.
     pub const NONE: ZeroDrift = ZeroDrift { corner_n_per_s: [[0.0; 3]; 4] };
     /// Sensors from the plate's centre, m, forward and sideways: a plate of 600 by 400 mm.
     const CORNERS_M: [[f64; 2]; 4] = [[0.12, 0.2], [0.12, -0.2], [-0.12, -0.2], [-0.12, 0.2]];
@@ -178,7 +179,7 @@ impl ZeroDrift {
         ZeroDrift { corner_n_per_s: std::array::from_fn(|_| std::array::from_fn(|_| rate())) }
     }
 
-    /// What the plate shows so long after its reset with nothing on it, about its centre.
+    /// Output of the unloaded plate this long after its reset, about its centre.
     pub fn at(&self, time_s: f64) -> Wrench {
         let mut wrench = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
         for ([x, y], rate) in ZeroDrift::CORNERS_M.into_iter().zip(self.corner_n_per_s) {

@@ -1,8 +1,8 @@
 //! One simulated person: segment lengths, masses, centres and inertias.
 //!
 //! Masses, centres and radii of gyration: D. A. Winter, *Biomechanics and Motor Control of Human Movement* (after
-//! Dempster), with the trunk's three parts shared out to MVN's spine segments by us. Lengths: Drillis and Contini's
-//! proportions of stature as given by Winter, with joint heights of the spine read off an MVN null pose.
+//! Dempster), with the trunk's three parts distributed over MVN's spine segments by this project. Lengths: Drillis and
+//! Contini's proportions of stature as given by Winter, with joint heights of the spine read off an MVN null pose.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use nalgebra::{Matrix3, Vector3};
@@ -24,7 +24,7 @@ pub struct Person {
     pub com_m: [Vector3<f64>; SEGMENTS],
     /// Inertia about the centre of mass, segment axes, kg m².
     pub inertia_kg_m2: [Matrix3<f64>; SEGMENTS],
-    /// Where the left and the right hand grip, from the wrist, hand's axes, m.
+    /// Grip points of the left and right hand, from the wrist, hand's axes, m.
     pub grip_m: [Vector3<f64>; 2],
     /// Height of the ankle joint above the floor in flat standing, m.
     pub ankle_height_m: f64,
@@ -128,8 +128,8 @@ impl Person {
         person
     }
 
-    /// A person as people are: the average of that stature and mass, with lengths 3 %, segment masses 10 % and
-    /// centres of mass 1 cm off it by the seed.
+    /// An individual person: the average of that stature and mass, with lengths varied by 3 %, segment masses by 10 %
+    /// and centres of mass by 1 cm, by the seed.
     pub fn new(seed: u64, height_m: f64, mass_kg: f64) -> Person {
         let mut person = Person::nominal(height_m, mass_kg);
         let mut random = Random::new(seed, "person");
@@ -138,13 +138,13 @@ impl Person {
             let longer = 1.0 + random.between(-0.03, 0.03);
             let heavier = 1.0 + random.between(-0.09, 0.09);
             for segment in [row.segment, mirrored] {
-                // Sides differ a little, as a writing hand does.
+                // Left and right differ slightly.
                 let own = heavier * (1.0 + random.between(-0.01, 0.01));
                 let index = segment.index();
                 person.offset_m[index] *= longer;
                 person.segment_mass_kg[index] *= own;
                 person.inertia_kg_m2[index] *= own * (1.0 + random.between(-0.1, 0.1));
-                // Small segments move less than the centimetre that a trunk's centre may be off.
+                // Small segments vary by less than the centimetre of a trunk's centre.
                 let reach = (0.10 * row.length * height_m).min(0.010);
                 for axis in 0..3 {
                     person.com_m[index][axis] += random.between(-reach, reach);
@@ -163,7 +163,7 @@ impl Person {
         [upper_leg.index() + 1, upper_leg.index() + 2].map(|index| self.offset_m[index].norm())
     }
 
-    /// The masses are shares of one body.
+    /// Normalises the segment masses to the body mass.
     fn close_the_sum(&mut self) {
         let scale = self.mass_kg / self.segment_mass_kg.iter().sum::<f64>();
         for (mass, inertia) in self.segment_mass_kg.iter_mut().zip(&mut self.inertia_kg_m2) {
@@ -173,7 +173,7 @@ impl Person {
     }
 }
 
-/// The axis along which a segment reaches: its centre's largest coordinate.
+/// The long axis of a segment: its centre's largest coordinate.
 fn long_axis(com: [f64; 3]) -> usize {
     (0..3).max_by(|a, b| com[*a].abs().total_cmp(&com[*b].abs())).unwrap_or(2)
 }

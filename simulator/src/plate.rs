@@ -1,16 +1,16 @@
-//! A force plate as a thing: where it stands, what it feels, how it counts.
+//! A force plate: its pose, its measured wrench, its counts.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::dynamics::Wrench;
 use crate::wires::ati_rdt::Record;
 
-/// How a plate stands in the station's world and what its numbers mean.
+/// A plate's pose in the station's world and the scale of its counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plate {
     /// The sensor's origin in the station's world, m.
     pub origin_m: [f64; 3],
-    /// Turn of the sensor's axes about Z, rad.
+    /// Rotation of the sensor's axes about Z, rad.
     pub yaw_rad: f64,
     /// Height of the walking surface above the sensor's origin, m.
     pub surface_height_m: f64,
@@ -30,13 +30,14 @@ impl Plate {
         self.origin_m[2] + self.surface_height_m
     }
 
-    /// A wrench about the origin on the simulated floor, about the station's: the floor is the plate's surface.
+    /// Converts a wrench about the origin on the simulated floor to one about the station's origin: the floor is the
+    /// plate's surface.
     pub fn in_the_station(&self, on_person: &Wrench) -> Wrench {
         let up = Vector3::z() * self.surface_z_m();
         Wrench { moment_nm: on_person.moment_nm + up.cross(&on_person.force_n), ..*on_person }
     }
 
-    /// What the sensor feels when the ground does `on_person` to the person (about the station's origin): the
+    /// Wrench on the sensor for a wrench `on_person` of the ground on the person (about the station's origin): the
     /// opposite ("action"), about the sensor's origin, in the sensor's axes.
     pub fn felt(&self, on_person: &Wrench) -> Wrench {
         let about_sensor = on_person.moment_nm - Vector3::from(self.origin_m).cross(&on_person.force_n);
@@ -44,7 +45,7 @@ impl Plate {
         Wrench { force_n: plate_from_world * -on_person.force_n, moment_nm: plate_from_world * -about_sensor }
     }
 
-    /// The record of what the sensor feels; beyond the range of 32 bits it saturates, as a sensor does.
+    /// The record of a sensor wrench; beyond the range of 32 bits it saturates, like a sensor.
     pub fn record(&self, felt: &Wrench, ft_sequence: u32, status: u32) -> Record {
         let counts = |value: Vector3<f64>, per_unit: f64| {
             let rounded = value.map(|number| (number * per_unit).round());
@@ -52,7 +53,7 @@ impl Plate {
         };
         let [per_newton, per_newton_metre] = self.counts_per_unit;
         Record {
-            rdt_sequence: 0, // the server counts what it sends
+            rdt_sequence: 0, // the server numbers its records
             ft_sequence,
             status,
             force_counts: counts(felt.force_n, per_newton),
@@ -73,7 +74,7 @@ mod tests {
             Wrench::at(Vector3::new(0.35, -0.05, plate.surface_z_m()), Vector3::new(5.0, 8.0, 700.0));
         let felt = plate.felt(&on_person);
         assert!(felt.force_n.z < -699.0);
-        // The height of the surface above the sensor brings the shear in: x = (h Fx − My)/Fz, y = (h Fy + Mx)/Fz.
+        // The height of the surface above the sensor couples the shear: x = (h Fx − My)/Fz, y = (h Fy + Mx)/Fz.
         let (f, m, h) = (felt.force_n, felt.moment_nm, plate.surface_height_m);
         let in_plate = Vector3::new((h * f.x - m.y) / f.z, (h * f.y + m.x) / f.z, 0.0);
         let in_world = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.5) * in_plate;

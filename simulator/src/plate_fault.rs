@@ -1,4 +1,4 @@
-//! What may be wrong with a plate, as it happens in one: where it lies, its axes, its channels, its amplifier, its feet.
+//! Faults of a plate, simulated at their physical cause: position, axes, channels, amplifier, feet.
 
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
@@ -8,31 +8,31 @@ use crate::dynamics::Wrench;
 /// A fault of a plate. Wrenches are those on the person, about the origin of the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlateFault {
-    /// It lies elsewhere than was measured: everything seems shifted by this, m.
+    /// Position differs from the configured one: all forces appear shifted by this, m.
     Offset(Vector2<f64>),
-    /// It lies turned to the left, rad: everything seems turned to the right.
+    /// Plate rotated to the left, rad: all forces appear rotated to the right.
     Yaw(f64),
-    /// The moments that tell the pressure's place along X and Y are amplified by 1 + this.
+    /// The moments that determine the centre of pressure along X and Y are amplified by 1 + this.
     Gain(Vector2<f64>),
-    /// Each of the two moments sees this share of the other.
+    /// Crosstalk: each of the two moments contains this fraction of the other.
     Crosstalk(f64),
-    /// The surface lies higher above the sensor than was configured, m.
+    /// The surface is higher above the sensor than configured, m.
     Height(f64),
-    /// Vertical force and both moments are amplified by 1 + this: pressure stays where it is.
+    /// Vertical force and both moments are amplified by 1 + this: the centre of pressure is unchanged.
     ForceGain(f64),
-    /// The zero of the moments drifts, as pressure that moves: m/s since the span's begin.
+    /// The zero of the moments drifts, like a moving pressure: m/s since the start of the span.
     Drift(Vector2<f64>),
     /// The same towards a bound (m) with a time constant (s).
     SettlingDrift(Vector2<f64>, f64),
     /// A filter of first order in the amplifier, Hz.
     LowPass(f64),
-    /// One of four load cells has a gain of 1 + this; where it is, m.
+    /// One of four load cells has a gain of 1 + this; its position, m.
     LoadCell(f64, Vector2<f64>),
-    /// A sole that gives way late: pressure's place lags within a play of this, m.
+    /// A compliant sole: the centre of pressure lags within a play of this, m.
     Hysteresis(f64),
 }
 
-/// A plate with faults; it has a memory, so samples must come in order.
+/// A plate with faults; it has a state, so samples must be in order.
 #[derive(Debug, Clone, Default)]
 pub struct FaultyPlate {
     faults: Vec<(PlateFault, Span)>,
@@ -47,7 +47,7 @@ impl FaultyPlate {
         FaultyPlate { faults, ..FaultyPlate::default() }
     }
 
-    /// What it tells of a wrench at a time.
+    /// Output for a wrench at a time.
     pub fn feel(&mut self, wrench: Wrench, time_s: f64) -> Wrench {
         let step_s = time_s - self.last_s;
         self.last_s = time_s;
@@ -84,7 +84,7 @@ impl FaultyPlate {
     fn late(&mut self, wrench: Wrench, play_m: f64) -> Wrench {
         let here = wrench.cop_m();
         let before = self.play_m.unwrap_or(here);
-        // A play pulls its end along once it is taut.
+        // The end of the play follows once it is taut.
         let behind = here - before;
         let taut = (behind.norm() - play_m.abs()).max(0.0);
         let there = behind.try_normalize(1e-12).map_or(before, |along| before + along * taut);
@@ -93,12 +93,12 @@ impl FaultyPlate {
     }
 }
 
-/// Everything acts at a place shifted by so much.
+/// Shifts the point of action by this much.
 fn moved(wrench: Wrench, by_m: Vector2<f64>) -> Wrench {
     Wrench { moment_nm: wrench.moment_nm + by_m.push(0.0).cross(&wrench.force_n), ..wrench }
 }
 
-/// A fault without memory.
+/// A fault without state.
 fn at_once(fault: PlateFault, wrench: Wrench, share: f64) -> Wrench {
     let Wrench { force_n, moment_nm } = wrench;
     let moments = |x_nm: f64, y_nm: f64| Wrench { moment_nm: Vector3::new(x_nm, y_nm, moment_nm.z), force_n };
@@ -108,7 +108,7 @@ fn at_once(fault: PlateFault, wrench: Wrench, share: f64) -> Wrench {
             let plate_from_world = UnitQuaternion::from_scaled_axis(Vector3::z() * (-radians * share));
             Wrench { force_n: plate_from_world * force_n, moment_nm: plate_from_world * moment_nm }
         }
-        // The moment about Y tells the place along X.
+        // The moment about Y determines the position along X.
         PlateFault::Gain(more) => {
             moments(moment_nm.x * (1.0 + more.y * share), moment_nm.y * (1.0 + more.x * share))
         }
@@ -166,7 +166,7 @@ mod tests {
         let (sin, cos) = 0.1_f64.sin_cos();
         is(to(PlateFault::Yaw(0.1)), Vector2::new(cos * here.x + sin * here.y, cos * here.y - sin * here.x));
         assert!((told(PlateFault::ForceGain(0.02)).force_n.z - 714.0).abs() < 1e-9);
-        // A cell under the pressure's quarter bears more than a quarter of the weight.
+        // The load cell of the pressure's quadrant carries more than a quarter of the weight.
         let more_n = told(PlateFault::LoadCell(0.1, Vector2::new(0.2, -0.15))).force_n.z - 700.0;
         assert!((0.1 * 0.25 * 700.0 * 1.3 * 1.2 - more_n).abs() < 1e-9, "{more_n}");
     }

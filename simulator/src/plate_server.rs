@@ -1,4 +1,4 @@
-//! A force plate's RDT server: answers requests and streams records to whoever asked last.
+//! A force plate's RDT server: answers requests and streams records to the client of the last request.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -9,7 +9,7 @@ use crate::wires::ati_rdt::{Command, Family, Record, request};
 /// Records of a datagram in the buffered mode.
 const BUFFERED_RECORDS: usize = 10;
 
-/// What a client wants besides records.
+/// Client requests other than records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wish {
     /// Take the present load as zero.
@@ -28,7 +28,7 @@ pub struct PlateServer {
 #[derive(Debug)]
 struct Client {
     address: SocketAddr,
-    /// Records still to send; `None` without end.
+    /// Records still to be sent; `None` without limit.
     left: Option<u32>,
     rdt_sequence: u32,
     records_per_datagram: usize,
@@ -52,13 +52,13 @@ impl PlateServer {
         })
     }
 
-    /// It numbers its commands as this family does.
+    /// Uses the command numbers of this family.
     #[must_use]
     pub fn of_family(self, family: Family) -> PlateServer {
         PlateServer { family, ..self }
     }
 
-    /// Where it listens.
+    /// The listening address.
     ///
     /// # Errors
     /// Those of the socket.
@@ -66,33 +66,33 @@ impl PlateServer {
         self.socket.local_addr()
     }
 
-    /// The network is another from the next datagram on.
+    /// Replaces the faults from the next datagram on.
     pub fn set_faults(&mut self, faults: Faults) {
         self.network.set_faults(faults);
     }
 
-    /// What became of what was sent.
+    /// Counters of the sent records.
     pub fn suffered(&self) -> Suffered {
         self.network.suffered()
     }
 
-    /// The device is switched off and on: it knows no client any more.
+    /// Power cycle: drops its client.
     pub fn restart(&mut self) {
         self.client = None;
     }
 
-    /// Whether anybody wants records.
+    /// Whether a client has requested records.
     pub fn has_client(&self) -> bool {
         self.client.is_some()
     }
 
-    /// Takes in all requests that have come; a later client takes the stream from an earlier one.
+    /// Processes all received requests; a later client takes the stream from an earlier one.
     pub fn poll(&mut self) -> Option<Wish> {
         let mut wish = None;
         let mut bytes = [0; 64];
-        // An error is either "nothing there" or an echo of a client that has gone: nothing to do in both cases.
+        // An error is either "no data" or an echo of a departed client: no action in both cases.
         while let Ok((length, address)) = self.socket.recv_from(&mut bytes) {
-            // A real device ignores what it does not understand.
+            // A real device ignores unknown requests.
             let Some((command, count)) = request(&bytes[..length], self.family) else { continue };
             match command {
                 Command::Stop => self.client = None,
@@ -116,7 +116,7 @@ impl PlateServer {
         });
     }
 
-    /// Sends a record, numbered for the client; nothing happens without one.
+    /// Sends a record, numbered for the client; does nothing without one.
     ///
     /// # Errors
     /// Those of the socket.

@@ -1,4 +1,4 @@
-//! Streams a recording on the wires of the sensors: what was recorded from a suit and a plate comes again as if live.
+//! Streams a recording over the sensors' protocols, as if it were live: samples of a suit and a plate.
 
 use std::io;
 use std::net::SocketAddr;
@@ -18,7 +18,7 @@ use crate::plate_server::PlateServer;
 use crate::suit_sender::SuitSender;
 use crate::wire::SuitFrame;
 
-/// How often the plate looks for requests while nothing is due, s.
+/// Polling interval for requests to the plate while nothing is due, s.
 const LISTEN_S: f64 = 0.005;
 
 /// One sample of a recording.
@@ -30,26 +30,26 @@ pub enum Recorded {
     Ground(GroundSample),
 }
 
-/// Where and how fast to play.
+/// Addresses and speed of the playback.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlayerSettings {
-    /// Where the suit's datagrams go.
+    /// Destination of the suit's datagrams.
     pub suit_target: SocketAddr,
-    /// Where the plate listens for requests; port 0 for any free one.
+    /// Address at which the plate receives requests; port 0 for any free one.
     pub plate_address: SocketAddr,
-    /// Where the plate stands and what it counts.
+    /// Pose and scale of the plate.
     pub plate: Plate,
     /// 1 is real time, 2 twice as fast.
     pub speed: f64,
-    /// Play only once a client has asked the plate for records, so that the beginning is not lost.
+    /// Start only once a client has requested records from the plate, so that the beginning is not lost.
     pub wait_for_client: bool,
     /// The network's faults.
     pub faults: Faults,
-    /// The faults' luck.
+    /// Random seed of the faults.
     pub seed: u64,
 }
 
-/// Streams samples of `(time in seconds, sample)`, ordered by time, from a thread of its own.
+/// Streams samples of `(time in seconds, sample)`, ordered by time, in its own thread.
 ///
 /// # Errors
 /// Those of the sockets.
@@ -100,10 +100,10 @@ impl Player {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Sleeps in short naps, for a request may come at any time.
+    /// Sleeps in short intervals, since a request may arrive at any time.
     fn listen_until(&mut self, due_ns: u64) {
         loop {
-            // A recording cannot be tared again.
+            // A recording cannot be zeroed.
             let _ = self.server.poll();
             let nap_ns = monotonic_ns() + span_ns(LISTEN_S);
             sleep_until_ns(due_ns.min(nap_ns));
@@ -140,7 +140,7 @@ impl Player {
     }
 }
 
-/// A recording that is being played. Dropped, it stops.
+/// A recording in playback. Dropping it stops it.
 #[derive(Debug)]
 pub struct PlayerHandle {
     plate_address: SocketAddr,
@@ -149,28 +149,28 @@ pub struct PlayerHandle {
 }
 
 impl PlayerHandle {
-    /// Where the plate listens.
+    /// Address of the plate.
     pub fn plate_address(&self) -> SocketAddr {
         self.plate_address
     }
 
-    /// Whether all has been played.
+    /// Whether playback is complete.
     pub fn is_finished(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Waits for the end; how many samples of suit and plate were played.
+    /// Waits for the end; returns the numbers of samples of suit and plate.
     ///
     /// # Errors
-    /// What ended it before its time.
+    /// The error that ended it early.
     pub fn wait(mut self) -> io::Result<[u32; 2]> {
         self.join()
     }
 
-    /// Stops now; how many samples of suit and plate were played.
+    /// Stops now; returns the numbers of samples of suit and plate.
     ///
     /// # Errors
-    /// What ended it before its time.
+    /// The error that ended it early.
     pub fn stop(mut self) -> io::Result<[u32; 2]> {
         self.stop.store(true, Ordering::Relaxed);
         self.join()
@@ -185,7 +185,7 @@ impl PlayerHandle {
 impl Drop for PlayerHandle {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        // Who drops without asking does not want to know.
+        // Dropped without `stop`: errors are ignored.
         let _ = self.join();
     }
 }

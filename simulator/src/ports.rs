@@ -1,7 +1,7 @@
-//! Ports for hosts that must be told a number.
+//! Port numbers for hosts that require a fixed one.
 //!
-//! A port that the kernel picked and that was given back may be picked again at once, for any other socket of the
-//! machine. These lie below the kernel's own range (from 32768 unless configured), and each is handed out once in a process.
+//! A port that the kernel chose and that was released may be chosen again at once for any other socket of the machine.
+//! These ports lie below the kernel's range (from 32768 unless configured), and each is assigned only once per process.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
@@ -10,13 +10,13 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 const FIRST: u32 = 20_000;
 const PORTS: u32 = 12_000;
-/// Processes with neighbouring numbers begin this far from each other; prime to [`PORTS`], so each place is somebody's.
+/// Offset between processes with consecutive numbers; coprime to [`PORTS`], so that every port is reached.
 const STRIDE: u32 = 101;
 
 /// An address of loopback whose port is free for both UDP and TCP, on all addresses.
 ///
 /// # Errors
-/// Every port of the range is taken.
+/// Every port of the range is in use.
 pub fn free_address() -> io::Result<SocketAddr> {
     static HANDED_OUT: AtomicU32 = AtomicU32::new(0);
     let start = process::id().wrapping_mul(STRIDE);

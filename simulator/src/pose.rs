@@ -1,4 +1,4 @@
-//! A pose as the simulated person means it: the upper body and how high the pelvis is. The legs follow.
+//! An intended pose: the upper body and the height of the pelvis. The legs follow.
 
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::pose_suggestion::Posture;
@@ -8,7 +8,7 @@ use crate::kinematics::Rotations;
 use crate::person::Person;
 use crate::stance::Stance;
 
-/// An intended pose. Legs are not part of it: the feet stay where they are and balance decides.
+/// An intended pose, without the legs: the feet stay in place and balance determines them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// `world_from_pelvis` first, then `parent_from_segment`; the entries of the legs are not used.
@@ -18,7 +18,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// What `person` makes of a posture of the library: its upper body, and the pelvis as high as its legs put it.
+    /// A posture of the library for `person`: its upper body, and the pelvis at the height that its legs give.
     pub fn of_posture(posture: &Posture, person: &Person) -> Pose {
         let parent_from_segment = posture.rotation_deg.map(|degrees| {
             UnitQuaternion::from_scaled_axis(Vector3::from(degrees.map(|d| f64::from(d).to_radians())))
@@ -35,7 +35,7 @@ impl Pose {
         Pose { parent_from_segment, pelvis_height }
     }
 
-    /// The pose a share `s` of the way to another: each joint turns about one axis.
+    /// Interpolates by `s` towards another pose: each joint rotates about one axis.
     #[must_use]
     pub fn towards(&self, other: &Pose, s: f64) -> Pose {
         let turn = |i: usize| {

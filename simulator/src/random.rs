@@ -1,4 +1,4 @@
-//! Randomness that can be had again: every user of it owns a stream of a seed.
+//! Reproducible randomness: each use has its own stream of a seed.
 
 use core::f64::consts::TAU;
 use rand::{Rng, SeedableRng};
@@ -9,12 +9,12 @@ use rand_pcg::Pcg64Mcg;
 pub struct Random(Pcg64Mcg);
 
 impl Random {
-    /// The stream for one purpose, for example `"plate noise"`: streams of other purposes do not disturb it.
+    /// The stream for one purpose, for example `"plate noise"`: independent of streams of other purposes.
     pub fn new(seed: u64, purpose: &str) -> Random {
         Random::numbered(seed, purpose, 0)
     }
 
-    /// One of many streams for a purpose, for example that of one sample: to be had without those before it.
+    /// One of many streams for a purpose, for example that of one sample: independent of those before it.
     pub fn numbered(seed: u64, purpose: &str, number: u32) -> Random {
         // FNV-1a spreads all three over 64 bits.
         let bytes = seed.to_le_bytes().into_iter().chain(number.to_le_bytes()).chain(purpose.bytes());
@@ -47,7 +47,7 @@ impl Random {
     }
 }
 
-/// A slow random wander as a function of time: a few sines of unrelated frequencies and random phases.
+/// A slow random function of time: a few sines of unrelated frequencies and random phases.
 ///
 /// Evaluated at any time in any order, and smooth, so that it has a velocity and an acceleration.
 #[derive(Debug, Clone)]
@@ -58,14 +58,14 @@ pub struct Wander {
 impl Wander {
     const SINES: usize = 5;
 
-    /// A wander of standard deviation `sigma` with frequencies between two bounds in hertz.
+    /// One of standard deviation `sigma` with frequencies between two bounds in hertz.
     pub fn new(random: &mut Random, sigma: f64, slowest_hz: f64, fastest_hz: f64) -> Wander {
         let mut sines = [(0.0, 0.0, 0.0); Wander::SINES];
         let mut power = 0.0;
         for (index, sine) in sines.iter_mut().enumerate() {
             let share = (index as f64 + random.unit()) / Wander::SINES as f64;
             let hertz = slowest_hz * (fastest_hz / slowest_hz).powf(share);
-            // Slow parts are the larger ones, as in a person's sway.
+            // Lower frequencies have larger amplitudes, as in a person's sway.
             let amplitude = (slowest_hz / hertz).sqrt();
             power += 0.5 * amplitude * amplitude;
             *sine = (amplitude, TAU * hertz, random.between(0.0, TAU));
@@ -82,8 +82,8 @@ impl Wander {
     }
 }
 
-/// A random walk that is pulled back to 0 (Ornstein–Uhlenbeck) and rounded off, as a function of time: noise with a
-/// broad spectrum, unlike a [`Wander`], in which a search for a period would find one.
+/// An Ornstein–Uhlenbeck process, smoothed, as a function of time: noise with a broad spectrum, unlike a [`Wander`], in
+/// which a search for a period would find one.
 ///
 /// Evaluated at any time in any order; it has a velocity and an acceleration.
 #[derive(Debug, Clone)]
@@ -97,7 +97,7 @@ impl Coloured {
     /// Knots per correlation time.
     const KNOTS: f64 = 8.0;
 
-    /// Noise of standard deviation `sigma` that forgets itself within `tau_s`, from 0 to `length_s`.
+    /// Noise of standard deviation `sigma` with correlation time `tau_s`, from 0 to `length_s`.
     pub fn new(random: &mut Random, sigma: f64, tau_s: f64, length_s: f64) -> Coloured {
         let step_s = tau_s / Coloured::KNOTS;
         let kept = (-1.0 / Coloured::KNOTS).exp();
@@ -111,7 +111,7 @@ impl Coloured {
         Coloured { step_s, knots: (0..count).map(|_| next()).collect() }
     }
 
-    /// The value at a time in seconds; beyond its ends it stays as it was there.
+    /// The value at a time in seconds; constant beyond its ends.
     pub fn at(&self, time_s: f64) -> f64 {
         let place = (time_s / self.step_s).clamp(0.0, (self.knots.len() - 4) as f64);
         let index = (place as usize).min(self.knots.len() - 4);

@@ -1,7 +1,7 @@
-//! How a real station differs from an ideal one: every phenomenon is a switch with a named severity.
+//! Deviations of a real station from an ideal one: each phenomenon is a switch with a named severity.
 //!
 //! Sizes are those measured on recordings of people who lift (box of 11.3 kg, four subjects) and on logs of devices.
-//! `realistic` is what a typical station shows, `severe` about twice that; `ideal` is for laws, where only equations count.
+//! `realistic` is a typical station, `severe` about twice that; `ideal` is for tests of the equations alone.
 
 use std::str::FromStr;
 
@@ -38,21 +38,22 @@ impl Severity {
 /// Severity of every phenomenon of the simulated person and of the sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Realism {
-    /// Each foot presses at its own place, which changes: 20 mm forward and 7 mm sideways (1-σ) from the common line.
+    /// Each foot has its own, changing pressure point: 20 mm forward and 7 mm sideways (1-σ) from the common line.
     pub feet: Severity,
-    /// The hands share a load unevenly: the right one carries between 20 and 80 %. And each grips at its own place: along the
-    /// hand from the palm's hollow to the middle of the first phalanges (21 mm before to 21 mm beyond the knuckles), 5 to 25 mm
-    /// on the palm's side of the hand's middle, and up to 12 mm off its axis.
+    /// The hands carry unequal fractions of a load: the right one between 20 and 80 %. And each has its own grip point:
+    /// along the hand from the palm's hollow to the middle of the first phalanges (21 mm before to 21 mm beyond the
+    /// knuckles), 5 to 25 mm on the palm's side of the hand's middle, and up to 12 mm off its axis.
     pub hands: Severity,
-    /// The centre of a box lies 22 to 42 mm beyond the grips, away from the body: 83 to 103 mm ahead of the wrists and 40 to 50 mm
-    /// beyond the hands' centres of mass were measured, so the hands sloped by 45° and the knuckles were 61 mm ahead.
+    /// The centre of a box is 22 to 42 mm beyond the grips, away from the body: 83 to 103 mm ahead of the wrists and 40
+    /// to 50 mm beyond the hands' centres of mass were measured, so the hands sloped by 45° and the knuckles were 61 mm
+    /// ahead.
     pub load_place: Severity,
-    /// Hands press a box between them. `severe` is a box without handles: its weight over 2 µ on each hand, µ = 0.5;
-    /// [`Realism::REALISTIC`] boxes have handles and are not pressed.
+    /// Hands squeeze a box between them. `severe` is a box without handles: its weight over 2 µ on each hand, µ = 0.5;
+    /// [`Realism::REALISTIC`] boxes have handles and are not squeezed.
     pub squeeze: Severity,
-    /// Bones as the suit reports them change length with the posture ([`SuitNoise::REALISTIC`]).
+    /// The suit's reported bones change length with the posture ([`SuitNoise::REALISTIC`]).
     pub soft_tissue: Severity,
-    /// The suit's world wanders from the plate's: 30 mm (1-σ) along each horizontal axis.
+    /// The suit's world drifts relative to the plate's: 30 mm (1-σ) along each horizontal axis.
     pub suit_world: Severity,
     /// The plate's stamps are 43 to 139 ms late and drift by −228 to −555 ppm; the suit's true rate is up to 0.1 % off.
     pub clocks: Severity,
@@ -60,21 +61,22 @@ pub struct Realism {
     pub plate_zero: Severity,
 }
 
-/// How the sensors' clocks disagree.
+/// Errors between the sensors' clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clocks {
-    /// How much too late the plate's samples are stamped at first, s.
+    /// Initial delay of the stamps of the plate's samples, s.
     pub plate_late_s: f64,
-    /// How much the plate's clock gains on the suit's, parts per million.
+    /// Rate of the plate's clock relative to the suit's, ppm; positive if fast.
     pub plate_drift_ppm: f64,
-    /// How much faster the suit samples than its nominal rate, parts per million.
+    /// Deviation of the suit's sample rate from its nominal rate, ppm.
     pub suit_rate_ppm: f64,
 }
 
 impl Realism {
     /// No phenomenon.
     pub const IDEAL: Realism = Realism::all(Severity::Ideal);
-    /// A typical station: the default of the studies; contacts and soft tissue also of the simulated person on the wires.
+    /// A typical station: the default of the studies; contacts and soft tissue also of the simulated person on the
+    /// wires.
     pub const REALISTIC: Realism = Realism { squeeze: Severity::Ideal, ..Realism::all(Severity::Realistic) };
     /// Everything at its worst.
     pub const SEVERE: Realism = Realism::all(Severity::Severe);
@@ -110,7 +112,7 @@ impl Realism {
         }
     }
 
-    /// Habits of the person with this seed: [`Habits::ORDINARY`] with the phenomena of contact.
+    /// Habits of the person with this seed: [`Habits::ORDINARY`] with the contact phenomena.
     pub fn habits(&self, seed: u64) -> Habits {
         let mut random = Random::new(seed, "hands");
         let right_hand_share = 0.5 + self.hands.factor().min(1.6) * (random.between(0.2, 0.8) - 0.5);

@@ -1,7 +1,7 @@
-//! The poses to ask for: about fifty intentions that a healthy adult can hold for some seconds.
+//! The repertoire of poses: about fifty intentions that a healthy adult can hold for some seconds.
 //!
-//! Chosen to turn every group of segments against the others: arms in all directions, one or both, elbows bent,
-//! trunk and pelvis in three directions, head, legs from straight to a deep squat, and mixtures of these.
+//! Chosen to rotate every group of segments against the others: arms in all directions, one or both, elbows bent, trunk
+//! and pelvis in three directions, head, legs from straight to a deep squat, and combinations of these.
 
 use crate::intention::{Arm, Intention};
 
@@ -47,7 +47,7 @@ const fn right(base: Intention, right_arm: Arm) -> Intention {
     Intention { right_arm, ..base }
 }
 
-/// What to tell the worker, and what is meant by it. The first is where everything starts.
+/// Instruction for the worker, and its intention. The first is the start pose.
 pub const REPERTOIRE: &[(&str, Intention)] = &[
     ("stand straight, arms down", S),
     ("T-pose, both arms out to the sides", S.arms(SIDE)),

@@ -1,4 +1,4 @@
-//! A worker with everything that may act on body, suit and plate, as one station would measure it: for studies.
+//! A worker with all deviations of body, suit and plate, as measured by one station: for studies.
 
 use equipoise_core::body::SEGMENTS;
 use nalgebra::Vector3;
@@ -12,34 +12,34 @@ use crate::noise::{PlateNoise, Suit};
 use crate::plate_fault::{FaultyPlate, PlateFault};
 use crate::random::Random;
 
-/// What is hidden in a scene, each with its time.
+/// Hidden deviations of a scene, each with its time span.
 #[derive(Debug, Clone, Default)]
 pub struct Hidden {
-    /// On the body.
+    /// External masses and forces.
     pub burdens: Vec<(Burden, Span)>,
-    /// Of the body.
+    /// Changes of the body.
     pub changes: Vec<(BodyChange, Span)>,
-    /// Of the suit.
+    /// Faults of the suit.
     pub suit: Vec<(SuitFault, Span)>,
-    /// How late the suit is, s.
+    /// Lags of the suit, s.
     pub suit_lag_s: Vec<(f64, Span)>,
-    /// Of the plate.
+    /// Faults of the plate.
     pub plate: Vec<(PlateFault, Span)>,
 }
 
-/// A worker, a suit, and what is hidden in both.
+/// A worker, a suit, and their hidden deviations.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// Who works.
+    /// The worker.
     pub worker: Worker,
-    /// What is worn.
+    /// The suit.
     pub suit: Suit,
-    /// What nobody is told.
+    /// Deviations that are not reported to the estimator.
     pub hidden: Hidden,
 }
 
 impl Scene {
-    /// Where everything really is.
+    /// True state of the body.
     pub fn body(&self, time_s: f64) -> BodyState {
         let mut body = self.worker.sample(time_s);
         for (change, span) in &self.hidden.changes {
@@ -48,7 +48,7 @@ impl Scene {
         body
     }
 
-    /// What the ground really does to the person, about the world's origin.
+    /// True ground reaction on the person, about the world's origin.
     pub fn ground_reaction(&self, time_s: f64) -> Wrench {
         let around = [-DIFFERENCE_S, 0.0, DIFFERENCE_S].map(|step_s| self.body(time_s + step_s));
         let mut wrench = ground_reaction(self.worker.person(), &around, DIFFERENCE_S);
@@ -63,7 +63,7 @@ impl Scene {
         wrench
     }
 
-    /// Segment origins (m) and rotations as the suit reports them under a time.
+    /// Segment origins (m) and rotations as the suit reports them for a time.
     pub fn seen(&self, time_s: f64) -> ([Vector3<f64>; SEGMENTS], Rotations) {
         let late_s: f64 = self.hidden.suit_lag_s.iter().map(|(lag_s, span)| lag_s * span.share(time_s)).sum();
         let body = self.body(time_s - late_s);
@@ -78,7 +78,7 @@ impl Scene {
     }
 }
 
-/// A plate with everything that is wrong with it: asked sample by sample, in order.
+/// A plate with all its faults: evaluated sample by sample, in order.
 #[derive(Debug, Clone)]
 pub struct SensedPlate {
     faulty: FaultyPlate,
@@ -93,12 +93,12 @@ impl SensedPlate {
         SensedPlate { faulty: FaultyPlate::new(hidden.plate.clone()), colour, noise, seed }
     }
 
-    /// What it would tell of a wrench on the person without noise.
+    /// Output for a wrench on the person, without noise.
     pub fn faulty(&mut self, on_person: Wrench, time_s: f64) -> Wrench {
         self.faulty.feel(on_person, time_s)
     }
 
-    /// The same with noise, which does not depend on what is hidden.
+    /// The same with noise, which is independent of the hidden deviations.
     pub fn noisy(&self, faulty: Wrench, time_s: f64, number: u32) -> Wrench {
         let mut random = Random::numbered(self.seed, "plate noise", number);
         self.noise.on(self.colour.on(faulty, time_s), &mut random)

@@ -1,6 +1,6 @@
-//! Values to be taken at times, with smooth transitions: where a person is on the way from one thing to the next.
+//! Values over time with smooth transitions between them.
 
-/// A value over time. A transition that is overtaken by another goes on beneath it, so nothing ever jumps.
+/// A value over time. A transition that is overtaken by another continues beneath it, so the value never jumps.
 #[derive(Debug, Clone)]
 pub struct Schedule<T> {
     first: T,
@@ -15,20 +15,21 @@ struct Step<T> {
 }
 
 impl<T: Clone> Schedule<T> {
-    /// The value until told otherwise.
+    /// The value until the first change.
     pub fn starting_with(value: T) -> Schedule<T> {
         Schedule { first: value, steps: Vec::new() }
     }
 
-    /// From `start_s` on moves to `value`, and has it after `over_s`. A start before the last one's is set to that.
+    /// Moves to `value` from `start_s` on, and reaches it after `over_s`. A start before the previous one's is set to
+    /// that.
     pub fn push(&mut self, value: T, start_s: f64, over_s: f64) {
         let start_s = self.steps.last().map_or(start_s, |last| start_s.max(last.start_s));
         self.steps.push(Step { start_s, over_s, value });
     }
 
-    /// The value at a time; `between(from, to, share)` mixes two.
+    /// The value at a time; `between(from, to, share)` interpolates.
     pub fn at(&self, time_s: f64, between: impl Fn(&T, &T, f64) -> T) -> T {
-        // What ended before now covers all that started before it.
+        // A completed transition supersedes all that started before it.
         let settled = self.steps.iter().rposition(|step| step.start_s + step.over_s <= time_s);
         let (mut value, rest) = match settled {
             Some(index) => (self.steps[index].value.clone(), &self.steps[index + 1..]),
@@ -41,7 +42,7 @@ impl<T: Clone> Schedule<T> {
     }
 }
 
-/// Flash and Hogan's reaching movement: 0 to 1 with neither velocity nor acceleration at the ends.
+/// Minimum-jerk movement of Flash and Hogan: 0 to 1 with neither velocity nor acceleration at the ends.
 pub fn minimum_jerk(share: f64) -> f64 {
     let s = share.clamp(0.0, 1.0);
     s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

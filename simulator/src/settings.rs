@@ -1,4 +1,4 @@
-//! What to simulate: who, in which suit, on which plate, over which network.
+//! Settings of a simulation: person, suit, plate, network.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
@@ -10,29 +10,29 @@ use crate::realism::Realism;
 use crate::suit_sender::{Streams, SuitWorld};
 use crate::wires;
 
-/// What to simulate.
+/// Settings of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulationSettings {
-    /// Everything random follows from it.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Stature, m.
     pub height_m: f64,
     /// Body mass, kg.
     pub mass_kg: f64,
-    /// What the person does besides what is asked.
+    /// Deviations of the person from the commanded motion.
     pub habits: Habits,
     /// The suit.
     pub suit: SuitSettings,
     /// The plate.
     pub plate: PlateSettings,
-    /// A second plate; then each foot stands on one of its own.
+    /// A second plate; each foot then stands on a separate plate.
     pub second_plate: Option<SecondPlateSettings>,
 }
 
-/// The suit's side.
+/// Settings of the suit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SuitSettings {
-    /// Where MVN streams to: the receiver's address.
+    /// Destination of MVN's stream: the receiver's address.
     pub target: SocketAddr,
     /// Over TCP, connecting to the receiver, instead of UDP.
     pub tcp: bool,
@@ -48,43 +48,43 @@ pub struct SuitSettings {
     pub streams: Streams,
     /// Its errors.
     pub noise: SuitNoise,
-    /// The network's.
+    /// Faults of the network.
     pub faults: Faults,
 }
 
-/// The plate's side.
+/// Settings of the plate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlateSettings {
-    /// Where the plate listens for requests; port 0 for any free one.
+    /// Address at which the plate receives requests; port 0 for any free one.
     pub address: SocketAddr,
     /// Samples per second.
     pub rate_hz: f64,
-    /// From a sample's time to its sending, s: the second plate's, too.
+    /// From a sample's time to its sending, s; also of the second plate.
     pub latency_s: f64,
-    /// Where it stands and what it counts.
+    /// Pose and scale of the plate.
     pub plate: Plate,
     /// Its errors.
     pub noise: PlateNoise,
-    /// The network's.
+    /// Faults of the network.
     pub faults: Faults,
 }
 
-/// A second plate, as good as the first: the right foot stands on it, and the left one alone on the first.
+/// A second plate with the first one's noise: the right foot stands on it, the left one alone on the first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SecondPlateSettings {
-    /// Where it listens for requests.
+    /// Address at which it receives requests.
     pub address: SocketAddr,
     /// Samples per second.
     pub rate_hz: f64,
-    /// Where it stands and what it counts; its surface is as high as the first one's.
+    /// Pose and scale; its surface is as high as the first one's.
     pub plate: Plate,
-    /// Where the left and the right foot press, from their ankles along the world's axes, m.
+    /// Pressure points of the left and right foot, from their ankles along the world's axes, m.
     pub press_m: [[f64; 2]; 2],
 }
 
 impl Default for SimulationSettings {
-    /// A person of 1.77 m and 72 kg with realistic contacts and soft tissue ([`Realism::REALISTIC`]) in an ordinary suit on a
-    /// good plate, on loopback and default ports.
+    /// A person of 1.77 m and 72 kg with realistic contacts and soft tissue ([`Realism::REALISTIC`]) in an ordinary
+    /// suit on a good plate, on loopback and default ports.
     fn default() -> SimulationSettings {
         let loopback = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
         SimulationSettings {

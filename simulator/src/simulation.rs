@@ -1,7 +1,7 @@
 //! The whole simulated station, live: a worker, a suit that streams, a plate that answers.
 //!
-//! Simulated time runs one to one with CLOCK_MONOTONIC from the moment of the start. Each sensor is a thread that
-//! sleeps to absolute times and never skips a sample: what is late is sent at once.
+//! Simulated time runs one to one with CLOCK_MONOTONIC from the start. Each sensor is a thread that sleeps to absolute
+//! times and never skips a sample: late samples are sent at once.
 
 mod plates;
 
@@ -32,16 +32,16 @@ use crate::suit_sender::{SuitSender, SuitWorld, frame_at};
 use crate::truth::Truth;
 use crate::walk::Place;
 
-/// The worker obeys this long after a command, so that no sensor has yet seen the time from which it holds, s.
+/// Delay between a command and its effect, so that no sensor has already sampled the time from which it applies, s.
 const REACTION_S: f64 = 0.02;
-/// A sample that is sent so much later than it should be was held up, ns.
+/// A sample sent later than due by this counts as delayed by the host, ns.
 const HELD_UP_NS: u64 = 10_000_000;
-/// Where each foot presses, from its ankle, m.
+/// Pressure point of each foot, from its ankle, m.
 const PRESS_M: [Vector2<f64>; 2] = [Vector2::new(0.05, 0.0), Vector2::new(0.05, 0.0)];
-/// How long a pose takes unless said otherwise, s.
+/// Default duration of a transition to a pose, s.
 const POSE_S: f64 = 1.8;
 
-/// What the threads and the handle share.
+/// State shared between the threads and the handle.
 #[derive(Debug)]
 struct Shared {
     settings: SimulationSettings,
@@ -53,40 +53,40 @@ struct Shared {
     plate_silent: [AtomicBool; 2],
     plate_status: AtomicU32,
     trouble: RwLock<Trouble>,
-    /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC.
+    /// Sample times of the newest sent samples of suit and plate, CLOCK_MONOTONIC.
     sent_ns: [AtomicU64; 2],
-    /// When they were sent, CLOCK_MONOTONIC.
+    /// Their send times, CLOCK_MONOTONIC.
     sent_at_ns: [AtomicU64; 2],
-    /// When each was last held up by its machine, CLOCK_MONOTONIC.
+    /// When each was last delayed by the host, CLOCK_MONOTONIC.
     held_up_ns: [AtomicU64; 2],
 }
 
-/// What is wrong with devices and network now; may change at any time.
+/// Present faults of devices and network; may change at any time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trouble {
-    /// Samples a second of the suit.
+    /// Sample rate of the suit, Hz.
     pub suit_rate_hz: f64,
-    /// The network from the suit.
+    /// Faults of the suit's network.
     pub suit_faults: Faults,
-    /// Before so many of the suit's samples comes one with a place that is no number.
+    /// Probability that a sample with a NaN position precedes a sample of the suit.
     pub suit_nan: f64,
-    /// The network from the plate.
+    /// Faults of the plate's network.
     pub plate_faults: Faults,
-    /// How often each device was switched off and on: suit, plate.
+    /// Power cycles of each device: suit, plate.
     pub restarts: [u32; 2],
-    /// The suit's world in the station's: another after each new calibration.
+    /// The suit's world in the station's: changes with each new calibration.
     pub suit_world: SuitWorld,
-    /// By how much the suit's counter has leapt in all.
+    /// Total jump of the suit's counter.
     pub suit_leapt: i32,
 }
 
 impl Shared {
-    /// Runs `look` on the worker; a thread that panicked elsewhere cannot have left it half changed.
+    /// Runs `look` on the worker; a panicked thread cannot have left it partly changed.
     fn with_worker<T>(&self, look: impl FnOnce(&Worker) -> T) -> T {
         look(&self.worker.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Calls `step` with the number of every sample at its time until told to stop.
+    /// Calls `step` for every sample at its time until the stop flag is set.
     fn pace(
         &self,
         sensor: usize,
@@ -100,7 +100,7 @@ impl Shared {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(());
             }
-            // Before it is sent, so that nobody sees a late sample and does not know; and after, for sending takes time.
+            // Checked before sending, so that no late sample goes out unmarked, and after it, since sending takes time.
             let due_s = clock.time_s() + latency_s;
             self.note_held_up(sensor, due_s);
             let rate_hz = step(&mut clock)?;
@@ -222,12 +222,12 @@ impl Simulation {
     }
 }
 
-/// There is no such pose in the library.
+/// Pose index beyond the library.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the library has no pose {0}; the last is {last}", last = LIBRARY.len() - 1)]
 pub struct NoSuchPose(pub usize);
 
-/// Tells a running simulation what to do and asks it what is so. Dropped, it stops the simulation.
+/// Controls and queries a running simulation. Dropping it stops the simulation.
 #[derive(Debug)]
 pub struct SimulationHandle {
     shared: Arc<Shared>,
@@ -243,17 +243,17 @@ impl SimulationHandle {
 
     fn command(&self, order: impl FnOnce(&mut Worker, f64)) {
         let mut worker = self.shared.worker.write().unwrap_or_else(PoisonError::into_inner);
-        // Read with the lock held: while we waited for it the sensors went on.
+        // Read with the lock held: the sensors went on while it was awaited.
         let at_s = self.now_s() + REACTION_S;
         order(&mut worker, at_s);
     }
 
-    /// Where the plate listens.
+    /// Address of the plate.
     pub fn plate_address(&self) -> SocketAddr {
         self.plate_address
     }
 
-    /// What is simulated.
+    /// Settings of the simulation.
     pub fn settings(&self) -> &SimulationSettings {
         &self.shared.settings
     }
@@ -278,52 +278,52 @@ impl SimulationHandle {
         Ok(())
     }
 
-    /// The worker does what is meant, within `over_s`.
+    /// The worker takes the intended posture within `over_s`.
     pub fn intend(&self, intention: &Intention, over_s: f64) {
         self.command(|worker, at_s| worker.intend(intention, at_s, over_s));
     }
 
-    /// A box of that mass comes into the worker's hands.
+    /// Puts a box of that mass into the worker's hands.
     pub fn lift(&self, mass_kg: f64) {
         self.command(|worker, at_s| worker.lift(mass_kg, at_s));
     }
 
-    /// The worker lets go of the box.
+    /// The worker releases the box.
     pub fn put_down(&self) {
         self.command(Worker::put_down);
     }
 
-    /// The worker picks up a box, shows it around and puts it down: [`Worker::lift_and_show`].
+    /// The worker picks up a box, moves it and puts it down: [`Worker::lift_and_show`].
     pub fn lift_and_show(&self, mass_kg: f64) {
         self.command(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
     }
 
-    /// The worker walks to another place: [`Worker::go`]; the first step begins in so many seconds. Less than 2.5 would be a
-    /// leap, for who walks leans before. Returns when it is over, s.
+    /// The worker walks to another place: [`Worker::go`]; the first step begins in `in_s` seconds. Less than 2.5 would
+    /// cause a jump, since the body leans before a step. Returns its end, s.
     pub fn go(&self, in_s: f64, to: Place) -> f64 {
         let mut end_s = 0.0;
         self.command(|worker, at_s| end_s = worker.go(at_s + in_s, to));
         end_s
     }
 
-    /// The worker stamps a foot down so many times: [`Worker::stomp`]. Returns when it is over, s.
+    /// The worker stamps a foot down `count` times: [`Worker::stomp`]. Returns its end, s.
     pub fn stomp(&self, count: u32) -> f64 {
         let mut end_s = 0.0;
         self.command(|worker, at_s| end_s = worker.stomp(at_s, count));
         end_s
     }
 
-    /// The worker steps off the plates, or back on, or something else lies there; at once.
+    /// Sets the load of the plates: the worker, nothing, or another object; at once.
     pub fn put_on_plates(&self, what: OnPlates) {
         *self.shared.on_plates.write().unwrap_or_else(PoisonError::into_inner) = what;
     }
 
-    /// The suit stops (or starts again) sending, as when its battery is changed.
+    /// Stops or resumes the suit's stream, as during a change of its battery.
     pub fn silence_suit(&self, silent: bool) {
         self.shared.suit_silent.store(silent, Ordering::Relaxed);
     }
 
-    /// The plate stops (or starts again) sending, as when its cable is pulled.
+    /// Stops or resumes the plate's stream, as with its cable unplugged.
     pub fn silence_plate(&self, silent: bool) {
         self.shared.plate_silent[0].store(silent, Ordering::Relaxed);
     }
@@ -333,43 +333,43 @@ impl SimulationHandle {
         self.shared.plate_silent[1].store(silent, Ordering::Relaxed);
     }
 
-    /// The status word of all records from now on; 0 is sound.
+    /// Sets the status word of all following records; 0 means no fault.
     pub fn set_plate_status(&self, status: u32) {
         self.shared.plate_status.store(status, Ordering::Relaxed);
     }
 
-    /// Changes what is wrong with devices and network; a change holds from the next sample on.
+    /// Changes the faults of devices and network, from the next sample on.
     pub fn trouble(&self, change: impl FnOnce(&mut Trouble)) {
         change(&mut self.shared.trouble.write().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// Times of the newest samples of suit and plate that were sent, CLOCK_MONOTONIC ns; 0 for none.
+    /// Sample times of the newest sent samples of suit and plate, CLOCK_MONOTONIC ns; 0 for none.
     pub fn sent_ns(&self) -> [u64; 2] {
         [0, 1].map(|sensor| self.shared.sent_ns[sensor].load(Ordering::Relaxed))
     }
 
-    /// When those samples were sent, CLOCK_MONOTONIC ns; 0 for none.
+    /// Send times of those samples, CLOCK_MONOTONIC ns; 0 for none.
     pub fn sent_at_ns(&self) -> [u64; 2] {
         [0, 1].map(|sensor| self.shared.sent_at_ns[sensor].load(Ordering::Relaxed))
     }
 
-    /// When the machine last held up suit and plate so long (10 ms) that they were no sensors any more, CLOCK_MONOTONIC
-    /// ns; 0 for never.
+    /// When the host last delayed suit and plate by more than 10 ms, so that they do not represent real sensors,
+    /// CLOCK_MONOTONIC ns; 0 for never.
     pub fn held_up_ns(&self) -> [u64; 2] {
         [0, 1].map(|sensor| self.shared.held_up_ns[sensor].load(Ordering::Relaxed))
     }
 
-    /// What is so at a simulated time. For times to come: if nothing more is asked of the worker.
+    /// Truth at a simulated time. For future times it assumes no further commands.
     pub fn truth_at(&self, time_s: f64) -> Truth {
         self.shared.with_worker(|worker| Truth::of(worker, time_s))
     }
 
-    /// What is so now.
+    /// Truth now.
     pub fn truth(&self) -> Truth {
         self.truth_at(self.now_s())
     }
 
-    /// What presses on the feet at a simulated time, for further devices under the same worker.
+    /// Load of the feet at a simulated time, for further devices under the same worker.
     pub fn load(&self) -> Load {
         let shared = Arc::clone(&self.shared);
         Arc::new(move |time_s| shared.with_worker(|worker| OnFeet::of(worker, time_s, PRESS_M)))
@@ -378,7 +378,7 @@ impl SimulationHandle {
     /// Stops both sensors.
     ///
     /// # Errors
-    /// What ended a sensor before its time.
+    /// The error that ended a sensor early.
     pub fn stop(mut self) -> io::Result<()> {
         self.join()
     }
@@ -397,7 +397,7 @@ impl SimulationHandle {
 
 impl Drop for SimulationHandle {
     fn drop(&mut self) {
-        // Who drops without asking does not want to know.
+        // Dropped without `stop`: errors are ignored.
         let _ = self.join();
     }
 }

@@ -1,16 +1,16 @@
-//! Two feet flat on the floor, and the polygon between them that carries.
+//! Two feet flat on the floor, and their support polygon.
 
 use equipoise_core::body::{Segment, Side};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use crate::person::Person;
 
-/// Where the feet stand. Arrays are indexed by [`Side::BOTH`]: left, right.
+/// Placement of the feet. Arrays are indexed by [`Side::BOTH`]: left, right.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stance {
     /// Ankle joints in the world, m.
     pub ankle_m: [Vector3<f64>; 2],
-    /// `world_from_foot`: a turn about Z, for the soles are flat.
+    /// `world_from_foot`: a rotation about Z, since the soles are flat.
     pub world_from_foot: [UnitQuaternion<f64>; 2],
     /// Corners of the support polygon, counter-clockwise, m.
     pub support_m: Vec<Vector2<f64>>,
@@ -34,7 +34,7 @@ impl Stance {
         Stance { ankle_m, world_from_foot, support_m }
     }
 
-    /// Corners of the polygon about the soles that carry, counter-clockwise, m.
+    /// Corners of the support polygon of the loaded soles, counter-clockwise, m.
     pub fn support_of(
         person: &Person,
         ankle_m: &[Vector3<f64>; 2],
@@ -57,7 +57,7 @@ impl Stance {
         (self.ankle_m[0].xy() + self.ankle_m[1].xy()) * 0.5 + Vector2::new(forward_m, 0.0)
     }
 
-    /// How far a point is inside the support polygon, m; negative outside.
+    /// Distance of a point inside the support polygon from its boundary, m; negative outside.
     pub fn margin_m(&self, point_m: Vector2<f64>) -> f64 {
         let next = self.support_m.iter().cycle().skip(1);
         self.support_m

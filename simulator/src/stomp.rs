@@ -1,26 +1,26 @@
-//! Stomping: standing on the left foot, the right one is raised slowly and stamped down, again and again.
+//! Stomping: standing on the left foot, the right one is raised slowly and stamped down, repeatedly.
 //!
-//! The weight stays on the left foot, so the floor feels no more of a stomp than what stops the leg: how high the force
-//! leaps is the person's own leg, not a number here.
+//! The weight stays on the left foot, so the floor's force is only that which stops the leg: the height of the force
+//! step follows from the person's leg, not from a parameter here.
 
 use core::f64::consts::FRAC_PI_2;
 
 use crate::schedule::minimum_jerk;
 use crate::stance::Stance;
 
-/// How long the weight takes to the left foot, and back, s.
+/// Duration of the weight's shift to the left foot, and back, s.
 const SHIFT_S: f64 = 1.2;
-/// How much of the way to the left ankle it goes.
+/// Fraction of the distance to the left ankle that it covers.
 const SHIFTED: f64 = 0.95;
-/// How long the foot takes up, and how high, s and m.
+/// Duration and height of raising the foot, s and m.
 const RAISE: (f64, f64) = (0.5, 0.12);
-/// It falls with this acceleration until it is so fast, m/s² and m/s.
+/// Acceleration of its fall and terminal speed, m/s² and m/s.
 const FALL: (f64, f64) = (40.0, 1.6);
-/// The floor, the shoe and the heel stop it within this time, s, as a spring does.
+/// Floor, shoe and heel stop it within this time, s, like a spring.
 const STOP_S: f64 = 0.022;
-/// From one raising to the next, s: an irregular beat, for a regular one fits one beat later, too.
+/// Pauses between raisings, s: an irregular beat, since a regular one would also match when shifted by one beat.
 const PAUSES_S: [f64; 5] = [1.4, 2.1, 1.6, 2.7, 1.9];
-/// The knees are bent a little meanwhile: the pelvis sinks by this share of its height.
+/// The knees are slightly bent meanwhile: the pelvis sinks by this fraction of its height.
 const SINK: f64 = 0.08;
 
 /// One bout of stomping.
@@ -32,40 +32,40 @@ pub struct Stomps {
 }
 
 impl Stomps {
-    /// So many stomps of the right foot in a stance; the first comes some 2.5 s after `start_s`.
+    /// `count` stomps of the right foot in a stance; the first comes some 2.5 s after `start_s`.
     pub fn new(stance: &Stance, start_s: f64, count: u32) -> Stomps {
         let aside_m = 0.5 * (stance.ankle_m[0] - stance.ankle_m[1]).xy().norm() * SHIFTED;
         Stomps { start_s, count, aside_m }
     }
 
-    /// When it is over, s.
+    /// Its end, s.
     pub fn end_s(&self) -> f64 {
         self.raised_s(self.count) + SHIFT_S
     }
 
-    /// Whether it is under way.
+    /// Whether it is in progress.
     pub fn lasts(&self, time_s: f64) -> bool {
         (self.start_s..self.end_s()).contains(&time_s)
     }
 
-    /// When the foot is stamped down, s: the moments at which half of its speed is gone.
+    /// Times of the foot's impacts, s: when half of its speed is lost.
     pub fn hits_s(&self) -> impl Iterator<Item = f64> + use<'_> {
-        // cos 60° of a spring's quarter.
+        // cos 60° of a spring's quarter period.
         (0..self.count).map(|index| self.raised_s(index) + RAISE.0 + fall().ends_s - STOP_S / 3.0)
     }
 
-    /// When the foot begins to be raised for the n-th time, s.
+    /// Start of the n-th raising of the foot, s.
     fn raised_s(&self, index: u32) -> f64 {
         let pauses_s: f64 = PAUSES_S.iter().cycle().take(index as usize).sum();
         self.start_s + SHIFT_S + pauses_s
     }
 
-    /// How far the centre of mass is to the left at a time, m.
+    /// Displacement of the centre of mass to the left at a time, m.
     pub fn aside_m(&self, time_s: f64) -> f64 {
         self.aside_m * self.share(time_s)
     }
 
-    /// By which share of its height the pelvis is lower at a time.
+    /// Lowering of the pelvis at a time, as a fraction of its height.
     pub fn sink(&self, time_s: f64) -> f64 {
         SINK * self.share(time_s)
     }
@@ -74,7 +74,7 @@ impl Stomps {
         minimum_jerk((time_s - self.start_s) / SHIFT_S) * minimum_jerk((self.end_s() - time_s) / SHIFT_S)
     }
 
-    /// How high the left and the right foot are at a time, m.
+    /// Heights of the left and right foot at a time, m.
     pub fn lift_m(&self, time_s: f64) -> [f64; 2] {
         let begun =
             (0..self.count).rev().map(|index| self.raised_s(index)).find(|begun_s| *begun_s <= time_s);
@@ -88,7 +88,7 @@ impl Stomps {
     }
 }
 
-/// A fall from the full height: faster and faster, then even, then stopped.
+/// A fall from the full height: accelerating, then constant, then stopped.
 #[derive(Debug, Clone, Copy)]
 struct Fall {
     accelerates_s: f64,
@@ -104,7 +104,7 @@ fn fall() -> Fall {
 }
 
 impl Fall {
-    /// Height so long after its begin, m.
+    /// Height this long after its start, m.
     fn at(&self, since_s: f64) -> f64 {
         let (acceleration, speed) = FALL;
         let even_s = (since_s - self.accelerates_s).clamp(0.0, self.even_s);

@@ -1,4 +1,4 @@
-//! What a suit sends that fewer people tick: angular motion, trackers, ergonomic angles, fingers, props, time of day.
+//! Less common streams of a suit: angular motion, trackers, ergonomic angles, fingers, props, time of day.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -11,15 +11,15 @@ use crate::wires::mvn::items::{TRACKED_SEGMENTS, Tracker};
 
 /// The magnetic field in the suit's world, in units of its strength: northward and down.
 const FIELD: [f64; 3] = [0.5, 0.0, -0.866];
-/// The simulated computer's time of day when its suit's clock was zero, ms: noon.
+/// Time of day at the suit's clock zero, ms: noon.
 const STARTED_AT_MS: u32 = 12 * 3600 * 1000;
 /// Phalanges of a finger from the wrist along the hand, parts of the hand's reach to the grip.
 const PHALANGES: [f64; 4] = [0.4, 1.4, 2.0, 2.4];
 
-/// Segment origins and rotations at one moment.
+/// Segment origins and rotations at one time.
 pub(crate) type Seen = ([Point3<f64>; SEGMENTS], Rotations);
 
-/// What is ticked of it, from three moments `step_s` apart.
+/// The selected ones of these streams, from three states `step_s` apart.
 pub(crate) fn more(
     streams: Streams,
     time_code_ms: u32,
@@ -60,7 +60,7 @@ pub(crate) fn more(
         ergonomic_deg: streams.ergonomic.then(|| ergonomic_deg(rotation)),
         angular: streams.angular.then_some(angular),
         trackers: trackers.map_or_else(Vec::new, Vec::from),
-        com_motion: None, // needs the model's centres; the sender fills it in
+        com_motion: None, // requires the model's centres; filled in by the sender
         time_of_day_ms: streams.time_of_day.then_some(STARTED_AT_MS.wrapping_add(time_code_ms)),
         old_sizes: streams.old_sizes,
         props: props.collect(),
@@ -85,10 +85,10 @@ fn angular([before, now, after]: &[Rotations; 3], step_s: f64) -> [[[f64; 3]; 2]
     })
 }
 
-/// The six ergonomic angles, in the axes of the joint angles: each segment's turn in the other's.
+/// The six ergonomic angles, in the axes of the joint angles: rotation of each segment relative to the other.
 fn ergonomic_deg(rotation: &Rotations) -> [[f64; 3]; 6] {
     let of = |segment: Segment| rotation[segment.index()];
-    // About the vertical a segment has no angle to it: only how far it leans.
+    // Relative to the vertical a segment has no heading, only an inclination.
     let upright = |segment: Segment| {
         let forward = of(segment) * Vector3::x();
         UnitQuaternion::from_scaled_axis(Vector3::z() * forward.y.atan2(forward.x))

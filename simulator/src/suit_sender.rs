@@ -13,10 +13,10 @@ use crate::noise::Suit;
 use crate::suit_more::{Seen, more};
 use crate::wire::{More, SuitFrame, introduction, joint_angles_deg};
 
-/// Half the span of the differences that give velocity and acceleration, s.
+/// Half the span of the differences for velocity and acceleration, s.
 const DIFFERENCE_S: f64 = 0.004;
 
-/// Which optional datagrams are ticked in MVN's streaming options.
+/// Selected optional datagrams, as in MVN's streaming options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Streams {
     /// Type 20.
@@ -25,7 +25,7 @@ pub struct Streams {
     pub linear_kinematics: bool,
     /// Type 24.
     pub centre_of_mass: bool,
-    /// Leave out type 02, which is sent otherwise.
+    /// Leave out type 02, which is sent by default.
     pub without_quaternions: bool,
     /// Type 01.
     pub euler: bool,
@@ -43,9 +43,9 @@ pub struct Streams {
     pub com_motion: bool,
     /// Type 25.
     pub time_of_day: bool,
-    /// Types 23 to 25 as older versions send them.
+    /// Types 23 to 25 in the sizes of older versions.
     pub old_sizes: bool,
-    /// Gloves are worn: 40 finger segments with every pose.
+    /// With gloves: 40 finger segments with every pose.
     pub fingers: bool,
     /// Props in the right hand, 0 to 4.
     pub props: u8,
@@ -71,7 +71,7 @@ impl Streams {
         props: 0,
     };
 
-    /// Everything that there is, without gloves and props.
+    /// All streams, without gloves and props.
     pub const ALL: Streams = Streams {
         joint_angles: true,
         linear_kinematics: true,
@@ -94,16 +94,16 @@ impl Default for Streams {
     }
 }
 
-/// How the suit's world lies in the station's: a turn about Z and a shift.
+/// The suit's world in the station's: a rotation about Z and a translation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SuitWorld {
     /// Origin of the suit's world in the station's, m.
     pub origin_m: [f64; 3],
-    /// Turn of the suit's axes in the station's, rad.
+    /// Rotation of the suit's axes in the station's, rad.
     pub yaw_rad: f64,
 }
 
-/// The frame that the suit sends of a worker at a time; the counter is the number of the sample.
+/// The suit's frame of a worker at a time; the counter is the number of the sample.
 pub fn frame(
     worker: &Worker,
     suit: &Suit,
@@ -113,12 +113,12 @@ pub fn frame(
     (sample_counter, rate_hz): (u32, f64),
 ) -> SuitFrame {
     let time_s = f64::from(sample_counter) / rate_hz;
-    // MVN cuts the counter's time to whole milliseconds.
+    // MVN truncates the counter's time to whole milliseconds.
     let device = (sample_counter, (time_s * 1000.0) as u32);
     frame_at(worker, suit, world, streams, avatar, time_s, device)
 }
 
-/// The same at a time that is not the counter's; `device` is the suit's own counter and time, ms.
+/// The same at a time other than the counter's; `device` is the suit's own counter and time, ms.
 pub fn frame_at(
     worker: &Worker,
     suit: &Suit,
@@ -141,7 +141,7 @@ pub fn frame_at(
     let (origin_m, rotation) = see(time_s);
     let h = DIFFERENCE_S;
     let differs = streams.linear_kinematics || streams.angular || streams.trackers || streams.com_motion;
-    // Three times the work, which nobody wants who sends poses only.
+    // Evaluate the neighbouring times only if derivatives are sent: they triple the work.
     let [before, after] =
         if differs { [-h, h].map(|step_s| see(time_s + step_s)) } else { [(origin_m, rotation); 2] };
     let motion_of = |[before, now, after]: [nalgebra::Vector3<f64>; 3]| {
@@ -153,7 +153,7 @@ pub fn frame_at(
         std::array::from_fn(|i| motion_of([before.0[i].coords, origin_m[i].coords, after.0[i].coords]))
     });
     let com = |(origin_m, rotation): &Seen| {
-        // MVN's own model is an average body, not this one.
+        // MVN's own model is an average body, not this subject's.
         let average = crate::person::Person::nominal(worker.person().height_m, worker.person().mass_kg);
         let coms: Vec<_> =
             (0..origin_m.len()).map(|i| origin_m[i].coords + rotation[i] * average.com_m[i]).collect();
@@ -176,7 +176,7 @@ pub fn frame_at(
     }
 }
 
-/// Sends frames over UDP, or over TCP to a receiver that listens.
+/// Sends frames over UDP, or over TCP to a listening receiver.
 pub struct SuitSender(Line);
 
 impl SuitSender {
@@ -188,7 +188,7 @@ impl SuitSender {
         Ok(SuitSender::over(Line::new(Box::new(UdpPort::to(target)?), seed), faults))
     }
 
-    /// A sender that connects to an address over TCP, again and again until it is let in.
+    /// A sender that connects to an address over TCP, retrying until it succeeds.
     pub fn over_tcp(target: SocketAddr, faults: Faults, seed: u64) -> SuitSender {
         SuitSender::over(Line::new(Box::new(TcpOutPort::to(target)), seed), faults)
     }
@@ -198,7 +198,7 @@ impl SuitSender {
         SuitSender(line)
     }
 
-    /// The network is another from the next datagram on.
+    /// Replaces the faults from the next datagram on.
     pub fn set_faults(&mut self, faults: Faults) {
         self.0.set_faults(faults);
     }
@@ -220,7 +220,7 @@ impl SuitSender {
     }
 
     fn send_all(&mut self, datagrams: impl IntoIterator<Item = Vec<u8>>) -> io::Result<()> {
-        // Over TCP this lets the sender in, and notices that the receiver has gone.
+        // Over TCP this connects the sender and detects a closed receiver.
         let _nothing_is_said_to_it = self.0.port().hear()?;
         datagrams.into_iter().try_for_each(|datagram| self.0.send(&datagram, 1))
     }

@@ -1,9 +1,9 @@
-//! What is really so, for comparing with what the pipeline says.
+//! Ground truth, for comparison with the estimates.
 //!
-//! The overload of a joint is the torque that holds the posture with the load less the torque without it, and in motion
-//! the torque of the motion with the load less that of the same motion without it ([`in_motion`]). Both are summed
-//! directly: every force beyond the joint times its arm. The sign is that of `τ = g(q) − Σ Jᵀ f`: a weight in
-//! the hand asks for `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
+//! The overload of a joint is the torque that holds the posture with the load minus the torque without it, and in
+//! motion the torque of the motion with the load minus that of the same motion without it ([`in_motion`]). Both are
+//! summed directly: every force beyond the joint times its arm. The sign is that of `τ = g(q) − Σ Jᵀ f`: a weight in
+//! the hand requires `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
 
 pub mod back;
 pub mod in_motion;
@@ -23,7 +23,7 @@ use in_motion::Difference;
 pub struct Force {
     /// The segment it acts on.
     pub on: Segment,
-    /// Where, world, m.
+    /// Point of action, world, m.
     pub at_m: Vector3<f64>,
     /// The force, world, N.
     pub force_n: Vector3<f64>,
@@ -36,39 +36,39 @@ pub struct Truth {
     pub time_s: f64,
     /// Kinematics, without any sensor's error.
     pub body: BodyState,
-    /// What the ground does to the person, with all inertia: force, moment about the world's origin.
+    /// Ground reaction on the person, with all inertia: force, moment about the world's origin.
     pub ground: Wrench,
     /// Centre of pressure of that wrench, m.
     pub cop_m: Vector2<f64>,
-    /// What the ground would do to the person in the same motion without the box.
+    /// Ground reaction in the same motion without the box.
     pub ground_without_load: Wrench,
     /// Centre of pressure of that, m.
     pub cop_without_load_in_motion_m: Vector2<f64>,
     /// Centre of mass of the body alone, m.
     pub com_m: Vector3<f64>,
-    /// Centre of pressure of the body alone if it stood still like this: the projection of its centre of mass, m.
+    /// Centre of pressure of the body alone if it were static in this pose: the projection of its centre of mass, m.
     pub cop_without_load_m: Vector2<f64>,
-    /// Centre of pressure of body and box if they stood still like this, m.
+    /// Centre of pressure of body and box if they were static in this pose, m.
     pub cop_with_load_m: Vector2<f64>,
-    /// Force of the box on the hands, N (its weight, pointing down), and where it acts, m.
+    /// Force of the box on the hands, N (its weight, pointing down).
     pub load_force_n: Vector3<f64>,
-    /// Force of the box on the hands with its inertia, N; its opposite is what the ground does more.
+    /// Force of the box on the hands with its inertia, N; its opposite is the additional ground reaction.
     pub load_force_in_motion_n: Vector3<f64>,
     /// The box's centre, m.
     pub load_m: Vector3<f64>,
-    /// Share of the left and the right foot without and with the load.
+    /// Load fraction of the left and right foot without and with the load.
     pub foot_share: [[f64; 2]; 2],
     /// Force and moment of the pelvis on everything above L5/S1, the box included.
     pub back: BackLoad,
     /// Static overload torque per joint, world axes, N m; the ground acts under each foot.
     pub overload_nm: [Vector3<f64>; JOINTS],
-    /// Overload torque with all inertia, world axes, N m: the torques of this motion with the box less those of the
+    /// Overload torque with all inertia, world axes, N m: the torques of this motion with the box minus those of the
     /// same motion without it; the ground acts under each foot.
     pub overload_in_motion_nm: [Vector3<f64>; JOINTS],
 }
 
 impl Truth {
-    /// What is so for a worker at a time.
+    /// Truth for a worker at a time.
     pub fn of(worker: &Worker, time_s: f64) -> Truth {
         let person = worker.person();
         let mut around = worker.around(time_s);
@@ -127,7 +127,7 @@ impl Truth {
     }
 }
 
-/// Torque that `with` asks of each joint more than `without`, world axes, N m.
+/// Torque that `with` requires of each joint in addition to `without`, world axes, N m.
 pub fn overload_nm(
     origin_m: &[Vector3<f64>; SEGMENTS],
     without: &[Force],
@@ -137,7 +137,7 @@ pub fn overload_nm(
     std::array::from_fn(|j| after[j] - before[j])
 }
 
-/// Torque of each joint that holds the forces beyond it, world axes, N m.
+/// Torque of each joint that balances the forces beyond it, world axes, N m.
 fn holding_nm(origin_m: &[Vector3<f64>; SEGMENTS], forces: &[Force]) -> [Vector3<f64>; JOINTS] {
     Joint::ALL.map(|joint| {
         let beyond = forces.iter().filter(|force| force.on.is_distal_to(joint.segment()));
@@ -146,12 +146,12 @@ fn holding_nm(origin_m: &[Vector3<f64>; SEGMENTS], forces: &[Force]) -> [Vector3
     })
 }
 
-/// The ground's vertical forces on the left and the right foot, each at its own place, for a centre of pressure and a
+/// The ground's vertical forces on the left and right foot, with their points of action, for a centre of pressure and a
 /// vertical force.
 ///
-/// The feet press at the ankles, off by [`BodyState::foot_press_m`] and by `press_m` (world axes, m), and share the force so
-/// that they act together at the centre of pressure. What of it lies off the line between both moves both alike. A foot in
-/// the air carries nothing.
+/// The pressure points are the ankles, offset by [`BodyState::foot_press_m`] and by `press_m` (world axes, m); the feet
+/// share the force so that its resultant acts at the centre of pressure. The part of it off the line between both
+/// shifts both equally. A foot in the air carries nothing.
 pub fn foot_forces(
     body: &BodyState,
     press_m: [Vector2<f64>; 2],

@@ -1,7 +1,7 @@
-//! Each foot on a plate of its own, or on an insole: the ground's wrench, split. For studies without a wire.
+//! Each foot on its own plate, or on an insole: the ground's wrench, split. For studies without a network.
 //!
-//! One wrench does not say how two feet share it: where each foot presses on its sole is the person's own affair. So it
-//! is an input here, and the split is the one whose sum is the wrench of the whole.
+//! The total wrench does not determine its distribution: the pressure point of each foot is free. It is therefore an
+//! input, and the split is the one whose sum is the total wrench.
 
 use bytemuck::Zeroable;
 use equipoise_core::body::Side;
@@ -12,11 +12,12 @@ use crate::dynamics::Wrench;
 use crate::motion::Worker;
 use crate::truth::foot_forces;
 
-/// What the ground does to the left and the right foot at a time, about the world's origin; the sum is
+/// Ground reaction on the left and right foot at a time, about the world's origin; the sum is
 /// [`Worker::ground_reaction`].
 ///
-/// `press_m` is where each foot presses, from its ankle along the world's axes, m, in addition to
-/// [`crate::motion::BodyState::foot_press_m`]; zero is right under the ankles. Shear and the moment about the vertical are shared as the vertical force is.
+/// `press_m` is the pressure point of each foot, from its ankle along the world's axes, m, in addition to
+/// [`crate::motion::BodyState::foot_press_m`]; zero is directly under the ankles. Shear and the moment about the
+/// vertical are distributed as the vertical force is.
 pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> [Wrench; 2] {
     let whole = worker.ground_reaction(time_s);
     let feet = foot_forces(&worker.sample(time_s), press_m, whole.cop_m(), whole.force_n.z);
@@ -27,8 +28,8 @@ pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<
         .map(|k| Wrench { moment_nm: parts[k].moment_nm + Vector3::z() * (turning * shares[k]), ..parts[k] })
 }
 
-/// What two plates side by side on the floor (`z = 0`) tell of it: the sum, and each foot by itself. Times, counters
-/// and sequence are the caller's.
+/// The sample of two adjacent plates on the floor (`z = 0`): the sum, and each foot separately. Times, counters and
+/// sequence are left to the caller.
 pub fn ground_sample(feet: &[Wrench; 2]) -> GroundSample {
     let bears = |foot: &Wrench| foot.force_n.z > 0.0;
     GroundSample {
@@ -41,8 +42,8 @@ pub fn ground_sample(feet: &[Wrench; 2]) -> GroundSample {
     }
 }
 
-/// What insoles tell of it: how hard each sole is pressed, and where on it, from its middle, forward and to the left.
-/// Feet are taken to stand flat. Times, counters and sequence are the caller's.
+/// The sample of insoles: force on each sole and its point of action, from the middle, forward and to the left. Feet
+/// are assumed flat. Times, counters and sequence are left to the caller.
 pub fn insole_sample(worker: &Worker, time_s: f64, feet: &[Wrench; 2]) -> GroundSample {
     let (body, sole) = (worker.sample(time_s), worker.person().sole_m);
     let middle_m = 0.5 * (sole.forward - sole.back);

@@ -1,9 +1,9 @@
-//! Stepping to another place: one foot after the other along an arc, the weight on the foot that stands meanwhile.
+//! Stepping to another place: one foot after the other along an arc, with the weight on the standing foot.
 //!
-//! Where the ground shall press is laid down first: on the standing foot while the other is in the air, and from foot
-//! to foot in between. A centre of mass `y` at height `z` presses at `p = y − T² ÿ` with `T = √(z/g)`; of all motions
-//! with that `p`, the one that does not run away is `y(t) = ∫ p(t + u) e^(−|u|/T) du / 2T`: a person who leans before
-//! the step begins, and comes to rest after it.
+//! The centre of pressure is planned first: on the standing foot while the other is in the air, and moving from foot to
+//! foot in between. A centre of mass `y` at height `z` has the centre of pressure `p = y − T² ÿ` with `T = √(z/g)`; of
+//! all motions with that `p`, the bounded one is `y(t) = ∫ p(t + u) e^(−|u|/T) du / 2T`: the body leans before the step
+//! begins, and comes to rest after it.
 
 use equipoise_core::body::Side;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -13,41 +13,41 @@ use crate::person::Person;
 use crate::schedule::{Schedule, minimum_jerk};
 use crate::stance::Stance;
 
-/// The weight moves onto a foot within this, s.
+/// Duration of the weight's shift onto a foot, s.
 const SHIFT_S: f64 = 0.55;
 /// A foot is in the air for this long, s.
 const SWING_S: f64 = 0.60;
-/// How high it is raised, m.
+/// Lift height, m.
 const LIFT_M: f64 = 0.08;
-/// Farther or farther round than this takes another pair of steps: m, rad.
+/// A larger distance or rotation takes another pair of steps: m, rad.
 const PACE: (f64, f64) = (0.20, 0.80);
-/// The knees are bent a little meanwhile, as in marching: share of the pelvis' height.
+/// The knees are slightly bent meanwhile, as in marching: fraction of the pelvis' height.
 const SINK: f64 = 0.08;
 /// Height of a standing person's centre of mass over stature.
 const CENTRE_HEIGHT: f64 = 0.54;
-/// Where a foot presses, in front of its ankle, over stature.
+/// Pressure point of a foot, in front of its ankle, over stature.
 const PRESS: f64 = 0.025;
-/// How far ahead and back a person knows where to press, and the spacing of the sum over it, s.
+/// Half width of the integral over the planned centre of pressure, and the spacing of its sum, s.
 const FORESIGHT: (f64, f64) = (2.4, 0.03);
 
-/// Where a person stands: the point between the feet and the direction that the toes point to.
+/// Position of a standing person: the point between the feet and the direction of the toes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Between the ankles, m.
     pub middle_m: Vector2<f64>,
-    /// Turn to the left, rad; 0 looks along X.
+    /// Rotation to the left, rad; 0 faces along X.
     pub heading_rad: f64,
 }
 
 impl Place {
-    /// Where everybody starts.
+    /// Start position.
     pub const HOME: Place = Place { middle_m: Vector2::new(0.0, 0.0), heading_rad: 0.0 };
 
     fn turn(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::from_scaled_axis(Vector3::z() * self.heading_rad)
     }
 
-    /// Ankle and turn of a foot here, of the stance at home.
+    /// Ankle and rotation of a foot here, for the stance at home.
     fn foot(&self, home: &Stance, k: usize) -> Foot {
         let from_middle_m = home.ankle_m[k] - home.between_the_feet_m(0.0).push(0.0);
         Foot {
@@ -64,13 +64,13 @@ struct Foot {
     world_from_foot: UnitQuaternion<f64>,
 }
 
-/// Both feet moved once.
+/// One step of both feet.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
     start_s: f64,
     from: Place,
     to: Place,
-    /// Which foot goes first, an index into [`Side::BOTH`].
+    /// The foot that moves first, an index into [`Side::BOTH`].
     first: usize,
 }
 
@@ -83,7 +83,7 @@ impl Pair {
     }
 }
 
-/// All the walking of one person.
+/// All steps of one person.
 #[derive(Debug, Clone)]
 pub struct Walk {
     home: Stance,
@@ -94,7 +94,7 @@ pub struct Walk {
 }
 
 impl Walk {
-    /// Nobody has gone anywhere yet.
+    /// A walk without steps so far.
     pub fn new(person: &Person, home: &Stance) -> Walk {
         let forward_m = PRESS * person.height_m;
         Walk {
@@ -106,12 +106,13 @@ impl Walk {
         }
     }
 
-    /// Whether anybody has gone anywhere.
+    /// Whether there are no steps.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    /// Goes to a place, in as many pairs of steps as it takes; when it is over, s. Not before earlier walking is.
+    /// Walks to a place, in as many pairs of steps as required; returns its end, s. It begins after any earlier
+    /// walking.
     pub fn go(&mut self, start_s: f64, to: Place) -> f64 {
         let from = self.pairs.last().map_or(Place::HOME, |pair| pair.to);
         let turn_rad = to.heading_rad - from.heading_rad;
@@ -133,7 +134,7 @@ impl Walk {
         start_s
     }
 
-    /// Moves both feet once; the foot on the side of the turn, or of the way, opens.
+    /// Moves both feet once; the foot on the side of the rotation, or of the direction, moves first.
     fn step(&mut self, start_s: f64, from: Place, to: Place) {
         let left = from.turn() * Vector3::y();
         let leftwards =
@@ -149,7 +150,7 @@ impl Walk {
         }
     }
 
-    /// The person's heading at a time, rad: it turns while the feet do.
+    /// The person's heading at a time, rad: it changes while the feet move.
     pub fn heading_rad(&self, time_s: f64) -> f64 {
         self.pairs.iter().fold(0.0, |heading, pair| {
             let share = (time_s - pair.start_s - SHIFT_S) / (Pair::LENGTH_S - 2.0 * SHIFT_S);
@@ -157,12 +158,12 @@ impl Walk {
         })
     }
 
-    /// By which share of its height the pelvis is lower at a time.
+    /// Lowering of the pelvis at a time, as a fraction of its height.
     pub fn sink(&self, time_s: f64) -> f64 {
         SINK * self.share(time_s)
     }
 
-    /// How much of a walk is under way at a time: 0 at its ends, 1 while the feet are raised.
+    /// Activation of a walk at a time: 0 at its ends, 1 while the feet are raised.
     pub fn share(&self, time_s: f64) -> f64 {
         let Some((first, last)) = self.bout(time_s) else { return 0.0 };
         let ramp_s = 2.0 * SHIFT_S;
@@ -170,7 +171,7 @@ impl Walk {
         minimum_jerk((time_s - start_s) / ramp_s) * minimum_jerk((end_s - time_s) / ramp_s)
     }
 
-    /// The walking without a pause of which a time is part.
+    /// The uninterrupted walk that contains a time.
     fn bout(&self, time_s: f64) -> Option<(&Pair, &Pair)> {
         let near =
             |pair: &Pair| (pair.start_s - SHIFT_S..pair.start_s + Pair::LENGTH_S + SHIFT_S).contains(&time_s);
@@ -186,7 +187,7 @@ impl Walk {
         Some((&self.pairs[first], &self.pairs[last]))
     }
 
-    /// Where the centre of mass is balanced at a time, m.
+    /// Balance point of the centre of mass at a time, m.
     pub fn balance_m(&self, time_s: f64) -> Vector2<f64> {
         let (reach_s, step_s) = FORESIGHT;
         let press = |time_s: f64| self.press_m.at(time_s, Vector2::lerp);
@@ -206,7 +207,7 @@ impl Walk {
         sum / total
     }
 
-    /// Puts the feet of a stance where they are at a time; its polygon stays that of home.
+    /// Moves the feet of a stance to their places at a time; its polygon stays that of home.
     pub fn place_feet(&self, time_s: f64, stance: &mut Stance) {
         for k in 0..Side::BOTH.len() {
             let (foot, lift_m) = self.foot(time_s, k);
@@ -215,7 +216,7 @@ impl Walk {
         }
     }
 
-    /// The feet as they stand at a time with the polygon between them; one that is in the air does not carry.
+    /// The feet at a time with their support polygon; a foot in the air is excluded.
     pub fn stance(&self, person: &Person, time_s: f64) -> Stance {
         let feet = [0, 1].map(|k| self.foot(time_s, k));
         let mut stance = self.home.clone();
@@ -225,7 +226,7 @@ impl Walk {
         stance
     }
 
-    /// A foot at a time, and how high it is raised.
+    /// A foot at a time, and its lift height.
     fn foot(&self, time_s: f64, k: usize) -> (Foot, f64) {
         let Some(pair) = self.pairs.iter().rfind(|pair| pair.swing_start_s(k) <= time_s) else {
             let place = self.pairs.first().map_or(Place::HOME, |pair| pair.from);
@@ -237,7 +238,7 @@ impl Walk {
             return (to, 0.0);
         }
         let s = minimum_jerk(share);
-        // Up and down again, at rest at both ends.
+        // Up and down, at rest at both ends.
         let lift_m = LIFT_M * minimum_jerk(1.0 - (2.0 * share - 1.0).abs());
         let turn = (to.world_from_foot * from.world_from_foot.inverse()).scaled_axis();
         let foot = Foot {

@@ -1,4 +1,4 @@
-//! From bodies to the bytes of a real suit.
+//! Encodes bodies as the datagrams of a real suit.
 
 pub mod introduction;
 
@@ -10,8 +10,8 @@ use crate::wires::mvn::describe::time_of_day;
 use crate::wires::mvn::items::{self, ERGONOMIC_POINTS, JOINT_POINTS, Tracker, UNITY_ORDER};
 use crate::wires::mvn::{Stamp, TooLong};
 
-/// One sample of a suit, in the suit's world (Z up), with what MVN would send of it. Lengths in metres, angles in
-/// degrees; `None` is not sent.
+/// One sample of a suit, in the suit's world (Z up), with the data that MVN would send of it. Lengths in metres, angles
+/// in degrees; `None` is not sent.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SuitFrame {
     /// MVN's sample counter, +1 per sample of the suit.
@@ -30,20 +30,20 @@ pub struct SuitFrame {
     pub joint_angle_deg: Option<[[f64; 3]; JOINTS]>,
     /// Centre of mass by the suit's own model, m: type 24.
     pub com_m: Option<[f64; 3]>,
-    /// What fewer people tick.
+    /// Less common streams.
     pub more: More,
 }
 
-/// What MVN sends besides, if it is ticked.
+/// Optional MVN streams, each if selected.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct More {
-    /// Leave out type 02, as where only Euler angles are ticked.
+    /// Leave out type 02, as if only Euler angles are selected.
     pub without_quaternions: bool,
     /// Type 01.
     pub euler: bool,
     /// Type 05.
     pub unity: bool,
-    /// Type 03: points and their places, m.
+    /// Type 03: points and their positions, m.
     pub markers_m: Vec<(u32, [f64; 3])>,
     /// The six ergonomic angles behind the joints of type 20, degrees.
     pub ergonomic_deg: Option<[[f64; 3]; 6]>,
@@ -55,9 +55,9 @@ pub struct More {
     pub com_motion: Option<[[f64; 3]; 2]>,
     /// Time of day, ms: type 25.
     pub time_of_day_ms: Option<u32>,
-    /// Types 23 to 25 as older versions send them: shorter.
+    /// Types 23 to 25 in the shorter sizes of older versions.
     pub old_sizes: bool,
-    /// Props behind the body's segments: place (m) and orientation.
+    /// Props after the body's segments: position (m) and orientation.
     pub props: Vec<([f64; 3], [f64; 4])>,
     /// The finger segments of both hands, left first, 40 in all; empty without gloves.
     pub fingers: Vec<([f64; 3], [f64; 4])>,
@@ -142,8 +142,8 @@ impl SuitFrame {
         (1..).zip(body.chain(others)).map(|(id, (place, turn))| (id, place, turn)).collect()
     }
 
-    /// Type 05: forward is Unity's Z, left its −X, up its Y; the pelvis in the world, all others from their parents. That
-    /// X, Y and Z come from these is our reading of "Y up, left-handed".
+    /// Type 05: forward is Unity's Z, left its −X, up its Y; the pelvis in the world, all others from their parents.
+    /// That X, Y and Z result from these is this project's reading of "Y up, left-handed".
     fn unity_poses(&self) -> Vec<items::Pose<4>> {
         let turn = |i: usize| {
             let [w, x, y, z] = self.orientation_wxyz[i];
@@ -170,7 +170,7 @@ impl SuitFrame {
     }
 }
 
-/// A pose as type 01 has it: Y up (Z forward, X left), centimetres, degrees of `Rz Ry Rx`.
+/// A pose in the convention of type 01: Y up (Z forward, X left), centimetres, degrees of `Rz Ry Rx`.
 fn y_up_euler(id: u32, [x, y, z]: [f64; 3], [w, i, j, k]: [f64; 4]) -> items::Pose<3> {
     let turned = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, j, k, i));
     let (about_x, about_y, about_z) = turned.euler_angles();
@@ -185,7 +185,7 @@ pub fn joint_angles_deg(parent_from_segment: &[UnitQuaternion<f64>; SEGMENTS]) -
     std::array::from_fn(|j| {
         let segment = Segment::ALL[j + 1];
         let r = parent_from_segment[j + 1].to_rotation_matrix();
-        // ISB's axes are our X, Z and −Y.
+        // ISB's axes are X, Z and −Y here.
         let isb = |row: usize, column: usize| {
             let (axis, sign) = ([0, 2, 1], [1.0, 1.0, -1.0]);
             sign[row] * sign[column] * r[(axis[row], axis[column])]

@@ -1,7 +1,7 @@
-//! What the sensors of other makers put on their wires, written from their manuals and never from our own parsers.
+//! Encoders of other makers' sensor protocols, written from their manuals and never from this project's parsers.
 //!
-//! One file a device, pure functions from numbers to bytes (and from a host's requests to what they ask). Nothing here
-//! knows a person, a socket or a clock.
+//! One file per device, pure functions from numbers to bytes (and from a host's requests to their content). No
+//! dependency on a person, a socket or a clock.
 
 pub mod amti;
 pub mod ati_rdt;

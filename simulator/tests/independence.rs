@@ -1,4 +1,4 @@
-//! The simulator's opinion is worth something only while it is its own.
+//! The simulator must not depend on the estimator's models: otherwise its agreement would be no evidence.
 
 use std::path::Path;
 

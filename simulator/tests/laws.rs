@@ -1,4 +1,4 @@
-//! Laws that the simulated person obeys, whoever it is and whatever it does.
+//! Invariants of the simulated human, for every body and every motion.
 
 use equipoise_core::body::{Joint, Segment};
 use equipoise_core::pose_suggestion::library::LIBRARY;
@@ -63,7 +63,7 @@ fn no_motion_throws_the_person_over() {
     }
 }
 
-/// The rate of the whole body's momentum by another way: velocities first, over another span.
+/// The rate of the whole body's momentum, computed differently: velocities first, over another span.
 #[test]
 fn the_ground_gives_the_rate_of_momentum() {
     let mut worker = alive(4);
@@ -113,7 +113,7 @@ fn without_a_load_no_joint_is_overloaded_and_with_one_each_hand_bears_half() {
     let arm = truth.body.grip_m[1] - truth.body.origin_m[Segment::RightForearm.index()];
     let expected = arm.cross(&(Vector3::z() * 2.0 * GRAVITY_M_PER_S2));
     assert!((truth.overload_nm[elbow.index()] - expected).norm() < 1e-9);
-    // A box in front bends the back forward: the back must extend, a torque about −Y.
+    // A box in front bends the back forward: the back muscles must extend it, a torque about −Y.
     let back = truth.overload_nm[Joint::named("L5S1").unwrap().index()];
     assert!(back.y < -10.0, "{back:?}");
 }

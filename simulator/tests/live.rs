@@ -1,4 +1,4 @@
-//! The simulated station on real sockets. Only what does not depend on a quiet machine is asserted.
+//! The simulated station on real sockets. Assertions are independent of the machine's load.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
@@ -28,7 +28,7 @@ fn ask(socket: &UdpSocket, plate: SocketAddr, command: Command, sample_count: u3
     socket.send_to(&Request { command, sample_count }.to_bytes(), plate).expect("sent");
 }
 
-/// Receives until so many records have come.
+/// Receives this many records.
 fn records(socket: &UdpSocket, count: usize) -> Vec<Record> {
     let mut all = Vec::new();
     let mut bytes = [0; 2048];
@@ -58,10 +58,10 @@ fn the_plate_streams_whole_numbers_of_records_to_whoever_asks() {
     }
     let down_n = got.iter().map(|record| f64::from(record.force_counts[2]) * 1e-6).sum::<f64>() / 50.0;
     assert!((down_n + 72.0 * GRAVITY_M_PER_S2).abs() < 15.0, "{down_n}");
-    // 50 were asked for, and no more come.
+    // 50 were requested, and no more arrive.
     plate.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
     assert!(plate.recv(&mut [0; 64]).is_err());
-    // Buffered: several in a datagram; a status word goes with every record.
+    // Buffered: several in a datagram; every record contains the status word.
     simulation.set_plate_status(7);
     plate.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     ask(&plate, simulation.plate_address(), Command::StartBuffered, 0);

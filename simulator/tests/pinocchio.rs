@@ -1,4 +1,4 @@
-//! The truth's torques against Pinocchio's, where its reference values are at hand.
+//! The truth's torques compared with Pinocchio's, where its reference values are available.
 
 use std::path::PathBuf;
 
@@ -32,7 +32,7 @@ fn pinocchio_overload_of_24_cases() {
         let zeta = Side::BOTH.map(|side| case["zeta"][format!("{side:?}")].as_f64().unwrap());
         let forces = |cop: &Value, vertical_n: f64| {
             let cop = Vector2::from_column_slice(&numbers(cop));
-            // The cases state the shares of the feet, and have both forces at the common centre of pressure.
+            // The cases give the fractions of the feet, and have both forces at the common centre of pressure.
             let on_foot = |k: usize| Force {
                 on: Side::BOTH[k].foot(),
                 at_m: cop.push(0.0),

@@ -1,4 +1,4 @@
-//! What the pose library promises: whoever is asked for one of its poses can take it and not fall over.
+//! Requirement of the pose library: every human can take each of its poses in balance.
 
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::pose_suggestion::library::LIBRARY;

@@ -1,4 +1,4 @@
-//! Everything that the simulated MVN sends, as the adapters' parsers understand it: two readings of one specification.
+//! Everything that the simulated MVN sends, parsed by the adapters: two implementations of one specification.
 
 use equipoise_adapters::wire::mvn::Datagram;
 use equipoise_core::body::{SEGMENTS, Segment};
@@ -8,7 +8,7 @@ use equipoise_simulator::person::Person;
 use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame_at};
 use equipoise_simulator::wire::SuitFrame;
 
-/// A person in motion, at a time, as a suit without error sees it.
+/// A moving person at a time, as measured by a suit without error.
 fn seen(streams: Streams) -> SuitFrame {
     let mut worker = Worker::with_habits(Person::new(5, 1.77, 72.0), 5, Habits::ORDINARY);
     worker.take_pose(&equipoise_core::pose_suggestion::library::LIBRARY[7], 0.2, 1.5);
@@ -78,7 +78,7 @@ fn what_turns_is_told_as_it_turns() {
         let told = nalgebra::Vector3::from(angular[i][0]);
         assert!((rate - told).norm() < 0.02 * rate.norm() + 0.01, "{segment:?}: {rate:?} {told:?}");
     }
-    // A tracker feels gravity and what moves it.
+    // A tracker measures gravity and its own acceleration.
     for tracker in &now.more.trackers {
         let [felt, _] = tracker.felt.unwrap();
         let strength = felt.iter().map(|part| part * part).sum::<f32>().sqrt();

@@ -1,4 +1,5 @@
-//! The simulator's encoders against bytes that others made: vectors from the makers' manuals, and real MVN values.
+//! The simulator's encoders compared with bytes from other sources: vectors from the makers' manuals, and real MVN
+//! values.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::path::PathBuf;
@@ -55,7 +56,7 @@ fn a_bota_frame_has_the_vectors_bytes() {
         temperature_c: 31.25,
     };
     let expected = unhex(&vectors()["bota_frame"]["hex"]);
-    // The vector does not tell its moments in decimals: the bytes between are taken from it.
+    // The vector's description lacks the moments in decimals: the bytes between are taken from it.
     let moments: Vec<f32> =
         expected[15..27].chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect();
     let wrench = [1.5, -2.5, 700.25, moments[0], moments[1], moments[2]];
@@ -81,7 +82,7 @@ fn labamp_frames_have_the_vectors_bytes() {
     let data = labamp::data(7, (1_700_000_000, 250_000_000), &scans);
     assert_eq!(hex(&data), vectors["kistler_data_frame_4ch_2scans"]["hex"].as_str().unwrap());
     let overrun = labamp::event(8, 1, labamp::Event::Overrun);
-    // The vector says ERROR (0), where an overrun is rather a warning: only the level differs.
+    // The vector has ERROR (0), where an overrun is rather a warning: only the level differs.
     let expected = unhex(&vectors["kistler_event_overrun"]);
     assert_eq!((&overrun[..16], &overrun[17..]), (&expected[..16], &expected[17..]));
 }
@@ -134,7 +135,7 @@ fn wire_file(name: &str) -> Option<Vec<u8>> {
     }
 }
 
-/// Numbers and ids out of a payload, without any parser of ours.
+/// Reads numbers and ids of a payload, without any parser of this project.
 struct Payload<'a>(&'a [u8]);
 
 impl Payload<'_> {
@@ -157,7 +158,7 @@ impl Payload<'_> {
     }
 }
 
-/// The same datagram from the numbers in it.
+/// Encodes the same datagram from its numbers.
 fn again(bytes: &[u8]) -> Vec<u8> {
     let word = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
     let stamp = Stamp {

@@ -17,19 +17,19 @@ use crate::tally::{Coverage, Sums, percent};
 
 /// The box, kg.
 const BOX_KG: f64 = 11.0;
-/// From here on a box counts as lifted, share of its mass.
+/// From this fraction of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
-/// Poses that are identified before.
+/// Poses for the identification before.
 const POSES_MAX: u32 = 30;
-/// From one pose to the next, s.
+/// Duration from one pose to the next, s.
 const PACE_S: f64 = 1.0;
-/// Standard deviation per axis of the person's own L5/S1 from the joint that the suit's skeleton has, m: measured
-/// segments are off by 3 to 19 mm with posture.
+/// Standard deviation per axis between the true L5/S1 and the joint of the suit's skeleton, m: measured segments are
+/// off by 3 to 19 mm with posture.
 const JOINT_OFF_M: f64 = 0.010;
 
-/// The tasks, in the table's words.
+/// The tasks, as named in the table.
 const TASKS: [&str; 3] = ["unloaded, static pose", "unloaded, in motion", "11 kg, in motion"];
-/// Whether the person's L5/S1 is where the suit's skeleton has it.
+/// Whether the true L5/S1 coincides with that of the suit's skeleton.
 const JOINTS: [&str; 2] = ["as measured", "10 mm off"];
 
 /// Errors in one task.
@@ -92,7 +92,7 @@ pub struct DoseErrors {
 impl DoseErrors {
     /// One lift: the damage that it added, and the greatest horizontal distance from the hip joints to the box, m.
     fn add(&mut self, damage: f64, box_kg: f64, distance_m: f64) {
-        // The tool's own relation, inverted: damages are compared as the moments that they stand for.
+        // Inverse of the tool's own relation: damages are compared as the moments that cause them.
         let published_nm = ((damage * 902_416.0).ln() - 0.32) / 0.038;
         let true_nm = box_kg * GRAVITY_M_PER_S2 * distance_m;
         self.lifts += 1;
@@ -116,7 +116,7 @@ fn tape_m(moment: &Moment) -> f64 {
     (body.load_m() - 0.5 * (left + right)).xy().norm()
 }
 
-/// What one subject gives.
+/// Results of one subject.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Findings {
     by_task: ByTask,
@@ -277,7 +277,7 @@ mod tests {
             assert!(task.error_nm.count > 50, "{name}: {task:?}");
             assert!(task.error_nm.rms() < task.true_nm.rms(), "{name}: {task:?}");
         }
-        // By the weight alone the error in motion would be three times this.
+        // With the weight alone the error in motion would be three times this.
         assert!(as_measured[1].true_nm.rms() > Some(30.0) && as_measured[1].error_nm.rms() < Some(5.0));
         assert_ne!(as_measured[1].error_nm, off[1].error_nm);
         for errors in &dose {

@@ -1,4 +1,4 @@
-//! Skew and drift between the clocks of suit and plate: injected and estimated, and what the correction changes.
+//! Skew and drift between the clocks of suit and plate: injected, estimated, and the effect of the correction.
 
 use equipoise_core::cycle::Settings;
 use equipoise_core::message::Validity;
@@ -14,13 +14,13 @@ use crate::tasks::{CopErrors, tells_cop};
 const SESSION_S: f64 = 300.0;
 /// Mass of the box, kg.
 const BOX_KG: f64 = 11.0;
-/// When the delay of the last case changes, s, and by how much, s.
+/// Time of the delay's change in the last case, s, and its size, s.
 const STEP: (f64, f64) = (150.0, 0.300);
-/// When the estimates are compared with the truth, s.
+/// Times at which the estimates are compared with the truth, s.
 const READ_S: [f64; 3] = [30.0, 60.0, 295.0];
-/// The lag in use is looked at so often, s.
+/// Interval at which the lag in use is sampled, s.
 const SLICE_S: f64 = 0.1;
-/// An alignment that is off by more is wrong, s.
+/// Alignment error from which a sample counts as wrongly aligned, s.
 const WRONG_S: f64 = 0.020;
 
 /// The plate's delay, s, its drift, ppm, and a change of the delay.
@@ -54,19 +54,19 @@ pub struct Reading {
 struct Sums {
     /// The estimates at [`READ_S`].
     readings: [Option<Reading>; 3],
-    /// From when on the skew is published, s.
+    /// Time from which the skew is published, s.
     sure_s: Option<f64>,
-    /// How often the estimate was compared with the truth, and how often it was within 1 and 2 σ.
+    /// Number of comparisons of the estimate with the truth, and of those within 1 and 2 σ.
     covered: [u64; 3],
-    /// Samples, samples masked as unsynchronised, and samples not masked with a wrong alignment; before and after the
+    /// Samples, samples masked as unsynchronised, and unmasked samples with a wrong alignment; before and after the
     /// change of the delay or, without one, all before.
     samples: [[u64; 3]; 2],
     /// Centre of pressure without a load.
     cop: CopErrors,
 }
 
-/// Squat lifts and bends at a natural pace, about 11 s; `with_box`: a box is picked up in the first squat and put down in
-/// the second. `see` is shown every new state, and the lag in use, s.
+/// Squat lifts and bends at a natural pace, about 11 s; `with_box`: a box is picked up in the first squat and put down
+/// in the second. `see` receives every new state, and the lag in use, s.
 pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: impl FnMut(&Moment, f64)) {
     let arm =
         |elevation_deg, elbow_deg| Arm { elevation_deg, forward_deg: 85.0, outward_deg: 40.0, elbow_deg };
@@ -95,7 +95,7 @@ pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: 
     }
 }
 
-/// The estimate beside the truth.
+/// The estimate compared with the truth.
 pub fn read(session: &Session, rig: &Rig) -> Option<Reading> {
     let skew = session.memory().skew.estimate()?;
     let sign_of_drift = -1.0;

@@ -1,4 +1,4 @@
-//! Whether the told σ say the truth.
+//! Coverage of the reported σ: the fraction of errors within their multiples.
 
 use nalgebra::Vector3;
 
@@ -11,11 +11,11 @@ use equipoise_core::message::Validity;
 
 /// Boxes that are lifted, kg.
 const BOXES_KG: [f64; 2] = [4.0, 10.0];
-/// Poses that are learnt before.
+/// Poses for the identification before.
 const POSES_MAX: u32 = 30;
 /// Poses that check the centre of pressure.
 const CHECK_POSES: usize = 15;
-/// From here on a box counts as lifted, share of its mass.
+/// From this fraction of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
 
 /// Coverage in one condition.
@@ -77,7 +77,7 @@ fn magnitude_error_nm(published: Vector3<f64>, real: Vector3<f64>) -> f64 {
     published.norm() - real.norm()
 }
 
-/// One subject: still and in motion.
+/// One subject: static and in motion.
 pub fn told(subject: &Subject) -> [Told; 2] {
     let mut session = Session::new(subject, subject.settings());
     session.identify(POSES_MAX);

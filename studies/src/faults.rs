@@ -1,5 +1,4 @@
-//! Sensors that fail without saying so, in the middle of work: how soon it is noticed, what is withheld, and whether anything
-//! wrong is told as valid.
+//! Undeclared sensor faults during work: time to detection, withheld values, and wrong values reported as valid.
 
 pub mod injection;
 
@@ -16,15 +15,15 @@ use crate::tally::{percent, quartiles};
 use crate::tasks::tells_torques;
 use injection::Fault;
 
-/// Poses that identify the worker before anything fails.
+/// Poses that identify the worker before the first fault.
 const POSES_MAX: u32 = 20;
-/// What is carried, kg.
+/// Carried mass, kg.
 const BOX_KG: f64 = 11.0;
-/// From taking up the box to the fault, s.
+/// Range of the time from picking up the box to the fault, s.
 const BEFORE_S: [f64; 2] = [2.5, 5.0];
-/// What is told is judged for so long after the fault, s.
+/// Output is evaluated for this long after the fault, s.
 const AFTER_S: f64 = 1.0;
-/// Until the next fault everything may be found again, s.
+/// Time limit for the recovery before the next fault, s.
 const PATIENCE_S: f64 = 40.0;
 /// A mass is wrong beyond this, kg, and four of its σ.
 const WRONG_KG: f64 = 3.0;
@@ -32,23 +31,23 @@ const WRONG_KG: f64 = 3.0;
 const WRONG_NM: f64 = 10.0;
 /// A centre of pressure is wrong beyond this, m, and four of its σ.
 const WRONG_M: f64 = 0.03;
-/// Beyond so many σ an error is a wrong value.
+/// Errors beyond this many σ are wrong values.
 const WRONG_SIGMAS: f64 = 4.0;
 
-/// What came of one fault, or of many.
+/// Results of one fault, or of many.
 #[derive(Debug, Clone, Default)]
 pub struct Outcome {
-    /// Times.
+    /// Number of faults.
     pub times: u64,
-    /// What was told while it lasted and right after.
+    /// Output during the fault and right after it.
     pub telling: Telling,
-    /// States that told something wrong as valid: mass, a joint's torque, centre of pressure.
+    /// States with a wrong value reported as valid: mass, a joint's torque, centre of pressure.
     pub wrong: [u64; 3],
-    /// From its beginning to the first state that withheld something for it, s.
+    /// From the start of the fault to the first state that withheld a value because of it, s.
     noticed_s: Vec<f64>,
-    /// From its end until torques or "nothing is carried" are told again, s.
+    /// From its end until torques or "no load" are reported again, s.
     back_s: Vec<f64>,
-    /// Lifts counted beyond those that were made.
+    /// Counted minus actual lifts.
     pub lifts_too_many: i64,
 }
 
@@ -91,11 +90,11 @@ impl Outcome {
     }
 }
 
-/// What withholds something from who works as they should.
+/// Invalid reasons that count as detection of a fault: those of torques, without those of an absent or small load.
 const REASONS: Validity =
     Validity(Validity::SPOILS_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0 & !Validity::LOAD_MAY_HIDE.0);
 
-/// Identifies the subject, who then works on while one sensor after the other fails.
+/// Identifies the subject, who then works while one sensor fault after the other occurs.
 pub fn faults(subject: &Subject, of: &[Fault]) -> Vec<(Fault, Outcome)> {
     let mut session = Session::new(subject, subject.settings());
     session.identify(POSES_MAX);
@@ -205,7 +204,7 @@ mod tests {
                 assert_eq!(wrong[0], 0, "{seed} {fault:?}: {outcome:?}");
                 assert_eq!(back_s.len(), 1, "{seed} {fault:?}: {outcome:?}");
                 let is_noticed = noticed_s.iter().any(|after_s| *after_s < 3.0);
-                // A vertical force that stays below the rail is not changed by it.
+                // A vertical force below the rail is unaffected.
                 assert!(
                     is_noticed != (fault == Fault::None) || fault == Fault::Saturated,
                     "{seed} {fault:?}: {outcome:?}"

@@ -1,10 +1,10 @@
-//! The blind bench of the discrepancy workflow: sessions with something hidden in them, and a judge of what is found.
+//! Blind benchmark of the discrepancy workflow: sessions with a hidden effect, and an evaluator of the findings.
 //!
-//! Floors, ground first: [`truth`] → [`effects`] → [`ladder`] (what is hidden, how large) → [`scenario`] (what the worker
-//! does) → [`recording`] → [`make`]; [`families`] → [`judge`] → [`score`] (asks the program) → [`summary`] → [`cli`];
-//! beside them [`long`] (what the program needs for a whole shift).
-//! The generator has the simulator's physics and sensors and knows nothing of `core`'s effects: names, places, parameters
-//! and units are those of the catalogue, its columns are not used.
+//! Layers, lowest first: [`truth`] → [`effects`] → [`ladder`] (hidden effect and its size) → [`scenario`] (activity of
+//! the worker) → [`recording`] → [`make`]; [`families`] → [`judge`] → [`score`] (runs the program) → [`summary`] →
+//! [`cli`]; independent of them [`long`] (resources of the program for a whole shift). The generator uses the
+//! simulator's physics and sensors and not `core`'s effects: names, places, parameters and units are those of the
+//! catalogue, its columns are not used.
 
 pub mod cli;
 pub mod effects;

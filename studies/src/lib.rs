@@ -1,9 +1,9 @@
-//! Questions to the method, answered over many synthetic subjects: offline, without sockets, as fast as it computes.
+//! Studies of the method with many synthetic subjects: offline, without sockets, as fast as possible.
 //!
-//! Floors, ground first, each resting only on those before it: [`subject`] → [`sensors`] → [`mixtures`] → [`session`] → [`tasks`],
-//! [`tally`], [`table`], [`variants`] → the questions: [`paper`], [`poses`], [`lifting`], [`natural`], [`coverage`], [`back`],
-//! [`sources`], [`clocks`], [`restarts`], [`hidden`] → [`cli`].
-//! Everything follows from a seed: the same question gives the same answer, however many threads ask it.
+//! Layers, lowest first, each dependent only on the previous ones: [`subject`] → [`sensors`] → [`mixtures`] →
+//! [`session`] → [`tasks`], [`tally`], [`table`], [`variants`] → the studies: [`paper`], [`poses`], [`lifting`],
+//! [`natural`], [`coverage`], [`back`], [`sources`], [`clocks`], [`restarts`], [`hidden`] → [`cli`]. All results follow
+//! from a seed and are independent of the number of threads.
 #![forbid(unsafe_code)]
 
 pub mod back;

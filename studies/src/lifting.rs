@@ -1,4 +1,4 @@
-//! Loads that are lifted at natural speed, and natural motion without a load.
+//! Loads lifted at natural speed, and natural motion without a load.
 
 use equipoise_core::cycle::{Motion, Settings};
 use equipoise_core::message::{State, Validity};
@@ -14,17 +14,17 @@ use crate::variants::MOTIONS;
 
 /// Boxes that are lifted, kg.
 const BOXES_KG: [f64; 3] = [4.0, 8.0, 12.0];
-/// Poses that are learnt before.
+/// Poses for the identification before.
 const POSES_MAX: u32 = 30;
 /// Steps of marching on the spot.
 const STEPS: u32 = 8;
-/// From here on a box counts as lifted, share of its mass.
+/// From this fraction of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
-/// No more reasons than this are counted.
+/// Upper limit of the number of invalid reasons.
 const REASONS: usize = 32;
 const _: () = assert!(Validity::NAMES.len() <= REASONS);
 
-/// How often torques were told, and why not.
+/// How often torques were reported, and the reasons if not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Telling {
     /// New states.
@@ -33,12 +33,12 @@ pub struct Telling {
     pub told: u64,
     /// Those with torques that put some joint above green.
     pub coloured: u64,
-    /// How often each reason was raised, by [`Validity::NAMES`]; one state may have several.
+    /// How often each invalid reason was raised, by [`Validity::NAMES`]; one state may have several.
     withheld: [u64; REASONS],
 }
 
 impl Telling {
-    /// Takes in a state.
+    /// Adds a state.
     pub fn add(&mut self, state: &State) {
         self.samples += 1;
         let valid = state.validity();
@@ -61,7 +61,7 @@ impl Telling {
         }
     }
 
-    /// The most frequent reasons with their shares of all samples.
+    /// The most frequent reasons with their fractions of all samples.
     pub(crate) fn reasons(&self) -> String {
         let mut all: Vec<(u64, &str)> =
             self.withheld.iter().copied().zip(Validity::NAMES.iter().map(|(_, name)| *name)).collect();
@@ -74,7 +74,7 @@ impl Telling {
     }
 }
 
-/// What one subject gives.
+/// Results of one subject.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shift {
     lifting: [(ByGroup, Telling); BOXES_KG.len()],
@@ -82,7 +82,7 @@ pub struct Shift {
     march: (CopErrors, Telling),
 }
 
-/// Identifies, works without a load, marches, and lifts every box.
+/// Identification, work without a load, marching, and lifts of every box.
 pub fn shift(subject: &Subject, motion: Motion, ground: Ground) -> Shift {
     let settings = Settings { motion, ..subject.settings() };
     let rig = Rig { ground, ..subject.rig() };
@@ -104,7 +104,7 @@ pub fn shift(subject: &Subject, motion: Motion, ground: Ground) -> Shift {
     shift
 }
 
-/// Takes in a state if the hands carry the whole box at its time.
+/// Adds a state if the hands carry the whole box at its time.
 pub(crate) fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, telling: &mut Telling) {
     if moment.worker.sample(moment.time_s).load_kg < LIFTED * mass_kg {
         return;

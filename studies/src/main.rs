@@ -1,4 +1,4 @@
-//! The program is the library; this only hands over its exit code.
+//! The program is in the library; this only returns its exit code.
 
 fn main() -> std::process::ExitCode {
     equipoise_studies::cli::main()

@@ -1,4 +1,4 @@
-//! Poses that nobody asked for: the trunk of one pose of the repertoire with the arms of two others.
+//! Poses outside the repertoire: the trunk of one of its poses with the arms of two others.
 
 use equipoise_simulator::balance::Standing;
 use equipoise_simulator::intention::Intention;
@@ -23,7 +23,7 @@ pub fn mixtures(worker: &Worker, seed: u64, count: usize) -> Vec<Intention> {
     found
 }
 
-/// Whether balance and joints allow it.
+/// Whether balance and joint limits permit it.
 fn can_hold(worker: &Worker, intention: &Intention) -> bool {
     let (person, stance) = (worker.person(), worker.stance());
     let standing = Standing { person, com_m: &person.com_m, stance, load_kg: 0.0 };

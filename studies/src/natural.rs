@@ -1,5 +1,5 @@
-//! Natural work without a single held pose: whether it identifies a worker, and what follows for an unloaded worker and
-//! for a carry at the same pace.
+//! Natural work without a single static pose: whether it identifies a worker, and the resulting accuracy for an
+//! unloaded worker and for a carry at the same pace.
 
 use equipoise_core::cycle::Settings;
 use equipoise_core::message::Validity;
@@ -16,79 +16,79 @@ use crate::table::{Cell, Table};
 use crate::tally::{Coverage, Sums, percent, quartiles};
 use crate::tasks::CopErrors;
 
-/// Suit samples per second, and other rates of the second table.
+/// Suit sample rate, and other rates of the second table.
 const SUIT_HZ: u32 = 100;
 const OTHER_RATES_HZ: [u32; 4] = [30, 60, 120, 240];
-/// From one end of a movement to the next, s.
+/// Duration of a movement's phase, from one end to the next, s.
 const PHASE_S: [f64; 2] = [1.0, 2.0];
-/// A movement takes this much longer than the phase: the next one begins before it has come to rest.
+/// Duration of a movement relative to its phase: the next one begins before it has come to rest.
 const OVERLAP: f64 = 1.4;
-/// How late the plate's samples are stamped, s, and how much its clock gains on the suit's, ppm.
+/// Delay of the plate's stamps, s, and rate of its clock relative to the suit's, ppm.
 const PLATE_LATE_S: f64 = 0.138;
 const PLATE_DRIFT_PPM: f64 = -400.0;
-/// When the estimates of the clocks are compared with the truth, s.
+/// Times at which the clock estimates are compared with the truth, s.
 const READ_S: [f64; 2] = [60.0, 300.0];
-/// Identification is ended by hand after this, s.
+/// Identification is stopped by command after this, s.
 const LEARNING_MAX_S: f64 = 120.0;
-/// Unloaded work that is held out, s.
+/// Held-out unloaded work, s.
 const HELD_OUT_S: f64 = 30.0;
 /// The box, kg.
 const BOX_KG: f64 = 11.0;
 /// Carries of one subject.
 const CARRIES: usize = 2;
-/// After the box was put down learning must resume within this, s.
+/// Identification must resume within this time after the box was put down, s.
 const RESUME_MAX_S: f64 = 20.0;
-/// From here on a box counts as lifted, share of its mass.
+/// From this fraction of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
 
-/// What one subject gives.
+/// Results of one subject.
 #[derive(Debug, Clone, Default)]
 pub struct Shift {
-    /// From the first sample to the end of identification, s; `None` if it was ended by hand.
+    /// From the first sample to the end of identification, s; `None` if it was stopped by command.
     identified_s: Option<f64>,
-    /// Error of the body mass that was measured, kg.
+    /// Error of the measured body mass, kg.
     mass_error_kg: f64,
-    /// Predicted standard deviation of the CoP when identification ended, m.
+    /// Predicted standard deviation of the CoP at the end of identification, m.
     predicted_cop_sigma_m: f64,
     held_out: CopErrors,
     coverage: [Coverage; 2],
     unloaded: Telling,
     carry: Telling,
-    /// Estimated less true mass of the box, kg, over samples that publish it.
+    /// Estimated minus true mass of the box, kg, over samples that publish it.
     box_error_kg: Sums,
-    /// From letting go of the box until motion teaches the filter again, s.
+    /// From the release of the box until motion samples update the filter again, s.
     resumed_s: Vec<f64>,
-    /// Held poses that were used, and rows in motion.
+    /// Static poses used, and rows in motion.
     rows: [u32; 2],
     /// Skew and drift of the clocks at [`READ_S`].
     clocks: [Option<Reading>; 2],
 }
 
-/// Draws natural movements: each has its own depth, and none comes to rest.
+/// Draws natural movements: each has its own amplitude, and none comes to rest.
 pub struct Movements {
     random: Random,
     index: usize,
-    /// When the movement under way gives way to the next, s.
+    /// Time at which the next movement replaces the present one, s.
     next_s: f64,
 }
 
 impl Movements {
-    /// Those of a subject.
+    /// The movements of a subject.
     pub fn of(subject: &Subject) -> Movements {
         Movements { random: Random::new(subject.seed, "natural work"), index: 0, next_s: 0.0 }
     }
 
-    /// Works on for so long, s, or until `done` says so. Returns whether it did.
+    /// Works for this duration, s, or until `done` returns true. Returns whether it did.
     pub fn work(&mut self, session: &mut Session, for_s: f64, mut done: impl FnMut(&Moment) -> bool) -> bool {
         let end_s = session.now_s() + for_s;
         while session.now_s() < end_s {
-            // One that is cut short in its middle is a blow, not work.
+            // A movement cut short in its middle would be an impact, not work.
             if session.now_s() >= self.next_s {
                 let intention = self.next(self.index);
                 self.index += 1;
                 self.next_s = session.now_s() + self.begin(session, &intention);
             }
-            // A rounding error from the end, time would stand still.
+            // Within a rounding error of the end, time would not advance.
             let left_s = (self.next_s.min(end_s) - session.now_s()).max(1e-6);
             if session.run_until(left_s, &mut done) {
                 return true;
@@ -142,14 +142,14 @@ impl Movements {
         }
     }
 
-    /// Begins a movement; returns its phase, s.
+    /// Starts a movement; returns its phase, s.
     fn begin(&mut self, session: &mut Session, intention: &Intention) -> f64 {
         let phase_s = self.random.between(PHASE_S[0], PHASE_S[1]);
         session.order(|worker, at_s| worker.intend(intention, at_s, OVERLAP * phase_s));
         phase_s
     }
 
-    /// Lower and upper end in turn.
+    /// Alternates between lower and upper end.
     fn next(&mut self, index: usize) -> Intention {
         match index % 4 {
             0 => self.squat(),
@@ -159,12 +159,12 @@ impl Movements {
     }
 }
 
-/// The subject's sensors with a suit of this rate, and a plate that is late and drifts.
+/// The subject's sensors with a suit of this rate, and a plate with delay and drift.
 pub fn rig(subject: &Subject, suit_hz: u32) -> Rig {
     Rig { suit_hz, ground_late_s: PLATE_LATE_S, ground_drift_ppm: PLATE_DRIFT_PPM, ..subject.rig() }
 }
 
-/// Works without a load until identification ends, goes on working, carries a box, and goes on working until `end_s`.
+/// Works without a load until identification ends, continues, carries a box, and continues until `end_s`.
 pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shift {
     let mut session = Session::with(subject, settings, rig, subject.habits());
     let mut movements = Movements::of(subject);
@@ -228,7 +228,7 @@ impl Shift {
     }
 }
 
-/// Squats to the box, carries it round and puts it down in a squat, and goes on without it.
+/// Squats to the box, carries it and puts it down in a squat, and continues without it.
 fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
     let first = movements.squat();
     let mut phase_s = movements.begin(session, &first);
@@ -249,7 +249,7 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
     }
     session.order(equipoise_simulator::motion::Worker::put_down);
     let let_go_s = session.now_s();
-    // Learning again shows when rows in motion are accepted again.
+    // Identification has resumed when rows in motion are accepted again.
     session.command(CommandKind::IdentifyStart);
     let mut resumed_s = None;
     for step in 0.. {
@@ -272,7 +272,7 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
     session.run(2.0, |_| {});
 }
 
-/// What the subjects give together.
+/// Results of all subjects.
 #[derive(Debug, Default)]
 struct Together {
     identified_s: Vec<f64>,

@@ -1,4 +1,4 @@
-//! The paper's experiment, by the paper's method and by ours.
+//! The paper's experiment, by the paper's method and by this project's.
 
 use equipoise_core::cycle::Settings;
 use equipoise_core::sesc::ReductionKind;
@@ -12,14 +12,14 @@ use crate::variants::paper;
 
 /// The box of the paper, kg.
 const BOX_KG: f64 = 4.0;
-/// More poses than this nobody takes.
+/// Upper limit of the number of poses.
 const POSES_MAX: u32 = 60;
 /// Poses that check the model.
 const CHECK_POSES: usize = 15;
-/// From here on a box counts as lifted, share of its mass.
+/// From this fraction of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
 
-/// What one subject's experiment gives.
+/// Results of one subject's experiment.
 #[derive(Debug, Clone, Copy)]
 pub struct Trial {
     identified: Identified,
@@ -29,7 +29,7 @@ pub struct Trial {
     lifting: ByGroup,
 }
 
-/// Identifies, checks in poses that were not learnt, lifts.
+/// Identification, check in held-out poses, lift.
 pub fn trial(subject: &Subject, settings: Settings) -> Trial {
     let mut session = Session::new(subject, settings);
     let identified = session.identify(POSES_MAX);
@@ -59,7 +59,7 @@ pub fn trial(subject: &Subject, settings: Settings) -> Trial {
     Trial { identified, cop, base_m: sole.back + sole.forward, before, lifting }
 }
 
-/// Which settings a row of the tables has.
+/// The settings of the tables' rows.
 fn variants(subject: &Subject) -> [(&'static str, Settings); 4] {
     [
         ("paper, 69 parameters", paper(subject, ReductionKind::Full)),

@@ -1,4 +1,4 @@
-//! How many poses until the model is accurate, for what is believed before and how the poses are chosen.
+//! Number of poses until the model is accurate, by prior and by pose choice.
 
 use equipoise_core::cycle::Identification;
 use equipoise_core::cycle::{PoseChoice, Settings, StopRule};
@@ -13,14 +13,14 @@ use crate::tally::quartiles;
 use crate::tasks::POSE_S;
 use crate::variants::{Belief, POSE_CHOICES, divided_library};
 
-/// Poses that may be learnt.
+/// Maximum number of poses.
 const POSES_MAX: u32 = 30;
 /// Accurate means that the held-out error is below this, m.
 const ACCURATE_M: f64 = 0.010;
-/// Poses after which the error is shown.
+/// Numbers of poses at which the error is shown.
 const SHOWN: [usize; 5] = [0, 5, 10, 20, 30];
 
-/// What one subject's run gives.
+/// Results of one subject's run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Course {
     /// Held-out error after 0, 1, 2, … poses, m.
@@ -28,7 +28,7 @@ pub struct Course {
 }
 
 impl Course {
-    /// After how many poses the error stays below a bound for good; `None` if it never does.
+    /// Number of poses after which the error stays below a bound; `None` if it never does.
     pub fn poses_to(&self, bound_m: f64) -> Option<usize> {
         let above = self.error_m.iter().rposition(|error_m| *error_m >= bound_m);
         match above {
@@ -38,13 +38,13 @@ impl Course {
         }
     }
 
-    /// The error after so many poses, or after the last that was learnt, m.
+    /// The error after this number of poses, or after the last one, m.
     pub fn after(&self, poses: usize) -> Option<f64> {
         self.error_m.get(poses).or(self.error_m.last()).copied()
     }
 }
 
-/// Learns up to 30 poses and then checks every model on the way in the poses that were held out.
+/// Identifies with up to 30 poses and then checks every intermediate model in the held-out poses.
 pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
     let (learnt, held_out) = divided_library();
     let mut settings = Settings {
@@ -76,7 +76,7 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
     Course { error_m: squares_m2.iter().map(|square_m2| (square_m2 / f64::from(poses)).sqrt()).collect() }
 }
 
-/// Mean centre of pressure of a still window by a model, m.
+/// Mean centre of pressure of a static window by a model, m.
 fn told_in(window: &Window, model: &Identification) -> Vector2<f64> {
     let sum: Vector2<f64> = window
         .samples()
@@ -120,7 +120,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     for (question, courses) in questions.chunks(count).zip(courses.chunks(count)) {
         let (_, (belief, _), (choice, _)) = question[0];
-        // Who never gets there counts as one pose more than were tried.
+        // Subjects that never reach it count as one pose more than were tried.
         let never = courses.iter().filter(|course| course.poses_to(ACCURATE_M).is_none()).count() as u64;
         let poses = courses
             .iter()

@@ -1,5 +1,5 @@
-//! Suit, plate and daemon started again in the middle of work, the suit with another origin and heading: how long until it is
-//! known again where the worker stands, and how well.
+//! Restarts of suit, plate and daemon during work, the suit with another origin and heading: time until the worker's
+//! position is estimated again, and its accuracy.
 
 use std::f64::consts::PI;
 
@@ -14,35 +14,35 @@ use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
 
-/// Poses that identify the worker before anything is started again.
+/// Poses that identify the worker before the first restart.
 const POSES_MAX: u32 = 20;
-/// How long a device or the daemon is away, s.
+/// Range of a device's or the daemon's downtime, s.
 const AWAY_S: [f64; 2] = [0.4, 4.0];
-/// How far the suit's new origin lies from the old one, at most, along each axis, m.
+/// Maximum distance of the suit's new origin from the old one along each axis, m.
 const ORIGIN_M: f64 = 2.0;
-/// From one restart to the next, s.
+/// Range of the time between restarts, s.
 const WORK_S: [f64; 2] = [1.0, 8.0];
-/// The place must be known again within this, s.
+/// The position must be estimated again within this, s.
 const PATIENCE_S: f64 = 60.0;
-/// … and is to be within this.
+/// … and should be within this.
 const SOON_S: f64 = 10.0;
-/// After that the place is held against the truth for so long, s.
+/// After that the position is compared with the truth for this long, s.
 const JUDGED_S: f64 = 8.0;
-/// A box that is lifted then has its torques told within this, s.
+/// The torques of a box lifted afterwards are reported within this, s.
 const LIFTING_S: f64 = 6.0;
-/// What is carried in some of the restarts, and lifted after all, kg.
+/// Mass carried in some of the restarts, and lifted at the end, kg.
 const BOX_KG: f64 = 8.0;
 /// Restarts of each subject.
 const RESTARTS: usize = 6;
 
-/// What is started again.
+/// Restarted component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Restart {
     /// The suit's software: it counts from zero, with another origin and heading.
     Suit,
     /// The plate's device.
     Ground,
-    /// The daemon, which comes back with what it has kept.
+    /// The daemon, which resumes from its saved state.
     Daemon,
     /// The suit while the daemon is away.
     SuitBehindTheDaemon,
@@ -63,22 +63,22 @@ impl Restart {
     }
 }
 
-/// How far the estimate is from the truth, of the values that are told.
+/// Errors of the reported values.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Errors {
-    /// States that tell a centre of pressure.
+    /// States with a centre of pressure.
     pub told: u64,
     square_m2: f64,
     /// The largest error of the centre of pressure, m.
     pub cop_max_m: f64,
-    /// The largest error of the pelvis' place, m.
+    /// The largest error of the pelvis' position, m.
     pub pelvis_max_m: f64,
     /// States whose centre of pressure is more than three of its σ off on an axis.
     pub beyond_three_sigma: u64,
 }
 
 impl Errors {
-    /// Whether a centre of pressure is told.
+    /// Whether a centre of pressure is reported.
     fn are_of(moment: &Moment) -> bool {
         !moment.state.validity().any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
     }
@@ -114,22 +114,22 @@ impl Errors {
     }
 }
 
-/// One restart and what came of it.
+/// One restart and its results.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
-    /// What was started again.
+    /// The restarted component.
     pub restart: Restart,
-    /// Whether a box was carried then; it is put down afterwards.
+    /// Whether a box was carried during it; it is put down afterwards.
     pub carrying: bool,
-    /// From when all is back until a centre of pressure is told again, s; `None`: not within a minute.
+    /// From the end of the interruption until a centre of pressure is reported again, s; `None`: not within a minute.
     pub found_s: Option<f64>,
-    /// Whether torques are told of a box that is lifted after that.
+    /// Whether torques of a box lifted afterwards are reported.
     pub tells_torques: bool,
-    /// Everything told from the restart to the end of the judged time.
+    /// Errors of all values reported from the restart to the end of the evaluated time.
     pub errors: Errors,
 }
 
-/// Identifies the subject, who then works on while one thing after the other is started again.
+/// Identifies the subject, who then works through a sequence of restarts.
 pub fn restarts(subject: &Subject, of: impl Fn(&mut Random) -> Restart) -> Vec<Outcome> {
     let mut session = Session::new(subject, subject.settings());
     session.identify(POSES_MAX);
@@ -157,13 +157,13 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
         }
     }
     let mut errors = Errors::default();
-    // The daemon is back already; a device comes back by itself.
+    // The daemon has restarted already; a device restarts by itself.
     let is_device = matches!(restart, Restart::Suit | Restart::Ground);
     let back_s = session.now_s() + if is_device { away_s } else { 0.0 };
     let mut found_s = None;
     let mut judge = |moment: &Moment| {
         errors.add(moment);
-        // What waits for its future at a restart still comes out of it.
+        // States pending for later samples at a restart are still published afterwards.
         if found_s.is_none() && moment.time_s > back_s && Errors::are_of(moment) {
             found_s = Some(moment.time_s - back_s);
         }

@@ -1,4 +1,4 @@
-//! What suit and plate say, as samples, without the wires between.
+//! Samples of suit and plate, without the network between.
 
 use bytemuck::Zeroable;
 use equipoise_core::message::suit::SuitBlocks;
@@ -17,30 +17,30 @@ pub const EPOCH_NS: u64 = 1_000_000_000;
 /// 1-σ of every sample's time, ns: there is no network here, and no clock to fit.
 const TIME_SIGMA_NS: u64 = 1_000;
 
-/// What the ground is measured by.
+/// Ground device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ground {
     /// One plate.
     Plate,
     /// A plate under each foot.
     TwoPlates,
-    /// Insoles, which feel no shear.
+    /// Insoles, which measure no shear.
     Insoles,
 }
 
-/// How wrong the accelerations are that a suit sends.
+/// Errors of the accelerations that a suit sends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AccelerationNoise {
     /// White, standard deviation per axis and sample, m/s².
     pub white_m_per_s2: f64,
-    /// For good, standard deviation per axis and segment, m/s²: a sensor that sits crooked lets gravity in.
+    /// Constant, standard deviation per axis and segment, m/s²: a misaligned sensor measures a component of gravity.
     pub bias_m_per_s2: f64,
 }
 
 impl AccelerationNoise {
     /// No error.
     pub const NONE: AccelerationNoise = AccelerationNoise { white_m_per_s2: 0.0, bias_m_per_s2: 0.0 };
-    /// White noise as four recorded frames of a person at rest show it (0.06 between samples), and half a degree of tilt.
+    /// White noise as in four recorded frames of a person at rest (0.06 between samples), and half a degree of tilt.
     pub const ORDINARY: AccelerationNoise = AccelerationNoise { white_m_per_s2: 0.07, bias_m_per_s2: 0.09 };
 
     fn on(&self, true_m_per_s2: [f64; 3], seed: u64, segment: usize, number: u32) -> [f64; 3] {
@@ -51,7 +51,7 @@ impl AccelerationNoise {
     }
 }
 
-/// How often and how well the sensors measure.
+/// Rates and errors of the sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rig {
     /// Suit samples per second.
@@ -60,25 +60,25 @@ pub struct Rig {
     pub plate_hz: u32,
     /// The suit's errors.
     pub suit_noise: SuitNoise,
-    /// The plate's errors, each sample's own.
+    /// The plate's errors, independent for each sample.
     pub plate_noise: PlateNoise,
     /// Drift of the plate's zero from time 0 on.
     pub plate_zero: ZeroDrift,
-    /// What the ground is measured by.
+    /// The ground device.
     pub ground: Ground,
-    /// The errors of the accelerations that the suit sends; `None`: it sends none.
+    /// The errors of the accelerations that the suit sends; `None` if it sends none.
     pub accelerations: Option<AccelerationNoise>,
     /// The suit's world in the station's.
     pub suit_world: SuitWorld,
-    /// How much too late the suit stamps its samples, ns.
+    /// Delay of the suit's stamps, ns.
     pub suit_late_ns: u64,
-    /// How much too late the ground stamps its samples at time 0, s; negative: too early.
+    /// Delay of the ground's stamps at time 0, s; negative: too early.
     pub ground_late_s: f64,
-    /// How much the ground's clock gains on the suit's, parts per million.
+    /// Rate of the ground's clock relative to the suit's, ppm; positive if fast.
     pub ground_drift_ppm: f64,
-    /// A change of the ground's delay: from when on, s, and by how much, s.
+    /// A change of the ground's delay: its time, s, and its size, s.
     pub ground_delay_step: Option<(f64, f64)>,
-    /// How much faster the suit samples than its nominal rate, parts per million.
+    /// Deviation of the suit's sample rate from its nominal rate, ppm.
     pub suit_rate_ppm: f64,
 }
 
@@ -121,13 +121,13 @@ impl Rig {
         f64::from(self.suit_hz) * (1.0 + 1e-6 * self.suit_rate_ppm)
     }
 
-    /// How much later than its true time the ground's sample of a time is stamped, s.
+    /// Delay of the ground's stamp relative to the sample's true time, s.
     pub fn ground_late_at_s(&self, time_s: f64) -> f64 {
         let step_s = self.ground_delay_step.filter(|(at_s, _)| time_s >= *at_s).map_or(0.0, |(_, by_s)| by_s);
         self.ground_late_s + 1e-6 * self.ground_drift_ppm * time_s + step_s
     }
 
-    /// How much later the suit's stamps are than the ground's of the same time, s: the skew that is to be found.
+    /// The suit's stamps minus the ground's of the same time, s: the skew to be estimated.
     pub fn skew_at_s(&self, time_s: f64) -> f64 {
         1e-9 * self.suit_late_ns as f64 - self.ground_late_at_s(time_s)
     }
@@ -191,14 +191,15 @@ pub fn suit_sample(worker: &Worker, suit: &Suit, rig: &Rig, seed: u64, number: u
 pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> GroundSample {
     let time_s = f64::from(number) / f64::from(rig.plate_hz);
     let on_person = worker.ground_reaction(time_s);
-    // The sensor feels the opposite, and its noise with it.
+    // The sensor measures the opposite, including its noise.
     let zero = rig.plate_zero.at(time_s);
     let felt =
         Wrench { force_n: zero.force_n - on_person.force_n, moment_nm: zero.moment_nm - on_person.moment_nm };
     let felt = rig.plate_noise.on(felt, &mut Random::numbered(seed, "plate noise", number));
     let time_ns = rig.ground_stamp_ns(number);
     if rig.ground != Ground::Plate {
-        // Under the ankles, and without noise: the question is what is measured, not how well.
+        // Under the ankles, and without noise: these devices are compared by the quantities that they measure, not by
+        // accuracy.
         let feet = ground_reaction_per_foot(worker, time_s, [Vector2::zeros(); 2]);
         let told = match rig.ground {
             Ground::Insoles => insole_sample(worker, time_s, &feet),

@@ -1,4 +1,4 @@
-//! One subject before one estimator: time goes on, samples go in, every new state is seen beside the truth.
+//! One subject with one estimator: advances time, feeds samples, compares every new state with the truth.
 
 use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Inputs, Kept, Memory, Settings, Tick, step};
@@ -14,28 +14,28 @@ use crate::faults::injection::{Fault, Injection};
 use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
 use crate::subject::Subject;
 
-/// The loop's period: 200 Hz. The daemon's 1 kHz tells the same values more often; each is looked at once.
+/// The loop's period: 200 Hz. The daemon's 1 kHz only repeats the same values; each new state is evaluated once.
 const TICK_NS: u64 = 5_000_000;
-/// From one glimpse of the suit to the next while time leaps, ns.
+/// Interval between suit samples during a leap of time, ns.
 const GLIMPSE_NS: u64 = 200_000_000;
-/// The worker obeys this long after an order, so that no sample has yet seen the time from which it holds, s.
+/// Delay between a command and its effect, so that no sample has been taken yet from the time from which it applies, s.
 const REACTION_S: f64 = 0.02;
 
 /// One new state at its own time.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment<'a> {
-    /// What the estimator tells.
+    /// Output of the estimator.
     pub state: &'a State,
     /// Covariance of the horizontal components of each joint's overload, (N m)²: xx, xy, yy.
     pub torque_covariance_nm2: &'a [[f64; 3]; JOINTS],
-    /// Who it tells it of.
+    /// The worker it refers to.
     pub worker: &'a Worker,
     /// Simulated time that the state belongs to (`suit_sample_time_ns`, not the tick's), s.
     pub time_s: f64,
 }
 
 impl Moment<'_> {
-    /// What is really so at the state's own time.
+    /// The truth at the state's own time.
     pub fn truth(&self) -> Truth {
         Truth::of(self.worker, self.time_s)
     }
@@ -56,15 +56,15 @@ pub struct Session {
     ground_next: u32,
     seen_ns: u64,
     suit_start: SuitStart,
-    /// Until when nothing comes of each device, ns: suit, ground.
+    /// End of each device's silence, ns: suit, ground.
     silent_until_ns: [u64; 2],
-    /// What fails without saying so.
+    /// Undeclared fault of a sensor.
     fault: (Fault, Injection),
-    /// Reasons that are waited for, and when one of them was told first, s.
+    /// Invalid reasons to watch for, and when the first of them was reported, s.
     notice: (Validity, Option<f64>),
 }
 
-/// When the suit's software was started.
+/// Start of the suit's software.
 #[derive(Debug, Clone, Copy, Default)]
 struct SuitStart {
     /// Number of the sample that counts as the first.
@@ -73,7 +73,7 @@ struct SuitStart {
 }
 
 impl Session {
-    /// The subject stands straight at time 0, in the suit and on the plate of their station; nothing is learnt yet.
+    /// The subject stands straight at time 0, in the suit and on the plate of their station; nothing is identified yet.
     pub fn new(subject: &Subject, settings: Settings) -> Session {
         Session::with(subject, settings, subject.rig(), subject.habits())
     }
@@ -101,22 +101,22 @@ impl Session {
         }
     }
 
-    /// Who takes part.
+    /// The subject.
     pub fn subject(&self) -> &Subject {
         &self.subject
     }
 
-    /// What the estimator was told.
+    /// Settings of the estimator.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What the estimator told last.
+    /// Latest output of the estimator.
     pub fn state(&self) -> &State {
         &self.memory.state
     }
 
-    /// Who it is told of.
+    /// The worker it refers to.
     pub fn worker(&self) -> &Worker {
         &self.worker
     }
@@ -131,7 +131,7 @@ impl Session {
         simulated_s(self.now_ns)
     }
 
-    /// Gives the worker an order that holds from the time that is handed in, s.
+    /// Gives the worker a command, with the time from which it applies, s.
     pub fn order(&mut self, order: impl FnOnce(&mut Worker, f64)) {
         // A stream with stamps that are too early is ahead of the other.
         let ahead_s = (-self.rig.ground_late_at_s(self.now_s())).max(0.0);
@@ -139,17 +139,17 @@ impl Session {
         order(&mut self.worker, at_s);
     }
 
-    /// The worker starts to take a posture, and has it after `over_s`.
+    /// The worker begins to take a posture, and reaches it after `over_s`.
     pub fn take_pose(&mut self, posture: &Posture, over_s: f64) {
         self.order(|worker, at_s| worker.take_pose(posture, at_s, over_s));
     }
 
-    /// A command to the estimator; a cycle passes.
+    /// Sends a command to the estimator and runs one cycle.
     pub fn command(&mut self, command: CommandKind) {
         self.tick(Some(command));
     }
 
-    /// The suit's software is started again, which takes so long, s: it counts from zero, and its world is another.
+    /// Restarts the suit's software, with this downtime, s: its counter restarts at zero, and its world changes.
     pub fn restart_suit(&mut self, silent_s: f64, world: SuitWorld) {
         self.silent_until_ns[0] = self.now_ns + (silent_s * 1e9) as u64;
         let number = self.rig.suit_number_at(self.silent_until_ns[0]);
@@ -157,30 +157,30 @@ impl Session {
         self.rig.suit_world = world;
     }
 
-    /// The ground's device is started again, which takes so long, s.
+    /// Restarts the ground's device, with this downtime, s.
     pub fn restart_ground(&mut self, silent_s: f64) {
         self.silent_until_ns[1] = self.now_ns + (silent_s * 1e9) as u64;
     }
 
-    /// A sensor fails after so long, s. Returns from when to when, s.
+    /// Schedules a sensor fault after this time, s. Returns its start and end, s.
     pub fn fail(&mut self, fault: Fault, after_s: f64) -> [f64; 2] {
         let begins_s = self.now_s() + after_s;
         self.fault = (fault, Injection::at(begins_s, fault));
         [begins_s, begins_s + fault.lasts_s()]
     }
 
-    /// Waits for one of these reasons, from now on.
+    /// Watches for these invalid reasons from now on.
     pub fn notice(&mut self, reasons: Validity) {
         self.notice = (reasons, None);
     }
 
-    /// When one of them was told first, whatever moment it is about, s.
+    /// When the first of them was reported, whatever sample time the state has, s.
     pub fn noticed_s(&self) -> Option<f64> {
         self.notice.1
     }
 
-    /// The daemon is killed and comes back after so long, s, with what it has kept; its adapters count sessions from zero.
-    /// Whether what was kept could be used.
+    /// Kills the daemon and restarts it after this time, s, with its saved state; its adapters count sessions from
+    /// zero. Returns whether the saved state could be used.
     pub fn restart_daemon(&mut self, down_s: f64) -> bool {
         let mut kept = bytemuck::zeroed_box::<Kept>();
         kept.take(&self.memory);
@@ -195,7 +195,7 @@ impl Session {
         comes_back
     }
 
-    /// Lets time pass; `see` is shown every new state once.
+    /// Advances time; `see` receives every new state once.
     pub fn run(&mut self, for_s: f64, mut see: impl FnMut(&Moment)) {
         self.run_until(for_s, |moment| {
             see(moment);
@@ -203,7 +203,7 @@ impl Session {
         });
     }
 
-    /// The same until `done` says so or `for_s` is over. Returns whether it did.
+    /// The same until `done` returns true or `for_s` is over. Returns whether it did.
     pub fn run_until(&mut self, for_s: f64, mut done: impl FnMut(&Moment) -> bool) -> bool {
         let end_ns = self.now_ns + (for_s * 1e9) as u64;
         while self.now_ns < end_ns {
@@ -215,8 +215,8 @@ impl Session {
         false
     }
 
-    /// Lets time pass in which the plate is silent and the suit shows just enough not to lose sight of the feet: cheap,
-    /// and a gap for everything that looks at motion.
+    /// Advances time without plate samples and with only the suit samples required to keep the foot anchor: cheap, and
+    /// a gap for everything that uses motion.
     pub fn leap(&mut self, by_s: f64) {
         let end_ns = self.now_ns + (by_s * 1e9) as u64 / TICK_NS * TICK_NS;
         while self.now_ns + GLIMPSE_NS < end_ns {
@@ -274,7 +274,7 @@ impl Session {
         }
     }
 
-    /// The state if it belongs to another suit sample than the one seen last.
+    /// The state if its suit sample differs from the previous one.
     fn take_new(&mut self) -> Option<Moment<'_>> {
         let told_ns = self.memory.state.suit_sample_time_ns;
         if told_ns == self.seen_ns {
@@ -298,13 +298,13 @@ mod tests {
     use equipoise_simulator::repertoire::LIFTING;
     use nalgebra::{Vector2, Vector3};
 
-    /// A statue in a suit without error, on a plate without error, on the way into a pose.
+    /// A statue with error-free sensors, moving into a pose.
     fn perfect() -> Session {
         let subject = Subject::somebody(9);
         let mut session = Session::with(&subject, subject.settings(), Rig::PERFECT, Habits::NONE);
         session.run(1.0, |_| {});
         session.order(|worker, at_s| worker.intend(&LIFTING[3], at_s, 1.6));
-        // No suit repeats itself to the last bit, and a statue's does: once it has begun to move.
+        // A real suit never repeats a sample exactly, but a statue does: start once it moves.
         session.run(0.2, |_| {});
         session
     }
@@ -355,7 +355,7 @@ mod tests {
         session.order(|worker, at_s| worker.intend(&LIFTING[2], at_s, 5.0));
         session.leap(3.0);
         assert!((session.now_s() - before_s - 3.0).abs() < 1e-9);
-        // What still waited for its future at the leap comes out after it.
+        // Samples pending at the leap are published after it.
         let (mut seen, mut last_s) = (0, before_s - 0.1);
         session.run(0.5, |moment| {
             assert!(moment.time_s > last_s);

@@ -1,4 +1,4 @@
-//! What other sensors make of it: a suit that sends its own accelerations, insoles in place of a plate.
+//! Effect of other sensors: a suit that sends its own accelerations, insoles in place of a plate.
 
 use equipoise_core::cycle::{Accelerations, Settings};
 use equipoise_core::message::Validity;
@@ -13,14 +13,14 @@ use crate::tasks::{CopErrors, tells_cop};
 
 /// The box that is lifted, kg.
 const BOX_KG: f64 = 8.0;
-/// Poses that are learnt before.
+/// Poses for the identification before.
 const POSES_MAX: u32 = 30;
 /// Steps of marching on the spot.
 const STEPS: u32 = 8;
-/// Joints of the tables: those that do not rest on how the feet share.
+/// Joints of the tables: those independent of the foot load fractions.
 const SHOWN: [&str; 3] = ["shoulder", "elbow", "back"];
 
-/// Suits by what they send, in the tables' words.
+/// Suits by their data, as named in the tables.
 const SUITS: [(&str, Option<AccelerationNoise>); 4] = [
     ("none", None),
     ("exact", Some(AccelerationNoise::NONE)),
@@ -32,15 +32,15 @@ const HOW: [(&str, Accelerations); 3] =
 const GROUNDS: [(&str, Ground); 3] =
     [("plate", Ground::Plate), ("two plates", Ground::TwoPlates), ("insoles", Ground::Insoles)];
 
-/// What one subject gives with one set of sensors.
+/// Results of one subject with one set of sensors.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shift {
     poses: Sums,
-    /// Standing still, natural motion, and marching, all without a load.
+    /// Standing, natural motion, and marching, all without a load.
     still: CopErrors,
     work: CopErrors,
     march: CopErrors,
-    /// Vertical external force while nothing is carried, N.
+    /// Vertical external force without a load, N.
     force_n: [Sums; 2],
     told_unloaded: [u64; 2],
     torques: ByGroup,
@@ -65,7 +65,7 @@ impl Shift {
     }
 }
 
-/// Identifies, stands, works and marches without a load, and lifts a box.
+/// Identification, then standing, work and marching without a load, and a lift.
 pub fn shift(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Shift {
     let settings = Settings { accelerations, ..subject.settings() };
     let mut session = Session::with(subject, settings, rig, subject.habits());
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
     use equipoise_simulator::realism::{Realism, Severity};
 
-    /// Rigid bones and exact clocks: what differs is what the ground is measured by.
+    /// Rigid bones and exact clocks: only the ground device differs.
     fn of(ground: Ground) -> Shift {
         let realism = Realism { soft_tissue: Severity::Ideal, clocks: Severity::Ideal, ..Realism::REALISTIC };
         let subject = Subject { realism, ..Subject::somebody(5) };
@@ -215,7 +215,8 @@ mod tests {
         for axis in 0..2 {
             let of_axis = || apart_m.iter().map(|apart| apart[axis]);
             let (low, high) = (of_axis().fold(f64::MAX, f64::min), of_axis().fold(f64::MIN, f64::max));
-            // The simulated sole is not the average one: its middle is off for good, and nothing else is.
+            // The simulated sole differs from the average one: its middle has a constant offset, and there is no other
+            // error.
             assert!(high - low < 0.002, "axis {axis}: from {low} to {high} m");
             assert!(low.abs() < 0.03, "axis {axis}: {low} m");
         }
@@ -226,7 +227,7 @@ mod tests {
         let (plates, insoles) = (of(Ground::TwoPlates), of(Ground::Insoles));
         let mm = |cop: &CopErrors| 1e3 * cop.distance_rms_m();
         assert!(mm(&insoles.still) < 6.0, "{} mm standing", mm(&insoles.still));
-        // In motion the suit alone says how the body accelerates; with plates shear does.
+        // With insoles, only the suit measures the body's acceleration in motion; with plates shear does.
         let (moving, sheared) = (mm(&insoles.work), mm(&plates.work));
         assert!(moving > sheared && moving < sheared + 8.0, "{moving} mm by insoles, {sheared} mm by plates");
         for (group, known) in GROUPS.iter().enumerate() {

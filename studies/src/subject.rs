@@ -1,4 +1,4 @@
-//! Who takes part: synthetic people of many statures and builds, each by a seed.
+//! Subjects: synthetic people of many statures and builds, each by a seed.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -14,46 +14,46 @@ use equipoise_simulator::realism::Realism;
 
 use crate::sensors::Rig;
 
-/// Statures that are drawn, m.
+/// Range of statures, m.
 const HEIGHT_M: [f64; 2] = [1.55, 1.95];
-/// Masses that are drawn, kg.
+/// Range of masses, kg.
 const MASS_KG: [f64; 2] = [50.0, 105.0];
-/// Body mass indices that are drawn, kg/m².
+/// Range of body mass indices, kg/m².
 const BODY_MASS_INDEX: [f64; 2] = [19.0, 30.0];
 
 /// One synthetic subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Subject {
-    /// Everything random about body, habits and sensors follows from it.
+    /// Seed of body, habits and sensors.
     pub seed: u64,
     /// Stature, m.
     pub height_m: f64,
     /// Body mass, kg.
     pub mass_kg: f64,
-    /// What the settings are told: it chooses the column of the table. The simulated body has no sex.
+    /// Sex in the settings: it chooses the column of the table. The simulated body has no sex.
     pub sex: Sex,
-    /// How far body and contacts are from ideal ones.
+    /// Deviations of body and contacts from ideal ones.
     pub realism: Realism,
 }
 
-/// Who takes part in a study.
+/// The subjects of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crowd {
-    /// Seed of the first subject; the others follow.
+    /// Seed of the first subject; the others follow consecutively.
     pub first_seed: u64,
-    /// How many subjects.
+    /// Number of subjects.
     pub count: usize,
-    /// Of all of them.
+    /// Realism of all subjects.
     pub realism: Realism,
 }
 
 impl Crowd {
-    /// `count` subjects of seeds in a row.
+    /// `count` subjects with consecutive seeds.
     pub fn subjects(&self) -> Vec<Subject> {
         self.by_seed(Subject::somebody)
     }
 
-    /// The same many bodies of the stature and mass of the paper's subject.
+    /// As many bodies of the stature and mass of the paper's subject.
     pub fn of_the_paper(&self) -> Vec<Subject> {
         self.by_seed(Subject::of_the_paper)
     }
@@ -70,7 +70,7 @@ impl Subject {
         Subject { seed, height_m: 1.77, mass_kg: 72.0, sex: Sex::Male, realism: Realism::REALISTIC }
     }
 
-    /// What this subject does besides what is asked.
+    /// Deviations of this subject from the commanded motion.
     pub fn habits(&self) -> Habits {
         self.realism.habits(self.seed)
     }
@@ -80,7 +80,7 @@ impl Subject {
         Rig::of(&self.realism, self.seed)
     }
 
-    /// Somebody: stature, build and sex by the seed.
+    /// A random subject: stature, build and sex by the seed.
     pub fn somebody(seed: u64) -> Subject {
         let mut random = Random::new(seed, "subject");
         let height_m = random.between(HEIGHT_M[0], HEIGHT_M[1]);
@@ -95,13 +95,13 @@ impl Subject {
         Person::new(self.seed, self.height_m, self.mass_kg)
     }
 
-    /// The default settings for this subject with the whole library; the mass is left to the plate.
+    /// The default settings for this subject with the whole library; the mass is measured by the plate.
     pub fn settings(&self) -> Settings {
         Settings { sex: self.sex, library: LIBRARY, ..Settings::for_height(self.height_m) }
     }
 }
 
-/// What `ask` answers for each subject, in their order, on as many threads as there are processors.
+/// Results of `ask` for each subject, in their order, on as many threads as there are processors.
 pub fn ask_all<Q: Sync, T: Send>(questions: &[Q], ask: impl Fn(&Q) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let answers = Mutex::new(Vec::with_capacity(questions.len()));

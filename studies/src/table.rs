@@ -13,7 +13,7 @@ pub enum Cell {
     Count(u64),
     /// A measured number: shown to three significant digits.
     Number(f64),
-    /// There is nothing to say.
+    /// No value.
     Nothing,
 }
 
@@ -61,7 +61,7 @@ fn three_digits(number: f64) -> String {
     format!("{number:.*}", (3 - whole_digits).clamp(0, 5) as usize)
 }
 
-/// A table with its title, and what its measures mean.
+/// A table with its title, and the definitions of its measures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     title: String,
@@ -71,10 +71,10 @@ pub struct Table {
 }
 
 impl Table {
-    /// An empty table; units stand in the columns' names.
+    /// An empty table; the columns' names contain the units.
     ///
     /// # Panics
-    /// If two columns have one name: in JSON one would hide the other.
+    /// If two columns have one name: in JSON one would overwrite the other.
     pub fn new(title: impl Into<String>, columns: &[&'static str]) -> Table {
         for (index, column) in columns.iter().enumerate() {
             assert!(!columns[..index].contains(column), "two columns are called {column}");
@@ -98,7 +98,7 @@ impl Table {
         &self.rows
     }
 
-    /// The table for programs: one object per row, keyed by column; what is not known is absent.
+    /// The table for programs: one object per row, keyed by column; missing values are absent.
     pub fn json(&self) -> Value {
         let rows = self.rows.iter().map(|row| {
             let mut object = Map::new();

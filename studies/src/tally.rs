@@ -1,9 +1,9 @@
-//! Sums over samples: root mean squares, shares, quantiles, and the joints that are told together.
+//! Sums over samples: root mean squares, fractions, quantiles, and the joints that are reported as a group.
 
 use equipoise_core::body::{JOINTS, Joint};
 use nalgebra::Vector3;
 
-/// What the joints of the tables are called, and MVN's names; left and right count together.
+/// Display names of joint groups, and MVN's names; left and right count together.
 pub const GROUPS: [(&str, &[&str]); 7] = [
     ("hip", &["LeftHip", "RightHip"]),
     ("knee", &["LeftKnee", "RightKnee"]),
@@ -22,48 +22,48 @@ pub fn joints_of(group: usize) -> impl Iterator<Item = usize> {
 /// A mean and a root mean square of one quantity.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Sums {
-    /// How many values were taken in.
+    /// Number of values.
     pub count: u64,
     sum: f64,
     squares: f64,
 }
 
 impl Sums {
-    /// Takes in a value.
+    /// Adds a value.
     pub fn add(&mut self, value: f64) {
         self.count += 1;
         self.sum += value;
         self.squares += value * value;
     }
 
-    /// Takes in what another has.
+    /// Adds another sum.
     pub fn merge(&mut self, other: &Sums) {
         self.count += other.count;
         self.sum += other.sum;
         self.squares += other.squares;
     }
 
-    /// Mean; `None` of nothing.
+    /// Mean; `None` if empty.
     pub fn mean(&self) -> Option<f64> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
 
-    /// Root mean square; `None` of nothing.
+    /// Root mean square; `None` if empty.
     pub fn rms(&self) -> Option<f64> {
         (self.count > 0).then(|| (self.squares / self.count as f64).sqrt())
     }
 }
 
-/// Torques of one group of joints, told and true.
+/// Torques of one group of joints, estimated and true.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TorqueSums {
-    /// Magnitude that was told, N m.
+    /// Estimated magnitude, N m.
     pub told_nm: Sums,
     /// True magnitude, N m.
     pub true_nm: Sums,
     /// Length of the difference of the vectors, N m.
     pub error_nm: Sums,
-    /// σ that was told, N m.
+    /// Reported σ, N m.
     pub sigma_nm: Sums,
 }
 
@@ -88,7 +88,7 @@ impl TorqueSums {
 pub struct ByGroup(pub [TorqueSums; GROUPS.len()]);
 
 impl ByGroup {
-    /// Takes in all joints of one sample: what is told and its σ against what is so.
+    /// Adds all joints of one sample: estimate, its σ, and truth.
     pub fn add(
         &mut self,
         told_nm: &[[f64; 3]; JOINTS],
@@ -102,7 +102,7 @@ impl ByGroup {
         }
     }
 
-    /// Takes in what another has.
+    /// Adds another sum.
     pub fn merge(&mut self, other: &ByGroup) {
         for (sums, others) in self.0.iter_mut().zip(&other.0) {
             sums.merge(others);
@@ -113,14 +113,14 @@ impl ByGroup {
 /// How often an error lay within its own σ.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Coverage {
-    /// How many errors came with a σ.
+    /// Number of errors with a σ.
     pub count: u64,
     within: [u64; 2],
     ratio: Sums,
 }
 
 impl Coverage {
-    /// Takes in an error; one without a σ is not counted.
+    /// Adds an error; one without a σ is not counted.
     pub fn add(&mut self, error: f64, sigma: f64) {
         if sigma <= 0.0 {
             return;
@@ -132,7 +132,7 @@ impl Coverage {
         self.ratio.add(ratio);
     }
 
-    /// Takes in what another has.
+    /// Adds another sum.
     pub fn merge(&mut self, other: &Coverage) {
         self.count += other.count;
         for (sum, others) in self.within.iter_mut().zip(other.within) {
@@ -141,12 +141,12 @@ impl Coverage {
         self.ratio.merge(&other.ratio);
     }
 
-    /// Share within 1σ and within 2σ, in percent.
+    /// Fraction within 1σ and within 2σ, in percent.
     pub fn percent(&self) -> [Option<f64>; 2] {
         self.within.map(|within| percent(within, self.count))
     }
 
-    /// Root mean square of error over σ: 1 where σ says the truth.
+    /// Root mean square of error over σ: 1 if σ is correct.
     pub fn ratio_rms(&self) -> Option<f64> {
         self.ratio.rms()
     }
@@ -157,12 +157,12 @@ impl Coverage {
 pub struct PlanarCoverage {
     /// Of both axes, each error over its own σ.
     pub by_axis: Coverage,
-    /// Of the distance: within the ellipse that holds 68.3 %, and that which holds 95.4 % of a normal error.
+    /// By the distance: within the ellipse that contains 68.3 %, and that which contains 95.4 % of a normal error.
     pub by_distance: Coverage,
 }
 
 impl PlanarCoverage {
-    /// Takes in an error with its covariance: xx, xy, yy.
+    /// Adds an error with its covariance: xx, xy, yy.
     pub fn add(&mut self, [x, y]: [f64; 2], [xx, xy, yy]: [f64; 3]) {
         let determinant = xx * yy - xy * xy;
         if xx <= 0.0 || yy <= 0.0 || determinant <= 0.0 {
@@ -175,14 +175,14 @@ impl PlanarCoverage {
         self.by_distance.add(normal_deviate((-0.5 * square).exp()), 1.0);
     }
 
-    /// Takes in what another has.
+    /// Adds another sum.
     pub fn merge(&mut self, other: &PlanarCoverage) {
         self.by_axis.merge(&other.by_axis);
         self.by_distance.merge(&other.by_distance);
     }
 }
 
-/// How many σ a normal error exceeds with this probability, to either side.
+/// Number of σ that a normal error exceeds with this two-sided probability.
 ///
 /// Abramowitz and Stegun, *Handbook of Mathematical Functions*, 26.2.23; off by less than 4.5e-4.
 fn normal_deviate(beyond: f64) -> f64 {
@@ -192,7 +192,7 @@ fn normal_deviate(beyond: f64) -> f64 {
     (t - above / below).max(0.0)
 }
 
-/// A share in percent; `None` of nothing.
+/// A fraction in percent; `None` if the whole is zero.
 pub fn percent(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
 }
@@ -256,7 +256,7 @@ mod tests {
             assert!((normal_deviate(beyond) - deviate).abs() < 1e-3, "{beyond}");
         }
         let mut coverage = PlanarCoverage::default();
-        // An error along the long axis of an ellipse is small by it, and one across it is not.
+        // Relative to an ellipse, an error along its long axis is small, and one across it is not.
         let covariance = [1.0, 0.9, 1.0];
         coverage.add([0.9, 0.9], covariance);
         assert_eq!(coverage.by_distance.percent(), [Some(100.0), Some(100.0)]);

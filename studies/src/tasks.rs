@@ -1,4 +1,4 @@
-//! What a session consists of: identification, poses that check it, a lift, work without a load.
+//! Tasks of a session: identification, check poses, a lift, work without a load.
 
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{State, Validity};
@@ -10,54 +10,54 @@ use equipoise_simulator::repertoire::LIFTING;
 use crate::mixtures::mixtures;
 use crate::session::{Moment, Session};
 
-/// How long a worker takes to take a pose, s.
+/// Time that a worker takes to take a pose, s.
 pub const POSE_S: f64 = 1.8;
-/// A pose that was not learnt within this is left for another, s.
+/// A pose not accepted within this is replaced by another, s.
 const PATIENCE_S: f64 = 6.0;
-/// How long a still window is shown when time leaps between poses, s: the window of 20 samples, and what a centred
-/// filter of motion may need around it.
+/// Duration of a static window when time leaps between poses, s: the window of 20 samples, and the margin that a
+/// centred motion filter may require around it.
 const WINDOW_S: f64 = 0.6;
-/// From one pose of work to the next at natural speed, s.
+/// Duration from one pose of work to the next at natural speed, s.
 const NATURAL_S: f64 = 1.0;
 
-/// How an identification went.
+/// Result of an identification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Identified {
     /// Poses that entered the filter.
     pub poses: u32,
-    /// Whether the stop rule was met; otherwise the learning was ended after the most poses that were allowed.
+    /// Whether the stop rule was met; otherwise identification was stopped at the maximum number of poses.
     pub converged: bool,
-    /// How long it took, s of simulated time.
+    /// Its duration, s of simulated time.
     pub seconds: f64,
-    /// What the filter promises for the centre of pressure, m.
+    /// The filter's predicted standard deviation of the centre of pressure, m.
     pub predicted_cop_sigma_m: f64,
     /// The largest P_jj, m².
     pub variance_max_m2: f64,
 }
 
-/// Whether centre of pressure is told both as measured and as estimated.
+/// Whether centre of pressure is reported both as measured and as estimated.
 pub fn tells_cop(state: &State) -> bool {
     !state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED))
 }
 
-/// Whether torques are told.
+/// Whether torques are reported.
 pub fn tells_torques(state: &State) -> bool {
     !state.validity().any_of(Validity::SPOILS_TORQUES)
 }
 
 impl Session {
-    /// The worker takes the suggested poses until the stop rule is met or `max_poses` are learnt; every sample of the
+    /// The worker takes the suggested poses until the stop rule is met or `max_poses` are used; every sample of the
     /// motion between them is measured. Afterwards the estimator monitors.
     pub fn identify(&mut self, max_poses: u32) -> Identified {
         self.identify_in_steps(max_poses, false, |_| {})
     }
 
-    /// The same, leaping over the motion between the poses: of each, only a still window is measured.
+    /// The same, skipping the motion between the poses: only a static window of each is measured.
     pub fn identify_by_windows(&mut self, max_poses: u32) -> Identified {
         self.identify_in_steps(max_poses, true, |_| {})
     }
 
-    /// Identification, with a look at the session after each pose that was learnt.
+    /// Identification, with a callback on the session after each pose used.
     pub fn identify_in_steps(
         &mut self,
         max_poses: u32,
@@ -65,13 +65,13 @@ impl Session {
         mut after_each: impl FnMut(&Session),
     ) -> Identified {
         let start_s = self.now_s();
-        // The bones first, standing as everybody comes in; then there is something to suggest.
+        // Segment lengths first, while standing; then a pose can be suggested.
         self.run_until(PATIENCE_S, |moment| moment.state.suggested_pose != u32::MAX);
         let mut refused = 0;
         while self.state().converged == 0 && self.state().poses_used < max_poses && refused < 50 {
             let library = self.settings().library;
             let suggested = self.state().suggested_pose as usize;
-            // As a person would: if nothing happens, try another one.
+            // As a worker would: if a pose is not accepted, try another one.
             let Some(posture) = library.get((suggested + 7 * refused) % library.len().max(1)) else { break };
             if self.learn(posture, leaping) {
                 refused = 0;
@@ -94,7 +94,7 @@ impl Session {
         identified
     }
 
-    /// Takes a pose and holds it until it is learnt; gives up after a while.
+    /// Takes a pose and holds it until it is used; gives up after a while.
     fn learn(&mut self, posture: &Posture, leaping: bool) -> bool {
         let used = self.state().poses_used;
         self.take_pose(posture, POSE_S);
@@ -107,7 +107,7 @@ impl Session {
         self.run_until(hold_s, |moment| moment.state.poses_used > used)
     }
 
-    /// Takes a pose as ordered, leaping over the way there; `see` looks at every state of a still worker.
+    /// Takes a pose as commanded, skipping the motion to it; `see` receives every state of the static worker.
     pub fn hold(&mut self, order: impl FnOnce(&mut Worker, f64), mut see: impl FnMut(&Moment)) {
         self.order(order);
         self.leap(POSE_S + 0.1);
@@ -118,27 +118,27 @@ impl Session {
         });
     }
 
-    /// Shows `count` poses that are in no library: mixtures by the subject's seed.
+    /// Holds `count` poses outside the library: mixtures by the subject's seed.
     pub fn hold_unknown(&mut self, count: usize, mut see: impl FnMut(&Moment)) {
         for mixture in mixtures(self.worker(), self.subject().seed, count) {
             self.hold(|worker, at_s| worker.intend(&mixture, at_s, POSE_S), &mut see);
         }
     }
 
-    /// Centre of pressure in `count` poses that are in no library.
+    /// Centre of pressure in `count` poses outside the library.
     pub fn hold_out(&mut self, count: usize) -> CopErrors {
         let mut errors = CopErrors::default();
         self.hold_unknown(count, |moment| errors.add(moment));
         errors
     }
 
-    /// The worker picks up a box, shows it around and puts it down, as the demonstration does.
+    /// The worker picks up a box, moves it and puts it down, as the demonstration does.
     pub fn lift(&mut self, mass_kg: f64, see: impl FnMut(&Moment)) {
         self.order(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
         self.run(16.5, see);
     }
 
-    /// The worker lifts a box from a table, carries it round and puts it back, at natural speed, without a rest.
+    /// The worker lifts a box from a table, carries it and puts it back, at natural speed, without a rest.
     pub fn lift_at_work(&mut self, mass_kg: f64, see: impl FnMut(&Moment)) {
         let [reach, close, stretched, raised, _] = LIFTING;
         let turned = |twist_deg: f64| Intention {
@@ -176,7 +176,7 @@ impl Session {
         self.run(seconds, see);
     }
 
-    /// The worker comes to stand straight and stays so.
+    /// The worker stands up straight and remains so.
     pub fn stand(&mut self, seconds: f64) {
         self.perform(&[Intention::STAND], NATURAL_S);
         self.run(NATURAL_S + seconds, |_| {});
@@ -189,7 +189,7 @@ impl Session {
         self.run(end_s - self.now_s(), see);
     }
 
-    /// One intention after another, each begun when the one before is there; returns how long all take, s.
+    /// One intention after another, each started when the previous is reached; returns the total duration, s.
     fn perform(&mut self, script: &[Intention], each_s: f64) -> f64 {
         self.order(|worker, at_s| {
             for (index, intention) in script.iter().enumerate() {
@@ -200,10 +200,10 @@ impl Session {
     }
 }
 
-/// Sums over centres of pressure: what the model says against what the plate measures.
+/// Errors of the centre of pressure: model against plate.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CopErrors {
-    /// How many states were looked at.
+    /// Number of states.
     pub samples: u64,
     square_m2: [f64; 2],
     low_m: [f64; 2],
@@ -211,7 +211,7 @@ pub struct CopErrors {
 }
 
 impl CopErrors {
-    /// Takes in a state, if it tells both.
+    /// Adds a state if it reports both.
     pub fn add(&mut self, moment: &Moment) {
         let state = moment.state;
         if !tells_cop(state) {
@@ -227,7 +227,7 @@ impl CopErrors {
         self.samples += 1;
     }
 
-    /// Takes in what another has.
+    /// Adds another sum.
     pub fn merge(&mut self, other: &CopErrors) {
         if self.samples == 0 || other.samples == 0 {
             *self = if self.samples == 0 { *other } else { *self };
@@ -252,7 +252,7 @@ impl CopErrors {
         x.hypot(y)
     }
 
-    /// From the least to the largest measured value per axis, m.
+    /// Range of the measured values per axis, m.
     pub fn range_m(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.high_m[axis] - self.low_m[axis])
     }

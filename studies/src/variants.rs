@@ -1,4 +1,4 @@
-//! Settings that the questions compare: the paper's method, and the default with one thing changed.
+//! Settings compared by the studies: the paper's method, and the default with one change.
 
 use std::sync::OnceLock;
 
@@ -12,13 +12,13 @@ use crate::subject::Subject;
 
 /// The configuration's default half window of motion, ns.
 pub const HALF_WINDOW_NS: u64 = 70_000_000;
-/// A soft constraint this wide constrains nothing, m.
+/// A soft constraint of this width has no effect, m.
 const UNCONSTRAINED_M: f64 = 1.0;
-/// Every so many poses of the library one is held out.
+/// One of this many poses of the library is held out.
 const HELD_OUT_EVERY: usize = 3;
 
-/// The paper's method: no prior, Eq. 11, every P_jj below 0.002 m², static equations. It has no soft constraints, no check
-/// of where the load is, and no threshold of the load.
+/// The paper's method: no prior, Eq. 11, every P_jj below 0.002 m², static equations. It has no soft constraints, no
+/// check of the load's place, and no load threshold.
 pub fn paper(subject: &Subject, reduction: ReductionKind) -> Settings {
     Settings {
         reduction,
@@ -37,14 +37,14 @@ pub fn paper(subject: &Subject, reduction: ReductionKind) -> Settings {
     }
 }
 
-/// What is believed before the first pose, in the tables' words.
+/// Priors, as named in the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Belief {
-    /// Nothing; then as few parameters as may be: the paper's hard constraints.
+    /// No prior; then with the fewest parameters: the paper's hard constraints.
     None,
     /// The anthropometric table.
     Table,
-    /// For sure what is badly wrong: [`wrong_deviation_m`], identified to 3 mm.
+    /// A confident but wrong prior: [`wrong_deviation_m`], with 3 mm.
     Wrong,
 }
 
@@ -53,7 +53,7 @@ impl Belief {
     pub const ALL: [(&str, Belief); 3] =
         [("none", Belief::None), ("table", Belief::Table), ("wrong", Belief::Wrong)];
 
-    /// Puts the belief into settings.
+    /// Writes the prior into settings.
     pub fn put_into(self, settings: &mut Settings) {
         (settings.prior, settings.similar) = match self {
             Belief::None => {
@@ -74,7 +74,7 @@ impl Belief {
 }
 
 /// Φ of a body whose trunk is 25 % lighter and legs 25 % heavier than the table's, and whose trunk's centres lie 4 cm
-/// further back, less Φ of the table; segment axes, m.
+/// further back, minus Φ of the table; segment axes, m.
 pub fn wrong_deviation_m(settings: &Settings) -> [f64; PARAMETERS] {
     let skeleton = Skeleton::nominal(settings.height_m);
     let table = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
@@ -108,11 +108,11 @@ pub const POSE_CHOICES: [(&str, PoseChoice); 4] = [
     ("I-optimal", PoseChoice::IOptimal),
 ];
 
-/// How overload is told in motion, with its name.
+/// Methods for overload in motion, with their names.
 pub const MOTIONS: [(&str, Motion); 2] =
     [("compensated", Motion::Compensated { half_window_ns: HALF_WINDOW_NS }), ("paper", Motion::Paper)];
 
-/// The library in two parts: to learn from, and to check with.
+/// The library in two parts: for identification, and for the check.
 pub fn divided_library() -> (&'static [Posture], &'static [Posture]) {
     static PARTS: OnceLock<[Vec<Posture>; 2]> = OnceLock::new();
     let [learnt, held_out] = PARTS.get_or_init(|| {

@@ -16,9 +16,9 @@ pub(crate) struct Crate {
 pub(crate) struct SourceFile {
     /// From the workspace's root.
     pub(crate) path: PathBuf,
-    /// How long it is, comments included.
+    /// Number of lines, comments included.
     pub(crate) lines: usize,
-    /// Its text, comments and literals blanked, line by line where they were.
+    /// Its text with comments and literals replaced by spaces, line by line.
     pub(crate) code: String,
 }
 
@@ -116,7 +116,7 @@ fn heads_of_group(group: &str) -> Vec<String> {
     heads
 }
 
-/// Every text that is, or is about to be, committed.
+/// Every text file that is committed or about to be.
 pub(crate) fn committed_texts() -> impl Iterator<Item = (PathBuf, String)> {
     let mut paths = Vec::new();
     walk(&root(), &mut paths);
@@ -143,7 +143,7 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The code with comments, strings and characters blanked.
+/// The code with comments, strings and characters replaced by spaces.
 fn without_prose(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;

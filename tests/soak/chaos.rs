@@ -1,6 +1,6 @@
-//! What happens to a station.
+//! Faults of a station.
 
-/// A kind of trouble.
+/// A kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Chaos {
     Loss,
@@ -24,7 +24,7 @@ pub(crate) enum Chaos {
     SuitAdapterKilled,
     GroundAdapterKilled,
     DaemonStopped,
-    /// An adapter whose clock is ahead by so many seconds, or behind.
+    /// An adapter with its clock ahead by this many seconds, or behind if negative.
     OtherClock(i32),
 }
 

@@ -1,9 +1,9 @@
-//! Is what a state tells as valid true?
+//! Checks that every value reported as valid is true.
 //!
-//! The simulator's truth is asked at the time that the state says it is about. Device time is tied to host time only so
-//! well: the core lets pass what is dated wrong by 20 ms. So a value is wrong if it is farther than 6 σ, by the state's own σ,
-//! and a floor from the truth of *every* instant within 20 ms. The floors are what no σ tells: the suit's own errors,
-//! which put a hand centimetres off, and the sharing between hands and feet.
+//! The simulator's truth is queried at the state's sample time. The clock fit between device time and host time has a
+//! limited accuracy: the core accepts time errors up to 20 ms. A value is therefore wrong if it deviates by more than 6
+//! σ, by the state's own σ, plus a floor from the truth of *every* instant within 20 ms. The floors cover errors
+//! without a σ: the suit's own errors, which displace a hand by centimetres, and the load fractions of hands and feet.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use equipoise_simulator::simulation::SimulationHandle;
 use equipoise_simulator::truth::Truth;
 use nalgebra::{Vector2, Vector3};
 
-/// So many σ are no chance.
+/// Errors beyond this many σ are not due to chance.
 const SIGMAS: f64 = 6.0;
 /// `CLOCK_SIGMA_MAX_NS` of the core.
 const DATED_WITHIN_S: f64 = 0.020;
@@ -32,13 +32,13 @@ const BODY_N: f64 = 72.0 * 9.81;
 const COMPRESSION_FLOOR_N: f64 = BACK_FLOOR_NM / EXTENSOR_LEVER_M;
 /// Lever of the back's extensors about L5/S1 in the cantilever model of Chaffin, Andersson & Martin, m.
 const EXTENSOR_LEVER_M: f64 = 0.06;
-/// Silence that must have been told: two periods of the slowest stream that trouble may have taught, the tolerance,
-/// and, for what is told of the suit, its wait for the plate and half a window.
+/// Silence that must have been reported: two periods of the slowest stream that the faults may have established, the
+/// tolerance, and, for values of the suit, its wait for the plate and half a window.
 const SILENT_AT_MOST_NS: [u64; 2] = [350_000_000, 250_000_000];
-/// A sample cannot be newer than the newest that was sent; sent and dated are two clocks' readings.
+/// Tolerance of sample times against the newest sent one, since they are readings of two clocks.
 const AHEAD_AT_MOST_NS: u64 = 25_000_000;
 
-/// What must have been judged, and how much of all states since the model was known: one in so many. Trouble withholds the
+/// Values that must have been checked, in at least one of this many states since identification. Faults invalidate the
 /// rest.
 const VALUES: [&str; 10] = [
     "measured cop",
@@ -53,12 +53,13 @@ const VALUES: [&str; 10] = [
     "compression",
 ];
 const JUDGED_ONE_IN: u64 = 5;
-/// A share of its bound from which the report says what was published beside a value.
+/// Fraction of the bound from which the report includes the other published values.
 const WORTH_TELLING: f64 = 0.8;
-/// States that the eyes may miss: one in so many.
+/// At most one of this many states may be missed by the test's subscriber.
 const MISSED_ONE_IN: u64 = 50;
 
-/// How long the clock fit needs to forget that the sensors were held up: a break must last a second before it is one.
+/// Time the clock fit takes to recover after the sensors were delayed: a break must last a second before it counts as
+/// one.
 const HELD_UP_FOR_NS: u64 = 3_000_000_000;
 
 /// The streams that a value depends on: suit, ground.
@@ -75,28 +76,28 @@ pub(crate) struct Wrong {
     cycle: u64,
     error: f64,
     bound: f64,
-    /// What was told beside, and the reasons that were raised.
+    /// Other reported values, and the invalid reasons raised.
     beside: String,
 }
 
-/// The largest share of its bound that a value's error took.
+/// The largest ratio of a value's error to its bound.
 struct Worst {
     share: f64,
     during: &'static str,
-    /// As of a wrong value, if the share is worth it.
+    /// As for a wrong value, if the ratio is large enough.
     beside: String,
 }
 
-/// Looks at every state.
+/// Checks every state.
 pub(crate) struct Judge {
     pub(crate) state: State,
     pub(crate) during: &'static str,
     pub(crate) states: u64,
     pub(crate) missed: u64,
-    /// States that came while a simulated sensor was held up, or just after; suit, ground.
+    /// States received while a simulated sensor was delayed by the host, or just after; suit, ground.
     pub(crate) excused: [u64; 2],
     held_up: [bool; 2],
-    /// What every state must say now.
+    /// Invalid reason required in every state at present.
     pub(crate) must_say: Option<Validity>,
     pub(crate) told: BTreeMap<&'static str, u64>,
     worst: BTreeMap<&'static str, Worst>,
@@ -126,15 +127,15 @@ impl Judge {
         }
     }
 
-    /// Takes in the next state.
+    /// Checks the next state.
     pub(crate) fn see(&mut self, state: State, person: &SimulationHandle) {
         assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
         assert!(state.cycle > self.state.cycle, "cycle {} after {}", state.cycle, self.state.cycle);
         self.states += 1;
         self.missed += if self.state.cycle > 0 { state.cycle - self.state.cycle - 1 } else { 0 };
         self.state = state;
-        // A simulated sensor that its own machine holds up is none: it sends old samples as new ones, and nobody can
-        // tell that from a device that is late. What comes from the other sensor is judged all the same.
+        // A simulated sensor delayed by the overloaded host sends old samples as new ones, which is indistinguishable
+        // from a late device, so its values are excluded. Values of the other sensor are checked all the same.
         let now_ns = state.time_ns.max(person.sent_at_ns()[1]);
         self.held_up = person.held_up_ns().map(|at_ns| now_ns < at_ns + HELD_UP_FOR_NS);
         for (excused, held_up) in self.excused.iter_mut().zip(self.held_up) {
@@ -147,13 +148,13 @@ impl Judge {
         self.values(person);
     }
 
-    /// From here on counts what is judged: the model is known.
+    /// Starts counting: the model is identified from here on.
     pub(crate) fn begin_to_count(&mut self) {
         (self.states, self.missed, self.excused) = (0, 0, [0; 2]);
         self.told.clear();
     }
 
-    /// A value that was judged too seldom for a verdict, or too many states that nobody saw.
+    /// A value that was checked too seldom for a verdict, or too many states that were missed.
     pub(crate) fn too_little(&self) -> Option<String> {
         let told = |value: &&str| self.told.get(value).copied().unwrap_or(0);
         if let Some(seldom) = VALUES.iter().find(|value| told(value) * JUDGED_ONE_IN < self.states) {
@@ -163,7 +164,7 @@ impl Judge {
             .then(|| format!("{} states were not seen beside {}", self.missed, self.states))
     }
 
-    /// Held up or not: silence and age are judged always.
+    /// Silence and age are checked even while the host delays the sensors.
     fn ages(&mut self, person: &SimulationHandle) {
         let (state, sent_ns, sent_at_ns) = (self.state, person.sent_ns(), person.sent_at_ns());
         let streams = [
@@ -174,8 +175,8 @@ impl Judge {
             if state.validity().any_of(stale) || age_ns == u64::MAX {
                 continue;
             }
-            // What was sent is read after the state came, so it can only be newer. A sample that was held up was as new
-            // as its sending, as far as anybody can know.
+            // The send times are read after the state was received, so they can only be newer. For a delayed sample the
+            // upper limit is its send time.
             let newest_ns = state.time_ns - age_ns;
             let sent_ns = if self.held_up[sensor] { sent_at_ns[sensor] } else { sent_ns[sensor] };
             let ahead_ns = newest_ns.saturating_sub(sent_ns);
@@ -189,7 +190,7 @@ impl Judge {
         let state = self.state;
         let valid = state.validity();
         let suit_told = !valid.any_of(Validity::SUIT_STALE) && state.suit_sample_time_ns > 0;
-        // Without the suit the ground is measured alone, at its own newest time.
+        // Without the suit only the ground is reported, at its own newest sample time.
         let about_ns = match suit_told {
             true => state.suit_sample_time_ns,
             false if state.ground_age_ns < u64::MAX => state.time_ns - state.ground_age_ns,
@@ -214,13 +215,13 @@ impl Judge {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
         }
-        // While device time is not tied to host time, the state says that nobody knows what time it is about.
+        // While device time is not tied to host time, the state's sample time is undefined.
         if !suit_told || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             return;
         }
         if told(Validity::SPOILS_COM, SUIT) {
-            // In motion that is too fast for the centre of pressure the state has no σ; what the model does not know of
-            // the body is the same as before.
+            // In motion too fast for the centre of pressure the state has no σ; the model error of the body is the same
+            // as before.
             if state.cop_sigma_m != [0.0; 2] {
                 self.com_sigma_m = norm(state.cop_sigma_m);
             }
@@ -280,7 +281,8 @@ impl Judge {
         }
     }
 
-    /// Holds a told value's error against its bound; instants around are asked only if the nearest truth is too far.
+    /// Compares the error of a reported value with its bound; neighbouring instants are queried only if the nearest
+    /// truth is too far.
     fn compare(
         &mut self,
         what: &'static str,
@@ -314,7 +316,7 @@ impl Judge {
         }
     }
 
-    /// The reasons that were raised, the true load, and the joint whose torque is farthest from truth.
+    /// The raised reasons, the true load, and the joint with the largest torque error.
     fn beside(&self) -> String {
         let (state, joint) = (&self.state, self.worst_joint);
         let reasons: Vec<_> = state.validity().names().collect();
@@ -341,7 +343,7 @@ impl Judge {
         format!("{reasons:?}, load {load_kg:.1} kg{torque}")
     }
 
-    /// The wrong values, a run of cycles each once, in words.
+    /// The wrong values in words, each run of cycles once.
     pub(crate) fn report(&self) -> Vec<String> {
         let mut runs: Vec<(Wrong, u64, f64)> = Vec::new();
         for wrong in &self.wrong {
@@ -371,8 +373,8 @@ impl Judge {
     }
 }
 
-/// The floor of a joint's torque, N m. A leg's has in it what the floor of the centre of pressure makes of half the body's
-/// weight, for that weight acts at the estimated centre of pressure.
+/// The floor of a joint's torque, N m. A leg's includes the effect of the centre of pressure's floor on half the body
+/// weight, which acts at the estimated centre of pressure.
 fn torque_floor_nm(joint: Joint) -> f64 {
     let is_leg = ["Hip", "Knee", "Ankle", "BallFoot"].iter().any(|part| joint.name().ends_with(part));
     TORQUE_FLOOR_NM + if is_leg { COP_FLOOR_M * 0.5 * BODY_N } else { 0.0 }
@@ -422,7 +424,7 @@ mod tests {
             ..State::zeroed()
         };
         let mut judge = Judge::new();
-        // Whether this machine holds up the sensors at this moment is none of the test's business.
+        // This test must not depend on whether the host delays the sensors now.
         let mut see = |state: State, held_up: [bool; 2]| {
             (judge.state, judge.held_up) = (state, held_up);
             judge.values(&person);

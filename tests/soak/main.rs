@@ -1,7 +1,7 @@
-//! Hours of trouble against the truth: whatever happens to wires, devices, adapters and consumers, no wrong value is ever
-//! told as a valid one; and the daemon neither grows nor leaks nor fails to recover.
+//! Hours of faults against the truth: whatever happens to cables, devices, adapters and consumers, no wrong value is
+//! ever reported as valid; and the daemon neither grows nor leaks nor fails to recover.
 //!
-//! `SOAK_SECONDS` and `SOAK_SEED` say how long and which luck; docs/realtime.md says what "wrong" means.
+//! `SOAK_SECONDS` and `SOAK_SEED` set duration and random seed; docs/realtime.md defines "wrong".
 
 #[path = "../../daemon/tests/failures/process.rs"]
 mod process;

@@ -1,16 +1,17 @@
-//! Whether a daemon grows: its memory second by second, its descriptors.
+//! Growth of a daemon: memory per second, descriptors.
 
 use std::time::Instant;
 
-/// A daemon that is left alone settles at 29 MiB within nine minutes, in steps of 1 MiB as threads and allocator touch
-/// their pages for the first time; a quarter more. A leak of 64 bytes a cycle at 1 kHz passes it within two minutes.
+/// An idle daemon settles at 29 MiB within nine minutes, in steps of 1 MiB as threads and allocator touch their pages
+/// for the first time; the limit is a quarter higher. A leak of 64 bytes a cycle at 1 kHz exceeds it within two
+/// minutes.
 const PLATEAU_KIB: f64 = 36.0 * 1024.0;
-/// What has settled grows no more: from here on the slope is held against [`SETTLED_SLOPE_KIB_PER_S`].
+/// Afterwards memory is constant: from here on the slope is compared with [`SETTLED_SLOPE_KIB_PER_S`].
 const SETTLED_AFTER_S: f64 = 600.0;
 /// One page a second.
 const SETTLED_SLOPE_KIB_PER_S: f64 = 4.0;
 
-/// What a process used over time.
+/// Resource usage of a process over time.
 pub(crate) struct Resources {
     process: u32,
     started: Instant,
@@ -22,7 +23,7 @@ impl Resources {
         Resources { process, started: Instant::now(), resident: Vec::new() }
     }
 
-    /// Once a second is enough; more often does nothing.
+    /// Samples at most once a second.
     pub(crate) fn look(&mut self) {
         let now_s = self.started.elapsed().as_secs_f64();
         if self.resident.last().is_some_and(|(last_s, _)| now_s - last_s < 1.0) {
@@ -30,8 +31,8 @@ impl Resources {
         }
         let status =
             std::fs::read_to_string(format!("/proc/{}/status", self.process)).expect("a living daemon");
-        // Its own memory. Shared memory has its size from the start (`bus/src/service.rs`); only which pages of it were ever
-        // touched grows for a while.
+        // Anonymous memory only. Shared memory has a fixed size (`bus/src/service.rs`); only its number of touched
+        // pages grows for a while.
         let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).expect("RssAnon");
         let kib: f64 = line.trim().trim_end_matches(" kB").parse().expect("a number");
         self.resident.push((now_s, kib));
@@ -41,7 +42,7 @@ impl Resources {
         std::fs::read_dir(format!("/proc/{}/fd", self.process)).expect("a living daemon").count()
     }
 
-    /// Says how much memory is used and how it grows after the first half; an error if that is too much.
+    /// Reports memory usage and its growth after the first half; an error if that is too much.
     pub(crate) fn judge_growth(&self) -> Result<String, String> {
         let late = &self.resident[self.resident.len() / 2..];
         let slope_kib_per_s = slope(late);
@@ -56,7 +57,7 @@ impl Resources {
     }
 }
 
-/// Of the least squares line through (s, KiB).
+/// Slope of the least-squares line through (s, KiB).
 fn slope(points: &[(f64, f64)]) -> f64 {
     let count = points.len() as f64;
     let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;

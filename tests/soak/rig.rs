@@ -1,4 +1,4 @@
-//! The station that suffers: a real daemon at 1 kHz, adapters as processes of their own, a simulated person, and the eyes.
+//! The station under test: a real daemon at 1 kHz, adapters as separate processes, a simulated human, and a subscriber.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -16,19 +16,20 @@ use crate::process::{Process, wait_for};
 use crate::resources::Resources;
 use crate::station::{NAME, Station, ready};
 
-/// How long each trouble lasts.
+/// Duration of each fault.
 const LASTS: Duration = Duration::from_millis(2000);
-/// And how long everything is well thereafter, at least.
+/// Minimum duration without a fault afterwards.
 const CALM: Duration = Duration::from_millis(3500);
-/// A restart or a leap shows within this.
+/// A restart or a jump becomes visible within this.
 const FELT_WITHIN: Duration = Duration::from_millis(300);
-/// All must be told again within this.
+/// All values must be reported again within this.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(40);
-/// After a restart of the suit the place is found from what the worker does, and this one holds poses most of the time.
+/// After a restart of the suit the position is estimated from the worker's motion, and this worker holds poses most of
+/// the time.
 const PLACE_FOUND_WITHIN: Duration = Duration::from_secs(90);
-/// However often the machine stood still meanwhile.
+/// Upper limit, independent of how often the machine was suspended meanwhile.
 const RECOVERS_AT_ALL_WITHIN: Duration = Duration::from_secs(120);
-/// So much longer than asked, if too little was judged until then.
+/// Maximum extension of the run if too little was checked.
 const LONGER_AT_MOST: Duration = Duration::from_secs(60);
 /// The suit's ordinary rate, samples a second.
 const SUIT_HZ: f64 = 60.0;
@@ -101,7 +102,7 @@ impl Rig {
         }
     }
 
-    /// The person takes the poses that are asked for until the model is known.
+    /// The worker takes the suggested poses until the model is identified.
     pub(crate) fn identify(&mut self) {
         let started = Instant::now();
         let (mut asked, mut since) = (u32::MAX, Instant::now());
@@ -120,7 +121,7 @@ impl Rig {
         self.descriptors = self.resources.descriptors();
     }
 
-    /// Judges all that has come.
+    /// Checks all received states.
     fn look(&mut self) {
         while let Some(state) = self.states.receive().expect("the bus") {
             self.judge.see(state, &self.person);
@@ -129,7 +130,7 @@ impl Rig {
         self.resources.look();
     }
 
-    /// Time passes, in which the worker works and everything is judged.
+    /// Advances time while the worker works and all states are checked.
     fn pass(&mut self, time: Duration) {
         let until = Instant::now() + time;
         while Instant::now() < until {
@@ -230,7 +231,7 @@ impl Rig {
         self.person.silence_plate(false);
     }
 
-    /// In time, the judge sees to that; here only that it is said at all.
+    /// Checks that a reason is raised at all; its timing is checked by the judge.
     fn must_be_told(&mut self, reason: Validity) {
         let started = Instant::now();
         while !self.judge.state.validity().any_of(reason) {
@@ -244,7 +245,7 @@ impl Rig {
         }
     }
 
-    /// Somebody else's suit streams to the same port.
+    /// A foreign suit streams to the same port.
     fn foreign_avatar(&mut self) {
         let mut settings = SimulationSettings { seed: self.luck(), height_m: 1.6, ..self.station.sensors() };
         settings.suit.avatar = 3;
@@ -272,8 +273,8 @@ impl Rig {
         self.adapters[which] = adapter_of(&self.station, stream, before);
     }
 
-    /// The suit's adapter comes back in another time namespace: its stamps are those of another clock. While it runs, no
-    /// state may believe them; people are told, unless they could be those of a slow wire.
+    /// The suit's adapter restarts in another time namespace: its stamps are those of another clock. While it runs, no
+    /// state may use them; a diagnostic is output, unless the stamps are consistent with a slow connection.
     fn other_clock(&mut self, ahead_s: i32) {
         let ahead = format!("--monotonic={ahead_s}");
         let elsewhen = ["unshare", "--time", &ahead, "--fork", "--kill-child"];
@@ -295,11 +296,11 @@ impl Rig {
         self.adapter_killed(0, &[]);
     }
 
-    /// All is told again within a bound, and stays so for a while. How long it took.
+    /// Checks that all values are reported again within a bound, and remain so for a while. Returns the duration.
     pub(crate) fn recover(&mut self, chaos: Chaos) -> Duration {
         let started = Instant::now();
         self.judge.during = chaos.name();
-        // What was done at once must have been felt, or all would be well still.
+        // Immediate faults must have become visible; otherwise the state would still appear healthy.
         self.pass(FELT_WITHIN);
         let within = if chaos == Chaos::SuitRestarts { PLACE_FOUND_WITHIN } else { RECOVERS_WITHIN };
         self.wait_until_all_is_told(within);
@@ -316,7 +317,7 @@ impl Rig {
             || self.judge.state.validity().any_of(Validity::SPOILS_RESIDUAL)
         {
             if self.person.held_up_ns() != held_up_ns {
-                // Nothing recovers on a machine that stands still.
+                // The time limit excludes periods in which the machine is suspended.
                 (started, held_up_ns) = (Instant::now(), self.person.held_up_ns());
             }
             if started.elapsed() > within || begun.elapsed() > RECOVERS_AT_ALL_WITHIN {
@@ -333,7 +334,7 @@ impl Rig {
         self.judge.state.validity().names().collect()
     }
 
-    /// Ends everything in order and gives the verdict.
+    /// Shuts everything down and returns the verdict.
     pub(crate) fn end(mut self, events: u64) {
         self.judge.during = "the end";
         let begun = Instant::now();
@@ -354,7 +355,7 @@ impl Rig {
             self.descriptors,
             self.judge.worst()
         );
-        // Ended in the reverse order: the station's files last.
+        // Shutdown in the reverse order: the station's files last.
         let Rig { station, judge, states, _bus: bus, person, mut daemon, mut adapters, failures, .. } = self;
         drop((states, bus));
         for process in adapters.iter_mut().chain([&mut daemon]) {

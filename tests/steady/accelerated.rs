@@ -1,4 +1,4 @@
-//! The loop on a clock that runs faster than time: the same cycles, rings, samples and commands, and nobody to wait for.
+//! The loop on a clock that runs faster than real time: the same cycles, rings, samples and commands, without waiting.
 
 use std::sync::Arc;
 
@@ -17,11 +17,11 @@ use nix::sys::resource::{UsageWho, getrusage};
 use crate::{Watch, number};
 
 const PERIOD_NS: u64 = 1_000_000;
-/// Everything the loop does is in these seconds: poses are learnt, a box is lifted, work goes on.
+/// All of the loop's work occurs within these seconds: identification, a lift, further work.
 const SESSION_S: u32 = 40;
 const SEED: u64 = 7;
 
-/// What sensors said in one session; played again and again, each time dated later.
+/// Samples of one session, replayed repeatedly with later stamps.
 struct Session {
     suit: Vec<SuitSample>,
     ground: Vec<GroundSample>,
@@ -30,7 +30,7 @@ struct Session {
 impl Session {
     fn make() -> Session {
         let mut worker = Worker::with_habits(Person::new(SEED, 1.77, 72.0), SEED, Habits::ORDINARY);
-        // Six poses, then a box is lifted, shown around and put down.
+        // Six poses, then a box is lifted, moved and put down.
         for pose in 0..6_u32 {
             worker.take_pose(&LIBRARY[pose as usize * 7], f64::from(pose) * 3.5, 1.8);
         }
@@ -43,7 +43,7 @@ impl Session {
     }
 }
 
-/// What the loop was seen to do: a loop that does nothing touches nothing.
+/// Observed activity of the loop: an idle loop would pass the test trivially.
 #[derive(Debug, Default, Clone, Copy)]
 struct Seen {
     outcomes: u64,
@@ -56,12 +56,12 @@ struct Seen {
     reloads: u64,
 }
 
-/// Time itself, and all of the loop's neighbours: ingress, egress and commands, between two cycles.
+/// Clock and neighbours of the loop: ingress, egress and commands, between two cycles.
 struct Accelerated<'a> {
     now_ns: u64,
     rings: Arc<Rings>,
     session: &'a Session,
-    /// When the session's first sample is dated in this round, and how many samples of it were sent.
+    /// Stamp of the session's first sample in this round, and number of its samples sent.
     round_ns: u64,
     sent: [usize; 2],
     rounds: u64,
@@ -125,7 +125,7 @@ impl Accelerated<'_> {
         if self.naps.is_multiple_of(3001) {
             let _ = self.rings.command.push(CommandKind::Checkpoint);
         }
-        // Another worker, in the middle of a lift of every other round.
+        // Change the subject, in the middle of a lift of every other round.
         if self.naps.is_multiple_of(74_003)
             && let Some(worker) = self.worker.take()
         {
@@ -136,7 +136,7 @@ impl Accelerated<'_> {
             self.worker = Some(back);
             self.seen.workers += 1;
         }
-        // The same settings again, as after a reload.
+        // Apply the same settings again, as after a reload.
         if self.naps.is_multiple_of(50_021)
             && let Some(settings) = self.settings.take()
         {
@@ -157,7 +157,7 @@ impl Clock for Accelerated<'_> {
 
     fn sleep_until(&mut self, due_ns: u64) {
         self.naps += 1;
-        // Woken a little late, and now and then so late that slots are over.
+        // Wake-up slightly late, and occasionally so late that slots are skipped.
         let late_ns = if self.luck(5000) == 0 { self.luck(4_000_000) } else { self.luck(60_000) };
         self.now_ns = self.now_ns.max(due_ns) + late_ns;
         self.send_samples();
@@ -166,7 +166,7 @@ impl Clock for Accelerated<'_> {
     }
 }
 
-/// Ends the loop after so many cycles; reads the faults at the first armed cycle and at the last.
+/// Ends the loop after this number of cycles; reads the page faults at the first armed cycle and at the last.
 struct Until {
     watch: Watch,
     cycles: u64,
@@ -174,7 +174,7 @@ struct Until {
     faults: [[i64; 2]; 2],
 }
 
-/// Without touching memory that would then count.
+/// Reads the counters without touching memory that would then count.
 fn own_faults() -> [i64; 2] {
     let usage = getrusage(UsageWho::RUSAGE_THREAD).expect("what this thread used");
     [usage.minor_page_faults(), usage.major_page_faults()]
@@ -195,7 +195,7 @@ impl Observer for Until {
 
 #[test]
 fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
-    // Two rounds of the session: every path was taken, every page was there.
+    // Two rounds of the session: every path was taken, every page is present.
     let warm_cycles = 2000 * u64::from(SESSION_S);
     let cycles = warm_cycles + number("STEADY_CYCLES", 400_000);
     let settings = Settings {

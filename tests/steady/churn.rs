@@ -1,4 +1,4 @@
-//! What goes on around a daemon beside its consumers: sensors, the page, recorders, commands.
+//! Activity around a daemon other than its consumers: sensors, the page, recorders, commands.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -16,20 +16,20 @@ use rustix::process::Signal;
 use crate::consumers::{must_have_found_no_place, start};
 use crate::process::wait_for;
 
-/// How often each was done.
+/// Counts of each activity.
 #[derive(Debug, Default)]
 pub(crate) struct Churn {
     pub(crate) sensor_drops: AtomicU64,
     pub(crate) sensor_restarts: AtomicU64,
     pub(crate) page_loads: AtomicU64,
-    /// Recorders that were started; those that recorded; those that found every place taken by the dead.
+    /// Recorders that were started; those that recorded; those that found every place occupied by killed processes.
     pub(crate) recorders: AtomicU64,
     pub(crate) recordings: AtomicU64,
     pub(crate) recorders_without_place: AtomicU64,
     pub(crate) commands: AtomicU64,
 }
 
-/// A number that looks like chance and follows from another.
+/// A pseudo-random number derived from another.
 pub(crate) fn luck(number: u64) -> u64 {
     let mixed = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb) >> 20
@@ -47,12 +47,12 @@ fn pass(time: Duration, stop: &AtomicBool) {
 }
 
 impl Churn {
-    /// Poses, lifts, silences, pulled plugs.
+    /// Poses, lifts, silences, disconnections.
     pub(crate) fn sensors(&self, suit: SocketAddr, plate: SocketAddr, stop: &AtomicBool) {
         let start = || {
             let mut settings = SimulationSettings::default();
             (settings.suit.target, settings.plate.address) = (suit, plate);
-            // The port may still be the former plate's for a moment.
+            // The previous plate may still hold the port for a short time.
             wait_for("the simulated person", || Simulation::start(settings.clone()).ok())
         };
         let mut person: SimulationHandle = start();
@@ -87,7 +87,7 @@ impl Churn {
         person.stop().expect("an orderly end of the simulation");
     }
 
-    /// Loads the page and all it asks for, and hangs up in the middle of its events.
+    /// Loads the page and its resources, and disconnects during its event stream.
     pub(crate) fn page(&self, page: &SocketAddr, stop: &AtomicBool) {
         let mut bytes = [0; 4096];
         while !stop.load(Ordering::Relaxed) {
@@ -98,7 +98,7 @@ impl Churn {
                 if browser.write_all(request.as_bytes()).is_ok()
                     && browser.read(&mut bytes).is_ok_and(|n| n > 0)
                 {
-                    // 503: on a machine that stood still, the page says that nobody tells it anything.
+                    // 503: after the machine was suspended, the page reports that it receives no data.
                     let answered =
                         [b"HTTP/1.1 200", b"HTTP/1.1 503"].iter().any(|head| bytes.starts_with(*head));
                     assert!(answered, "{}", String::from_utf8_lossy(&bytes));
@@ -109,7 +109,7 @@ impl Churn {
         }
     }
 
-    /// Records for a moment, again and again.
+    /// Records briefly, repeatedly.
     pub(crate) fn recorder(&self, directory: &Path, stop: &AtomicBool) {
         let out = directory.join("recording.mcap");
         let path = out.to_string_lossy();
@@ -122,7 +122,7 @@ impl Churn {
             pass(Duration::from_millis(1000), stop);
             if recorder.is_running() {
                 let code = recorder.stop(Signal::TERM);
-                // 3: it could not keep up, and says so.
+                // 3: the recorder could not keep up, and reports it.
                 assert!(matches!(code, Some(0 | 3)), "{code:?} {}", recorder.stderr());
                 self.recordings.fetch_add(1, Ordering::Relaxed);
             } else {
@@ -134,7 +134,7 @@ impl Churn {
         }
     }
 
-    /// Asks for checkpoints, and now and then to learn anew.
+    /// Requests checkpoints, and at intervals a new identification.
     pub(crate) fn commands(&self, station: &str, stop: &AtomicBool) {
         let bus = Bus::join(&BusSettings::new(station, "commander")).expect("the bus");
         let client = bus.command_client().expect("a client");

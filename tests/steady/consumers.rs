@@ -7,23 +7,23 @@ use std::time::Duration;
 
 use crate::process::{Process, wait_for};
 
-/// So many at once: a topic has 16 places, and one that was killed keeps its own until it is cleared away.
+/// Number at once: a topic has 16 places, and a killed process keeps its own until it is cleared away.
 const AT_ONCE: u64 = 6;
 
-/// How many came, and what became of them.
+/// Counts of consumers by outcome.
 #[derive(Debug, Default)]
 pub(crate) struct Storm {
-    /// Saw a state: those that left and those that were killed thereafter.
+    /// Received a state: those that left and those that were killed afterwards.
     pub(crate) joined: AtomicU64,
     left: AtomicU64,
     killed: AtomicU64,
     killed_joining: AtomicU64,
-    /// Found all places taken, by those that were killed and not cleared away yet.
+    /// Found all places occupied, by processes that were killed and not cleared away yet.
     pub(crate) turned_away: AtomicU64,
 }
 
 impl Storm {
-    /// Sends consumers until it shall stop. Their output goes to files in `directory`.
+    /// Starts consumers until `stop` is set. Their output goes to files in `directory`.
     pub(crate) fn rage(&self, directory: &Path, stop: &AtomicBool) {
         std::thread::scope(|scope| {
             for lane in 0..AT_ONCE {
@@ -79,14 +79,14 @@ impl Storm {
     }
 }
 
-/// It ended by itself before its time: for want of a place, and for no other reason.
+/// Checks that it ended early for lack of a place, and for no other reason.
 pub(crate) fn must_have_found_no_place(process: &mut Process) {
     let (code, said) = (process.wait().code(), process.stderr());
     let full = said.contains("all its ") && said.contains(" are taken");
     assert!(code == Some(1) && full, "it ended with {code:?} and said: {said}");
 }
 
-/// Starts the program on the station that the environment names.
+/// Starts the program on the station given by the environment.
 pub(crate) fn start(directory: &Path, name: &str, arguments: &[&str]) -> Process {
     let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
     command.args(arguments);

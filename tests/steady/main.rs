@@ -1,8 +1,8 @@
-//! Steady for ever: no allocation, no release, no page fault and no lost slot, for as long as anybody likes to wait.
+//! Steady state: no allocation, no release, no page fault and no lost slot, for any duration.
 //!
-//! `accelerated`: the loop itself, on a clock that runs faster than time, over millions of cycles. `under_churn`: the
-//! whole daemon in real time while consumers come, go and are killed, sensors drop and return, the page is reloaded and
-//! recorders start and stop. Lengths come from the environment, for `.ci/steady` wants them longer:
+//! `accelerated`: the loop itself, on a clock that runs faster than real time, over millions of cycles. `under_churn`:
+//! the whole daemon in real time while consumers join, leave and are killed, sensors disconnect and return, the page is
+//! reloaded and recorders start and stop. Lengths come from the environment; `.ci/steady` uses longer ones:
 //! `STEADY_CYCLES`, `STEADY_SECONDS`, `STEADY_CONSUMERS`.
 
 #[path = "../counting_alloc.rs"]
@@ -31,7 +31,7 @@ fn number(variable: &str, otherwise: u64) -> u64 {
     }
 }
 
-/// Arms the loop's own thread from the end of its warm-up on, and hands out what was counted.
+/// Arms the loop's own thread from the end of its warm-up on, and returns the counts.
 #[derive(Debug, Clone, Default)]
 struct Watch {
     warm_cycles: u64,

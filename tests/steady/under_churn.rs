@@ -1,7 +1,7 @@
-//! The whole daemon in real time, at 1 kHz, while everything around it comes and goes.
+//! The whole daemon in real time, at 1 kHz, while everything around it joins and leaves.
 //!
-//! The daemon's threads are this process's own, so that their allocator can be armed; on a bus of its own, so that what
-//! is left behind can be seen. Both want a process for itself: the test starts this file again ([`inside`]).
+//! The daemon's threads run in this process, so that their allocator can be armed, and on a separate bus, so that
+//! leftovers are detectable. Both require a separate process: the test starts this file again ([`inside`]).
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -20,11 +20,11 @@ use crate::station::{NAME, Station};
 use crate::{Watch, number};
 use equipoise_simulator::ports::free_address;
 
-/// Where the suite's files are; set for [`inside`] only.
+/// Folder of the test's files; set for [`inside`] only.
 const DIRECTORY: &str = "STEADY_DIRECTORY";
-/// Two seconds, in which the loop has seen sensors, consumers and commands.
+/// Two seconds, in which the loop has processed sensors, consumers and commands.
 const WARM_CYCLES: u64 = 2000;
-/// However long it is to last, it must not last for ever.
+/// Time limit beyond the requested duration.
 const LATER_AT_MOST: Duration = Duration::from_secs(240);
 
 #[test]
@@ -52,7 +52,7 @@ fn seconds() -> u64 {
     number("STEADY_SECONDS", 8)
 }
 
-/// Shared memory that is left, but for the small files that iceoryx2 keeps for ever, one a version.
+/// Remaining shared memory, except the small files that iceoryx2 keeps permanently, one per version.
 fn left_of_the_bus(station: &Station) -> Vec<PathBuf> {
     let is_kept = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "global_mgmt");
     let is_shared_memory = |path: &PathBuf| path.starts_with("/dev/shm");
@@ -71,7 +71,7 @@ fn config(page: std::net::SocketAddr) -> Config {
     Config::parse(&text, "the suite's configuration").expect("a good configuration")
 }
 
-/// What this process has open; one that was closed while they were read is left out.
+/// Open descriptors of this process; those closed during the reading are left out.
 fn descriptors() -> Vec<PathBuf> {
     let entries = std::fs::read_dir("/proc/self/fd").expect("this process");
     entries.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok()).collect()
@@ -109,7 +109,7 @@ fn faults(the_loop: i32) -> [u64; 2] {
     [facts.minor_faults, facts.major_faults]
 }
 
-/// Started by the test above, in a process and on a bus of its own.
+/// Started by the test above, in a separate process and on a separate bus.
 #[test]
 #[ignore = "a process of the suite: the test of the same file starts it"]
 fn inside() {
@@ -140,7 +140,7 @@ fn inside() {
         wait_until_enough(&storm, &pipeline);
         (before, faults(the_loop.id))
     });
-    // Who was killed last is cleared away by the daemon, which looks once a second.
+    // The daemon clears away processes killed last, with its check once a second.
     let (descriptors_before, nodes_before) = before;
     wait_for_descriptors(&descriptors_before);
     println!(
@@ -176,7 +176,7 @@ fn inside() {
     assert!(churn.commands.into_inner() > 0, "no churn");
 }
 
-/// Ends the churn, by a panic too.
+/// Ends the churn, also on a panic.
 struct Stop<'a>(&'a AtomicBool);
 
 impl Drop for Stop<'_> {
@@ -185,7 +185,7 @@ impl Drop for Stop<'_> {
     }
 }
 
-/// Until time and consumers are enough. A daemon that ends by itself ends the wait.
+/// Waits for the required duration and number of consumers. A daemon that ends by itself ends the wait.
 fn wait_until_enough(storm: &Storm, pipeline: &Pipeline) {
     let (started, wanted) = (Instant::now(), number("STEADY_CONSUMERS", 10));
     let long = Duration::from_secs(seconds());

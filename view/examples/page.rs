@@ -1,4 +1,4 @@
-//! The page with nobody on the plate: a made-up worker learns poses for a while, then lifts a box, for ever.
+//! The page with a simulated human: takes poses for identification for a while, then lifts a box, in an endless loop.
 //!
 //! ```sh
 //! cargo run -p equipoise-view --example page             # the whole story
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// What to show at `t` seconds.
+/// The frame at time `t`, s.
 fn frame(scene: Option<&str>, t: f64) -> PageFrame {
     let t_in_story = t % 40.0;
     let mut frame = match scene.unwrap_or(if t_in_story < 20.0 { "learning" } else { "red" }) {
@@ -71,7 +71,7 @@ fn learning(t: f64) -> PageFrame {
     PageFrame { suggested: Some(suggested), ..PageFrame::new(state) }
 }
 
-/// In the suggested pose, and still.
+/// Holds the suggested pose, static.
 fn holding() -> PageFrame {
     let mut frame = learning(0.0);
     frame.state.segment_origin_m =
@@ -113,7 +113,7 @@ fn body() -> Skeleton {
     Skeleton::nominal(1.77)
 }
 
-/// A state of somebody who stands like `posture`.
+/// A state of a person in this posture.
 fn standing(posture: &Posture) -> State {
     let origin = pose_of(posture, &body(), [0.0; 3]).origin;
     let ankle = origin[Segment::LeftFoot.index()];
@@ -130,7 +130,7 @@ fn standing(posture: &Posture) -> State {
     state
 }
 
-/// Leaning by `lean_deg` from the hips, arms down by `arm_deg`, forearms flexed.
+/// Leans by `lean_deg` from the hips, with arms down by `arm_deg` and forearms flexed.
 fn posture(name: &'static str, lean_deg: [i16; 3], arm_deg: i16, elbow_deg: i16) -> Posture {
     let mut rotation_deg = [[0; 3]; SEGMENTS];
     rotation_deg[Segment::L5.index()] = lean_deg;

@@ -54,7 +54,7 @@ impl Banner {
     /// still displayed.
     pub fn update(&mut self, state: &State, pose: Option<&str>) -> &Headline {
         let raised = FAULTS.map(|fault| state.validity().any_of(fault));
-        // The first state is displayed as it is, and so is one that follows a longer silence.
+        // The first state is displayed at once, and so is the first after a longer silence.
         let step_ns = self
             .updated_ns
             .map_or(HOLD_NS, |updated_ns| state.time_ns.saturating_sub(updated_ns))

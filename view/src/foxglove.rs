@@ -1,13 +1,13 @@
-//! What Foxglove and Lichtblick show without a plugin: the scene and the state of a station, the same in a recording and
-//! live.
+//! Data for Foxglove and Lichtblick without a plugin: the scene and the state of a station, in the same form for
+//! recordings and for the live gateway.
 //!
-//! Messages are JSON with a JSON schema. The well-known schema `foxglove.SceneUpdate` may be encoded so, [`StateJson`] is
-//! JSON anyway, and neither recorder nor outlet needs a library for it. Lengths are rounded to 0.1 mm, which keeps the text
-//! short; what it costs in a file is in `docs/recordings.md`.
+//! Messages are JSON with a JSON schema. The well-known schema `foxglove.SceneUpdate` permits this encoding,
+//! [`StateJson`] is JSON anyway, and neither recorder nor gateway needs an extra library. Lengths are rounded to 0.1 mm
+//! to keep the text short; `docs/recordings.md` gives the file size.
 //!
-//! What is withheld is not drawn, and a picture lives for [`scene::LIFETIME_NS`]: a station that fell silent fades.
+//! Invalid values are not drawn, and entities expire after [`scene::LIFETIME_NS`], so that a silent station disappears.
 //!
-//! Floors, ground first: `primitives` → `schema`, `figure` → [`scene`] → [`Channel`]
+//! Modules, lowest layer first: `primitives` → `schema`, `figure` → [`scene`] → [`Channel`]
 
 mod figure;
 mod primitives;
@@ -22,23 +22,23 @@ pub use primitives::SceneUpdate;
 
 use crate::state_json::StateJson;
 
-/// How messages are encoded, as MCAP and the WebSocket protocol call it.
+/// Encoding of messages, by its name in MCAP and in the WebSocket protocol.
 pub const MESSAGE_ENCODING: &str = "json";
-/// How schemas are encoded.
+/// Encoding of schemas.
 pub const SCHEMA_ENCODING: &str = "jsonschema";
 
-/// A kind of message that viewers show.
+/// A channel that viewers can display.
 #[derive(Debug, Clone, Copy)]
 pub struct Channel {
     /// Its topic.
     pub topic: &'static str,
-    /// The name of its schema: viewers know `foxglove.SceneUpdate` by it.
+    /// Schema name, by which viewers recognise `foxglove.SceneUpdate`.
     pub schema_name: &'static str,
     schema: fn() -> serde_json::Value,
 }
 
 impl Channel {
-    /// The figure, the centres of pressure and the ground below them.
+    /// The figure, the centres of pressure and the support polygon.
     pub const SCENE: Channel = Channel {
         topic: "/equipoise/scene",
         schema_name: "foxglove.SceneUpdate",
@@ -50,7 +50,7 @@ impl Channel {
         schema_name: "equipoise.State",
         schema: crate::state_json::schema::state,
     };
-    /// Both.
+    /// Both channels.
     pub const ALL: [Channel; 2] = [Channel::SCENE, Channel::STATE];
 
     /// The schema as text.
@@ -59,10 +59,10 @@ impl Channel {
     }
 }
 
-/// A state as the message of [`Channel::STATE`], its `t` on CLOCK_MONOTONIC.
+/// Encodes a state as the message of [`Channel::STATE`]; its `t` is on CLOCK_MONOTONIC.
 ///
 /// # Errors
-/// None that can happen: serde's signature.
+/// Never; the signature is serde's.
 pub fn state_text(state: &State) -> serde_json::Result<String> {
     StateJson::new(state, equipoise_core::time::seconds(state.time_ns)).to_text()
 }

@@ -1,26 +1,26 @@
-//! Incidents in plain English: what each kind means, and what to do about it. `docs/operation.md` has the same table.
+//! Incidents in plain English: meaning and remedy of each kind. `docs/operation.md` has the same table.
 
 use equipoise_core::message::{Incident, Incidents};
 use equipoise_core::time::seconds;
 
 use crate::words::table::english;
 
-/// What a kind of incident means, and what to do.
+/// Meaning and remedy of a kind of incident.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Words {
     /// What has happened.
     pub meaning: &'static str,
-    /// What a person does about it.
+    /// The remedy.
     pub to_do: &'static str,
 }
 
-/// The words of a kind.
+/// The texts of a kind.
 pub fn words(kind: Incident) -> Words {
     let part = |part: &str| english(&format!("incident.{}.{part}", kind.name())).unwrap_or(kind.name());
     Words { meaning: part("meaning"), to_do: part("do") }
 }
 
-/// The incidents that go on, on one line, with how long; `None` if there are none. `now_ns` is CLOCK_MONOTONIC.
+/// Active incidents on one line, with their durations; `None` if there are none. `now_ns` is CLOCK_MONOTONIC.
 pub fn line(incidents: &Incidents, now_ns: u64) -> Option<String> {
     let told: Vec<String> = incidents
         .active()
@@ -32,7 +32,7 @@ pub fn line(incidents: &Incidents, now_ns: u64) -> Option<String> {
     (!told.is_empty()).then(|| told.join(", "))
 }
 
-/// A span for people: seconds, minutes or hours.
+/// A duration for people: seconds, minutes or hours.
 pub fn span(span_ns: u64) -> String {
     let whole_s = seconds(span_ns).round() as u64;
     match whole_s {

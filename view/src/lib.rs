@@ -1,7 +1,8 @@
-//! What people see: the worker's page, the terminal, and the JSON that scripts read.
+//! Views of a station: the worker's page, the terminal, and the JSON for scripts.
 //!
-//! [`state_json`] is the one place that turns a state into JSON, [`words`] the one place that turns it into plain
-//! English, [`foxglove`] the one that draws it for recordings and viewers. [`page`] and [`terminal`] only arrange what those two say. Nothing here runs in the loop.
+//! [`state_json`] is the only module that converts a state to JSON, [`words`] the only one that converts it to plain
+//! English, [`foxglove`] the only one that draws it for recordings and viewers. [`page`] and [`terminal`] arrange the
+//! output of the first two. No code of this crate runs in the loop.
 
 pub mod banner;
 pub mod foxglove;

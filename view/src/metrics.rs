@@ -1,6 +1,6 @@
-//! Counts of the service for Prometheus: `GET /metrics`, on loopback, in a thread and a runtime of its own.
+//! Prometheus metrics of the service: `GET /metrics`, on loopback, in a thread and a runtime of its own.
 //!
-//! Counts and ages only: no pose, no torque, nobody's name. Like the page it tells and does not listen.
+//! Counts and ages only: no poses, torques or names. Like the page, the server is read-only.
 
 mod families;
 mod plain;
@@ -35,25 +35,25 @@ pub enum MetricsError {
         listen.port(), listen.port()
     )]
     NotLoopback {
-        /// The address asked for.
+        /// The configured address.
         listen: SocketAddr,
     },
-    /// The system refused the address.
+    /// The system rejected the address.
     #[error(
         "metrics cannot listen on {listen}: {source}; if the port is taken, choose another one, or 0 for any free one"
     )]
     Listen {
-        /// The address asked for.
+        /// The configured address.
         listen: SocketAddr,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The system gave no thread or no event queue.
+    /// The system could not create a thread or an event queue.
     #[error("metrics cannot be started: {0}")]
     Start(#[source] io::Error),
 }
 
-/// Metrics being served. Dropping it stops it.
+/// A running metrics server. Dropping it stops the server.
 #[derive(Debug)]
 pub struct Metrics {
     address: SocketAddr,
@@ -62,12 +62,12 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Serves on a loopback address; port 0 takes any free port. `feed` is asked once per scrape, and must not block.
+    /// Serves on a loopback address; port 0 selects a free one. `feed` is called once per scrape, and must not block.
     ///
-    /// The thread inherits the caller's scheduling: start it from one without real-time priority.
+    /// The thread inherits the caller's scheduling: start it from a thread without real-time priority.
     ///
     /// # Errors
-    /// [`MetricsError`], a sentence for whoever wrote the configuration.
+    /// [`MetricsError`], worded for the author of the configuration.
     pub fn start(
         listen: SocketAddr,
         feed: impl Fn() -> Snapshot + Send + Sync + 'static,
@@ -100,7 +100,7 @@ impl Metrics {
         Ok(Metrics { address, stop: Some(stop), thread: Some(thread) })
     }
 
-    /// Where it listens, with the port that port 0 became.
+    /// Address of the listening socket, with the actual port.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -108,16 +108,16 @@ impl Metrics {
 
 impl Drop for Metrics {
     fn drop(&mut self) {
-        // The receiver takes a dropped sender for the same message.
+        // The receiver also completes when the sender is dropped.
         drop(self.stop.take());
         if let Some(thread) = self.thread.take() {
-            // A panic was printed by its own thread.
+            // The thread has already printed its panic.
             let _ = thread.join();
         }
     }
 }
 
-/// In the OpenMetrics format for who asks for it, in Prometheus's own for everybody else.
+/// OpenMetrics format if the client accepts it, otherwise Prometheus's own text format.
 fn answer(headers: &HeaderMap, snapshot: &Snapshot) -> Response {
     let accepts = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
     let open = accepts.into_iter().any(|accepted| accepted.contains("application/openmetrics-text"));

@@ -1,12 +1,12 @@
 //! The worker's page: a small web server on loopback, in a thread and a runtime of its own, never in the loop.
 //!
-//! It tells and does not listen, except for commands that bring a token of their own (`engineer.rs`). `/` is the worker's
-//! page, `/engineer` the engineer's, `/events` the state as Server-Sent Events, `/api/state` the newest state once
-//! ([`crate::state_json`]), `/healthz` says that the page is served.
+//! It is read-only, except for commands with a separate token (`engineer.rs`). `/` is the worker's page, `/engineer`
+//! the engineer's, `/events` the state as Server-Sent Events, `/api/state` the newest state once
+//! ([`crate::state_json`]), `/healthz` confirms that the page is served.
 //!
-//! A browser anywhere can be tricked into asking `127.0.0.1`; so a request must name loopback in its `Host`, and answers
-//! carry no permission for other origins. Addresses beyond loopback are served with a [`Token`] only, which every
-//! request must bring. What a connection may cost is bounded (`connections.rs`, `guard.rs`).
+//! A browser can be tricked by any site into sending requests to `127.0.0.1`; therefore a request must name loopback in
+//! its `Host`, and responses do not permit other origins. Addresses other than loopback are served only with a
+//! [`Token`], which every request must contain. The cost of a connection is bounded (`connections.rs`, `guard.rs`).
 
 mod assets;
 pub(crate) mod connections;
@@ -29,10 +29,10 @@ pub use frame::PageFrame;
 pub use station::{Engineer, PageCommand, Station};
 pub use token::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN, Token};
 
-/// How often the feed is asked, and so how often the page is told.
+/// Rate at which the feed is polled, and therefore the maximum rate of frames.
 pub const FRAME_RATE_HZ: u32 = 60;
 
-/// Threads for what may wait: a command, a report.
+/// Threads for blocking calls: commands and the report.
 const BLOCKING_THREADS: usize = 4;
 
 /// Why the page is not served.
@@ -45,32 +45,32 @@ pub enum PageError {
         listen.port(), listen.port()
     )]
     NotLoopback {
-        /// The address asked for.
+        /// The configured address.
         listen: SocketAddr,
     },
-    /// Somebody else listens there.
+    /// The port is in use.
     #[error(
         "the page cannot listen on {listen}: the port is taken, perhaps by another daemon; \
          choose another port, or 0 for any free one"
     )]
     PortTaken {
-        /// The address asked for.
+        /// The configured address.
         listen: SocketAddr,
     },
-    /// The system refused the address for another reason.
+    /// The system rejected the address for another reason.
     #[error("the page cannot listen on {listen}: {source}")]
     Listen {
-        /// The address asked for.
+        /// The configured address.
         listen: SocketAddr,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The system gave no thread or no event queue.
+    /// The system could not create a thread or an event queue.
     #[error("the page cannot be started: {0}")]
     Start(#[source] io::Error),
 }
 
-/// A page being served. Dropping it stops it.
+/// A running page server. Dropping it stops the server.
 #[derive(Debug)]
 pub struct Page {
     address: SocketAddr,
@@ -79,13 +79,13 @@ pub struct Page {
 }
 
 impl Page {
-    /// Serves the page on a loopback address to everybody on this machine; port 0 takes any free port.
+    /// Serves the page on a loopback address to all users of this machine; port 0 selects a free one.
     ///
-    /// `feed` is called [`FRAME_RATE_HZ`] times a second on the page's thread and gives the newest frame, or `None`
-    /// when there is nothing new. It must not block. A frame of the same cycle as before counts as nothing new;
-    /// after a second of that the page says that the service is silent and shows no values.
+    /// `feed` is called [`FRAME_RATE_HZ`] times a second on the page's thread and returns the newest frame, or `None`
+    /// if there is no new one. It must not block. A frame of the same cycle as before does not count as new; after a
+    /// second without a new frame the page reports that the service is silent and displays no values.
     ///
-    /// The thread inherits the caller's scheduling: start it from one without real-time priority.
+    /// The thread inherits the caller's scheduling: start it from a thread without real-time priority.
     pub fn start<F>(listen: SocketAddr, feed: F) -> Result<Page, PageError>
     where
         F: FnMut() -> Option<PageFrame> + Send + 'static,
@@ -93,7 +93,7 @@ impl Page {
         Page::start_for(listen, None, feed)
     }
 
-    /// The same, on any address, to those who bring the token; without one on loopback only.
+    /// As above, on any address, for clients with the token; without a token on loopback only.
     pub fn start_for<F>(listen: SocketAddr, token: Option<Token>, feed: F) -> Result<Page, PageError>
     where
         F: FnMut() -> Option<PageFrame> + Send + 'static,
@@ -101,7 +101,7 @@ impl Page {
         Page::start_with(listen, token, feed, None)
     }
 
-    /// The same with what the engineer's page needs: its facts, and the commands that it may ask for.
+    /// As above, with the engineer's page: its facts, and the commands that it may send.
     ///
     /// # Errors
     /// [`PageError`].
@@ -141,31 +141,31 @@ impl Page {
         Ok(Page { address, stop: Some(stop), thread: Some(thread) })
     }
 
-    /// Where it listens, with the port that port 0 became.
+    /// Address of the listening socket, with the actual port.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What to type into a browser.
+    /// URL for a browser.
     pub fn url(&self) -> String {
         format!("http://{}/", self.address)
     }
 
-    /// Whether it is still served; `false` after its feed panicked.
+    /// Whether the server still runs; `false` after its feed panicked.
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Ends the open connections and waits for the thread, at most about a second.
+    /// Closes open connections and waits for the thread, at most about a second.
     pub fn stop(mut self) {
         self.halt();
     }
 
     fn halt(&mut self) {
-        // The receiver takes a dropped sender for the same message.
+        // The receiver also completes when the sender is dropped.
         drop(self.stop.take());
         if let Some(thread) = self.thread.take() {
-            // A panic of the feed was printed by its own thread; there is nothing left to stop.
+            // The thread has already printed a panic of the feed; nothing is left to stop.
             let _ = thread.join();
         }
     }

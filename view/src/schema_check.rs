@@ -1,9 +1,9 @@
-//! Holds a JSON value against a JSON schema, as far as the schemas of this crate go (tests only; `.ci/python-mcap` asks an
-//! independent validator).
+//! Validates a JSON value against a JSON schema, with the features that this crate's schemas use (tests only;
+//! `.ci/python-mcap` uses an independent validator).
 
 use serde_json::Value;
 
-/// What does not fit, with its place; empty if all fits.
+/// Mismatches with their paths; empty if the value is valid.
 pub(crate) fn misfits(schema: &Value, value: &Value) -> Vec<String> {
     let mut found = Vec::new();
     walk(schema, value, "", &mut found);

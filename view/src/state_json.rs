@@ -302,7 +302,7 @@ pub(crate) fn worst_joint(state: &State) -> Option<Joint> {
     Joint::ALL.get(index as usize).copied()
 }
 
-// JSON has no NaN: serde_json would write `null`. A message never holds one, and if it does, the key is left out.
+// JSON has no NaN: serde_json would write `null`. Messages never contain NaN; if one did, the key would be left out.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }

@@ -62,7 +62,7 @@ impl Stance {
         let middle = 0.5 * (left + right);
         Stance {
             spot: Vector3::new(middle.x, middle.y, left.z.min(right.z)),
-            // atan2(0, 0) is 0: feet that point nowhere face X.
+            // atan2(0, 0) is 0: feet without a heading face X.
             heading_rad: forward.y.atan2(forward.x),
         }
     }
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn the_ghost_of_the_workers_own_pose_is_the_worker() {
-        // Not the stature that anybody configured: that of the bones.
+        // The stature is that of the bones, not a configured one.
         let skeleton = Skeleton::nominal(1.93);
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 2.0);
         let worker = pose_of(&UPRIGHT, &skeleton, [0.0; 3])

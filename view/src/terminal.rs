@@ -1,4 +1,4 @@
-//! A state for a terminal: one line for `demo` and pipes, a small block for `watch` to redraw. No escape codes here.
+//! Text output of a state: one line for `demo` and pipes, and a small block that `watch` redraws. No escape codes here.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use equipoise_core::time::seconds;
 
 use crate::words;
 
-/// The joints of the block, a row each: left and right.
+/// Rows of the block: joints left and right.
 const ROWS: [(&str, &str, &str); 5] = [
     ("shoulder", "LeftShoulder", "RightShoulder"),
     ("elbow", "LeftElbow", "RightElbow"),
@@ -17,7 +17,7 @@ const ROWS: [(&str, &str, &str); 5] = [
     ("ankle", "LeftAnkle", "RightAnkle"),
 ];
 
-/// What happens now, on one line. `pose` is the name of the suggested pose, if there is one.
+/// The present situation on one line. `pose` is the name of the suggested pose, if there is one.
 pub fn live_line(state: &State, pose: Option<&str>) -> String {
     let mut parts = vec![format!("{}: {}", state.phase_name(), words::instruction(state, pose).text)];
     if state.converged == 0 {
@@ -33,10 +33,10 @@ pub fn live_line(state: &State, pose: Option<&str>) -> String {
     parts.join(" | ")
 }
 
-/// A block of lines of at most 80 columns, always the same number of lines, so that it can be redrawn in place.
+/// A block of lines of at most 80 columns, always the same number, so that it can be redrawn in place.
 pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     let reasons = words::reasons(state);
-    // A silent sensor is an incident, which is printed below with what to look at.
+    // A silent sensor is also an incident, which is printed below with its remedy.
     let short = |reason: &words::Reason| matches!(reason.name, "suit_stale" | "ground_stale");
     let why = reasons
         .iter()
@@ -79,10 +79,10 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     block
 }
 
-/// How many lines [`dashboard`] always has.
+/// Number of lines of [`dashboard`].
 pub const DASHBOARD_LINES: usize = 25;
 
-/// A text on two lines of the block, the second one empty if it is not needed.
+/// Splits a text into two lines of the block; the second one may be empty.
 fn halves(text: &str) -> [&str; 2] {
     let fits = |at: &usize| text[..*at].chars().count() <= 78;
     let ends = text.match_indices(' ').map(|(at, _)| at).chain([text.len()]);
@@ -102,10 +102,10 @@ pub(crate) fn progress(state: &State) -> String {
     }
 }
 
-/// The external force, and the mass in the hands where it may be called one.
+/// The external force, and the lifted mass where it is valid.
 pub(crate) fn load(state: &State) -> Option<String> {
     let [_, _, up_n] = state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n)?;
-    // Adding zero takes the sign off a rounded -0.3.
+    // Adding zero removes the sign of a rounded -0.3.
     let up_n = up_n.round() + 0.0;
     Some(match state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg) {
         Some(kg) => format!("load {up_n:.0} N ({kg:.1} ± {:.1} kg)", state.lifted_mass_sigma_kg),
@@ -171,7 +171,7 @@ fn cop(state: &State, spoilers: Validity, cop_m: [f64; 2]) -> String {
         .map_or_else(withheld, |[x, y]| format!("forward {:>7.1} mm  left {:>7.1} mm", 1e3 * x, 1e3 * y))
 }
 
-/// Our centre of mass, and how far the suit maker's own lies from it.
+/// The estimated centre of mass, and its distance from the suit maker's.
 fn centres(state: &State) -> String {
     let Some(com_m) = state.unless(Validity::SPOILS_COM, state.com_m) else { return withheld() };
     let [x, y, z] = com_m.map(|metres| 1e3 * metres);
@@ -202,7 +202,7 @@ fn age(state: &State, stream: Stream) -> String {
     }
 }
 
-/// The ages are the newest samples'; the values are older than those, since they waited for their window.
+/// Ages are those of the newest samples; results are older by the group delay of the motion window.
 fn delay(state: &State) -> String {
     match state.group_delay_ns {
         0 => String::new(),

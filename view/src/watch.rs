@@ -1,7 +1,7 @@
-//! The screen of `equipoise watch`: what a terminal shows of a station, drawn by `ratatui` at any size from 40 × 12 on.
+//! The screen of `equipoise watch`: displays a station in a terminal, with `ratatui`, at any size from 40 × 12 on.
 //!
-//! [`Watch`] is all that is known at one moment, [`draw`] arranges it. Values come from [`crate::words`] and
-//! `State::unless`: one that is spoilt is not on the screen, and neither is any while the daemon is silent.
+//! [`Watch`] contains the data of one moment, [`draw`] arranges it. Values come from [`crate::words`] and
+//! `State::unless`: invalid ones are not displayed, and none at all while the daemon is silent.
 
 mod health;
 mod joints;
@@ -19,56 +19,56 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 use crate::banner::Headline;
 use crate::words::Tone;
 
-/// From this width on plate and sensors stand beside the joints, columns.
+/// Minimum width for the two-column layout, columns.
 const BESIDE_FROM: u16 = 80;
-/// From this height of the body on the plate is drawn, lines.
+/// Minimum height of the body for the plate to be drawn, lines.
 const PLATE_FROM: u16 = 16;
-/// The widest that a column of text is read with ease.
+/// Maximum width of a text column for easy reading.
 const JOINTS_WIDTH_MAX: u16 = 100;
 
-/// How an adapter fares, as far as it is told in words.
+/// Health of an adapter, as displayed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
     /// `suit` or `ground`.
     pub name: &'static str,
-    /// Samples a second over the last second.
+    /// Samples per second over the last second.
     pub rate_hz: f64,
-    /// Samples that never came.
+    /// Lost samples.
     pub lost: u64,
-    /// What was refused, by name, counts above 0 only.
+    /// Refused samples by reason, only counts above 0.
     pub refused: Vec<(&'static str, u64)>,
 }
 
-/// All that a screen is made of.
+/// Contents of the screen.
 #[derive(Debug, Clone, Copy)]
 pub struct Watch<'a> {
     /// The station's name.
     pub station: &'a str,
-    /// Who is in use; empty if nobody with a name is.
+    /// The active subject; empty if none with a name is loaded.
     pub subject: &'a str,
-    /// The newest state; `None` while there is none that may be shown: never an old one.
+    /// The newest state; `None` while there is no current one: an old one is never displayed.
     pub state: Option<&'a State>,
-    /// The daemon's process, if it exists and is stopped.
+    /// Process ID of the daemon, if it exists and is stopped.
     pub stopped: Option<u32>,
-    /// How long ago the last state came, s; `None` if none ever came.
+    /// Time since the last state, s; `None` if there was none.
     pub silent_s: Option<f64>,
-    /// What stands above the values, with hysteresis; of the state alone if there is none.
+    /// Headline above the values, with hysteresis; without one it is derived from the state alone.
     pub headline: Option<&'a Headline>,
-    /// The suggested pose in words, if one is asked for.
+    /// The suggested pose in words, if there is one.
     pub pose: Option<&'a str>,
-    /// The adapters that have told something lately.
+    /// Adapters with a recent health message.
     pub sensors: &'a [Sensor],
-    /// What goes wrong, and since when.
+    /// Incidents, with their start times.
     pub incidents: Option<&'a Incidents>,
-    /// Percentiles since the screen was opened; `None` where no cycle record was seen.
+    /// Percentiles since the screen was opened; `None` without cycle records.
     pub latency: Option<&'a Report>,
     /// CLOCK_MONOTONIC, ns.
     pub now_ns: u64,
-    /// Whether the keys are explained on top.
+    /// Whether the help is displayed on top.
     pub help: bool,
 }
 
-/// Draws all of it into a frame of any size.
+/// Draws the screen into a frame of any size.
 pub fn draw(frame: &mut Frame<'_>, watch: &Watch<'_>) {
     let area = frame.area();
     let head = head(watch, area);
@@ -93,7 +93,7 @@ pub fn draw(frame: &mut Frame<'_>, watch: &Watch<'_>) {
     }
 }
 
-/// Joints and load on the left; plate, sensors and latency on the right.
+/// Two columns: joints and load on the left; plate, sensors and latency on the right.
 fn beside(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
     let left_width = (area.width * 11 / 20).min(JOINTS_WIDTH_MAX);
     let [left, _, right] =
@@ -116,12 +116,12 @@ fn beside(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
     frame.render_widget(Paragraph::new([sensors, latency].concat()), told);
 }
 
-/// One column: joints, load, sensors; what has room besides.
+/// One column: joints, load, sensors, and further parts if there is room.
 fn below(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
     let load = load::lines(state, area.width);
     let sensors = health::sensors(watch, state, area.width);
     let latency = health::latency(watch);
-    // At least four joints are seen; then load, sensors, latency and the plate get what is left, in this order.
+    // At least four joints are displayed; load, sensors, latency and the plate share the rest, in this order.
     let mut room = area.height.saturating_sub(4);
     let mut take = |wanted: usize| {
         let taken = room.min(wanted as u16);
@@ -149,7 +149,7 @@ fn below(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
     frame.render_widget(Paragraph::new(latency), late);
 }
 
-/// Station and phase, what to do in plain words, how far the identification is, and why values are withheld.
+/// Station and phase, instruction in plain words, progress of the identification, and why values are withheld.
 fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
     let mut title = vec![Span::styled(format!(" {} ", watch.station), bold())];
     if !watch.subject.is_empty() && area.width >= 60 {
@@ -175,7 +175,7 @@ fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
     }
     if area.height >= 18 {
         let reasons = &headline.reasons;
-        // The first one is the instruction, if there is no other.
+        // The first reason may also be the instruction.
         let rows = if area.height >= 30 { 3 } else { 1 };
         let told = reasons.iter().take(rows).map(|reason| {
             let style = if reason.fault { Style::new().fg(Color::Red) } else { faint() };
@@ -187,7 +187,7 @@ fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
     lines
 }
 
-/// What stands there while the daemon is silent.
+/// Contents while the daemon is silent.
 fn nothing(watch: &Watch<'_>) -> Vec<Line<'static>> {
     let since = match watch.silent_s {
         Some(silent_s) => {
@@ -231,7 +231,7 @@ fn help(frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines.map(Line::raw).to_vec()).block(block), centred);
 }
 
-/// A text in at most `rows` lines that begin with a blank; what is left over is cut off.
+/// Wraps a text into at most `rows` lines that start with a blank; the rest is cut off.
 fn wrapped(text: &str, width: u16, rows: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -246,7 +246,7 @@ fn wrapped(text: &str, width: u16, rows: usize) -> Vec<String> {
     lines
 }
 
-/// A text of at most `width` columns.
+/// Cuts a text to at most `width` columns.
 fn cut(text: &str, width: u16) -> String {
     text.chars().take(width as usize).collect()
 }

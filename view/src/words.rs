@@ -36,7 +36,7 @@ const FAULTS: Validity = Validity::SUIT_STALE.and(Validity::GROUND_STALE).and(Va
 
 /// A reason by its public name.
 pub fn reason(name: &'static str) -> Reason {
-    // A reason of a later version is still better named than hidden.
+    // A reason of a later version has no text here; it is displayed by its name.
     Reason { name, text: english_or("reason", name), fault: FAULTS.names().any(|fault| fault == name) }
 }
 
@@ -136,17 +136,17 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
     };
     let calm = |reason: &Reason| Instruction::of_reason(reason, Tone::Calm);
     match Phase::from_number(state.phase) {
-        // Without these nothing is learnt, however well the pose is held.
+        // Without these, identification uses no pose, however static it is.
         Some(Phase::Identifying) => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
             .map_or_else(|| pose_to_take(state, pose), calm),
         Some(Phase::Monitoring) => match worst_joint(state) {
             Some(worst) => overload(worst, state.joint_level[worst.index()]),
-            // Who is known is asked for a pose only to tell explanations of a discrepancy apart.
+            // After identification a pose is suggested only to discriminate explanations of a discrepancy.
             None if pose.is_some() => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
                 .map_or_else(|| pose_to_take(state, pose), calm),
             None => reasons.first().map_or_else(|| Instruction::new("no_values", Tone::Calm), calm),
         },
-        // Not to be identified yet is what waiting is about.
+        // `not_identified` is implied while waiting.
         _ => reasons
             .iter()
             .find(|reason| reason.name != "not_identified")
@@ -160,7 +160,7 @@ fn pose_to_take(state: &State, pose: Option<&str>) -> Instruction {
         Some(name) if state.pose_mismatch_rad >= POSE_REACHED_RAD => {
             Instruction::new("take_pose", Tone::Calm).about_pose(name)
         }
-        // A pose with a load is not learnt from, however well it is held.
+        // A pose with a load is not used for identification, however static it is.
         _ if still && is_loaded(state) => Instruction::new("unload", Tone::Calm),
         _ if still => Instruction::new("good_hold", Tone::Good),
         Some(_) => Instruction::new("hold", Tone::Calm),
@@ -275,7 +275,7 @@ mod tests {
         state.phase = Phase::Identifying as u32;
         state.valid = Validity::NOT_IDENTIFIED.and(Validity::BELOW_LOAD_THRESHOLD).0;
         let told = |state: &State| instruction(state, Some("arms out")).text;
-        // Still, but in another pose: that does not help.
+        // Static, but in another pose: not used.
         (state.pose_mismatch_rad, state.static_pose) = (1.0, 1);
         assert_eq!(told(&state), "Take this pose: arms out");
         (state.pose_mismatch_rad, state.static_pose) = (0.1, 0);
@@ -337,10 +337,10 @@ mod tests {
         assert_eq!(advice(&state), None, "no direction");
         state.advice_direction = [-1.0, 0.0, 0.0];
         assert_eq!(advice(&state), None, "no heading");
-        // The left hip lies along +Y of a worker who faces +X.
+        // The left hip of a worker who faces +X points along +Y.
         state.segment_origin_m[Segment::LeftUpperLeg.index()] = [0.0, 0.2, 0.9];
         assert_eq!(advice(&state), Some("Bring the load closer"));
-        // The same direction, and the worker turned to the left by a quarter at a time.
+        // The same direction, with the worker turned left by quarter turns.
         let turned: [([f64; 3], &str); 3] = [
             ([-0.2, 0.0, 0.9], "Move the load to your left"),
             ([0.0, -0.2, 0.9], "Move the load away from you"),

@@ -1,4 +1,4 @@
-//! Who gets in, and how much anybody may cost: over real sockets.
+//! Access control and resource limits, over real sockets.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{Read, Write};
@@ -10,7 +10,7 @@ use equipoise_core::message::State;
 use equipoise_view::{Page, PageError, PageFrame, Token};
 
 const SECRET: &str = "0123456789abcdefghijklmnopqrstuv";
-/// Everything there is.
+/// All paths.
 const PATHS: [&str; 9] = [
     "/",
     "/events",
@@ -33,7 +33,7 @@ fn page(listen: &str, token: Option<Token>) -> Page {
 }
 
 fn guarded() -> Page {
-    // Port 0 on every address: other machines could ask, this test does over loopback.
+    // All addresses with port 0: reachable by other machines; the test connects over loopback.
     page("0.0.0.0:0", Token::new(SECRET))
 }
 
@@ -43,10 +43,10 @@ fn connect(page: &Page) -> TcpStream {
     stream
 }
 
-/// What is answered to a request of these lines; empty lines end it.
+/// Sends a request, which must end with an empty line, and returns the response.
 fn told(page: &Page, request: &str) -> String {
     let mut stream = connect(page);
-    // A server that has seen enough may have closed already.
+    // The server may already have closed the connection after refusing the request.
     let _ = stream.write_all(request.as_bytes());
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
@@ -84,7 +84,7 @@ fn beyond_loopback_nothing_is_served_without_the_token() {
             assert!(answer.contains("www-authenticate: Bearer"), "{answer}");
         }
     }
-    // The token in an address opens the front door only, and whole.
+    // The token in a URL is accepted for `/` only, and only complete.
     for target in [
         format!("/events?token={SECRET}"),
         format!("/api/state?token={SECRET}"),
@@ -97,7 +97,7 @@ fn beyond_loopback_nothing_is_served_without_the_token() {
     page.stop();
 }
 
-/// Name and value of the cookie that the token is exchanged for.
+/// Name and value of the cookie that replaces the token.
 fn cookie(page: &Page) -> (String, String) {
     let answer = get(page, &format!("/?token={SECRET}"), "");
     assert_eq!(status(&answer), 200, "{answer}");
@@ -169,7 +169,7 @@ fn no_more_connections_are_held_than_there_are_places() {
         let mut first = [0; 12];
         stream.read_exact(&mut first).map(|()| String::from_utf8_lossy(&first).into_owned())
     };
-    // Each is answered, so it has its place, and keeps it.
+    // Each connection is served, so it occupies a place.
     let mut held: Vec<TcpStream> = (0..64).map(|_| connect(&page)).collect();
     for stream in &mut held {
         assert_eq!(ask(stream).unwrap(), "HTTP/1.1 200");
@@ -180,11 +180,11 @@ fn no_more_connections_are_held_than_there_are_places() {
     assert_eq!(status(&answer), 503, "{answer}");
     let (head, body) = answer.split_once("\r\n\r\n").unwrap();
     assert!(head.contains(&format!("Content-Length: {}", body.len())), "{answer}");
-    // One goes, another gets its place.
+    // Closing one frees its place for another.
     drop(held.pop());
     let taken = (0..200).any(|_| {
         std::thread::sleep(Duration::from_millis(20));
-        // Refused, it may be closed before it has asked.
+        // A refused connection may be closed before the request is sent.
         let (mut next, mut first) = (connect(&page), [0; 12]);
         let asked = next.write_all(healthz.as_bytes()).and_then(|()| next.read_exact(&mut first));
         asked.is_ok() && &first == b"HTTP/1.1 200"
@@ -199,12 +199,12 @@ fn a_connection_that_asks_for_nothing_is_closed() {
     let mut silent = connect(&page);
     let mut slow = connect(&page);
     slow.write_all(b"GET /healthz HTTP/1.1\r\nHost: local").unwrap();
-    // One that was answered and then asks nothing more.
+    // A connection that was served once and then stays idle.
     let mut idle = connect(&page);
     idle.write_all(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     for stream in [&mut silent, &mut slow, &mut idle] {
         let mut rest = Vec::new();
-        // The end of the stream, well before the reader's own patience ends.
+        // The server closes the stream well before the test's read time-out.
         stream.read_to_end(&mut rest).unwrap();
     }
     page.stop();

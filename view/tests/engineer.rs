@@ -1,4 +1,4 @@
-//! The engineer's routes over a real socket: facts for those who look, commands from those who may.
+//! The engineer's routes over a real socket: facts for viewers, commands for token holders.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -14,7 +14,7 @@ use equipoise_view::page::{Engineer, Page, PageCommand, PageFrame, Station, Toke
 const VIEWING: &str = "viewing-0123456789abcdefghijklmn";
 const COMMANDING: &str = "commanding-0123456789abcdefghijk";
 
-/// Tells its own counts and keeps what it was asked.
+/// A station that counts calls and records commands.
 #[derive(Default)]
 struct Known {
     asked_for_facts: AtomicU32,
@@ -96,7 +96,7 @@ fn whoever_may_only_look_may_not_command() {
         format!("{bearer}{}", with(VIEWING)),
         format!("{bearer}{}", with(&COMMANDING[..31])),
         format!("{bearer}{}", with("")),
-        // The command token alone opens no page, and stands in its own header only.
+        // The command token alone does not open the page, and counts in its own header only.
         with(COMMANDING),
         format!("Authorization: Bearer {COMMANDING}\r\n"),
     ] {
@@ -123,12 +123,12 @@ fn no_other_site_commands_even_with_the_token() {
         let (status, answer) = told(&page, "POST", target, &format!("{headers}{}", with(COMMANDING)));
         assert_eq!(status, 403, "{headers}: {answer}");
     }
-    // What a browser asks before it sends a header of a script's own: nothing is permitted.
+    // Preflight request of a browser before a custom header: nothing is permitted.
     let asks = "Origin: http://evil.example\r\nAccess-Control-Request-Method: POST\r\n\
                 Access-Control-Request-Headers: x-equipoise-command\r\n";
     let (status, answer) = told(&page, "OPTIONS", target, asks);
     assert!(status == 405 && !answer.to_lowercase().contains("access-control-allow"), "{answer}");
-    // A link or a picture asks with GET, a form sends a body.
+    // Links and images use GET, forms send a body.
     assert_eq!(told(&page, "GET", target, &with(COMMANDING)).0, 405);
     let form = format!("X-Equipoise-Command: {COMMANDING}\r\nContent-Length: 3\r\n\r\na=1");
     assert_eq!(told(&page, "POST", target, &form).0, 413);

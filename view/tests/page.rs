@@ -1,4 +1,4 @@
-//! The page over a real socket: what a browser, a script and an attacker would get.
+//! The page over a real socket: responses to a browser, a script and an attacker.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -19,7 +19,7 @@ fn state(cycle: u64) -> State {
     state.phase = Phase::Identifying as u32;
     state.valid = Validity::NOT_IDENTIFIED.0;
     state.suit_sample_time_ns = 1;
-    // Numbers with many digits, as in life: a frame is a few kilobytes.
+    // Numbers with many digits, as in practice: a frame is a few kilobytes.
     state.segment_origin_m = [[1.0 / 3.0, 2.0 / 3.0, 1.0 / 7.0]; 23];
     state
 }
@@ -46,7 +46,7 @@ fn answer(page: &Page, path: &str, host: &str) -> String {
     text
 }
 
-/// The event that stands next in a stream: its name and its data.
+/// The next event of a stream: its name and its data.
 fn next_event(reader: &mut impl BufRead) -> (String, serde_json::Value) {
     let mut name = String::new();
     for line in reader.lines().map(Result::unwrap) {
@@ -127,7 +127,7 @@ fn a_state_that_does_not_change_any_more_is_not_shown_any_more() {
 fn a_client_that_stops_reading_misses_frames_instead_of_falling_behind() {
     let page = running();
     let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
-    // With a small window, three seconds of frames do not fit between server and client.
+    // With a small receive window, three seconds of frames do not fit between server and client.
     socket.set_recv_buffer_size(4096).unwrap();
     socket.connect(&page.address().into()).unwrap();
     let mut stream = TcpStream::from(socket);

@@ -1,9 +1,9 @@
-//! Means with a σ that knows that neighbouring values are alike.
+//! Mean values with a σ that accounts for the correlation of neighbouring values.
 
-/// Less correlation than this is believed; more would leave no information at all.
+/// Upper bound of the estimated correlation; a higher one would leave no information.
 const CORRELATION_MAX: f64 = 0.95;
 
-/// A mean, and how well it is known.
+/// A mean and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Average {
     /// The mean.
@@ -16,9 +16,9 @@ pub struct Average {
     pub drift: f64,
 }
 
-/// The average of values in the order of time; zero without any.
+/// The average of values in the order of time; zero for an empty slice.
 ///
-/// σ of the mean is the scatter over √n, widened by √((1 + ρ)/(1 − ρ)) for the correlation ρ of neighbours.
+/// σ of the mean is the scatter over √n, multiplied by √((1 + ρ)/(1 − ρ)) for the correlation ρ of neighbours.
 pub fn average(values: &[f64]) -> Average {
     let count = values.len() as f64;
     if values.is_empty() {
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn values_that_come_in_fours_are_a_quarter_as_many() {
-        // A fixed sequence that looks random: the logistic map.
+        // A deterministic sequence that resembles noise: the logistic map.
         let mut x = 0.3;
         let mut next = || {
             x = 3.99 * x * (1.0 - x);

@@ -1,17 +1,17 @@
-//! Where a plate stands in the suit's world, from places where somebody stood still on it.
+//! Registration: the plate's pose in the suit's world, from positions at which a person stood still on the plate.
 //!
-//! Standing still, the centre of pressure is under the body's centre of mass. The plate tells the first, in its own
-//! frame; the suit tells the second, in the world in which it sees the body. What turns and shifts one set of points
-//! onto the other is the plate's frame:
+//! In quiet standing, the centre of pressure is below the body's centre of mass. The plate measures the former in its
+//! own frame; the suit provides the latter in the suit's world. The plate's frame follows from the rotation and
+//! translation that map one set of points onto the other:
 //!
 //! ```text
 //! R(ψ) mᵢ + o = xᵢ + R(φᵢ) b + eᵢ
 //! ```
 //!
-//! mᵢ measured, xᵢ where the suit's body puts it, φᵢ where the body looks. **ψ**, the turn, follows from places that
-//! lie apart; a constant error of the body's model does not enter it. **o**, the shift, cannot be told from such an
-//! error **b** (a body whose mass lies a centimetre more forward) while the body looks one way: it is known no better
-//! than b is believed ([`BIAS_SIGMA_M`]), until the body has turned. Heights are not seen at all.
+//! mᵢ: measured CoP; xᵢ: CoP predicted from the suit's body; φᵢ: heading of the body. The yaw **ψ** follows from
+//! positions that are apart; a constant error of the body model does not affect it. The translation **o** cannot be
+//! distinguished from such an error **b** (for example a centre of mass 1 cm further forward) at a constant heading:
+//! its uncertainty is that of b's prior ([`BIAS_SIGMA_M`]) until the body has turned. Heights are unobservable.
 
 pub mod holds;
 #[cfg(test)]
@@ -22,89 +22,89 @@ use thiserror::Error;
 
 use crate::ground::GroundFrame;
 
-/// 1-σ of where a body of the table has its centre of mass, forward and sideways in its own heading, m.
+/// Prior 1-σ of the centre of mass of a body from the table, forward and sideways in the body's heading, m.
 pub const BIAS_SIGMA_M: f64 = 0.02;
-/// What a single hold is expected to be off by, per axis, m: sway, the suit's wander, and the step before it. Worth
-/// [`EXPECTED_WEIGHT`] degrees of freedom against what the holds themselves show.
+/// Expected error of a single hold, per axis, m: sway, drift of the suit, and the step before it. Weighted as
+/// [`EXPECTED_WEIGHT`] degrees of freedom against the scatter of the holds.
 const EXPECTED_OFF_M: f64 = 0.01;
 const EXPECTED_WEIGHT: f64 = 4.0;
-/// No place is believed to be better known than a stance of the loop is, m.
+/// Lower bound of a hold's σ: that of a stance in the loop, m.
 const OFF_MIN_M: f64 = equipoise_core::anchor::STANCE_SIGMA_M;
-/// So many places at least.
+/// Minimum count of positions.
 pub const HOLDS_MIN: usize = 3;
-/// They must lie this far from their middle, root mean square, m.
+/// Minimum root mean square distance of the positions from their mean, m.
 pub const SPREAD_MIN_M: f64 = 0.08;
-/// Holds that are off by more, root mean square, contradict each other, m.
+/// Holds with a larger root mean square residual contradict each other, m.
 const OFF_MAX_M: f64 = 0.05;
-/// The equations are nearly linear: this is plenty.
+/// Iterations; ample, as the equations are nearly linear.
 const STEPS: usize = 30;
 
 type Vector5 = SVector<f64, 5>;
 type Matrix5 = SMatrix<f64, 5, 5>;
 
-/// A time of standing still.
+/// An interval of quiet standing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold {
-    /// Centre of pressure as measured, by the frame in force, m.
+    /// Measured centre of pressure, in the configured frame, m.
     pub measured_m: [f64; 2],
-    /// Where the suit's body has it, m.
+    /// Centre of pressure predicted from the suit's body, m.
     pub expected_m: [f64; 2],
-    /// Where the body looks: turn to the left, rad.
+    /// Heading of the body: rotation to the left, rad.
     pub heading_rad: f64,
 }
 
-/// How the frame in force must be turned and shifted.
+/// Correction of the configured frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correction {
-    /// Turn to the left about the world's origin, rad.
+    /// Rotation to the left about the world's origin, rad.
     pub yaw_rad: f64,
-    /// Shift after the turn, m.
+    /// Translation after the rotation, m.
     pub shift_m: [f64; 2],
-    /// How far the body's centre of mass is off the table's, forward and left, m.
+    /// Offset of the body's centre of mass from the table's, forward and left, m.
     pub bias_m: [f64; 2],
     /// Covariance of yaw, shift and bias, in that order.
     covariance: Matrix5,
-    /// What is left of each hold, m.
+    /// Residual of each hold, m.
     pub residuals_m: Vec<[f64; 2]>,
     /// 1-σ of a single hold, per axis, m.
     pub hold_sigma_m: f64,
-    /// How far the places lie from their middle, root mean square, m.
+    /// Root mean square distance of the positions from their mean, m.
     pub spread_m: f64,
 }
 
 /// Why there is no correction.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum RegisterRefusal {
-    /// Too few places.
+    /// Too few positions.
     #[error("{found} places are too few; stand still at {HOLDS_MIN} at least")]
     TooFew {
-        /// How many there were.
+        /// Count of positions.
         found: usize,
     },
-    /// They are in one place.
+    /// The positions are too close to each other.
     #[error(
         "the places lie {:.0} mm from their middle, {:.0} mm are needed to tell a turn; stand nearer to the corners",
         1e3 * spread_m, 1e3 * SPREAD_MIN_M
     )]
     NotSpread {
-        /// Root mean square distance from their middle, m.
+        /// Root mean square distance from their mean, m.
         spread_m: f64,
     },
-    /// No turn and shift makes one of the other.
+    /// No rotation and translation maps one set of points onto the other.
     #[error(
         "no turn and shift of the plate explains the places: they are off by {:.0} mm, place {} most; is the plate's scale \
          right (`equipoise verify`), was it tared, and did nobody lean on anything?",
         1e3 * off_m, worst + 1
     )]
     Contradictory {
-        /// Root mean square of what is left, per axis, m.
+        /// Root mean square residual, per axis, m.
         off_m: f64,
-        /// Which place is off most, from 0.
+        /// Index of the position with the largest residual, from 0.
         worst: usize,
     },
 }
 
-/// Finds the correction.
+/// Estimates the correction.
 ///
 /// # Errors
 /// A [`RegisterRefusal`].
@@ -165,7 +165,7 @@ pub fn register(holds: &[Hold]) -> Result<Correction, RegisterRefusal> {
     })
 }
 
-/// What the holds show of their own σ, with what was expected of it.
+/// σ of a hold, from the residuals combined with the prior expectation.
 fn hold_sigma_m(holds: &[Hold], found: &Vector5) -> f64 {
     let square: f64 = holds.iter().map(|hold| hold.left_over(found).0.norm_squared()).sum();
     let freedom = (2 * holds.len()) as f64 - 3.0;
@@ -182,7 +182,7 @@ impl Hold {
         self.expected_m.into()
     }
 
-    /// What is left of it, and how that changes with what is looked for.
+    /// Residual of the hold, and its Jacobian with respect to the parameters.
     fn left_over(&self, found: &Vector5) -> (Vector2<f64>, SMatrix<f64, 2, 5>) {
         let (turned, heading) = (turn(found[0]) * self.measured(), turn(self.heading_rad));
         let left_m = turned + Vector2::new(found[1], found[2])
@@ -197,12 +197,12 @@ impl Hold {
 }
 
 impl Correction {
-    /// 1-σ of the turn, rad.
+    /// 1-σ of the rotation, rad.
     pub fn yaw_sigma_rad(&self) -> f64 {
         self.covariance[(0, 0)].max(0.0).sqrt()
     }
 
-    /// Where a point of the plate really is, and its 1-σ by axis, m.
+    /// Corrected position of a point of the plate, and its 1-σ by axis, m.
     pub fn point_m(&self, by_frame_in_force_m: [f64; 2]) -> ([f64; 2], [f64; 2]) {
         let turned = turn(self.yaw_rad) * Vector2::from(by_frame_in_force_m);
         let slope = SMatrix::<f64, 2, 3>::new(-turned.y, 1.0, 0.0, turned.x, 0.0, 1.0);
@@ -211,12 +211,12 @@ impl Correction {
         (point.into(), [0, 1].map(|axis| covariance[(axis, axis)].max(0.0).sqrt()))
     }
 
-    /// 1-σ of the body's bias, forward and left, m: near [`BIAS_SIGMA_M`] if the body never turned.
+    /// 1-σ of the body's bias, forward and left, m: close to [`BIAS_SIGMA_M`] if the body never turned.
     pub fn bias_sigma_m(&self) -> [f64; 2] {
         [3, 4].map(|axis| self.covariance[(axis, axis)].max(0.0).sqrt())
     }
 
-    /// A frame that stood in force, put right.
+    /// Applies the correction to the configured frame.
     pub fn of_frame(&self, frame: &GroundFrame) -> GroundFrame {
         let [x, y, z] = frame.origin_m;
         let ([x, y], _) = self.point_m([x, y]);
@@ -229,7 +229,7 @@ fn turn(angle_rad: f64) -> Matrix2<f64> {
     Matrix2::new(cosine, -sine, sine, cosine)
 }
 
-/// The same direction, within half a turn of zero.
+/// The same direction, within ±π.
 fn wrapped(angle_rad: f64) -> f64 {
     f64::atan2(angle_rad.sin(), angle_rad.cos())
 }

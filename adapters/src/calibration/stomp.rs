@@ -1,12 +1,12 @@
-//! How far the clocks of suit and plate are apart, by a stomp: the foot stops at the moment at which the plate is hit.
+//! Estimates the offset between the clocks of suit and plate from stomps: the foot stops when it hits the plate.
 //!
-//! The instant that is compared is the same in both streams: half of the foot's momentum is gone. In the suit it is
-//! where the foot's downward speed has fallen to half; on the plate, where half of the impulse of the force's first peak
-//! has passed. Whether the foot rebounds or sticks, and the weight that follows it, move both apart by some milliseconds,
-//! which is in σ ([`CONTACT_SIGMA_NS`]).
+//! The same event is compared in both streams: half of the foot's momentum is dissipated. In the suit's data this is
+//! where the foot's downward speed has fallen to half; on the plate, where half of the impulse of the force's first
+//! peak has passed. Rebound or adhesion of the foot, and the body weight that follows, shift the two by some
+//! milliseconds, which is included in σ ([`CONTACT_SIGMA_NS`]).
 //!
-//! Every pair of a hit and a stop proposes an offset; the one that most pairs agree on wins. If another does as well,
-//! nothing is told: stomps at a regular beat fit one beat later, too.
+//! Every pair of a hit and a stop proposes an offset; the one with the most consistent pairs is selected. If another is
+//! equally consistent, no result is returned: stomps at a regular beat also fit when shifted by one beat.
 
 mod events;
 #[cfg(test)]
@@ -16,17 +16,17 @@ use thiserror::Error;
 
 use events::{foot_stops, plate_hits};
 
-/// 1-σ of what shoe, floor and weight do to the offset, ns; the same for all stomps of a session, so it does not
-/// shrink with their number (`a_foot_on_many_grounds` holds it).
+/// 1-σ of the effect of shoe, floor and weight on the offset, ns; it is common to all stomps of a session, so it does
+/// not decrease with their count (tested by `a_foot_on_many_grounds`).
 pub const CONTACT_SIGMA_NS: f64 = 4e6;
-/// Scatter of a single stomp where there is no second one to see it by, ns.
+/// Assumed scatter of a single stomp if there is no second one to estimate it from, ns.
 const ONE_STOMP_SIGMA_NS: f64 = 5e6;
-/// Pairs agree within this and one interval of each stream, ns.
+/// Pairs are consistent within this plus one sampling interval of each stream, ns.
 const TOLERANCE_NS: u64 = 15_000_000;
 /// More events than this in one stream are walking, not stomping.
 const EVENTS_MAX: usize = 1000;
 
-/// One reading of the plate.
+/// One sample of the plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force {
     /// On the plate's clock, ns.
@@ -35,7 +35,7 @@ pub struct Force {
     pub vertical_n: f64,
 }
 
-/// One reading of both feet.
+/// One sample of both feet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feet {
     /// On the suit's clock, ns.
@@ -44,14 +44,14 @@ pub struct Feet {
     pub upward_m_per_s: [f64; 2],
 }
 
-/// What counts as a stomp.
+/// Detection thresholds of a stomp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StompSettings {
-    /// The offset is looked for within this on both sides of zero, ns.
+    /// The offset is searched within ± this, ns.
     pub offset_max_ns: u64,
-    /// The force must rise by so much within 60 ms, N.
+    /// Minimum rise of the force within 60 ms, N.
     pub rise_min_n: f64,
-    /// The foot must come down so fast, m/s.
+    /// Minimum downward speed of the foot, m/s.
     pub speed_min_m_per_s: f64,
 }
 
@@ -61,27 +61,27 @@ impl Default for StompSettings {
     }
 }
 
-/// The offset that stomps agree on.
+/// The estimated offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StompOffset {
-    /// What must be added to the suit's time to get the plate's, ns.
+    /// Offset to add to the suit's time to obtain the plate's, ns.
     pub offset_ns: i64,
     /// 1-σ of it: scatter over stomps, sampling, and [`CONTACT_SIGMA_NS`].
     pub sigma_ns: u64,
-    /// Root mean square of what single stomps are off the offset, ns; 0 for one stomp.
+    /// Root mean square deviation of single stomps from the offset, ns; 0 for one stomp.
     pub residual_ns: u64,
-    /// How many stomps were seen by both.
+    /// Count of stomps detected in both streams.
     pub stomps: usize,
-    /// Hits that the plate felt, matched or not.
+    /// Count of hits on the plate, matched or not.
     pub plate_hits: usize,
-    /// Stops of a foot that the suit saw, matched or not.
+    /// Count of foot stops in the suit's data, matched or not.
     pub foot_stops: usize,
 }
 
 /// Why there is no offset.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum StompRefusal {
-    /// The plate felt no stomp.
+    /// No stomp in the plate's data.
     #[error(
         "the plate felt no stomp: the force rose by {largest_n:.0} N at most within 60 ms, {needed_n:.0} N are needed; \
          stand on the plate, lift one foot and stamp it down, three times at an irregular beat"
@@ -89,10 +89,10 @@ pub enum StompRefusal {
     NoHit {
         /// The largest rise, N.
         largest_n: f64,
-        /// The rise that counts, N.
+        /// The detection threshold, N.
         needed_n: f64,
     },
-    /// No foot stopped short.
+    /// No stop of a foot in the suit's data.
     #[error(
         "the suit saw no stomp: a foot came down at {fastest_m_per_s:.2} m/s at most, or did not stop short; \
          {needed_m_per_s:.2} m/s are needed"
@@ -100,7 +100,7 @@ pub enum StompRefusal {
     NoStop {
         /// The largest downward speed, m/s.
         fastest_m_per_s: f64,
-        /// The speed that counts, m/s.
+        /// The detection threshold, m/s.
         needed_m_per_s: f64,
     },
     /// Hits and stops are farther apart than the offset may be.
@@ -110,7 +110,7 @@ pub enum StompRefusal {
         *offset_max_ns as f64 / 1e9, *nearest_ns as f64 / 1e9
     )]
     TooFarApart {
-        /// The least distance of any hit and any stop, ns.
+        /// The smallest distance of any hit and any stop, ns.
         nearest_ns: u64,
         /// The largest offset allowed, ns.
         offset_max_ns: u64,
@@ -125,10 +125,10 @@ pub enum StompRefusal {
         one_ns: i64,
         /// The other, ns.
         other_ns: i64,
-        /// How many stomps each explains.
+        /// Count of stomps that each explains.
         stomps: usize,
     },
-    /// Most of what the plate felt was no stomp that the suit saw.
+    /// Most hits on the plate have no matching stop in the suit's data.
     #[error(
         "only {stomps} of {plate_hits} hits of the plate are stomps that the suit saw; nobody else may step on the \
          plate, and nothing may be dropped on it"
@@ -139,17 +139,17 @@ pub enum StompRefusal {
         /// All hits.
         plate_hits: usize,
     },
-    /// So many events are walking.
+    /// Too many events: the subject walks.
     #[error("{found} hits or stops are no stomps but walking; give the part of the session with the stomps")]
     TooMany {
-        /// How many were found in one stream.
+        /// Count of events in one stream.
         found: usize,
     },
 }
 
-/// The vertical velocities of feet whose heights are known (left and right, m), by central differences.
+/// Vertical velocities of the feet from their heights (left and right, m), by central differences.
 ///
-/// Heights that are not finite, and times that do not increase, are passed over.
+/// Skips heights that are not finite and times that do not increase.
 pub fn feet_of_heights(heights_m: &[(u64, [f64; 2])]) -> Vec<Feet> {
     let mut sound: Vec<(u64, [f64; 2])> = Vec::with_capacity(heights_m.len());
     for &(time_ns, feet_m) in heights_m {
@@ -171,10 +171,9 @@ pub fn feet_of_heights(heights_m: &[(u64, [f64; 2])]) -> Vec<Feet> {
     sound.windows(3).map(between).collect()
 }
 
-/// Finds what must be added to the suit's times so that its stomps are those of the plate.
+/// Estimates the offset to add to the suit's times so that its stomps match those of the plate.
 ///
-/// Readings that are not finite, and times that do not increase, are passed over; a stomp in a gap of either stream is
-/// not used.
+/// Skips samples that are not finite and times that do not increase; a stomp in a gap of either stream is not used.
 ///
 /// # Errors
 /// A [`StompRefusal`]: there is no stomp, or more than one way to match them.
@@ -197,7 +196,7 @@ pub fn estimate(
         return Err(StompRefusal::TooMany { found: most });
     }
     let mut proposals_ns = Vec::with_capacity(hits.times_ns.len() * stops.times_ns.len());
-    // Farther apart than an offset can tell is as far as it can tell.
+    // Saturates at the largest representable offset.
     let offset_ns = |hit_ns: u64, stop_ns: u64| {
         let apart_ns = i64::try_from(hit_ns.abs_diff(stop_ns)).unwrap_or(i64::MAX);
         if hit_ns < stop_ns { -apart_ns } else { apart_ns }
@@ -226,7 +225,7 @@ pub fn estimate(
     let square_sum: f64 = best.iter().map(|ns| ((ns - offset_ns) as f64).powi(2)).sum();
     let count = stomps as f64;
     let scatter_ns = if stomps > 1 { (square_sum / (count - 1.0)).sqrt() } else { ONE_STOMP_SIGMA_NS };
-    // A uniform error within one interval of each stream.
+    // Uniformly distributed error within one sampling interval of each stream.
     let sampling_ns =
         ((hits.interval_ns as f64).powi(2) + (stops.interval_ns as f64).powi(2)).sqrt() / 12f64.sqrt();
     let random_ns = scatter_ns.max(sampling_ns) / count.sqrt();
@@ -240,9 +239,9 @@ pub fn estimate(
     })
 }
 
-/// The most proposals within `width_ns`, of those that are farther than it from `taken`.
+/// The largest set of proposals within `width_ns`, among those that are farther than this from `taken`.
 ///
-/// Events of one stream are farther apart than the width, so no event is in two of its pairs.
+/// Events of one stream are farther apart than the width, so that no event is in two of the set's pairs.
 fn fullest<'a>(sorted_ns: &'a [i64], width_ns: u64, taken: Option<&[i64]>) -> Option<&'a [i64]> {
     let free = |window: &[i64]| match (window, taken) {
         ([first, .., last] | [first @ last], Some([from, .., to] | [from @ to])) => {

@@ -1,7 +1,7 @@
-//! A known mass on the plate: what it weighs, where it presses, how steady that is.
+//! Verification with a known mass on the plate: measured weight, position and stability.
 //!
-//! The empty plate is measured first, and again whenever the mass is lifted off: all that is told is the difference to
-//! it, so a tare plays no part, and what has drifted meanwhile shows.
+//! The empty plate is measured first, and again whenever the mass is lifted off: all results are relative to it, so
+//! they do not depend on the tare, and drift is detected.
 
 pub mod places;
 pub mod rod;
@@ -13,28 +13,28 @@ use thiserror::Error;
 
 use super::average::average;
 
-/// Samples are taken together over so long, ns: what is faster is noise.
+/// Averaging interval of samples, ns: faster changes are noise.
 pub const BLOCK_NS: u64 = 100_000_000;
-/// The empty plate is averaged over so many blocks.
+/// Count of blocks in the average of the empty plate.
 const ZERO_BLOCKS: usize = 20;
-/// A plate has settled after so many steady blocks.
+/// Count of steady blocks after which the plate has settled.
 const STEADY_BLOCKS: usize = 10;
-/// Steady is what changes by less, N, or by this share of the weight, whatever is more.
+/// Largest change of a steady load: the larger of this many N and this fraction of the weight.
 const STEADY: (f64, f64) = (1.0, 0.002);
-/// Something is on the plate from this share of the mass's weight on, and gone again below two fifths of that: little
-/// enough that a plate whose scale is wrong by far is measured, and told to be.
+/// A load is detected from this fraction of the mass's weight on, and its absence below two fifths of that: low enough
+/// that a plate with a grossly wrong scale is still measured and reported.
 const PRESENT: f64 = 0.05;
 
-/// What is being weighed.
+/// Settings of the verification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VerifySettings {
     /// The mass, kg.
     pub mass_kg: f64,
-    /// Gravity there, m/s².
+    /// Local gravity, m/s².
     pub gravity_m_per_s2: f64,
-    /// How long each place is measured, s.
+    /// Duration of the measurement at each position, s.
     pub seconds: f64,
-    /// At how many places.
+    /// Count of positions.
     pub places: usize,
 }
 
@@ -58,14 +58,14 @@ pub struct Block {
 }
 
 impl Block {
-    /// What is more than in another.
+    /// The difference to another block.
     pub fn less(&self, other: &Block) -> Block {
         let off = |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] - b[axis]);
         Block { force_n: off(self.force_n, other.force_n), moment_nm: off(self.moment_nm, other.moment_nm) }
     }
 }
 
-/// Samples to blocks.
+/// Averages samples to blocks.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Blocks {
     since_ns: u64,
@@ -74,7 +74,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Takes in a sample; gives back a block once it is full.
+    /// Adds a sample; returns a block once it is full.
     pub fn take(&mut self, sample: &GroundSample) -> Option<Block> {
         let full = self.count > 0.0 && sample.sample_time_ns.saturating_sub(self.since_ns) >= BLOCK_NS;
         let share = |sum: [f64; 3]| sum.map(|sum| sum / self.count);
@@ -92,46 +92,46 @@ impl Blocks {
     }
 }
 
-/// What the mass showed at one place.
+/// Result for the mass at one position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
-    /// Mass, kg, and its 1-σ.
+    /// Measured mass, kg.
     pub mass_kg: f64,
-    /// As said.
+    /// 1-σ of the mass, kg.
     pub mass_sigma_kg: f64,
-    /// Where it presses, world x and y, m.
+    /// Centre of pressure of the mass, world x and y, m.
     pub cop_m: [f64; 2],
-    /// 1-σ of that, m.
+    /// 1-σ of the centre of pressure, m.
     pub cop_sigma_m: [f64; 2],
     /// Change over the measurement, N.
     pub drift_n: f64,
 }
 
-/// What happened.
+/// Event of the verification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step {
-    /// The empty plate is known; it shows this, N.
+    /// The empty plate was measured; its vertical force, N.
     Zeroed(f64),
-    /// Something was put down, and has settled.
+    /// A load was placed and has settled.
     Settled,
-    /// It was touched while it was measured; that begins anew.
+    /// The mass was disturbed during the measurement, which restarts.
     Disturbed,
-    /// A place is done.
+    /// A position is complete.
     Placed(Placed),
-    /// It was lifted off; the empty plate shows so much more than at first, N.
+    /// The mass was lifted off; change of the empty plate's force since the start, N.
     Lifted(f64),
 }
 
-/// Why it cannot go on.
+/// Why the verification cannot continue.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum VerifyRefusal {
-    /// The plate's sign is the wrong one.
+    /// The sign of the plate's force is inverted.
     #[error(
         "the plate says that the mass pulls upwards with {pulls_n:.0} N: [ground] measures must be the other of \"action\" \
          and \"reaction\", or frame.axes the other way up"
     )]
     Pulls {
-        /// N.
+        /// Upward force of the mass, N.
         pulls_n: f64,
     },
     /// The plate reports a fault.
@@ -149,7 +149,7 @@ enum Phase {
     Done,
 }
 
-/// The steps of a verification: samples in, what happened out.
+/// State machine of a verification: samples in, events out.
 #[derive(Debug, Clone)]
 pub struct Verification {
     settings: VerifySettings,
@@ -157,7 +157,7 @@ pub struct Verification {
     recent: Vec<Block>,
     phase: Phase,
     zero: Block,
-    /// What the zero was averaged of: its own uncertainty is part of whatever it is taken off.
+    /// Blocks of the empty plate: the uncertainty of their mean is part of every result.
     empty: Vec<Block>,
     first_zero_n: Option<f64>,
     placed: Vec<Placed>,
@@ -165,7 +165,7 @@ pub struct Verification {
 }
 
 impl Verification {
-    /// Nothing was seen yet; the plate should be empty.
+    /// Creates a verification before any data; the plate should be empty.
     pub fn new(settings: VerifySettings) -> Verification {
         Verification {
             settings,
@@ -180,17 +180,17 @@ impl Verification {
         }
     }
 
-    /// What was measured so far.
+    /// The results so far.
     pub fn placed(&self) -> &[Placed] {
         &self.placed
     }
 
-    /// Whether all places are done.
+    /// Whether all positions are complete.
     pub fn is_done(&self) -> bool {
         matches!(self.phase, Phase::Done)
     }
 
-    /// Takes in a sample.
+    /// Processes a sample.
     ///
     /// # Errors
     /// A [`VerifyRefusal`].
@@ -241,7 +241,7 @@ impl Verification {
         step
     }
 
-    /// Whether the last blocks hardly differ.
+    /// Whether the last blocks are steady.
     fn is_steady(&self, blocks: usize) -> bool {
         let Some(from) = self.recent.len().checked_sub(blocks) else { return false };
         let vertical_n = self.recent[from..].iter().map(|block| block.force_n[2]);
@@ -250,7 +250,7 @@ impl Verification {
         most - least < self.settings.steady_n()
     }
 
-    /// The empty plate is known (again).
+    /// Stores the mean of the empty plate, at the start or again.
     fn take_zero(&mut self) -> Step {
         self.zero = mean_of(&self.recent);
         self.empty.clone_from(&self.recent);
@@ -279,7 +279,7 @@ impl Verification {
         let empty =
             |value: &dyn Fn(&Block) -> f64| average(&self.empty.iter().map(value).collect::<Vec<_>>()).sigma;
         let zero_sigma_n = empty(&|block| block.force_n[2]);
-        // The moments about y and x decide x and y.
+        // x and y follow from the moments about y and x.
         let zero_sigma_m = [1, 0].map(|axis| empty(&|block| block.moment_nm[axis]) / vertical.mean.abs());
         let centre = [0, 1].map(|axis| average(&of(&|block| centre_m(block, self.surface_z_m)[axis])));
         let gravity = self.settings.gravity_m_per_s2;
@@ -295,7 +295,7 @@ impl Verification {
     }
 }
 
-/// Where a wrench presses on a surface, m; only asked of blocks with a mass on the plate.
+/// Centre of pressure of a wrench on a surface, m; called only for blocks with a mass on the plate.
 fn centre_m(block: &Block, surface_z_m: f64) -> [f64; 2] {
     let ([fx, fy, fz], [mx, my, _]) = (block.force_n, block.moment_nm);
     [(surface_z_m * fx - my) / fz, (mx + surface_z_m * fy) / fz]

@@ -1,15 +1,16 @@
-//! Forces of a plate as text: Kistler's BioWare exports, and what other programs write alike.
+//! Forces of a plate as text: Kistler's BioWare exports, and similar files of other programs.
 //!
-//! Some lines of any kind, then a head line that names a time and forces, perhaps a line of units, then rows; cells are
-//! parted by tabs, semicolons or commas; decimals have a point, or a comma where cells are not parted by it. Columns are
-//! found by name: `abs time` or `time`, and
+//! Some lines of any kind, then a header line that names a time and forces, optionally a line of units, then rows;
+//! cells are separated by tabs, semicolons or commas; the decimal separator is a point, or a comma if cells are not
+//! separated by it. Columns are found by name: `abs time` or `time`, and
 //! - `Fx Fy Fz Mx My Mz`, moments about the sensor's origin, or
-//! - `Fx Fy Fz Ax Ay` and perhaps `Tz`: centre of pressure and free moment; without `Tz` samples say that the free moment
-//!   was not measured; or
-//! - `fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4`: the channels of a plate with four sensors, whose distances must be given.
+//! - `Fx Fy Fz Ax Ay` and optionally `Tz`: centre of pressure and free moment; without `Tz` samples mark the free
+//!   moment as not measured; or
+//! - `fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4`: the channels of a plate with four sensors, whose distances must be
+//!   configured.
 //!
-//! Units stand beside the names, `Fx (N)`, or below them; where they do not, they must be declared: nothing is guessed.
-//! Axes and place are those of the settings: BioWare's z points down and its forces are those on the plate.
+//! Units follow the names, `Fx (N)`, or are below them; otherwise they must be declared, and are never guessed. Axes
+//! and pose are those of the settings: BioWare's z points down and its forces are those on the plate.
 
 mod columns;
 
@@ -30,78 +31,78 @@ use super::rejected::Rejected;
 use crate::ground::channels::{Centre, Direct, EightChannels, ForceUnit, MomentUnit};
 use crate::ground::{ChannelFault, Channels, GroundSettings, Load, SensorAxes, Wrench};
 
-/// The head line stands among the first so many.
+/// Maximum count of lines up to the header line.
 const HEAD_LINES_MAX: u64 = 200;
-/// More columns than any export has.
+/// Maximum count of columns.
 const CELLS_MAX: usize = 512;
 /// The longest session, s.
 const SESSION_MAX_S: f64 = 4e6;
-/// Times from here on are seconds since 1970.
+/// Lower bound of times that are seconds since 1970, …
 const UNIX_FROM_S: f64 = 1e9;
-/// … and up to here: the year 2100.
+/// … and upper bound: the year 2100.
 const UNIX_TO_S: f64 = 4.2e9;
-/// No person exerts more, N or N m.
+/// Plausibility limit, N or N m.
 const LARGEST: f64 = 1e5;
-/// Below this force on the plate there is no centre of pressure, N.
+/// Below this force on the plate the centre of pressure is undefined, N.
 const PRESSURE_MIN_N: f64 = 5.0;
 
-/// What the file does not say.
+/// Properties that the file does not contain.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BioWareSettings {
-    /// Sign, axes, place and delay of the plate.
+    /// Sign, axes, pose and delay of the plate.
     pub ground: GroundSettings,
-    /// Units where the file states none.
+    /// Units for columns without one.
     pub units: Units,
-    /// Which plate, from 1, where the file has several.
+    /// Number of the plate, from 1, in files with several.
     pub plate: Option<usize>,
-    /// Distances a and b of the four sensors from the middle, m: for files with eight channels.
+    /// Distances a and b of the four sensors from the centre, m: for files with eight channels.
     pub sensor_offsets_m: Option<[f64; 2]>,
 }
 
-/// Why a text export could not be read at all.
+/// Why a text export could not be read.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[expect(missing_docs, reason = "lines and names say what they are; the sentences tell the rest")]
 pub enum BioWareError {
     /// The file could not be opened or read.
     #[error("cannot read {}: {reason}", path.display())]
     Open { path: PathBuf, reason: String },
-    /// Nothing names the columns.
+    /// No header line.
     #[error(
         "no line of the first {HEAD_LINES_MAX} names a time and a vertical force (abs time, Fx, Fy, Fz, Mx, My, Mz); \
          export with column names, as text in UTF-8"
     )]
     NoHead,
-    /// Some are missing.
+    /// Missing columns.
     #[error(
         "line {line}: of {} the columns Fx Fy Fz Mx My Mz are needed, or Fx Fy Fz Ax Ay, or fx12 fx34 fy14 fy23 fz1 fz2 \
          fz3 fz4; there are {found}", if *of_plate { "the plate" } else { "the file" }
     )]
     MissingColumns { line: u64, found: String, of_plate: bool },
-    /// A unit that is stated and not known.
+    /// An undefined unit.
     #[error(
         "line {line}: column {column} is in \"{unit}\", which is no unit of {of} that is read; declare the units"
     )]
     UnknownUnit { line: u64, column: String, unit: String, of: &'static str },
-    /// A unit that nobody states.
+    /// A missing unit.
     #[error("line {line}: column {column} has no unit of {of}; declare the units, as in s,N,N.m,m")]
     NoUnit { line: u64, column: String, of: &'static str },
-    /// Two plates, one ground.
+    /// Several plates without a selection.
     #[error("line {line}: the file has {plates} plates; say which of them")]
     WhichPlate { line: u64, plates: usize },
-    /// One that is not there.
+    /// A plate that does not exist.
     #[error("line {line}: there is no plate {plate}; the file has {plates}")]
     NoSuchPlate { line: u64, plate: usize, plates: usize },
-    /// Eight channels and no distances.
+    /// Eight channels without the sensors' distances.
     #[error(
         "line {line}: the file has eight channels; the distances a and b of the plate's sensors must be given, m"
     )]
     NoOffsets { line: u64 },
-    /// Distances that are none, a surface that is no number.
+    /// Invalid distances or surface height.
     #[error("the plate's channels cannot be used: {0}")]
     Channels(#[from] ChannelFault),
 }
 
-/// Rows of a text export as samples; what cannot be used is counted in [`BioWareCapture::rejected`].
+/// Rows of a text export as samples; unusable rows are counted in [`BioWareCapture::rejected`].
 ///
 /// Reasons: `unreadable_row` (too few cells), `not_a_number` (also NaN and infinite), `implausible` (more than 100 kN),
 /// `time_out_of_range`, `time_not_increasing`.
@@ -110,7 +111,7 @@ pub struct BioWareCapture<R: Read> {
     lines: BufReader<ShortLines<R>>,
     text: Vec<u8>,
     line: u64,
-    /// The line is in `text` and was not used.
+    /// The line in `text` was not used yet.
     waiting: bool,
     separator: char,
     columns: Columns,
@@ -179,7 +180,7 @@ impl<R: Read> BioWareCapture<R> {
         Err(BioWareError::NoHead)
     }
 
-    /// When [`TIME_BASE_NS`] was, ns since 1970, where the file's times are seconds since then.
+    /// Wall-clock time of [`TIME_BASE_NS`], ns since 1970, if the file's times are seconds since then.
     pub fn wall_clock_ns(&self) -> Option<u64> {
         let first_s = self.first_s.filter(|first_s| (UNIX_FROM_S..UNIX_TO_S).contains(first_s))?;
         Some((first_s * 1e9).round() as u64)
@@ -190,12 +191,12 @@ impl<R: Read> BioWareCapture<R> {
         self.first_s
     }
 
-    /// Rows left out so far, by reason.
+    /// Rows omitted so far, by reason.
     pub fn rejected(&self) -> &Rejected {
         &self.rejected
     }
 
-    /// Reads on until a row has a time, which is then where all times count from.
+    /// Reads up to the first row with a time, which is the origin of all times.
     fn find_first_time(&mut self) {
         while self.waiting || self.advance() {
             match self.number(self.columns.time) {
@@ -211,7 +212,7 @@ impl<R: Read> BioWareCapture<R> {
         }
     }
 
-    /// The next line that is not blank, into `text`.
+    /// Reads the next line that is not blank into `text`.
     fn advance(&mut self) -> bool {
         loop {
             if !next_line(&mut self.lines, &mut self.text) {
@@ -275,19 +276,19 @@ impl<R: Read> BioWareCapture<R> {
         if let (Layout::Pressure(..), [_, _, fz, x, y, ..]) = (&self.columns.layout, &mut numbers)
             && fz.abs() < PRESSURE_MIN_N
         {
-            // Exports write a centre at (0, 0), or noise, where nobody stands.
+            // For an empty plate, exports contain a centre at (0, 0), or noise.
             (*x, *y) = (0.0, 0.0);
         }
         match self.channels.load(&numbers) {
             Load::Wrench(wrench) => Ok((wrench, 0)),
             Load::Part { wrench, not_measured } => Ok((wrench, not_measured)),
-            // No layout is of insoles.
+            // No layout contains insoles.
             Load::Soles(_) => Err("not_a_number"),
         }
     }
 }
 
-/// What the columns mean; their numbers come in N, N m and m.
+/// Meaning of the columns; their numbers are in N, N m and m.
 fn channels_of(layout: &Layout, settings: &BioWareSettings, line: u64) -> Result<Channels, BioWareError> {
     Ok(match layout {
         Layout::Wrench(_) => {
@@ -320,7 +321,7 @@ fn channels_of(layout: &Layout, settings: &BioWareSettings, line: u64) -> Result
     })
 }
 
-/// Reads a line without its end; `false` at the end of the file, or of what can be read.
+/// Reads a line without its end; `false` at the end of the file, or on a read error.
 fn next_line<R: Read>(lines: &mut BufReader<ShortLines<R>>, text: &mut Vec<u8>) -> bool {
     text.clear();
     if !matches!(lines.read_until(b'\n', text), Ok(1..)) {

@@ -1,8 +1,8 @@
 //! Motion and ground reaction as CSV: one row per instant.
 //!
-//! Commas or semicolons stand between the columns. Columns are found by name, in any order; others are passed over. Names end with their unit, which may be another
-//! than the first named here (`_mm`, `_ms`, `_kN`, …):
-//! - `t_s`: time since any start, increasing;
+//! Columns are separated by commas or semicolons and found by name, in any order; other columns are skipped. Names end
+//! with their unit, which may differ from the first one listed here (`_mm`, `_ms`, `_kN`, …):
+//! - `t_s`: time since an arbitrary start, increasing;
 //! - per segment in MVN's names, `NAME_px_m, _py_m, _pz_m` (origin) and `NAME_qw, _qx, _qy, _qz`
 //!   (`world_from_segment`; identity = T-pose, X forward, Y left, Z up);
 //! - `Fx_N, Fy_N, Fz_N, Mx_Nm, My_Nm, Mz_Nm`: the ground reaction on the person, moments about the world's origin,
@@ -22,14 +22,14 @@ use super::csv_columns::Columns;
 use super::lines::ShortLines;
 use super::rejected::Rejected;
 
-/// Where t = 0 lies on the pipeline's clock: not at 0, which stands for "no sample yet".
+/// Time of t = 0 on the pipeline's clock: not 0, which stands for "no sample yet".
 pub const TIME_BASE_NS: u64 = NS_PER_S;
-/// The latest time taken; beyond it nanoseconds would not be exact.
+/// Latest accepted time; beyond it nanoseconds would not be exact.
 const TIME_MAX_S: f64 = 4e6;
-/// Quaternions are written with few digits; farther than this from 1 they are no rotation.
+/// Tolerance of a quaternion's norm, as quaternions are written with few digits.
 const NORM_TOLERANCE: f64 = 0.05;
 
-/// Why a CSV could not be read at all.
+/// Why a CSV could not be read.
 #[derive(Debug, Error)]
 pub enum CsvError {
     /// The file could not be opened.
@@ -37,13 +37,13 @@ pub enum CsvError {
     Open {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// It has no head line.
+    /// It has no header line.
     #[error("cannot read the head line of the CSV: {0}")]
     Head(#[from] csv::Error),
-    /// Numbers in it have a comma before their decimals.
+    /// Its numbers have a decimal comma.
     #[error(
         "line 2: {field} has a comma before its decimals: export numbers with a point, or replace the commas (with \
          semicolons between the columns: sed 's/,/./g')"
@@ -57,17 +57,17 @@ pub enum CsvError {
         "the CSV has no column {missing}; the most similar one without a place is {nearest}; rename it, or add the column"
     )]
     MissingColumn {
-        /// The name looked for.
+        /// The missing name.
         missing: String,
-        /// The most similar name there that is not another quantity's.
+        /// The most similar existing name that is not another quantity's.
         nearest: String,
     },
 }
 
-/// The first two lines, which are looked at first, and the rest.
+/// The first two lines, which are inspected first, and the rest.
 type Lines<R> = Chain<Cursor<Vec<u8>>, BufReader<ShortLines<R>>>;
 
-/// Rows of a CSV as samples; what cannot be used is counted in [`CsvCapture::rejected`].
+/// Rows of a CSV as samples; unusable rows are counted in [`CsvCapture::rejected`].
 ///
 /// Reasons: `unreadable_row` (not text, or too few fields), `not_a_number` (also NaN and infinite),
 /// `time_out_of_range`, `time_not_increasing`, `not_a_rotation` (norm outside 0.95–1.05).
@@ -94,7 +94,7 @@ impl CsvCapture<File> {
 }
 
 impl<R: Read> CsvCapture<R> {
-    /// Reads the head line and finds the columns.
+    /// Reads the header line and finds the columns.
     ///
     /// # Errors
     /// [`CsvError`] if it cannot be read or lacks a column.
@@ -120,7 +120,7 @@ impl<R: Read> CsvCapture<R> {
         Ok(CsvCapture { rows, row, columns, sequence: 0, last_time_ns: 0, rejected })
     }
 
-    /// Rows left out so far, by reason.
+    /// Rows omitted so far, by reason.
     pub fn rejected(&self) -> &Rejected {
         &self.rejected
     }
@@ -128,7 +128,7 @@ impl<R: Read> CsvCapture<R> {
     fn samples(&self) -> Result<(SuitSample, GroundSample), &'static str> {
         let number = |column: super::csv_columns::Column| column.of(&self.row).ok_or("not_a_number");
         let time_s = number(self.columns.time_s)?;
-        // The base makes room for a start a little before 0, as some programs write it.
+        // The base allows a start slightly before 0, as some programs write it.
         if !(-1.0 < time_s && time_s < TIME_MAX_S) {
             return Err("time_out_of_range");
         }
@@ -173,13 +173,13 @@ impl<R: Read> CsvCapture<R> {
     }
 }
 
-/// Spreadsheets write semicolons where a comma stands before decimals.
+/// Spreadsheets use semicolons in locales with a decimal comma.
 fn delimiter_of(head: &[u8]) -> u8 {
     let count = |sign: u8| head.iter().filter(|byte| **byte == sign).count();
     if count(b';') > count(b',') { b';' } else { b',' }
 }
 
-/// The first field of a row that is a number with a decimal comma. Between commas none can be recognised.
+/// The first field of a row with a decimal comma. It cannot be recognised if commas separate the columns.
 fn decimal_comma(row: &[u8], delimiter: u8) -> Option<String> {
     let row = std::str::from_utf8(row).ok().filter(|_| delimiter != b',')?;
     let mut fields = row.split(char::from(delimiter)).map(|field| field.trim().trim_matches('"'));
@@ -210,7 +210,7 @@ impl<R: Read> Iterator for CsvCapture<R> {
                 Ok(true) => {}
                 Err(error) => {
                     self.rejected.count("unreadable_row", line);
-                    // A row that is not text is one row; a file that cannot be read on is the end.
+                    // A row that is not text affects only this row; a read error ends the file.
                     if error.is_io_error() {
                         return None;
                     }

@@ -1,10 +1,10 @@
-//! Which column of a CSV holds which quantity: by name, with the unit at the name's end.
+//! Maps the columns of a CSV to quantities: by name, with the unit as suffix.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 
 use super::csv::CsvError;
 
-/// A unit that a column's name may end with, and its size in the unit we use.
+/// A unit suffix of a column's name, and its value in the internal unit.
 struct Unit {
     suffix: &'static str,
     size: f64,
@@ -28,7 +28,7 @@ const MOMENT: &[Unit] = &[
     Unit { suffix: "_kNm", size: 1e3 },
 ];
 
-/// The columns of a segment in the standard layout, behind its name.
+/// Suffixes of a segment's columns in the standard layout.
 const SEGMENT_COLUMNS: [&str; 7] = ["_px_m", "_py_m", "_pz_m", "_qw", "_qx", "_qy", "_qz"];
 /// The other columns of the standard layout.
 const PLAIN_COLUMNS: [&str; 7] = ["t_s", "Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm"];
@@ -41,7 +41,7 @@ pub(super) struct Column {
 }
 
 impl Column {
-    /// The number in our unit; `None` if it is not there, no number, or not finite.
+    /// The number in the internal unit; `None` if it is missing, not a number, or not finite.
     pub(super) fn of(self, row: &csv::StringRecord) -> Option<f64> {
         let number: f64 = row.get(self.index)?.parse().ok()?;
         let number = number * self.unit_size;
@@ -49,7 +49,7 @@ impl Column {
     }
 }
 
-/// Where each quantity stands.
+/// Column of each quantity.
 #[derive(Debug)]
 pub(super) struct Columns {
     pub(super) time_s: Column,
@@ -60,10 +60,10 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Finds every column in the head line.
+    /// Finds every column in the header line.
     ///
     /// # Errors
-    /// [`CsvError::MissingColumn`] with the name of the first that is missing and the most similar one there.
+    /// [`CsvError::MissingColumn`] with the name of the first missing column and the most similar existing one.
     pub(super) fn find(head: &csv::StringRecord) -> Result<Columns, CsvError> {
         let nowhere = Column { index: usize::MAX, unit_size: f64::NAN };
         let mut position_m = [[nowhere; 3]; SEGMENTS];
@@ -94,13 +94,13 @@ fn find(head: &csv::StringRecord, stem: &str, units: &[Unit]) -> Result<Column, 
         }
     }
     let missing = format!("{stem}{}", units[0].suffix);
-    // A column that has its own place is not the one meant, however much alike (`_qw` for `_qx`).
+    // A column that belongs to another quantity is excluded, however similar (`_qw` for `_qx`).
     let free = head.iter().filter(|name| !name.trim().is_empty() && !is_taken(name.trim()));
     let nearest = free.min_by_key(|name| distance(name, &missing)).unwrap_or("none").to_owned();
     Err(CsvError::MissingColumn { missing, nearest })
 }
 
-/// Whether a name is one of the standard layout.
+/// Whether a name belongs to the standard layout.
 fn is_taken(name: &str) -> bool {
     let of_segment = Segment::ALL.into_iter().any(|segment| {
         let axis = name.strip_prefix(segment.name());
@@ -109,7 +109,7 @@ fn is_taken(name: &str) -> bool {
     of_segment || PLAIN_COLUMNS.contains(&name)
 }
 
-/// Edit distance (Levenshtein), letters compared without case.
+/// Edit distance (Levenshtein), not case-sensitive.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<u8> = b.bytes().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

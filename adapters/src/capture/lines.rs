@@ -1,15 +1,15 @@
-//! A bound on the length of lines, for a reader that would keep any of them in memory whole.
+//! Limits the length of lines, for a reader that buffers whole lines.
 
 use std::io::{self, ErrorKind, Read};
 
-/// The longest line of a CSV, bytes; a row of all columns has some 4000.
+/// Maximum length of a line of a CSV, bytes; a row of all columns has some 4000.
 pub const LINE_BYTES_MAX: usize = 64 * 1024;
 
-/// Reads on as long as lines are short enough; then it fails, and the file ends there.
+/// Reads until a line exceeds the limit; then it fails, which ends the file.
 #[derive(Debug)]
 pub struct ShortLines<R> {
     inner: R,
-    /// Bytes of the line so far.
+    /// Length of the current line so far.
     line_bytes: usize,
 }
 

@@ -1,14 +1,14 @@
-//! Motion as MVN exports it, `.mvnx`, versions 3 and 4.
+//! Motion exports of MVN, `.mvnx`, versions 3 and 4.
 //!
 //! Read frame by frame, in bounded memory. Both versions have the same elements; they differ in names of joints and
-//! points, and in the axes of the arms: version 3 writes them as the ISB recommends, so that they are not alike in the
-//! T pose. The null pose at the file's head (`identity` in version 4, `npose` in 3) shows which axes it has, and every
-//! frame is turned by it into ours (X forward, Y left, Z up for every segment in the T pose). A file without one is
-//! refused, and a frame whose segments then do not meet at their joints is left out.
+//! points, and in the axes of the arms: version 3 follows the ISB's recommendation, so that the arms' axes differ in
+//! the T pose. The null pose in the file's header (`identity` in version 4, `npose` in 3) defines the axes, and every
+//! frame is rotated by it into the internal axes (X forward, Y left, Z up for every segment in the T pose). A file
+//! without it is refused, and a frame whose segments are not connected at their joints after this rotation is omitted.
 //!
 //! Time is `index` over `frameRate`: `time` and `ms` are rounded to whole milliseconds, and the last part of `tc` is a
-//! frame number. Where `ms`, the wall clock, leaves that by more than two frames, frames are missing from the file, and
-//! the time follows `ms`.
+//! frame number. If `ms`, the wall clock, deviates from it by more than two frames, frames are missing from the file,
+//! and the time follows `ms`.
 
 mod frame;
 mod head;
@@ -30,68 +30,68 @@ use super::csv::TIME_BASE_NS;
 use super::rejected::Rejected;
 use crate::suit::SuitSubject;
 
-/// The latest time taken, s.
+/// Latest accepted time, s.
 const TIME_MAX_S: f64 = 4e6;
 const NS_PER_MS: i64 = 1_000_000;
 
-/// Why an `.mvnx` could not be read at all, or not to its end.
+/// Why an `.mvnx` could not be read, or not to its end.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "lines and names say what they are; the sentences tell the rest")]
 pub enum MvnxError {
     /// The file could not be opened.
     #[error("cannot read {}: {reason}", path.display())]
     Open { path: PathBuf, reason: String },
-    /// It is something else.
+    /// It is another kind of file.
     #[error("not an .mvnx: it begins with {found}; in MVN, choose File > Export > MVNX")]
     NotMvnx { found: String },
     /// The XML is broken: a damaged or unfinished export.
     #[error("line {line}: {reason}; export the file again")]
     Malformed { line: u64, reason: String },
-    /// Nobody says how fast the suit measured.
+    /// The sampling rate is missing.
     #[error("line {line}: the subject's frameRate is {}, not a number of 1 to 1000 Hz", found.as_deref().unwrap_or("missing"))]
     NoFrameRate { line: u64, found: Option<String> },
-    /// Frames without the list of segments mean nothing.
+    /// Frames without the list of segments cannot be interpreted.
     #[error(
         "line {line}: <frames> without <segments> before it: nobody says which number belongs to which segment"
     )]
     NoSegments { line: u64 },
-    /// A body has 23.
+    /// A body has 23 segments.
     #[error("line {line}: these segments are missing: {names}; a whole body is needed (no prop, no object)")]
     MissingSegments { line: u64, names: String },
-    /// One name, two columns.
+    /// A duplicate segment name.
     #[error("line {line}: a second segment {label}; one file holds one body")]
     TwiceTheSegment { line: u64, label: String },
-    /// A bound that no real file reaches.
+    /// A limit that no real file reaches.
     #[error("line {line}: more than {most} {what}")]
     TooMany { line: u64, what: &'static str, most: usize },
-    /// The head is all there is.
+    /// The file has only a header.
     #[error("it has no frames; in MVN, export at least \"Segment Orientation\" and \"Segment Position\"")]
     NoFrames,
-    /// The axes are not known.
+    /// The axes are undefined.
     #[error(
         "line {line}: no frame of type \"identity\" (version 4) or \"npose\" (version 3) stands before the first one; \
          without it the axes of the arms are not known; export the file again from MVN"
     )]
     NoNullPose { line: u64 },
-    /// The null pose cannot be used.
+    /// The null pose is invalid.
     #[error(
         "line {line}: the null pose cannot be used ({reason}); export the file again with orientation and position"
     )]
     BadNullPose { line: u64, reason: &'static str },
 }
 
-/// Frames of an `.mvnx` as samples; what cannot be used is counted in [`MvnxCapture::rejected`].
+/// Frames of an `.mvnx` as samples; unusable frames are counted in [`MvnxCapture::rejected`].
 ///
 /// Reasons: `no_pose` (without orientation or position), `wrong_count` (not as many numbers as segments or joints),
 /// `not_a_number`, `implausible` (above 10 000 in its unit), `not_a_rotation`, `joints_apart` (orientation and position
-/// contradict each other), `without_time`, `time_not_increasing`, `time_out_of_range`.
+/// are inconsistent), `without_time`, `time_not_increasing`, `time_out_of_range`.
 pub struct MvnxCapture<R: BufRead> {
     xml: Xml<R>,
     frames_depth: usize,
     head: Head,
     null: Pose,
     frame: Frame,
-    /// Whether `frame` was read and not handed out.
+    /// Whether `frame` was read and not returned.
     waiting: bool,
     clock: Clock,
     sequence: u64,
@@ -110,7 +110,7 @@ impl MvnxCapture<BufReader<File>> {
     /// Opens a file and reads up to its first frame.
     ///
     /// # Errors
-    /// [`MvnxError`] if it cannot be opened, or is no body's motion.
+    /// [`MvnxError`] if it cannot be opened, or does not contain a body's motion.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, MvnxError> {
         let path = path.as_ref();
         let failed =
@@ -123,7 +123,7 @@ impl<R: BufRead> MvnxCapture<R> {
     /// Reads up to the first frame.
     ///
     /// # Errors
-    /// [`MvnxError`] if this is no body's motion.
+    /// [`MvnxError`] if the data are not a body's motion.
     pub fn new(reader: R) -> Result<Self, MvnxError> {
         let mut xml = Xml::new(reader);
         let mut head = Head::read(&mut xml)?;
@@ -166,7 +166,7 @@ impl<R: BufRead> MvnxCapture<R> {
         &self.head.subject
     }
 
-    /// The same as the message that a live suit sends; `None` if nobody can be built like that.
+    /// The body as the message that a live suit sends; `None` if its dimensions are implausible.
     pub fn body(&self) -> Option<SuitBody> {
         let body = self.head.subject.null_pose.to_body(0).filter(SuitBody::is_plausible)?;
         Some(SuitBody { arrival_ns: TIME_BASE_NS, published_ns: TIME_BASE_NS, ..body })
@@ -177,28 +177,29 @@ impl<R: BufRead> MvnxCapture<R> {
         self.head.version.as_deref()
     }
 
-    /// Which trackers were worn (`FullBody`, `UpperBody`, …), where the file says it: what had none is not measured.
+    /// Tracker configuration (`FullBody`, `UpperBody`, …), if given; segments without a tracker are not measured.
     pub fn configuration(&self) -> Option<&str> {
         self.head.configuration.as_deref()
     }
 
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.head.rate_hz
     }
 
-    /// When [`TIME_BASE_NS`] was by the wall clock of MVN's computer, ns since 1970; `None` if the file does not say.
+    /// Time of [`TIME_BASE_NS`] by the wall clock of MVN's computer, ns since 1970; `None` if the file does not contain
+    /// it.
     pub fn wall_clock_ns(&self) -> Option<u64> {
         let unix_ms = self.clock.first.unix_ms?;
         u64::try_from(unix_ms).ok()?.checked_mul(NS_PER_MS as u64)
     }
 
-    /// Frames left out so far, by reason.
+    /// Frames omitted so far, by reason.
     pub fn rejected(&self) -> &Rejected {
         &self.rejected
     }
 
-    /// What ended the reading before the end of the frames, once the iterator has ended.
+    /// The fault that ended the reading before the end of the frames, after the iterator has ended.
     pub fn fault(&self) -> Option<&MvnxError> {
         self.fault.as_ref()
     }
@@ -253,12 +254,12 @@ impl<R: BufRead> Iterator for MvnxCapture<R> {
     }
 }
 
-/// When a frame was taken.
+/// Clock of the frames.
 #[derive(Debug, Clone, Copy)]
 struct Clock {
     rate_hz: f64,
     first: Stamps,
-    /// What `ms` was found to be ahead of `index`: frames that are missing.
+    /// Lead of `ms` over `index`, caused by missing frames.
     ahead_ns: i64,
 }
 
@@ -271,7 +272,7 @@ struct Stamps {
 
 impl Stamps {
     fn of(frame: &Frame) -> Stamps {
-        // Zero is how MVN writes that it does not know.
+        // MVN writes zero for an unavailable time.
         let unix_ms = frame.unix_ms.filter(|ms| *ms > 0);
         Stamps { index: frame.index, time_ms: frame.time_ms, unix_ms }
     }

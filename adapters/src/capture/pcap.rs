@@ -1,7 +1,7 @@
 //! Network captures of Wireshark and tcpdump, `.pcap` and `.pcapng`, as UDP datagrams.
 //!
-//! Link layers: Ethernet (with VLAN tags), BSD loopback, Linux cooked (SLL, SLL2), raw IP. Fragmented IP datagrams
-//! are put together again.
+//! Link layers: Ethernet (with VLAN tags), BSD loopback, Linux cooked (SLL, SLL2), raw IP. Fragmented IP datagrams are
+//! reassembled.
 
 use std::fmt;
 use std::io::{Cursor, Read};
@@ -15,7 +15,7 @@ use super::rejected::Rejected;
 use super::udp::{UdpAssembler, UdpDatagram};
 use super::window::{RECORD_BYTES_MAX, Window};
 
-/// Why a capture could not be read at all, or not to its end.
+/// Why a capture could not be read, or not to its end.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum PcapError {
     /// The file could not be read.
@@ -23,40 +23,40 @@ pub enum PcapError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// The system's error.
         reason: String,
     },
     /// It is neither format.
     #[error("not a capture: it begins with \"{found}\"; give a .pcap or .pcapng file")]
     NotACapture {
-        /// What it begins with.
+        /// Its first bytes.
         found: String,
     },
     /// It ends within a packet.
     #[error("the capture ends within the record at byte {at_byte}, after {packets} packets; these were read")]
     Truncated {
-        /// Where the last, incomplete record begins.
+        /// Position of the last, incomplete record.
         at_byte: usize,
         /// Packets before it.
         packets: u64,
     },
-    /// It goes on with something that is no record.
+    /// An invalid record.
     #[error("the capture is corrupt at byte {at_byte}, after {packets} packets ({reason}); these were read")]
     Corrupt {
-        /// Where the broken record begins.
+        /// Position of the invalid record.
         at_byte: usize,
         /// Packets before it.
         packets: u64,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
 }
 
-/// The UDP datagrams of a capture in file order. Of the file no more than a window is held.
+/// The UDP datagrams of a capture in file order. Only a window of the file is in memory.
 ///
-/// Other packets are counted in [`PcapCapture::rejected`], by packet number. Reasons: `not_ip`, `not_udp`,
-/// `malformed`, `malformed_fragment`, `fragments_missing` (one per datagram, counted at the end), `cut_short` (by
-/// the capture's snap length), `unknown_link_type`, `unknown_interface`, `impossible_time`, `without_time`.
+/// Other packets are counted in [`PcapCapture::rejected`], by packet number. Reasons: `not_ip`, `not_udp`, `malformed`,
+/// `malformed_fragment`, `fragments_missing` (one for each datagram, counted at the end), `cut_short` (by the capture's
+/// snap length), `unknown_link_type`, `unknown_interface`, `impossible_time`, `without_time`.
 pub struct PcapCapture {
     window: Window,
     packets: u64,
@@ -89,7 +89,7 @@ impl PcapCapture {
         PcapCapture::read(Box::new(file), failed)
     }
 
-    /// The same from bytes.
+    /// The same for bytes in memory.
     ///
     /// # Errors
     /// [`PcapError::NotACapture`].
@@ -122,17 +122,17 @@ impl PcapCapture {
         })
     }
 
-    /// Packets left out so far, by reason.
+    /// Packets omitted so far, by reason.
     pub fn rejected(&self) -> &Rejected {
         &self.rejected
     }
 
-    /// What ended the reading before the end of the file, once the iterator has ended.
+    /// The fault that ended the reading before the end of the file, after the iterator has ended.
     pub fn fault(&self) -> Option<&PcapError> {
         self.fault.as_ref()
     }
 
-    /// Reads more of the file; whether there was more. What cannot be read ends the capture.
+    /// Reads more of the file; returns whether there was more. A read error ends the capture.
     fn read_on(&mut self) -> bool {
         match self.window.read_on() {
             Ok(has_more) => has_more,

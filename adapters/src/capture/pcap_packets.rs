@@ -14,28 +14,28 @@ pub(super) struct Packet<'a> {
     pub(super) time_ns: u64,
     pub(super) link_type: i32,
     pub(super) interface: u32,
-    /// Whether the capture kept all of it.
+    /// Whether the capture contains all of its bytes.
     pub(super) whole: bool,
     pub(super) bytes: &'a [u8],
 }
 
-/// What stands at a place of the file.
+/// Element at a position of the file.
 pub(super) enum Item<'a> {
     Packet(Packet<'a>),
-    /// A packet that cannot be used, and why.
+    /// An unusable packet, and why.
     Unusable(&'static str),
-    /// Something else than a packet.
+    /// An element without a packet.
     Nothing,
 }
 
-/// How far the file goes on being read after a fault: not at all.
+/// Fault that ends the reading of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Fault {
     Truncated,
     Corrupt(String),
 }
 
-/// What of the file's head is needed to read on.
+/// Properties from the file's header that are needed to read on.
 #[derive(Debug)]
 pub(super) enum Format {
     Pcap(PcapHeader),
@@ -45,13 +45,13 @@ pub(super) enum Format {
 #[derive(Debug)]
 pub(super) struct Interface {
     link_type: i32,
-    /// Units of its time stamps in a second; `None` if the file gives an impossible one.
+    /// Units of its time stamps per second; `None` if the file contains an impossible value.
     units_per_s: Option<u128>,
     offset_s: i64,
 }
 
 impl Format {
-    /// Reads the head; returns it and how many bytes it takes. `None` if it is neither format.
+    /// Parses the header; returns it and its length. `None` if it is neither format.
     pub(super) fn of(bytes: &[u8]) -> Option<(Format, usize)> {
         if bytes.starts_with(&PCAPNG_MAGIC) {
             return Some((Format::PcapNg { big_endian: false, interfaces: Vec::new() }, 0));
@@ -60,7 +60,7 @@ impl Format {
         Some((Format::Pcap(header), bytes.len() - rest.len()))
     }
 
-    /// Reads what stands at the head of `bytes`; returns it and how many bytes it takes.
+    /// Parses the element at the front of `bytes`; returns it and its length.
     pub(super) fn read<'a>(&mut self, bytes: &'a [u8]) -> Result<(Item<'a>, usize), Fault> {
         match self {
             Format::Pcap(header) => {
@@ -76,7 +76,7 @@ impl Format {
                 if let Some(used) = passed_over(*big_endian, bytes)? {
                     return Ok((Item::Nothing, used));
                 }
-                // A section's head reads the same in both byte orders and says which one follows.
+                // A section header parses the same in both byte orders, and defines the order of the following blocks.
                 let parsed = if *big_endian { parse_block_be(bytes) } else { parse_block_le(bytes) };
                 let (rest, block) = parsed.map_err(fault)?;
                 let used = bytes.len() - rest.len();
@@ -89,14 +89,14 @@ impl Format {
     }
 }
 
-/// The length of a block of a kind that says nothing of packets: passed over here, since what these hold (names, secrets,
-/// statistics, logs) is no affair of ours and the parser trusts their lengths. `None` for the others.
+/// The length of a block without packets. It is skipped here, as its contents (names, secrets, statistics, logs) are
+/// irrelevant and the parser trusts their lengths. `None` for other blocks.
 fn passed_over(big_endian: bool, bytes: &[u8]) -> Result<Option<usize>, Fault> {
     const SECTION: u32 = 0x0a0d_0d0a;
     const INTERFACE: u32 = 1;
     const SIMPLE_PACKET: u32 = 3;
     const ENHANCED_PACKET: u32 = 6;
-    /// Type, length, and length again.
+    /// Type, length, and length repeated.
     const BLOCK_BYTES_MIN: usize = 12;
     let word = |at: usize| {
         let word =
@@ -106,7 +106,7 @@ fn passed_over(big_endian: bool, bytes: &[u8]) -> Result<Option<usize>, Fault> {
     let (kind, length) = (word(0)?, word(4)? as usize);
     match kind {
         SECTION | INTERFACE | SIMPLE_PACKET => return Ok(None),
-        // A packet that is longer than its block would overflow when it is aligned.
+        // A packet that is longer than its block would cause an overflow in its alignment.
         ENHANCED_PACKET if length < BLOCK_BYTES_MIN || word(20)? as usize <= length => return Ok(None),
         ENHANCED_PACKET => return Err(Fault::Corrupt("a packet that is longer than its block".to_owned())),
         _ if length < BLOCK_BYTES_MIN => {}
@@ -120,7 +120,7 @@ fn pcap_packet<'a>(header: &PcapHeader, block: &LegacyPcapBlock<'a>) -> Packet<'
     let ns_per_unit = if header.is_nanosecond_precision() { 1 } else { 1_000 };
     Packet {
         time_ns: u64::from(block.ts_sec) * NS_PER_S + u64::from(block.ts_usec) * ns_per_unit,
-        // The upper bits carry the length of a frame check sequence.
+        // The upper bits contain the length of a frame check sequence.
         link_type: header.network.0 & 0xffff,
         interface: 0,
         whole: block.caplen >= block.origlen,
@@ -184,7 +184,7 @@ fn fault(error: NomErr<ParseError<&[u8]>>) -> Fault {
     match error {
         NomErr::Incomplete(_) => Fault::Truncated,
         NomErr::Error(error) | NomErr::Failure(error) => match error {
-            // These carry the rest of the file, which says nothing to a reader.
+            // These errors contain the rest of the file, which is of no use in a message.
             ParseError::NomError(_, kind) | ParseError::OwnedNomError(_, kind) => {
                 Fault::Corrupt(format!("a malformed block ({kind:?})"))
             }

@@ -1,4 +1,4 @@
-//! Writes UDP datagrams as a `.pcap` that Wireshark and tcpdump read: nanosecond stamps, raw IP.
+//! Writes UDP datagrams as a `.pcap` for Wireshark and tcpdump: nanosecond stamps, raw IP.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -23,10 +23,10 @@ pub enum PcapWriteError {
     /// The file could not be created or written.
     #[error("cannot write the capture: {0}; check the directory and the space on the disk")]
     Io(#[from] io::Error),
-    /// One end is IPv4 and the other IPv6.
+    /// Source and destination are of different IP versions.
     #[error("no datagram goes from {0} to {1}: one is IPv4, the other IPv6")]
     MixedFamilies(SocketAddr, SocketAddr),
-    /// It does not fit into one UDP datagram, or the stamp not into the file.
+    /// The payload does not fit one UDP datagram, or the stamp is out of the format's range.
     #[error("a datagram of {payload_bytes} bytes at {time_ns} ns does not fit into a capture")]
     DoesNotFit {
         /// Bytes of the payload.
@@ -43,7 +43,7 @@ pub struct PcapWriter<W: Write> {
 }
 
 impl PcapWriter<BufWriter<File>> {
-    /// Creates a file and writes its head.
+    /// Creates a file and writes its header.
     ///
     /// # Errors
     /// [`PcapWriteError::Io`].
@@ -53,7 +53,7 @@ impl PcapWriter<BufWriter<File>> {
 }
 
 impl<W: Write> PcapWriter<W> {
-    /// Writes the file's head.
+    /// Writes the file's header.
     ///
     /// # Errors
     /// [`PcapWriteError::Io`].
@@ -68,10 +68,11 @@ impl<W: Write> PcapWriter<W> {
         Ok(PcapWriter { writer })
     }
 
-    /// Writes one datagram with valid IP and UDP heads; `time_ns` counts from 1970 (up to the year 2106).
+    /// Writes one datagram with valid IP and UDP headers; `time_ns` counts from 1970 (up to the year 2106).
     ///
     /// # Errors
-    /// [`PcapWriteError`] if the addresses do not fit each other, the payload no datagram, or the disk is full.
+    /// [`PcapWriteError`] if the addresses are of different IP versions, the payload does not fit one datagram, or the
+    /// disk is full.
     pub fn write_udp(
         &mut self,
         time_ns: u64,
@@ -101,7 +102,7 @@ impl<W: Write> PcapWriter<W> {
         Ok(())
     }
 
-    /// Hands everything to the system and gives the writer beneath back.
+    /// Flushes the data to the system and returns the underlying writer.
     ///
     /// # Errors
     /// [`PcapWriteError::Io`].

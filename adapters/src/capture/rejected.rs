@@ -1,18 +1,18 @@
-//! What of a capture was left out, and why.
+//! Omitted parts of a capture, by reason.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// How often one reason was met.
+/// Occurrences of one reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tally {
-    /// How many rows or packets.
+    /// Count of rows or packets.
     pub count: u64,
-    /// The first of them: a line number (CSV, from 1, the head is line 1) or a packet number (pcap, from 1).
+    /// The first of them: a line number (CSV, from 1; the header is line 1) or a packet number (pcap, from 1).
     pub first: u64,
 }
 
-/// Rows or packets left out, by reason.
+/// Rows or packets omitted, by reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rejected {
     place: &'static str,
@@ -20,7 +20,7 @@ pub struct Rejected {
 }
 
 impl Rejected {
-    /// Nothing left out yet; `place` is what is numbered: "line" or "packet".
+    /// An empty list; `place` is the numbered item: "line" or "packet".
     pub(super) fn by(place: &'static str) -> Rejected {
         Rejected { place, tallies: BTreeMap::new() }
     }
@@ -29,22 +29,22 @@ impl Rejected {
         self.tallies.entry(reason).or_insert(Tally { count: 0, first: place }).count += 1;
     }
 
-    /// How many were left out in all.
+    /// Total count of omitted items.
     pub fn total(&self) -> u64 {
         self.tallies.values().map(|tally| tally.count).sum()
     }
 
-    /// Whether nothing was left out.
+    /// Whether nothing was omitted.
     pub fn is_empty(&self) -> bool {
         self.tallies.is_empty()
     }
 
-    /// Every reason met, in alphabetical order.
+    /// Every reason that occurred, in alphabetical order.
     pub fn reasons(&self) -> impl Iterator<Item = (&'static str, Tally)> {
         self.tallies.iter().map(|(reason, tally)| (*reason, *tally))
     }
 
-    /// How often one reason was met.
+    /// Count of one reason.
     pub fn of(&self, reason: &str) -> u64 {
         self.tallies.get(reason).map_or(0, |tally| tally.count)
     }

@@ -1,4 +1,4 @@
-//! From a captured packet of any link layer to a UDP datagram.
+//! Extracts a UDP datagram from a captured packet of any link layer.
 
 use std::cell::Cell;
 use std::net::{IpAddr, SocketAddr};
@@ -6,21 +6,21 @@ use std::net::{IpAddr, SocketAddr};
 use etherparse::defrag::IpDefragPool;
 use etherparse::{EtherType, IpNumber, NetSlice, SlicedPacket, TransportSlice, UdpSlice};
 
-/// Linux forgets fragments after this time (net.ipv4.ipfrag_time), so later ones belong to another datagram.
+/// Linux discards fragments after this time (net.ipv4.ipfrag_time), so later ones belong to another datagram.
 const FRAGMENT_LIFE_NS: u64 = 30_000_000_000;
-/// So many incomplete datagrams are kept, of 64 KiB at most each: as much as Linux keeps (net.ipv4.ipfrag_high_thresh, 4 MiB).
+/// Maximum count of incomplete datagrams, of at most 64 KiB each: Linux's limit (net.ipv4.ipfrag_high_thresh, 4 MiB).
 const INCOMPLETE_MAX: u64 = 64;
 
 /// One UDP datagram of a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UdpDatagram {
-    /// When it was captured: wall-clock time, ns since 1970 (the capture's own clock). For fragments, the last one's.
+    /// Capture time: wall-clock time, ns since 1970 (the capture's own clock). For fragments, that of the last one.
     pub time_ns: u64,
-    /// Who sent it.
+    /// The sender.
     pub source: SocketAddr,
-    /// To whom.
+    /// The destination.
     pub destination: SocketAddr,
-    /// What it carries.
+    /// The payload.
     pub payload: Vec<u8>,
 }
 
@@ -28,7 +28,7 @@ pub struct UdpDatagram {
 mod link_type {
     pub(super) const NULL: i32 = 0;
     pub(super) const ETHERNET: i32 = 1;
-    /// DLT_RAW as OpenBSD and others number it in files.
+    /// DLT_RAW by the numbers that OpenBSD and others use in files.
     pub(super) const RAW_BSD: i32 = 12;
     pub(super) const RAW_OPENBSD: i32 = 14;
     pub(super) const RAW: i32 = 101;
@@ -39,10 +39,10 @@ mod link_type {
     pub(super) const LINUX_SLL2: i32 = 276;
 }
 
-/// Puts datagrams together; keeps the fragments of incomplete ones.
+/// Reassembles datagrams; stores the fragments of incomplete ones.
 pub(super) struct UdpAssembler {
     fragments: IpDefragPool<u64, u32>,
-    /// Datagrams that were given up.
+    /// Count of discarded datagrams.
     given_up: u64,
 }
 
@@ -51,10 +51,10 @@ impl UdpAssembler {
         UdpAssembler { fragments: IpDefragPool::new(), given_up: 0 }
     }
 
-    /// The datagram that a packet completes; `None` for a fragment with others still to come.
+    /// The datagram that a packet completes; `None` for a fragment with others missing.
     ///
     /// # Errors
-    /// The reason why the packet is passed over.
+    /// The reason why the packet is skipped.
     pub(super) fn take(
         &mut self,
         time_ns: u64,
@@ -85,7 +85,7 @@ impl UdpAssembler {
         if ip.ip_number != IpNumber::UDP {
             return Err("not_udp");
         }
-        // Only a fragment is UDP and was not sliced as UDP.
+        // A UDP packet that was not sliced as UDP is a fragment.
         self.give_up_old(time_ns);
         match self.fragments.process_sliced_packet(&packet, time_ns, interface) {
             Ok(None) => Ok(None),
@@ -99,7 +99,7 @@ impl UdpAssembler {
         }
     }
 
-    /// Makes room for one more incomplete datagram: those that wait too long go, and the oldest where there are too many.
+    /// Makes room for one more incomplete datagram: discards expired ones, and the oldest if there are too many.
     fn give_up_old(&mut self, time_ns: u64) {
         let since_ns = time_ns.saturating_sub(FRAGMENT_LIFE_NS);
         let (waiting, oldest_ns) = self.keep(|newest_ns| newest_ns >= since_ns);
@@ -108,10 +108,11 @@ impl UdpAssembler {
         }
     }
 
-    /// Gives up the datagrams to whose newest fragment's time `stays` says no; how many are left, and the time of the oldest.
+    /// Discards the datagrams for whose newest fragment's time `stays` returns `false`; returns the count of the
+    /// others, and the time of the oldest.
     fn keep(&mut self, stays: impl Fn(u64) -> bool) -> (u64, u64) {
         let (waiting, given_up, oldest_ns) = (Cell::new(0), Cell::new(0), Cell::new(u64::MAX));
-        // The pool tells neither its size nor its times: a predicate that keeps all is asked once for each.
+        // The pool provides neither its size nor its times, but calls the predicate once for each datagram.
         self.fragments.retain(|newest_ns| {
             let count = if stays(*newest_ns) { &waiting } else { &given_up };
             count.set(count.get() + 1);
@@ -127,25 +128,26 @@ impl UdpAssembler {
         (waiting.get(), oldest_ns.get())
     }
 
-    /// How many datagrams lacked fragments; forgets them.
+    /// Returns the count of incomplete datagrams, and discards them.
     pub(super) fn forget_incomplete(&mut self) -> u64 {
         self.keep(|_| false);
         std::mem::take(&mut self.given_up)
     }
 }
 
-/// Takes the link layer off.
+/// Removes the link layer.
 fn slice(link_type: i32, bytes: &[u8]) -> Result<SlicedPacket<'_>, &'static str> {
     use link_type::{ETHERNET, IPV4, IPV6, LINUX_SLL, LINUX_SLL2, LOOP, NULL, RAW, RAW_BSD, RAW_OPENBSD};
     let behind = |length: usize| bytes.get(length..).ok_or("malformed");
-    // Linux "cooked" heads hold the EtherType at a fixed place.
+    // Linux "cooked" headers contain the EtherType at a fixed position.
     let cooked = |ether_type_at: usize, length: usize| match bytes.get(ether_type_at..ether_type_at + 2) {
         Some(&[high, low]) => Ok((EtherType(u16::from_be_bytes([high, low])), behind(length)?)),
         _ => Err("malformed"),
     };
     let packet = match link_type {
         ETHERNET => SlicedPacket::from_ethernet(bytes),
-        // Four bytes of address family, in the byte order of whoever captured; the IP version says the same.
+        // Four bytes of address family, in the byte order of the capturing computer; the IP version contains the same
+        // information.
         NULL | LOOP => SlicedPacket::from_ip(behind(4)?),
         RAW | RAW_BSD | RAW_OPENBSD | IPV4 | IPV6 => SlicedPacket::from_ip(bytes),
         LINUX_SLL => {

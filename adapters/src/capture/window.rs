@@ -1,18 +1,18 @@
-//! A file of any length, seen through a window that moves on: what is parsed lies in memory, the rest of it does not.
+//! A file of any length, read through a moving window: only the parsed part is in memory.
 
 use std::io::{self, Read};
 
-/// So much is read at a time, bytes; the longest packet of any capture (262144) lies in it whole.
+/// Size of one read, bytes; larger than the longest packet of any capture (262144).
 const STEP_BYTES: usize = 1 << 20;
-/// The longest record that is looked for to its end, bytes.
+/// Maximum length of a record, bytes.
 pub(super) const RECORD_BYTES_MAX: usize = 64 << 20;
 
-/// What of a file has not been passed over so far, as far as it was read.
+/// The part of a file that was read and not yet consumed.
 pub(super) struct Window {
     source: Box<dyn Read + Send>,
     bytes: Vec<u8>,
     at: usize,
-    /// Bytes of the file before those that are held.
+    /// Bytes of the file before the window.
     before: usize,
     ended: bool,
 }
@@ -25,30 +25,30 @@ impl Window {
         Ok(window)
     }
 
-    /// What stands there; so far as it was read.
+    /// The bytes read so far and not consumed.
     pub(super) fn rest(&self) -> &[u8] {
         &self.bytes[self.at..]
     }
 
-    /// Where in the file the rest begins.
+    /// Position of the rest in the file.
     pub(super) fn at_byte(&self) -> usize {
         self.before + self.at
     }
 
-    /// Passes over so many bytes of the rest.
+    /// Consumes bytes.
     pub(super) fn pass(&mut self, length: usize) {
         self.at += length;
     }
 
-    /// Whether it is time to read on before the next packet is looked at.
+    /// Whether more data should be read before the next packet.
     pub(super) fn runs_low(&self) -> bool {
         !self.ended && self.rest().len() < STEP_BYTES / 2
     }
 
-    /// Adds to the rest; whether there was more, and room for it.
+    /// Reads more data; returns whether there was more, and room for it.
     ///
     /// # Errors
-    /// What the system said.
+    /// The system's error.
     pub(super) fn read_on(&mut self) -> io::Result<bool> {
         if self.ended || self.rest().len() >= RECORD_BYTES_MAX {
             return Ok(false);

@@ -1,4 +1,4 @@
-//! A device and the receiver of its readings: bytes in, samples out.
+//! A device decoder and the receiver of its readings: bytes in, samples out.
 
 use super::device::{GroundDevice, Want};
 use super::reading::Taken;
@@ -7,7 +7,7 @@ use super::refusal::GroundRefusal;
 use crate::counts::Counts;
 use equipoise_core::message::GroundSample;
 
-/// All of a ground source that has no door: for live lines, captures and tests alike.
+/// The part of a ground source that does no I/O; common to live lines, captures and tests.
 pub struct GroundBrain {
     device: Box<dyn GroundDevice>,
     receiver: GroundReceiver,
@@ -21,7 +21,7 @@ impl core::fmt::Debug for GroundBrain {
 }
 
 impl GroundBrain {
-    /// A brain that has seen nothing yet.
+    /// Creates the state machine before any data.
     pub fn new(device: Box<dyn GroundDevice>, settings: GroundSettings) -> GroundBrain {
         GroundBrain { device, receiver: GroundReceiver::new(settings), taken: Taken::default() }
     }
@@ -32,7 +32,7 @@ impl GroundBrain {
         self.receiver.begin_anew();
     }
 
-    /// Takes in one datagram, or a piece of a stream, and appends its samples to `samples`, oldest first.
+    /// Processes one datagram, or a piece of a stream, and appends its samples to `samples`, oldest first.
     pub fn receive(&mut self, bytes: &[u8], arrival_ns: u64, samples: &mut Vec<GroundSample>) {
         self.device.take(bytes, arrival_ns, &mut self.taken);
         self.receiver.receive(&mut self.taken, arrival_ns, samples);
@@ -58,12 +58,12 @@ impl GroundBrain {
         self.device.note()
     }
 
-    /// Counts something that was refused before it was read.
+    /// Counts input that was refused before decoding.
     pub fn refuse(&mut self, refusal: GroundRefusal) {
         self.receiver.refuse(refusal);
     }
 
-    /// What was counted so far; `refused` in the order of [`GroundRefusal`].
+    /// Counts since the start; `refused` in the order of [`GroundRefusal`].
     pub fn counts(&self) -> &Counts {
         self.receiver.counts()
     }

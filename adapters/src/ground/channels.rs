@@ -1,6 +1,7 @@
-//! Channels to what they measure: numbers in the order a device tells them, to a [`Load`] in its own axes.
+//! Maps channels, the numbers of a reading in the device's order, to a [`Load`] in the sensor's axes.
 //!
-//! For devices whose bytes say nothing of what they mean: text, binary frames, volts. Units are declared, never guessed.
+//! For devices whose data do not describe themselves: text, binary frames, voltages. Units are configured, never
+//! guessed.
 
 mod form;
 mod units;
@@ -12,7 +13,7 @@ use super::frame::Wrench;
 use super::reading::{FootLoad, Load};
 use equipoise_core::message::Component;
 
-/// What a device's channels mean.
+/// The meaning of a device's channels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channels {
     count: usize,
@@ -21,11 +22,11 @@ pub struct Channels {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Form {
-    /// Each number of the wrench is a weighted sum of channels.
+    /// Each component of the wrench is a weighted sum of channels.
     Linear {
         /// Force x, y, z in N, moment x, y, z about the sensor's origin in N m.
         rows: [Row; 6],
-        /// What the channels read without load; taken off first.
+        /// Channel values without load; subtracted first.
         zero: Vec<f64>,
         not_measured: u32,
     },
@@ -40,7 +41,7 @@ enum Form {
 struct Row {
     /// Channel and its weight.
     terms: Vec<(usize, f64)>,
-    /// What one of the sum is, N or N m; by itself, so that a plain channel keeps its very bits.
+    /// Value of one unit of the sum, N or N m. A separate factor keeps a plain channel's value bit-identical.
     unit: f64,
 }
 
@@ -53,18 +54,18 @@ impl Row {
     }
 }
 
-/// What a channel reads: zero if it is not there by design, and no number if the device did not send it.
+/// Value of a channel: zero if the channel does not exist by design, NaN if the device did not send it.
 fn value(values: &[f64], channel: Option<usize>) -> f64 {
     channel.map_or(0.0, |channel| values.get(channel).copied().unwrap_or(f64::NAN))
 }
 
 impl Channels {
-    /// How many numbers a reading has.
+    /// Count of numbers in a reading.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// What a device with these channels cannot measure: a union of [`Component`] bits.
+    /// Components that a device with these channels cannot measure: a union of [`Component`] bits.
     pub fn not_measured(&self) -> u32 {
         match &self.form {
             Form::Linear { not_measured, .. } | Form::Centre { not_measured, .. } => *not_measured,
@@ -72,7 +73,7 @@ impl Channels {
         }
     }
 
-    /// What these numbers mean. Too few of them make a load that is not finite, which the receiver refuses.
+    /// Converts a reading to a load. Too few numbers give a load that is not finite, which the receiver refuses.
     pub fn load(&self, values: &[f64]) -> Load {
         match &self.form {
             Form::Linear { rows, zero, not_measured } => {
@@ -96,7 +97,7 @@ impl Sole {
         let vertical_n = value(values, Some(self.vertical)) * self.newtons_per_unit;
         let [x, y] =
             core::array::from_fn(|axis| value(values, Some(self.cop[axis])) * self.metres_per_unit[axis]);
-        // What a foot without force tells of its centre is noise; NaN stays, to be refused.
+        // The centre of an unloaded foot is noise. A NaN force is kept, so that the receiver refuses it.
         let cop_m = if vertical_n <= 0.0 { [0.0; 2] } else { [x, y] };
         FootLoad { vertical_n, cop_m }
     }
@@ -117,40 +118,40 @@ impl Centre {
     }
 }
 
-/// Why channels cannot mean what is asked of them.
+/// Why a configuration of channels is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ChannelFault {
-    /// There is no such channel.
+    /// A channel that does not exist.
     #[error("channel {channel} is asked for, and there are {count}, counted from 0")]
     Beyond {
         /// Counted from 0.
         channel: usize,
-        /// How many there are.
+        /// Count of channels.
         count: usize,
     },
-    /// The x without the y of a pair, or the other way round.
+    /// One channel of a pair (x, y) without the other.
     #[error("{what}: one of the two without the other says nothing; name both or neither")]
     Half {
-        /// Which two.
+        /// The two channels.
         what: &'static str,
     },
-    /// A matrix that is not six rows of one number a channel.
+    /// A matrix that does not have six rows with one number for each channel.
     #[error("row {row} of the matrix has {got} numbers, and there are {want} channels")]
     Row {
         /// Counted from 1.
         row: usize,
-        /// How many it has.
+        /// Actual count.
         got: usize,
-        /// How many it should have.
+        /// Expected count.
         want: usize,
     },
-    /// A number that is not finite, or zero where one divides by it.
+    /// A number that is not finite, or a zero divisor.
     #[error("{what} must be a finite number, and not zero")]
     Number {
-        /// Which number.
+        /// The number.
         what: &'static str,
     },
-    /// Load cells that do not carry a plate.
+    /// Load cells that do not support a plate.
     #[error("a plate needs three load cells or more that do not stand in one line")]
     Cells,
 }

@@ -1,5 +1,5 @@
-//! Devices that measure the ground, one file each: bytes to readings, and what a device must be told. No socket, no
-//! clock: time comes in with every call.
+//! Ground devices, one file each: decode bytes to readings and generate the commands that each device needs. They do no
+//! I/O and read no clock: the time is an argument of every call.
 
 pub mod amti;
 mod asking;
@@ -20,43 +20,43 @@ use super::reading::Taken;
 
 /// One kind of device at the other end of a connection (datagrams, a TCP stream, a serial line).
 pub trait GroundDevice: Send {
-    /// The connection was opened (again): what was half read or half said is forgotten.
+    /// The connection was opened (again): partially received frames and unfinished exchanges are discarded.
     fn opened(&mut self, now_ns: u64);
 
-    /// What came: a whole datagram, or any piece of a stream. Never panics, whatever it is fed.
+    /// Processes a whole datagram, or any piece of a stream. Never panics, for any input.
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken);
 
-    /// What is to be done now; asked before each wait for bytes, at most some tens of milliseconds apart, and again until it
-    /// wants nothing.
+    /// The next action of the connection; polled before each wait for bytes, at intervals of at most some tens of
+    /// milliseconds, and repeatedly until the result is [`Want::Nothing`].
     fn wants(&mut self, _now_ns: u64) -> Want {
         Want::Nothing
     }
 
-    /// A last message before the connection is closed in order.
+    /// A last message before an orderly close of the connection.
     fn farewell(&mut self) -> Option<Vec<u8>> {
         None
     }
 
-    /// What is wrong with what comes, and what to do, in a sentence; `None` while all is well.
+    /// The current fault of the data and its remedy, in a sentence; `None` without a fault.
     fn trouble(&self) -> Option<String> {
         None
     }
 
-    /// What the device told of itself that whoever runs it should know, in a sentence; `None` if there is nothing.
+    /// A property that the device reports and the operator needs, in a sentence; `None` if there is none.
     fn note(&self) -> Option<String> {
         None
     }
 }
 
-/// What a device's file wants of its connection.
+/// An action that a device's decoder requests of its connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Want {
-    /// To wait for bytes.
+    /// Wait for bytes.
     Nothing,
-    /// To say something.
+    /// Send these bytes.
     Send(Vec<u8>),
-    /// Another speed of the serial line, baud.
+    /// Set this speed of the serial line, baud.
     Speed(u32),
-    /// The connection closed and opened anew, with the reason in words.
+    /// Close the connection and open it again, with the reason as text.
     Reopen(String),
 }

@@ -1,22 +1,22 @@
-//! From a sensor's axes and sign to the force on the person in the station's world.
+//! Transforms a sensor's axes and sign convention to the force on the person in the station's world.
 
-/// Which side of the contact the sensor's numbers are about.
+/// Sign convention: the side of the contact on which the measured force acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Measures {
-    /// The force on the sensor: pressing down reads negative on a sensor whose z points up.
+    /// Force on the sensor: negative under load on a sensor whose z points up.
     #[default]
     Action,
-    /// The force on the person: standing reads positive.
+    /// Force on the person: positive when standing.
     Reaction,
 }
 
-/// How a sensor's axes stand when its plate lies on the floor.
+/// Orientation of a sensor's axes when its plate lies on the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SensorAxes {
     /// z points up, as with six-axis sensors under a plate.
     #[default]
     ZUp,
-    /// z points down, and y to the other side, as with Kistler and AMTI plates and in C3D files.
+    /// z down and y reversed, as with Kistler and AMTI plates and in C3D files.
     ZDown,
 }
 
@@ -25,7 +25,7 @@ pub enum SensorAxes {
 pub struct Wrench {
     /// N.
     pub force_n: [f64; 3],
-    /// About the origin of the frame it is given in, N m.
+    /// About the origin of the frame in which it is expressed, N m.
     pub moment_nm: [f64; 3],
 }
 
@@ -35,14 +35,14 @@ impl Wrench {
     }
 }
 
-/// Where the sensor stands in the station's world (X forward, Y left, Z up).
+/// Pose of the sensor in the station's world (X forward, Y left, Z up).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GroundFrame {
-    /// Whether its own z axis points up or down.
+    /// Whether the sensor's z axis points up or down.
     pub axes: SensorAxes,
     /// The sensor's origin in the world, m.
     pub origin_m: [f64; 3],
-    /// Turn of the sensor's x axis about the world's Z, rad.
+    /// Rotation of the sensor's x axis about the world's Z, rad.
     pub yaw_rad: f64,
     /// Height of the walking surface above the sensor's origin, m.
     pub surface_height_m: f64,
@@ -54,7 +54,7 @@ impl GroundFrame {
         self.origin_m[2] + self.surface_height_m
     }
 
-    /// What the sensor reads, as the wrench on the person in the world, about the world's origin.
+    /// Converts a sensor reading to the wrench on the person in the world, about the world's origin.
     pub fn person_from_sensor(&self, sensor: Wrench, measures: Measures) -> Wrench {
         let person = match measures {
             Measures::Action => sensor.negated(),
@@ -66,7 +66,7 @@ impl GroundFrame {
         Wrench { force_n, moment_nm: core::array::from_fn(|axis| about_sensor_nm[axis] + lever_nm[axis]) }
     }
 
-    /// The inverse: what the sensor would read for a wrench on the person about the world's origin.
+    /// The inverse: the sensor's reading for a wrench on the person about the world's origin.
     pub fn sensor_from_person(&self, person: Wrench, measures: Measures) -> Wrench {
         let lever_nm = cross(self.origin_m, person.force_n);
         let about_sensor_nm = core::array::from_fn(|axis| person.moment_nm[axis] - lever_nm[axis]);
@@ -82,7 +82,7 @@ impl GroundFrame {
 }
 
 impl GroundFrame {
-    /// From the sensor's axes to axes with z up, or back: half a turn about x, or nothing.
+    /// From the sensor's axes to axes with z up, or back: rotation by 180° about x, or identity.
     fn upright(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         match self.axes {
             SensorAxes::ZUp => [x, y, z],
@@ -133,7 +133,7 @@ mod tests {
         let z = frame.surface_z_m();
         assert!(force_z > 699.0);
         let cop = [(z * force_x - moment_y) / force_z, (moment_x + z * force_y) / force_z];
-        // Its y points to the right when its z points down.
+        // y points to the right when z points down.
         assert!((cop[0] - ax).abs() < 1e-12 && (cop[1] + ay).abs() < 1e-12, "{cop:?} {ax} {ay}");
     }
 }

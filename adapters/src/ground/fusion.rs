@@ -1,12 +1,11 @@
-//! Two devices at once: their samples by time to one ground, with what each contributed said in it.
+//! Fuses two devices by sample time to one ground sample, which lists the contributing devices.
 //!
-//! Each device has its own clock, and both clocks are tied to the host's by their own fits; so samples are brought
-//! together by sample time and never by arrival. The first device sets the pace. The second is interpolated between
-//! its two neighbours in time, never held and never extrapolated: a sample of the first waits for its partner, for a
-//! bounded time.
+//! Each device has its own clock, and a separate fit maps each clock to the host's; samples are therefore matched by
+//! sample time, never by arrival. The first device sets the rate. The second is interpolated between its two neighbours
+//! in time, never held and never extrapolated: a sample of the first device waits for its partner, for a bounded time.
 //!
-//! What one of two plates feels is not what the person gets from the ground, so without a partner there is no sample.
-//! A plate beside insoles does feel the whole: without them its sample goes on, and says so in `devices`.
+//! One of two plates measures only a part of the ground reaction, so a sample without a partner is dropped. A plate
+//! used with insoles measures all of it: without them its sample is published, and `devices` reports their absence.
 
 mod queue;
 #[cfg(test)]
@@ -21,67 +20,68 @@ use super::refusal::GroundRefusal;
 use crate::counts::Counts;
 use queue::{Found, Partners};
 
-/// How long a sample of the first device waits for its partner, beside what the second is known to be later, ns.
+/// Wait of a first device's sample for its partner, in addition to the second device's larger constant delay, ns.
 pub const WAIT_NS: u64 = 50_000_000;
-/// Surfaces that differ by more are no common floor, m: with a tenth of the weight as shear this moves the common centre
-/// of pressure by half a millimetre.
+/// Tolerance between the surface heights of two plates, m: with shear of a tenth of the weight it moves the common
+/// centre of pressure by 0.5 mm.
 pub const SURFACES_AGREE_M: f64 = 0.005;
-/// Insoles that were silent for so long are not waited for, ns.
+/// Insoles that were silent for this long are not waited for, ns.
 const SILENT_NS: u64 = 200_000_000;
-/// Less than this is no force at all, N.
+/// A smaller force counts as none, N.
 const PRESSED_N: f64 = 1.0;
-/// More samples than a second of the fastest device are not kept waiting.
+/// Limit of waiting samples: more than a second of the fastest device.
 const WAITING_MAX: usize = 20_000;
 
-/// What the two devices are to each other.
+/// Relation of the two devices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FusionKind {
-    /// Two plates, each of which bears a part of the person.
+    /// Two plates, each of which carries a part of the person.
     TwoPlates {
-        /// Which of them (0 or 1) is under the left foot, if each is under one foot.
+        /// Index of the plate under the left foot (0 or 1), if each plate is under one foot.
         left: Option<usize>,
     },
-    /// A plate that bears the whole person, who wears insoles.
+    /// A plate that carries the whole person, who wears insoles.
     PlateAndInsoles,
 }
 
-/// What the two devices are to each other, and how long one waits for the other.
+/// Relation of the two devices, and the wait of one for the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FusionSettings {
-    /// What they are.
+    /// Relation of the devices.
     pub kind: FusionKind,
-    /// How long a sample of the first waits, from its coming, ns.
+    /// Wait of a first device's sample from its arrival, ns.
     pub wait_ns: u64,
 }
 
 impl FusionSettings {
-    /// The usual wait, and as much longer as the second device's constant delay is above the first's, ns.
+    /// The default wait, extended by the excess of the second device's constant delay over the first's, ns.
     pub fn new(kind: FusionKind, latency_ns: [u64; 2]) -> FusionSettings {
         let [first_ns, second_ns] = latency_ns;
         FusionSettings { kind, wait_ns: WAIT_NS + second_ns.saturating_sub(first_ns) }
     }
 }
 
-/// Brings two streams of placed samples together.
+/// Fuses two streams of samples in the world frame.
 #[derive(Debug)]
 pub struct Fusion {
     settings: FusionSettings,
-    /// Samples of the first device, and until when each waits.
+    /// Samples of the first device, and the end of the wait of each.
     waiting: VecDeque<(GroundSample, u64)>,
     partners: Partners,
-    /// Of the second device's sample that was used last: sessions of both add up, whether or not it has a part in this one.
+    /// Session of the second device's sample used last: the sessions of both are summed, whether or not the second
+    /// device contributes.
     second_session: u32,
     counts: Counts,
 }
 
 impl Fusion {
-    /// Nothing has come yet.
+    /// Creates a fusion without samples.
     pub fn new(settings: FusionSettings) -> Fusion {
         let (waiting, partners) = (VecDeque::new(), Partners::default());
         Fusion { settings, waiting, partners, second_session: 0, counts: Counts::default() }
     }
 
-    /// Takes in a sample of the first device (0) or of the second.
+    /// Adds a sample of the first device (0) or of the second.
     pub fn push(&mut self, device: usize, sample: GroundSample, now_ns: u64) {
         if device > 0 {
             if !self.partners.push(sample, now_ns) {
@@ -96,8 +96,8 @@ impl Fusion {
         self.waiting.push_back((sample, now_ns.saturating_add(self.settings.wait_ns)));
     }
 
-    /// Appends what is whole by now, oldest first. To be asked whenever something was taken in, and some times within
-    /// [`WAIT_NS`] anyway.
+    /// Appends the samples that are complete, oldest first. To be called after each [`Self::push`], and several times
+    /// within [`WAIT_NS`] in any case.
     pub fn fused(&mut self, now_ns: u64, samples: &mut Vec<GroundSample>) {
         while let Some(&(first, until_ns)) = self.waiting.front() {
             let found = self.partners.at(first.sample_time_ns);
@@ -124,13 +124,13 @@ impl Fusion {
         }
     }
 
-    /// Samples that were published, and what was refused for want of a partner or order.
+    /// Count of published samples, and of those refused for lack of a partner or of order.
     pub fn counts(&self) -> &Counts {
         &self.counts
     }
 
-    /// Whether a partner may still come. A plate needs no insoles to be whole, so those that fell silent are not waited for:
-    /// each sample would only get older.
+    /// Whether a partner may still arrive. A plate is complete without insoles, so silent ones are not waited for: the
+    /// wait would only delay each sample.
     fn is_awaited(&self, now_ns: u64) -> bool {
         self.settings.kind != FusionKind::PlateAndInsoles
             || self.partners.came_ns().is_some_and(|came_ns| now_ns.saturating_sub(came_ns) < SILENT_NS)
@@ -152,14 +152,14 @@ impl Fusion {
     }
 }
 
-/// The sum of both wrenches, about the world's origin as each of them.
+/// The sum of both wrenches, all about the world's origin.
 fn sum(both: GroundSample, parts: [&GroundSample; 2], left: Option<usize>) -> GroundSample {
     let [first, second] = parts;
     let added = |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + b[axis]);
     let whole = GroundSample {
         force_n: added(first.force_n, second.force_n),
         moment_nm: added(first.moment_nm, second.moment_nm),
-        // A part that one of them does not measure is missing in the sum.
+        // A component that one of them does not measure is unavailable in the sum.
         not_measured: first.not_measured | second.not_measured,
         ..both
     };
@@ -178,19 +178,21 @@ fn sum(both: GroundSample, parts: [&GroundSample; 2], left: Option<usize>) -> Gr
     }
 }
 
-/// Where a plate is pressed, zero where it is not. Told of small forces, too, where it is noise and nobody may use it: a tare
-/// that is to come needs force times centre as it is, however much the empty plate shows.
+/// Centre of pressure of a plate, zero without force. It is also returned for small forces, where it is noise and must
+/// not be used directly: a later tare needs the unmodified product of force and centre, even if the empty plate shows
+/// an offset.
 fn centre_m(plate: &GroundSample) -> [f64; 2] {
     let ([fx, fy, fz], [mx, my, _], z) = (plate.force_n, plate.moment_nm, plate.surface_z_m);
     if fz.abs() < PRESSED_N { [0.0; 2] } else { [(z * fx - my) / fz, (mx + z * fy) / fz] }
 }
 
-/// The plate's wrench; the insoles say how the feet share its vertical part, and where each is pressed. They weigh less
-/// well than a plate, so only their proportion counts.
+/// The plate's wrench; the insoles provide the feet's fractions of its vertical component, and each foot's centre.
+/// Insoles measure force less accurately than a plate, so only their ratio is used.
 fn shared_by_insoles(both: GroundSample, insoles: &GroundSample) -> GroundSample {
     let felt_n = insoles.foot_vertical_n.map(|newtons| newtons.max(0.0));
     let sum_n = felt_n[0] + felt_n[1];
-    // An empty plate under empty insoles agrees as well; a person on the plate whose insoles feel nobody has them off.
+    // An empty plate with unloaded insoles is consistent; a loaded plate with unloaded insoles means that they are not
+    // worn.
     if insoles.per_foot != 1 || (sum_n < COP_MIN_VERTICAL_N && both.force_n[2] >= COP_MIN_VERTICAL_N) {
         return GroundSample { devices: both.devices & !insoles.devices, ..both };
     }
@@ -204,7 +206,7 @@ fn shared_by_insoles(both: GroundSample, insoles: &GroundSample) -> GroundSample
     }
 }
 
-/// 1-σ of a time that is two devices' at once; unknown if either is.
+/// 1-σ of the time of a fused sample; unknown if either device's is.
 fn joint_sigma_ns(first_ns: u64, second_ns: u64) -> u64 {
     if first_ns == u64::MAX || second_ns == u64::MAX {
         return u64::MAX;
@@ -212,7 +214,7 @@ fn joint_sigma_ns(first_ns: u64, second_ns: u64) -> u64 {
     (first_ns as f64).hypot(second_ns as f64).ceil() as u64
 }
 
-/// What the second plate of two is called in a sample.
+/// Device kind of the second of two plates in a sample.
 pub fn as_second(device: DeviceKind) -> DeviceKind {
     match device {
         DeviceKind::Plate => DeviceKind::SecondPlate,

@@ -1,25 +1,26 @@
-//! How far a device's clock runs ahead of the host's: what shows that it was started anew although, by its count, which
-//! wraps, it merely leapt ahead.
+//! Lead of a device's clock over the host's: it reveals a restart that looks like a leap ahead because the device's
+//! count wraps.
 
-/// Nothing comes earlier than everything else did by more than this: the way to us is never that long.
+/// No reading arrives earlier than all others, relative to its device time, by more than this: latency never varies as
+/// much.
 const SLACK_NS: i64 = 1_000_000_000;
 
-/// A clock that came in order. What was held up on its way lags behind; nothing can be ahead of what was fastest.
+/// A clock whose readings arrive in order. Delayed readings lag; none can be ahead of the fastest.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lead {
     heard_ns: u64,
-    /// Of the last reading, from the first on.
+    /// Lead of the last reading relative to the first.
     ahead_ns: i64,
     most_ns: i64,
 }
 
 impl Lead {
-    /// The first reading came.
+    /// Starts with the first reading.
     pub(super) fn begin(&mut self, arrival_ns: u64) {
         *self = Lead { heard_ns: arrival_ns, ahead_ns: 0, most_ns: 0 };
     }
 
-    /// Takes in a step ahead of the device's clock; whether the host's time since then can hold it.
+    /// Processes a forward step of the device's clock; returns whether the host's elapsed time can contain it.
     pub(super) fn allows(&mut self, step_ns: u64, arrival_ns: u64) -> bool {
         let signed = |ns: u64| i64::try_from(ns).unwrap_or(i64::MAX);
         let since_ns = signed(arrival_ns.saturating_sub(self.heard_ns));
@@ -44,7 +45,7 @@ mod tests {
         for index in 1..100 {
             assert!(lead.allows(10 * MS, index * 10 * MS));
         }
-        // Nobody read for 20 s; the line kept the first second of them, and what came last.
+        // No read for 20 s; the line buffered the first second of readings, and the newest.
         for _ in 0..100 {
             assert!(lead.allows(10 * MS, 21_000 * MS));
         }

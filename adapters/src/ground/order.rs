@@ -1,5 +1,5 @@
-//! Numbers and times of any width and unit, as the receiver takes them: for devices that a file of the configuration
-//! describes.
+//! Sequence numbers and times of any width and unit, converted to what the receiver takes; for devices with a
+//! configured layout.
 
 use super::lead::Lead;
 use super::reading::{Taken, Tick};
@@ -7,18 +7,18 @@ use super::refusal::GroundRefusal;
 use crate::sequence::{Place, Sequence};
 use crate::stride::TimeStride;
 
-/// What a device says of when and which; its file's description says which of these there are.
+/// Time and sequence of a reading; the configured layout defines which of these exist.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Told {
-    /// Counts what is sent.
+    /// Count of sent readings.
     pub(super) sequence: Option<u64>,
-    /// Counts what is measured, sent or not.
+    /// Count of measurements, sent or not.
     pub(super) counter: Option<u64>,
     /// The device's time, ns.
     pub(super) time_ns: Option<u64>,
 }
 
-/// A count that wraps at `modulus`, as one that does not: steps are at most half a turn either way.
+/// Unwraps a count that wraps at `modulus`: steps are at most half a period in either direction.
 #[derive(Debug, Clone)]
 pub(super) struct Unwrapped {
     modulus: u128,
@@ -40,7 +40,7 @@ impl Unwrapped {
                 if ahead <= self.modulus / 2 {
                     unwrapped.wrapping_add(ahead as u64)
                 } else {
-                    // A device that was started anew may count from before where it began.
+                    // A restarted device may count from below its first value.
                     unwrapped.checked_sub((self.modulus - ahead) as u64).unwrap_or(raw)
                 }
             }
@@ -50,19 +50,19 @@ impl Unwrapped {
     }
 }
 
-/// Whether a time that jumps may be an accident.
+/// Whether a time jump may be an artefact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Trust {
-    /// Nothing vouches for it, and what comes may have been overtaken: a jump is believed once it goes on from there.
+    /// No checksum, and reordering is possible: a jump is accepted once later times continue from it.
     Doubtful,
-    /// It comes in order, and a checksum vouches for it.
+    /// In order, and protected by a checksum.
     Proven,
 }
 
-/// A device that counts nothing and was silent for so long lost nobody knows how much.
+/// After a longer silence the loss of a device without a counter cannot be counted.
 const SILENCE_NS: u64 = 500_000_000;
 
-/// Puts readings in order.
+/// Orders readings.
 #[derive(Debug, Clone)]
 pub(super) struct Order {
     sequence: Unwrapped,
@@ -74,7 +74,7 @@ pub(super) struct Order {
 }
 
 impl Order {
-    /// For numbers that wrap at these; a count that does not wrap has 2⁶⁴.
+    /// For numbers that wrap at these moduli; 2⁶⁴ for a count that does not wrap.
     pub(super) fn new(sequence_modulus: u128, counter_modulus: u128) -> Order {
         Order {
             sequence: Unwrapped::new(sequence_modulus),
@@ -86,24 +86,24 @@ impl Order {
         }
     }
 
-    /// For a time that wraps at this, for [`Self::time_ns`].
+    /// With a time that wraps at this modulus, for [`Self::time_ns`].
     pub(super) fn with_time(self, modulus: u128) -> Order {
         Order { time: Unwrapped::new(modulus), ..self }
     }
 
-    /// For times that come with a checksum and in order, or without.
+    /// For times that arrive in order with a checksum, or without either.
     pub(super) fn trusting(self, trust: Trust) -> Order {
         Order { trust, timeline: Timeline::new(trust), ..self }
     }
 
-    /// Whatever comes next is the first. The device's own counts and time ran on.
+    /// The next reading is the first. The device's own counts and time continue.
     pub(super) fn forget(&mut self) {
         self.sequence.newest = None;
         self.timeline = Timeline::new(self.trust);
         self.heard_ns = None;
     }
 
-    /// A device that counts nothing is heard: after a silence its readings begin anew.
+    /// Registers data of a device without a counter: after a silence its readings begin a new sequence.
     pub(super) fn heard(&mut self, arrival_ns: u64, taken: &mut Taken) {
         let before_ns = self.heard_ns.replace(arrival_ns);
         if before_ns.is_some_and(|before_ns| arrival_ns.saturating_sub(before_ns) > SILENCE_NS) {
@@ -111,12 +111,12 @@ impl Order {
         }
     }
 
-    /// The device's time of a count of its clock, which wraps, ns.
+    /// The device's time from a wrapping count of its clock, ns.
     pub(super) fn time_ns(&mut self, raw: u64, unit_ns: u64) -> u64 {
         self.time.take(raw).saturating_mul(unit_ns)
     }
 
-    /// Sequence and tick of a reading, telling of what was lost before it; `None` if it came twice or too late, which is
+    /// Sequence and tick of a reading; reports the loss before it. `None` if it is a duplicate or too late, which is
     /// counted.
     pub(super) fn place(
         &mut self,
@@ -124,7 +124,7 @@ impl Order {
         arrival_ns: u64,
         taken: &mut Taken,
     ) -> Option<(Option<u32>, Tick)> {
-        // Wrapping: the receiver takes sequences and counters modulo 2³².
+        // Truncation is intended: the receiver takes sequences and counters modulo 2³².
         let sequence = told.sequence.map(|raw| self.sequence.take(raw) as u32);
         let counter = told.counter.map(|raw| self.counter.take(raw) as u32);
         let tick = match (counter, told.time_ns, sequence) {
@@ -152,37 +152,37 @@ impl Order {
     }
 }
 
-/// The unit in which times are put in order; a device that stamps two readings within one must number them.
+/// Resolution in which times are ordered; a device that stamps two readings within it must number them.
 const GRAIN_NS: u64 = 100_000;
-/// A datagram that is so much behind was overtaken, never the first after a restart.
+/// A datagram that is behind by at most this was overtaken; it is not the first after a restart.
 const OVERTAKEN_NS: u64 = 250_000_000;
-/// A time that runs ahead of the host's by more than this many times is not believed.
+/// A time that runs ahead by more than this multiple of the host's is not accepted.
 const PACE_MAX: u64 = 2;
 
-/// Order and loss of readings that bear a time and no number.
+/// Order and loss of readings that have a time and no number.
 #[derive(Debug, Clone)]
 struct Timeline {
     order: Sequence,
     newest_ns: Option<u64>,
     lead: Lead,
     stride: TimeStride,
-    /// One that has seen nothing.
+    /// The initial stride, before any reading.
     usual: TimeStride,
 }
 
-/// What lies between a time and the one before.
+/// Interval between a time and the preceding one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Gap {
-    /// So many readings that did not come.
+    /// Count of missing readings.
     Lost(u32),
-    /// The start of the device's clock.
+    /// The device's clock restarted.
     Rebooted,
 }
 
 impl Timeline {
     fn new(trust: Trust) -> Timeline {
         let grains_per_s = PACE_MAX * 1_000_000_000 / GRAIN_NS;
-        // What a checksum vouches for is the device's own clock; a number in a text may be rounded.
+        // A time with a checksum is the device's own clock; a number in a text may be rounded.
         let stride = match trust {
             Trust::Doubtful => TimeStride::of_rounded(),
             Trust::Proven => TimeStride::of_exact(),
@@ -191,9 +191,9 @@ impl Timeline {
         Timeline { order, newest_ns: None, lead: Lead::default(), usual: stride.clone(), stride }
     }
 
-    /// What is before this reading, whose time may be wrong.
+    /// The interval before a reading whose time may be wrong.
     fn place(&mut self, time_ns: u64, arrival_ns: u64) -> Result<Gap, GroundRefusal> {
-        // Wrapping, as a sequence does: only differences count.
+        // Truncation is intended, as for a sequence: only differences count.
         let grain = (time_ns / GRAIN_NS) as u32;
         match self.order.place(grain, arrival_ns) {
             Place::Same => Err(GroundRefusal::Duplicate),
@@ -210,7 +210,7 @@ impl Timeline {
         }
     }
 
-    /// What is before this reading, whose time is what the device said.
+    /// The interval before a reading whose time is reliable.
     fn follow(&mut self, time_ns: u64, arrival_ns: u64) -> Result<Gap, GroundRefusal> {
         let Some(newest_ns) = self.newest_ns else {
             self.lead.begin(arrival_ns);
@@ -220,7 +220,7 @@ impl Timeline {
         if newest_ns == time_ns {
             return Err(GroundRefusal::Duplicate);
         }
-        // A clock that wraps and was started anew may seem to have leapt ahead.
+        // A wrapping clock that was restarted may appear to leap ahead.
         if newest_ns < time_ns && self.lead.allows(time_ns - newest_ns, arrival_ns) {
             return Ok(Gap::Lost(self.lost_before(time_ns)));
         }
@@ -284,7 +284,7 @@ mod tests {
             for index in 0..10 {
                 assert_eq!(follow(index, start_ns + index * 10 * MS), NONE);
             }
-            // It was off for five seconds.
+            // The device was off for five seconds.
             assert_eq!(follow(510, first_ns), Ok(Gap::Rebooted));
             assert_eq!(follow(511, first_ns + 10 * MS), NONE);
             assert_eq!(follow(513, first_ns + 30 * MS), NONE, "the step is not known again yet");

@@ -1,33 +1,33 @@
-//! Which of a device's channels is what: names in the configuration to places in a scan, units checked.
+//! Maps configured channel names to positions in a scan, and checks units.
 
 use super::channels::{Channels, Direct, EightChannels, ForceUnit, MomentUnit};
 use super::reading::Load;
 use crate::units::letters;
 
-/// A channel as a device tells it.
+/// A channel as described by the device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Told {
-    /// The device's own name of it, which no other channel has.
+    /// The device's unique name of the channel.
     pub(super) name: String,
-    /// What its owner calls it; several may be called the same.
+    /// The user's label of the channel; not necessarily unique.
     pub(super) label: String,
-    /// Its unit, as the device writes it; empty if it says nothing.
+    /// Its unit, as the device writes it; empty if unspecified.
     pub(super) unit: String,
 }
 
-/// What the channels measure; each is named as the device calls it or as its owner does.
+/// Meaning of the channels; each is named by the device's name or by its label.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Plan {
-    /// A plate of Kistler with eight channels: fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4.
+    /// A Kistler plate with eight channels: fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4.
     Eight {
         /// Their names, in that order.
         names: [String; 8],
-        /// Distance of the sensors from the plate's middle along x, m.
+        /// Distance of the sensors from the plate's centre along x, m.
         a_m: f64,
-        /// And along y, m.
+        /// The same along y, m.
         b_m: f64,
     },
-    /// Channels that are force and moment themselves, as virtual channels may be.
+    /// Channels that are components of force and moment, for example virtual channels.
     Direct {
         /// Names of force x, y, z.
         force: [Option<String>; 3],
@@ -36,11 +36,11 @@ pub enum Plan {
     },
 }
 
-/// A plan that fits the device's channels.
+/// A plan resolved against the device's channels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fitted {
     channels: Channels,
-    /// What one of each channel is in N or N m; 0 for those that are not used.
+    /// Value of one unit of each channel in N or N m; 0 for unused channels.
     unit: Vec<f64>,
     values: Vec<f64>,
 }
@@ -53,23 +53,23 @@ impl Fitted {
 
     pub(super) fn load(&mut self, values: &[f64]) -> Load {
         for ((scaled, value), unit) in self.values.iter_mut().zip(values).zip(&self.unit) {
-            // A channel that is not used may read anything, infinity too.
+            // An unused channel may have any value, infinity included.
             *scaled = if *unit == 0.0 { 0.0 } else { value * unit };
         }
         self.channels.load(&self.values)
     }
 }
 
-/// Whose channels they are, for sentences.
+/// Device-specific wording of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Whose {
     /// The device.
     pub(super) device: &'static str,
     /// The section of the configuration that names its channels.
     pub(super) section: &'static str,
-    /// What to do about a channel that is not there.
+    /// Remedy for a missing channel.
     pub(super) missing: &'static str,
-    /// What to do about a unit that does not fit.
+    /// Remedy for an unsuitable unit.
     pub(super) unit: &'static str,
 }
 
@@ -77,15 +77,15 @@ const FORCE: &str = "force";
 const MOMENT: &str = "moment";
 
 impl Plan {
-    /// Finds every name among the device's channels, in a unit of what it is to measure.
+    /// Resolves every name among the device's channels and checks that its unit fits the quantity.
     ///
     /// # Errors
-    /// What does not fit, and what to do, in a sentence.
+    /// What does not fit, and the remedy, in a sentence.
     pub(super) fn fit(&self, told: &[Told], whose: Whose) -> Result<Fitted, String> {
         self.fit_with(told, whose, [None; 2])
     }
 
-    /// As [`Self::fit`], with units of force and moment for channels of which nobody tells one.
+    /// As [`Self::fit`], with default units of force and moment for channels without a unit.
     pub(super) fn fit_with(
         &self,
         told: &[Told],
@@ -167,12 +167,12 @@ fn found<'a>(told: &'a [Told], name: &str, whose: Whose) -> Result<(usize, &'a T
     }
 }
 
-/// Whether a unit of force is written so, and one of moment.
+/// Whether these are accepted spellings of a unit of force and of a unit of moment.
 pub fn units_are_known(force: &str, moment: &str) -> (bool, bool) {
     (newtons(force).is_some(), newton_metres(moment).is_some())
 }
 
-/// What one is, N. Case matters: mN is not MN.
+/// Newtons per unit. Case matters: mN is not MN.
 fn newtons(unit: &str) -> Option<f64> {
     match unit.trim() {
         "mN" => Some(1e-3),
@@ -184,7 +184,7 @@ fn newtons(unit: &str) -> Option<f64> {
     }
 }
 
-/// What one is, N m.
+/// Newton metres per unit.
 fn newton_metres(unit: &str) -> Option<f64> {
     match letters(unit)?.as_str() {
         "Nm" => Some(MomentUnit::NewtonMetre.newton_metres()),

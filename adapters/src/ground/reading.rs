@@ -1,57 +1,58 @@
-//! What a device's file hands to the receiver: one reading in the sensor's own axes and by the device's own clock.
+//! Interface between device decoders and the receiver: one reading in the sensor's own axes and on the device's own
+//! clock.
 
 use super::frame::Wrench;
 use super::refusal::GroundRefusal;
 
-/// One reading of a device, before place and time.
+/// One reading of a device, before the transformation to world frame and host time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// Counts what the device sends, one by one, wrapping: gaps are loss, steps back disorder. `None` if it does not
-    /// count; its order is that of its coming, and its file tells loss by [`Taken::lost`].
+    /// Count of what the device sends, wrapping: gaps are losses, steps back disorder. `None` if the device does not
+    /// count; the order is then that of arrival, and the decoder reports losses with [`Taken::lost`].
     pub sequence: Option<u32>,
     /// The device's clock.
     pub tick: Tick,
-    /// What the device calls the sample; handed on as it is.
+    /// The device's own sample number; passed on unchanged.
     pub device_counter: u32,
-    /// The device's status word; not zero means that the sample must not be used.
+    /// The device's status word; a sample with a nonzero status must not be used.
     pub status: u32,
-    /// What it measured.
+    /// The measured quantities.
     pub load: Load,
 }
 
-/// When a reading was taken, by the device. The steps may have any length, as long as all have the same.
+/// Device time of a reading. Ticks may have any length, as long as it is constant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tick {
-    /// Counts measurements, sent or not, and wraps at 2³². A step back means that the device was restarted.
+    /// Count of measurements, sent or not, wrapping at 2³². A step back means that the device was restarted.
     Counter(u32),
     /// The device's time, or a count that never wraps. A step back means that the device was restarted.
     Time(u64),
-    /// It says nothing of time and order: readings are counted as they come, lost ones by [`Taken::lost`] included.
+    /// No time or order: readings are counted on arrival, including those reported by [`Taken::lost`].
     Uncounted,
 }
 
-/// What was measured.
+/// Measured quantities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Load {
     /// Force and moment about the sensor's origin, in its axes.
     Wrench(Wrench),
-    /// The same, of a device that feels only a part of it.
+    /// The same, of a device that measures only some components.
     Part {
-        /// About the sensor's origin, in its axes; zero where nothing is measured.
+        /// About the sensor's origin, in its axes; zero for components that are not measured.
         wrench: Wrench,
-        /// What it does not feel: a union of [`Component`](equipoise_core::message::Component) bits.
+        /// Components that are not measured: a union of [`Component`](equipoise_core::message::Component) bits.
         not_measured: u32,
     },
-    /// What presses on the left and the right sole; insoles feel neither shear nor turning.
+    /// Vertical force on the left and the right sole; insoles measure neither shear nor free moment.
     Soles([FootLoad; 2]),
 }
 
-/// What presses on one sole.
+/// Load on one sole.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FootLoad {
     /// Force on the foot, N.
     pub vertical_n: f64,
-    /// Centre of pressure from the middle of the sole, X to its tip, Y to the left, m; zero without force.
+    /// Centre of pressure from the middle of the sole, X toward the toes, Y to the left, m; zero without force.
     pub cop_m: [f64; 2],
 }
 
@@ -81,7 +82,7 @@ impl Load {
     }
 }
 
-/// What a device's file found in the bytes it was given, in order.
+/// Results of a decoder for the bytes it was given, in order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Taken {
     pub(super) found: Vec<Found>,
@@ -98,37 +99,37 @@ pub(super) enum Found {
 }
 
 impl Taken {
-    /// A sound reading.
+    /// Adds a valid reading.
     pub fn reading(&mut self, reading: Reading) {
         self.found.push(Found::Reading(reading));
     }
 
-    /// Something that could not be used, counted by reason.
+    /// Adds unusable input, counted by reason.
     pub fn refuse(&mut self, reason: GroundRefusal) {
         self.found.push(Found::Refused(reason));
     }
 
-    /// So many readings are missing here: for devices whose loss does not show in [`Reading::sequence`].
+    /// Reports missing readings at this point, for devices whose loss does not show in [`Reading::sequence`].
     pub fn lost(&mut self, readings: u32) {
         self.found.push(Found::Lost(readings));
     }
 
-    /// The stream begins anew here: whatever sequence comes next is the first.
+    /// The stream restarts here: the next sequence number is the first, at any value.
     pub fn restarted(&mut self) {
         self.found.push(Found::Restarted);
     }
 
-    /// The device's clock begins anew here, in a way that does not show in [`Reading::tick`].
+    /// The device's clock restarts here, in a way that does not show in [`Reading::tick`].
     pub fn rebooted(&mut self) {
         self.found.push(Found::Rebooted);
     }
 
-    /// The device gathers readings for so long before it sends them as a block.
+    /// Sets the duration of the blocks in which the device collects readings before it sends them.
     pub fn block_latency(&mut self, nanoseconds: u64) {
         self.block_latency_ns = Some(nanoseconds);
     }
 
-    /// The readings alone, for tests of a device's file.
+    /// The readings alone, for tests of decoders.
     pub fn readings(&self) -> impl Iterator<Item = &Reading> {
         self.found.iter().filter_map(|found| match found {
             Found::Reading(reading) => Some(reading),
@@ -136,7 +137,7 @@ impl Taken {
         })
     }
 
-    /// What was refused, for tests of a device's file.
+    /// The refusals, for tests of decoders.
     pub fn refusals(&self) -> impl Iterator<Item = GroundRefusal> {
         self.found.iter().filter_map(|found| match found {
             Found::Refused(reason) => Some(*reason),

@@ -1,4 +1,4 @@
-//! Readings of any device to ground samples: order, loss, time, place.
+//! Converts readings of any device to ground samples: order, loss, time, frame.
 
 use super::frame::{GroundFrame, Measures};
 use super::reading::{Found, Load, Reading, Taken, Tick};
@@ -9,22 +9,22 @@ use bytemuck::Zeroable;
 use equipoise_core::message::{Component, FootFrame, GroundDevice as DeviceKind, GroundSample};
 use equipoise_core::time::ClockFit;
 
-/// Devices send at 7912 Hz at most; this leaves room.
+/// Devices send at 7912 Hz at most; this leaves a margin.
 const MAX_RATE_HZ: u64 = 20_000;
-/// No person exerts more, N or N m: ten people who jump.
+/// Plausibility limit, N or N m: ten people who jump.
 const LARGEST: f64 = 1e5;
 
-/// Sign, place and constant delay of a sensor.
+/// Sign, pose and constant delay of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundSettings {
-    /// Which side of the contact.
+    /// Side of the contact.
     pub measures: Measures,
-    /// Where it stands.
+    /// Pose of the sensor.
     pub frame: GroundFrame,
-    /// Constant part of the delay from a sample to its coming, ns: the clock fit cannot see it, so it is taken off
+    /// Constant part of the delay from sample to arrival, ns: unobservable for the clock fit, so it is subtracted from
     /// every sample time.
     pub latency_ns: u64,
-    /// What it is.
+    /// Kind of the device.
     pub device: DeviceKind,
 }
 
@@ -39,23 +39,23 @@ impl Default for GroundSettings {
     }
 }
 
-/// Makes samples of the readings of one device.
+/// Converts readings of one device to samples.
 #[derive(Debug, Clone)]
 pub struct GroundReceiver {
     settings: GroundSettings,
     sequence: Sequence,
     clock: ClockFit,
-    /// The last tick as told and unwrapped.
+    /// The last tick, raw and unwrapped.
     newest: Option<(Tick, u64)>,
     session: u32,
     counts: Counts,
     block_latency_ns: u64,
-    /// Unwrapped ticks of the samples in work, beside them.
+    /// Unwrapped ticks of the samples in work, index by index.
     ticks: Vec<u64>,
 }
 
 impl GroundReceiver {
-    /// A receiver that has seen nothing yet.
+    /// Creates a receiver before any data.
     pub fn new(settings: GroundSettings) -> Self {
         GroundReceiver {
             settings,
@@ -69,9 +69,9 @@ impl GroundReceiver {
         }
     }
 
-    /// Empties `taken`, what one delivery held, and appends its samples to `samples`, oldest first.
+    /// Drains `taken`, the contents of one delivery, and appends its samples to `samples`, oldest first.
     ///
-    /// `arrival_ns` is the delivery's on CLOCK_MONOTONIC. `published_ns` is left at 0 for whoever publishes.
+    /// `arrival_ns` is the delivery's arrival on CLOCK_MONOTONIC. `published_ns` is left at 0 for the publisher to set.
     pub fn receive(&mut self, taken: &mut Taken, arrival_ns: u64, samples: &mut Vec<GroundSample>) {
         self.block_latency_ns = taken.block_latency_ns.take().unwrap_or(self.block_latency_ns);
         let first = samples.len();
@@ -91,7 +91,7 @@ impl GroundReceiver {
                 Found::Rebooted => self.begin_clock(),
             }
         }
-        // The readings of one delivery waited for the last of them: only that one says when it was sent.
+        // The readings of one delivery waited for the last of them, so only that one's tick marks the time of sending.
         if let Some(newest) = self.ticks.last() {
             self.clock.observe(*newest, arrival_ns);
         }
@@ -104,24 +104,24 @@ impl GroundReceiver {
         }
     }
 
-    /// What was counted so far; `refused` in the order of [`GroundRefusal`].
+    /// Counts since the start; `refused` in the order of [`GroundRefusal`].
     pub fn counts(&self) -> &Counts {
         &self.counts
     }
 
-    /// How long the device gathers readings before it sends them, ns; 0 if it sends each by itself.
+    /// Duration of the blocks in which the device collects readings, ns; 0 if it sends each by itself.
     pub fn block_latency_ns(&self) -> u64 {
         self.block_latency_ns
     }
 
-    /// Counts something that was refused before it was read.
+    /// Counts input that was refused before decoding.
     pub fn refuse(&mut self, refusal: GroundRefusal) {
         self.counts.received += 1;
         self.counts.refuse(refusal.index());
     }
 
-    /// The stream begins anew. A device with a clock of its own kept it running; where readings are merely counted, nothing
-    /// ties the count from here on to the one before.
+    /// Begins a new stream. A device's own clock continues across it; where readings are merely counted, the new count
+    /// is unrelated to the old one.
     pub(super) fn begin_anew(&mut self) {
         self.sequence.forget();
         if let Some((Tick::Uncounted, _)) = self.newest {
@@ -129,7 +129,7 @@ impl GroundReceiver {
         }
     }
 
-    /// Nothing ties the device's clock from here on to what it was before.
+    /// Begins a new session: the device's clock is unrelated to its earlier values.
     fn begin_clock(&mut self) {
         if self.newest.take().is_some() {
             self.session += 1;
@@ -142,7 +142,7 @@ impl GroundReceiver {
         self.pass(readings);
     }
 
-    /// So many were measured of which there is no sample: those that are merely counted took their time all the same.
+    /// Accounts for measured readings without a sample: merely counted readings still advance the time.
     fn pass(&mut self, readings: u32) {
         if let Some((Tick::Uncounted, tick)) = &mut self.newest {
             *tick += u64::from(readings);
@@ -150,7 +150,7 @@ impl GroundReceiver {
     }
 
     fn accept(&mut self, reading: &Reading, arrival_ns: u64) -> Result<GroundSample, GroundRefusal> {
-        // One that is of no use was not lost: it has its place in the order like any other.
+        // A reading that is refused below was not lost: it has its place in the sequence.
         if let Some(sequence) = reading.sequence {
             match self.sequence.place(sequence, arrival_ns) {
                 Place::Same => return Err(GroundRefusal::Duplicate),
@@ -184,7 +184,7 @@ impl GroundReceiver {
         Ok(self.placed(sample, &reading.load))
     }
 
-    /// The sample with what was measured, in the station's world as far as the device alone can tell.
+    /// The sample with the measured quantities, in the station's world as far as one device provides them.
     fn placed(&self, sample: GroundSample, load: &Load) -> GroundSample {
         match load {
             Load::Wrench(sensor) => {
@@ -192,7 +192,7 @@ impl GroundReceiver {
                 GroundSample { force_n: person.force_n, moment_nm: person.moment_nm, ..sample }
             }
             Load::Part { wrench, not_measured } => {
-                // What turning and shifting left where nothing was measured means nothing.
+                // After rotation and translation, components that were not measured have no meaning.
                 let whole = self.placed(sample, &Load::Wrench(*wrench));
                 GroundSample { not_measured: *not_measured, ..whole }.without_what_was_not_measured()
             }
@@ -208,20 +208,21 @@ impl GroundReceiver {
         }
     }
 
-    /// Unwraps the device's clock. It runs on while streams come and go; if it falls, the device was restarted.
+    /// Unwraps the device's clock. It continues across streams; a decrease means that the device was restarted.
     fn follow(&mut self, tick: Tick) -> u64 {
         let unwrapped = match (tick, self.newest) {
             (Tick::Counter(now), Some((Tick::Counter(before), unwrapped))) => {
                 let steps = now.wrapping_sub(before);
                 (steps.cast_signed() >= 0).then(|| unwrapped + u64::from(steps))
             }
-            // Like a counter's, a coarse clock may stand still between two readings whose order is known by their numbers.
+            // As with a counter, a coarse clock may be constant between two readings whose order follows from their
+            // numbers.
             (Tick::Time(now), Some((Tick::Time(before), _))) => (now >= before).then_some(now),
             (Tick::Uncounted, Some((Tick::Uncounted, before))) => Some(before + 1),
             (Tick::Counter(first), None) => Some(u64::from(first)),
             (Tick::Time(first), None) => Some(first),
             (Tick::Uncounted, None) => Some(0),
-            // One device does not change its kind of clock; if it did, it is another one.
+            // A device does not change its kind of clock; if it does, it is another device.
             _ => None,
         };
         let unwrapped = unwrapped.unwrap_or_else(|| {
@@ -238,7 +239,7 @@ impl GroundReceiver {
     }
 }
 
-/// Whether a person can have exerted this.
+/// Whether a person can have exerted this load.
 fn believable(load: &Load) -> Result<(), GroundRefusal> {
     if !load.is_finite() {
         Err(GroundRefusal::NotFinite)

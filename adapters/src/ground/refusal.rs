@@ -1,41 +1,41 @@
-//! Why something that a ground device sent did not become a sample.
+//! Why input of a ground device did not become a sample.
 
 use crate::counts::refusals;
 
 refusals! {
-    /// Why something the ground's device sent was not used; one list for all devices.
+    /// Why input of a ground device was not used; one list for all devices.
     pub enum GroundRefusal {
-        /// Not as long as the device's records are.
+        /// The length differs from that of the device's records.
         Length = "length",
-        /// The same record again.
+        /// A duplicate record.
         Duplicate = "duplicate",
-        /// Overtaken by a later record, or a jump of the counter that is not believed yet.
+        /// Overtaken by a later record, or a jump of the counter that is not accepted yet.
         OutOfOrder = "out_of_order",
-        /// The device reports a fault. Handed on with its status, so that no one uses it.
+        /// The device reports a fault. The sample is published with the status, which forbids its use.
         DeviceStatus = "device_status",
-        /// Came from another address than the device's.
+        /// The sender is not the device.
         ForeignSender = "foreign_sender",
-        /// Bytes that are no part of a frame were passed over until the next one; each run counts once.
+        /// Bytes that are no part of a frame were skipped up to the next one; each run counts once.
         Garbage = "garbage",
-        /// A frame whose checksum does not fit.
+        /// A frame whose checksum does not match.
         Checksum = "checksum",
         /// A line with another number of fields than configured.
         Fields = "fields",
-        /// A field that is no number.
+        /// A field that is not a number.
         Number = "number",
         /// NaN or infinity.
         NotFinite = "not_finite",
-        /// A force or moment that no person exerts: damage that no checksum saw, or a wrong scale.
+        /// A force or moment that no person exerts: undetected data corruption, or a wrong scale.
         Implausible = "implausible",
-        /// A line that does not end.
+        /// A line that exceeds the maximum length.
         TooLong = "too_long",
-        /// A sound message of a kind that is not read.
+        /// A valid message of an unsupported kind.
         UnknownKind = "unknown_kind",
-        /// A frame of a version or layout that is not read.
+        /// A frame of an unsupported version or layout.
         Version = "version",
-        /// The device says that it lost samples of its own: its buffer ran over.
+        /// The device reports that its buffer overflowed and samples were lost.
         Overrun = "overrun",
-        /// Cut off: the line was closed, or the next frame began within it.
+        /// Truncated: the line was closed, or the next frame began within it.
         Incomplete = "incomplete",
         /// Of two devices that are fused, the other had no sample at that time.
         NoPartner = "no_partner",

@@ -1,4 +1,4 @@
-//! The channels of a file: which topic, which schema, and whether this release reads it.
+//! The channels of a file: topic, schema, and whether this release supports them.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,9 +10,9 @@ use mcap::records::{Channel, SchemaHeader};
 use super::error::ReadError;
 use super::topic::{Entry, Recorded, SCHEMA_HASH_KEY, TYPE_NAME_KEY, TopicTable};
 
-/// Names and schemas of a file have no more bytes; ours have 40 000.
+/// Maximum size of the names and schemas in a file; Equipoise's own have 40 000 bytes.
 const ANNOUNCED_BYTES_MAX: usize = 16 << 20;
-/// Of a foreign file so many topics are told, and so much of each text.
+/// Limits of the description of a foreign file: count of topics, and length of each text.
 const TOPICS_TOLD: usize = 8;
 const TOLD_CHARS_MAX: usize = 160;
 
@@ -24,9 +24,9 @@ struct Schema {
 
 #[derive(Debug)]
 enum Reads {
-    /// One of our topics, checked.
+    /// A topic of Equipoise, validated.
     Ours(&'static str),
-    /// A topic this release does not know.
+    /// A topic that this release does not define.
     Unknown { topic: Arc<str>, schema: Arc<str> },
 }
 
@@ -50,12 +50,12 @@ impl Schema {
     }
 }
 
-/// A text of the file, fit to be shown.
+/// A text of the file, sanitised for display.
 pub(super) fn shown(text: &str) -> String {
     Printable { text, chars_max: TOLD_CHARS_MAX }.to_string()
 }
 
-/// What has been announced so far.
+/// Schemas and channels defined so far.
 #[derive(Debug, Default)]
 pub(super) struct Channels {
     schemas: HashMap<u16, Schema>,
@@ -65,15 +65,15 @@ pub(super) struct Channels {
 }
 
 impl Channels {
-    /// Whether one of our topics was announced.
+    /// Whether a topic of Equipoise was defined.
     pub(super) fn has_ours(&self) -> bool {
         self.channels.values().any(|reads| matches!(reads, Reads::Ours(_)))
     }
 
-    /// Takes a schema in.
+    /// Adds a schema.
     ///
     /// # Errors
-    /// More is announced than is read, in words.
+    /// The definitions exceed the limit, as text.
     pub(super) fn add_schema(&mut self, header: SchemaHeader, text: Vec<u8>) -> Result<(), String> {
         let schema = Schema { name: header.name.into(), text };
         self.bytes += schema.bytes();
@@ -89,13 +89,13 @@ impl Channels {
         Err(format!("its topics and schemas have more than {ANNOUNCED_BYTES_MAX} bytes"))
     }
 
-    /// Takes a channel in, unless it is one of our topics with another message than this release's.
+    /// Adds a channel, unless it is a topic of Equipoise with a message of another release.
     pub(super) fn add_channel(&mut self, channel: Channel, at_byte: usize) -> Result<(), ReadError> {
         let schema = self.schemas.get(&channel.schema_id);
         let reads = match TopicTable::named(&channel.topic) {
             Some(table) => match check(table, &channel, schema) {
                 Ok(()) => Reads::Ours(table.topic),
-                // Another release's memory means nothing here; the samples beside it do.
+                // A checkpoint of another release cannot be used, but the samples in the same file can.
                 Err(_) if table.topic == Checkpoint::TOPIC => Reads::unknown(&channel, schema),
                 Err(refused) => return Err(refused),
             },
@@ -107,7 +107,7 @@ impl Channels {
         self.check_bytes().map_err(|reason| ReadError::Damaged { at_byte, reason })
     }
 
-    /// Refuses a file that announced topics, none of them ours. A file cut before its first chunk is only empty.
+    /// Refuses a file whose topics are all foreign. A file truncated before its first chunk is only empty.
     pub(super) fn refuse_foreign(&self) -> Result<(), ReadError> {
         let mut found: Vec<&str> = Vec::new();
         for reads in self.channels.values() {
@@ -128,10 +128,10 @@ impl Channels {
         Err(ReadError::Foreign { found: format!("the topics {}{more}", told.join(", ")) })
     }
 
-    /// The message in `data`.
+    /// Decodes the message in `data`.
     ///
     /// # Errors
-    /// What is wrong, in words: a channel never announced, or a message of the wrong size.
+    /// The fault as text: an undefined channel, or a message of the wrong size.
     pub(super) fn decode(&self, channel_id: u16, data: &[u8]) -> Result<Entry, String> {
         match self.channels.get(&channel_id) {
             None => Err(format!("a message of channel {channel_id}, which was never announced")),
@@ -148,7 +148,7 @@ impl Channels {
     }
 }
 
-/// Compares type name and schema hash; where a tool dropped the metadata, name and text of the schema instead.
+/// Compares type name and schema hash; if a tool removed the metadata, name and text of the schema instead.
 fn check(table: &'static TopicTable, channel: &Channel, schema: Option<&Schema>) -> Result<(), ReadError> {
     let schema_name = schema.map_or("", |schema| &*schema.name);
     let (found, expected) = match channel.metadata.get(TYPE_NAME_KEY) {

@@ -1,4 +1,4 @@
-//! Why a recording cannot be read: what was found, and what to do.
+//! Why a recording cannot be read, and the remedy.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub enum ReadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// The system's error.
         source: std::io::Error,
     },
     /// It is not an MCAP file.
@@ -22,10 +22,10 @@ pub enum ReadError {
         "not a recording: it begins with {found}; give an .mcap file that `equipoise record` or `import` wrote"
     )]
     NotMcap {
-        /// What it begins with.
+        /// Its first bytes.
         found: String,
     },
-    /// An MCAP file of something else.
+    /// An MCAP file of another program.
     #[error(
         "an MCAP file, but not of Equipoise: it holds {found}; give one that `equipoise record` or `import` wrote"
     )]
@@ -55,7 +55,7 @@ pub enum ReadError {
         /// The type this release reads.
         expected: &'static str,
     },
-    /// A message of that name, but its fields differ.
+    /// A message of the same name with different fields.
     #[error(
         "topic {topic} holds {type_name} with other fields than this release's (schema {found}, not {expected}); use the release that wrote the recording"
     )]
@@ -69,22 +69,22 @@ pub enum ReadError {
         /// Schema hash of this release.
         expected: String,
     },
-    /// Some messages hold numbers that nothing can have.
+    /// Some messages contain impossible numbers.
     #[error(
         "{count} messages hold numbers that are not finite or cannot be (the first at byte {at_byte}); they are left out"
     )]
     Impossible {
-        /// How many.
+        /// Count of messages.
         count: u64,
-        /// Where the record begins in which the first one is.
+        /// Position of the record that contains the first one.
         at_byte: usize,
     },
-    /// The file is whole to look at, but what it holds is broken.
+    /// The file's structure is intact, but its contents are invalid.
     #[error("the recording is damaged at byte {at_byte}: {reason}; what stands before is sound")]
     Damaged {
-        /// Where the broken record begins.
+        /// Position of the invalid record.
         at_byte: usize,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The frames of an MCAP file: where records lie, and what a chunk holds. Trusts no length that it reads.
+//! The frames of an MCAP file: positions of records, and contents of chunks. No length in the file is trusted.
 
 use mcap::McapError;
 use mcap::read::parse_record;
@@ -7,24 +7,25 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 
 /// The frame of a record: opcode, then the length of the body, little-endian.
 pub(super) const RECORD_HEAD_BYTES: usize = 1 + 8;
-/// A chunk or record that claims to be larger than this is damage, not data (our chunks have some 4 MiB).
+/// A chunk or record with a larger declared size is damaged (own chunks have some 4 MiB).
 pub(super) const RECORD_BYTES_MAX: usize = 64 << 20;
-/// A chunk that unpacks to more is a bomb, or would need more memory than a station has to spare (ours have some 4 MiB).
+/// A chunk that decompresses to more is a decompression bomb, or exceeds a station's memory (own chunks have some 4
+/// MiB).
 const UNPACKED_BYTES_MAX: u64 = 32 << 20;
-/// A chunk's head without its compression's name.
+/// A chunk's header without the name of its compression.
 const CHUNK_HEAD_BYTES: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
-/// Where the record at `at` ends by what its frame says; `None` if that is no place.
+/// End of the record at `at` by its frame; `None` if the position overflows.
 pub(super) fn record_end(at: usize, head: &[u8; RECORD_HEAD_BYTES]) -> Option<usize> {
     let [_, length @ ..] = *head;
     let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
     at.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)
 }
 
-/// The body of a record as mcap reads it; `None` for the kinds that a recording's messages do not need.
+/// Parses the body of a record with mcap; `None` for kinds that are not needed for a recording's messages.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The fault as text.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record<'_>>, String> {
     use Part::{Bytes, Map, Text};
     let parts: &[Part] = match opcode {
@@ -36,7 +37,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record<'_>>, Strin
         op::METADATA => &[Text, Map],
         _ => return Ok(None),
     };
-    // mcap 0.26 allocates what a length claims before it looks whether so much is there.
+    // mcap 0.26 allocates the declared length before it checks that the data exist.
     if parts.iter().try_fold(0, |at, part| part.end(body, at)).is_none() {
         return Err("a text longer than its record".to_owned());
     }
@@ -46,14 +47,14 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Option<Record<'_>>, Strin
 /// A part of a record's body (mcap.dev/spec).
 enum Part {
     Bytes(usize),
-    /// A length of 4 bytes and as many bytes.
+    /// A length of 4 bytes, followed by that many bytes.
     Text,
-    /// A length of 4 bytes and texts in as many bytes.
+    /// A length of 4 bytes, followed by texts of that total length.
     Map,
 }
 
 impl Part {
-    /// Where the part that begins at `at` ends; `None` if that lies behind the body.
+    /// End of the part that begins at `at`; `None` if it is beyond the body.
     fn end(&self, body: &[u8], at: usize) -> Option<usize> {
         let counted = || {
             let length = body.get(at..)?.first_chunk::<4>()?;
@@ -74,12 +75,12 @@ impl Part {
     }
 }
 
-/// Hands every record of a chunk to `take`, after the chunk's checksum was found right.
+/// Passes every record of a chunk to `take`, after verifying the chunk's checksum.
 ///
-/// `record` is the whole chunk record with its frame.
+/// `record` is the complete chunk record with its frame.
 ///
 /// # Errors
-/// What `take` returns, or what `damaged` makes of the words for what is wrong.
+/// The error of `take`, or the result of `damaged` for the fault's text.
 pub(super) fn unpack_chunk<E>(
     record: &[u8],
     damaged: impl Fn(String) -> E,
@@ -89,7 +90,7 @@ pub(super) fn unpack_chunk<E>(
     match parse(op::CHUNK, body) {
         Ok(Some(Record::Chunk { header, .. })) => {
             let head_bytes = CHUNK_HEAD_BYTES + header.compression.len() as u64;
-            // mcap 0.26 subtracts without a check where bytes follow an uncompressed chunk's data.
+            // mcap 0.26 has an unchecked subtraction if bytes follow an uncompressed chunk's data.
             if head_bytes.checked_add(header.compressed_size) != Some(body.len() as u64) {
                 return Err(damaged("a chunk of another size than its record".to_owned()));
             }

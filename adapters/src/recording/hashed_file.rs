@@ -1,11 +1,11 @@
-//! A file whose SHA-256 is computed while it is written, so that it need not be read again.
+//! A file whose SHA-256 is computed during writing, so that it need not be read again.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 
 use sha2::{Digest, Sha256};
 
-/// A file that is written from its beginning to its end.
+/// A file that is written sequentially.
 #[derive(Debug)]
 pub struct HashedFile {
     file: File,

@@ -1,4 +1,4 @@
-//! What a recording says of itself: software, configuration, subject and model, and when it began.
+//! Metadata of a recording: software, configuration, subject, model, and start time.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::channels::shown;
 
 /// Name of the metadata record.
 pub(super) const METADATA_NAME: &str = "equipoise.recording";
-/// Version of how a recording is laid out (not of the messages: these have versions of their own).
+/// Version of the layout of a recording (messages have versions of their own).
 pub(super) const FORMAT: u32 = 1;
 /// Media type of the attachments.
 pub(super) const TOML_MEDIA_TYPE: &str = "application/toml";
@@ -21,26 +21,26 @@ const CONFIG_NAME: &str = "config.toml";
 const SUBJECT_NAME: &str = "subject.toml";
 const MODEL_NAME: &str = "model.toml";
 
-/// The head of a recording. Names neither the host nor the person: the subject bears a pseudonym.
+/// The header of a recording. Contains no names of host or person: the subject has a pseudonym.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RecordingHeader {
     /// The release that recorded, for example `0.1.0`.
     pub software_version: String,
     /// Wall-clock time of the start, ns since 1970 UTC; 0 if unknown (an import).
     pub started_unix_ns: u64,
-    /// The same moment on the clock of the log times, CLOCK_MONOTONIC ns.
+    /// The same instant on the clock of the log times, CLOCK_MONOTONIC ns.
     pub started_monotonic_ns: u64,
-    /// The configuration in force, TOML; empty if none was.
+    /// The active configuration, TOML; empty if there was none.
     pub config_toml: String,
     /// The subject's profile, TOML; empty if none was loaded.
     pub subject_toml: String,
     /// The model in use, TOML; empty if none was loaded.
     pub model_toml: String,
-    /// Configurations and models that were in force later, by number.
+    /// Configurations and models that became active later, by number.
     pub reloads: BTreeMap<u64, Reloaded>,
-    /// Profiles of subjects who were in use later, TOML, in order.
+    /// Profiles of later subjects, TOML, in order.
     pub later_subjects_toml: Vec<String>,
-    /// The recording before this one, if it is one of a series.
+    /// The preceding recording, if this one is part of a series.
     pub previous: Option<Predecessor>,
 }
 
@@ -54,7 +54,7 @@ pub struct Predecessor {
 }
 
 impl Predecessor {
-    /// `None` unless the name is one of a file in the same folder, fit for display, and the hash has 64 digits.
+    /// `None` unless the name is that of a file in the same folder, suitable for display, and the hash has 64 digits.
     fn parse(file: &str, sha256: &str) -> Option<Predecessor> {
         let is_name = !matches!(file, "" | "." | "..") && !file.contains('/') && shown(file) == file;
         let is_digit = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
@@ -63,19 +63,19 @@ impl Predecessor {
     }
 }
 
-/// What a reload brought.
+/// Result of a reload.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Reloaded {
-    /// The configuration in force from then on, TOML.
+    /// The configuration that became active, TOML.
     pub config_toml: String,
-    /// The model in use from then on, TOML; empty if there was none.
+    /// The model that became active, TOML; empty if there was none.
     pub model_toml: String,
 }
 
 impl Reloaded {
-    /// The texts to attach, by file name; `number` is the one that the cycle record bears.
+    /// The texts to attach, by file name; `number` is that of the cycle record.
     pub(super) fn attachments(&self, number: u64) -> [(String, &str); 2] {
-        // Without a model there is an empty one: that of the start is not in use any more.
+        // Without a model an empty one is attached, as the initial model is no longer in use.
         [
             (format!("config.{number}.toml"), &self.config_toml),
             (format!("model.{number}.toml"), &self.model_toml),
@@ -87,8 +87,8 @@ impl Reloaded {
 pub(super) const LATER_SUBJECT_NAME: &str = "subject.later.toml";
 
 impl RecordingHeader {
-    /// The pseudonyms of those who were in use, in order, each once: the profiles name them. `configured` counts only where
-    /// the recording began without a profile.
+    /// The pseudonyms of all subjects, in order, each once, from the profiles. `configured` is used only if the
+    /// recording began without a profile.
     pub fn subjects(&self, configured: &str) -> Vec<String> {
         let named = |text: &String| {
             let profile: toml::Table = text.parse().ok()?;
@@ -118,7 +118,7 @@ impl RecordingHeader {
         metadata
     }
 
-    /// The texts to attach, by file name; empty ones are left out.
+    /// The texts to attach, by file name; empty ones are omitted.
     pub(super) fn attachments(&self) -> impl Iterator<Item = (&'static str, &str)> {
         [
             (CONFIG_NAME, self.config_toml.as_str()),
@@ -129,7 +129,7 @@ impl RecordingHeader {
         .filter(|(_, text)| !text.is_empty())
     }
 
-    /// Takes the metadata record in; returns the layout's version, `None` if it is not a number.
+    /// Reads the metadata record; returns the layout's version, `None` if it is not a number.
     pub(super) fn take_metadata(&mut self, metadata: &BTreeMap<String, String>) -> Option<u32> {
         let number = |key: &str| metadata.get(key).and_then(|text| text.parse().ok()).unwrap_or(0);
         let version = metadata.get(SOFTWARE_VERSION_KEY).map(String::as_str).unwrap_or_default();
@@ -143,7 +143,7 @@ impl RecordingHeader {
         metadata.get(FORMAT_KEY)?.parse().ok()
     }
 
-    /// Takes an attachment in; others than ours are passed over.
+    /// Reads an attachment; others than Equipoise's are skipped.
     pub(super) fn take_attachment(&mut self, name: &str, data: &[u8]) {
         let text = String::from_utf8_lossy(data).into_owned();
         let number = |kind: &str| name.strip_prefix(kind)?.strip_suffix(".toml")?.parse::<u64>().ok();

@@ -1,4 +1,4 @@
-//! Reading a recording, whole or cut short.
+//! Reads a recording, complete or truncated.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -12,28 +12,28 @@ use super::header::{FORMAT, METADATA_NAME, RecordingHeader};
 use super::store::Store;
 use super::topic::TimedEntry;
 
-/// An opened recording. Of a file only the frames are known; what is in them is read when it is gone through.
+/// An opened recording. Only the positions of the records are determined; their contents are read during iteration.
 #[derive(Debug)]
 pub struct Recording {
     store: Store,
-    /// Where the whole records end.
+    /// End of the complete records.
     end: usize,
     header: RecordingHeader,
     truncated: bool,
 }
 
 impl Recording {
-    /// Opens a recording, whole or cut short by a crash.
+    /// Opens a recording, complete or truncated by a crash.
     ///
     /// # Errors
-    /// [`ReadError`] if the file cannot be read, is no recording, or was written by a release whose messages differ.
+    /// [`ReadError`] if the file cannot be read, is not a recording, or was written by a release whose messages differ.
     pub fn open(path: impl AsRef<Path>) -> Result<Recording, ReadError> {
         let path = path.as_ref();
         let failed = |source| ReadError::Io { path: path.to_owned(), source };
         Recording::of(Store::open(path).map_err(failed)?, failed)
     }
 
-    /// The same from bytes.
+    /// The same for bytes in memory.
     ///
     /// # Errors
     /// As [`Recording::open`].
@@ -54,17 +54,18 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The head: software, configuration, subject, model, start.
+    /// The header: software, configuration, subject, model, start.
     pub fn header(&self) -> &RecordingHeader {
         &self.header
     }
 
-    /// Whether the file ends before its foot: the recorder crashed, or still records. All whole chunks are read.
+    /// Whether the file ends before its footer: the recorder crashed, or is still recording. All complete chunks are
+    /// read.
     pub fn truncated(&self) -> bool {
         self.truncated
     }
 
-    /// The messages in file order. After an error nothing more comes.
+    /// The messages in file order. An error ends the iteration.
     pub fn entries(&self) -> Entries<'_> {
         Entries {
             recording: self,
@@ -76,7 +77,7 @@ impl Recording {
         }
     }
 
-    /// Finds the records by their frames; nothing is decompressed here, and of a file only the head is read.
+    /// Finds the records by their frames; nothing is decompressed, and only the metadata of the file are read.
     fn scan(&mut self, failed: impl Fn(std::io::Error) -> ReadError) -> Result<(), ReadError> {
         let mut head_bytes = 0;
         while let Some((opcode, record)) = self.store.record_at(self.end).map_err(&failed)? {
@@ -103,7 +104,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Takes in what the file says of itself. What cannot be parsed is told when the reader gets there.
+    /// Reads the file's metadata. A record that cannot be parsed is reported when the reader reaches it.
     fn take_head(&mut self, opcode: u8, body: &[u8]) -> Result<(), ReadError> {
         match parse(opcode, body) {
             Ok(Some(Record::Metadata(metadata))) if metadata.name == METADATA_NAME => {
@@ -121,13 +122,13 @@ impl Recording {
         Ok(())
     }
 
-    /// Reads on to the first of our topics, so that a foreign file is refused when it is opened.
+    /// Reads up to the first topic of Equipoise, so that a foreign file is refused on opening.
     fn check_first_channels(&self) -> Result<(), ReadError> {
         let mut entries = self.entries();
         while !entries.channels.has_ours() && entries.at < self.end {
             entries.ready.clear();
             match entries.read_record() {
-                // Damage is told while reading: what stands before it is still good.
+                // Damage is reported during reading, as the data before it are valid.
                 Err(ReadError::Damaged { .. }) => return Ok(()),
                 outcome => outcome?,
             }
@@ -136,11 +137,11 @@ impl Recording {
     }
 }
 
-/// As much of a file as tells what it is.
+/// Length of the part that identifies the file.
 const BEGIN_BYTES: usize = 64;
-/// What a file says of itself has no more bytes: four hundred changes of the worker in one shift.
+/// Limit of the metadata's size: sufficient for four hundred changes of the subject in one shift.
 const HEAD_BYTES_MAX: usize = 64 << 20;
-/// What an attachment costs beside its bytes, at most.
+/// Maximum overhead of an attachment.
 const HEAD_RECORD_BYTES: usize = 256;
 
 fn what_it_begins_with(bytes: &[u8]) -> String {
@@ -152,26 +153,27 @@ fn what_it_begins_with(bytes: &[u8]) -> String {
     }
 }
 
-/// Records that hold messages or announce them, and those that were looked at when the file was opened: one that cannot be
-/// parsed is damage.
+/// Records that contain or define messages, and those that were read on opening: if one cannot be parsed, the file is
+/// damaged.
 const HOLDS_MESSAGES: [u8; 6] =
     [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::CHUNK, op::METADATA, op::ATTACHMENT];
 
-/// The messages of a recording in file order. Those with impossible numbers are left out, and counted in an error at the end.
+/// The messages of a recording in file order. Those with impossible numbers are omitted, and counted in an error at the
+/// end.
 #[derive(Debug)]
 pub struct Entries<'a> {
     recording: &'a Recording,
-    /// Where the next record begins.
+    /// Position of the next record.
     at: usize,
     channels: Channels,
     ready: VecDeque<TimedEntry>,
-    /// Messages that were left out for their numbers, and the byte of the first one's record.
+    /// Count of messages omitted for their numbers, and position of the first one's record.
     impossible: Option<(u64, usize)>,
     ended: bool,
 }
 
 impl Entries<'_> {
-    /// Takes in the next record of the file that is a chunk, or a bare schema, channel or message.
+    /// Reads the next record of the file that is a chunk, or a schema, channel or message outside a chunk.
     fn read_record(&mut self) -> Result<(), ReadError> {
         let at_byte = self.at;
         let damaged = |reason: String| ReadError::Damaged { at_byte, reason: shown(&reason) };
@@ -187,7 +189,7 @@ impl Entries<'_> {
         }
         let record = store.read(range).map_err(|error| damaged(error.to_string()))?;
         if opcode == op::CHUNK {
-            // A chunk counts whole or not at all.
+            // A chunk is used completely or not at all.
             let mut taken = VecDeque::new();
             unpack_chunk(&record, damaged, |opcode, body| {
                 taken.extend(self.take(opcode, body, at_byte)?);

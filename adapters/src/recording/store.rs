@@ -1,5 +1,5 @@
-//! The bytes of a recording: a file that is read piece by piece, so that a whole shift needs no more memory than one
-//! chunk, or a copy in memory.
+//! The bytes of a recording: a file that is read in pieces, so that a whole shift needs no more memory than one chunk,
+//! or a copy in memory.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -12,12 +12,12 @@ use equipoise_files::{Links, open_regular_by};
 
 use super::frame::{RECORD_BYTES_MAX, RECORD_HEAD_BYTES, record_end};
 
-/// Where a recording's bytes are.
+/// Storage of a recording's bytes.
 #[derive(Debug)]
 pub(super) enum Store {
-    /// A file, and how long it was when it was opened: it may still be written.
+    /// A file, and its length on opening: it may still be growing.
     File(File, usize),
-    /// A copy.
+    /// A copy in memory.
     Memory(Vec<u8>),
 }
 
@@ -39,7 +39,7 @@ impl Store {
     pub(super) fn read(&self, range: Range<usize>) -> io::Result<Cow<'_, [u8]>> {
         match self {
             Store::File(file, _) => {
-                // Before the memory for it is asked for: a file may claim anything.
+                // Checked before the allocation, as a file may declare any length.
                 if range.len() > RECORD_HEAD_BYTES + RECORD_BYTES_MAX {
                     let sentence = format!("a record of {} bytes at byte {}", range.len(), range.start);
                     return Err(io::Error::new(io::ErrorKind::InvalidData, sentence));
@@ -54,7 +54,7 @@ impl Store {
         }
     }
 
-    /// The record at `at` with its opcode; `None` if it is not there in full.
+    /// The record at `at` with its opcode; `None` if it is incomplete.
     pub(super) fn record_at(&self, at: usize) -> io::Result<Option<(u8, Range<usize>)>> {
         let head_end = at.saturating_add(RECORD_HEAD_BYTES);
         if head_end > self.len() {

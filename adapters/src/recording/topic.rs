@@ -122,7 +122,7 @@ where
         schema_hash: M::SCHEMA_HASH,
         size: size_of::<M>(),
         schema_text: schema_text::<M>,
-        // The payload lies unaligned in the file; this copies it into an aligned struct.
+        // The payload is unaligned in the file; this copies it into an aligned struct.
         decode: |bytes| bytemuck::try_pod_read_unaligned::<M>(bytes).ok().map(Entry::from),
     }
 }

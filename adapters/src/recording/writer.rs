@@ -1,4 +1,4 @@
-//! Writing a recording so that a crash costs at most its last second.
+//! Writes a recording so that a crash loses at most its last second.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -16,13 +16,13 @@ use super::hashed_file::HashedFile;
 use super::header::{LATER_SUBJECT_NAME, METADATA_NAME, RecordingHeader, Reloaded, TOML_MEDIA_TYPE};
 use super::topic::{MESSAGE_ENCODING, Recorded, SCHEMA_ENCODING, TOPICS};
 
-/// A chunk is closed when a message comes this much later than its first one.
+/// Time span after which a chunk is closed, …
 const CHUNK_SPAN_NS: u64 = NS_PER_S;
-/// … or when it has grown to this size before compression.
+/// … or size before compression.
 const CHUNK_BYTES: u64 = 4 << 20;
-/// The fastest level: the recorder shares the machine with the loop.
+/// The fastest level, as the recorder shares the machine with the loop.
 const ZSTD_LEVEL: u32 = 1;
-/// A recording tells how a person moves: not for everyone on the machine.
+/// A recording contains a person's motion, so other users of the machine have no access.
 const FILE_MODE: u32 = 0o640;
 
 /// Why a recording could not be written.
@@ -33,31 +33,31 @@ pub enum WriteError {
     Create {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file could not be written on.
+    /// The file could not be written.
     #[error("cannot write the recording {}: {source}; what was written before stays readable", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// The reason.
+        /// The cause.
         source: McapError,
     },
 }
 
-/// A kind of message beside the table's: for viewers, not for replays.
+/// A kind of message outside the table: for viewers, not for replays.
 #[derive(Debug, Clone)]
 pub struct ExtraChannel {
     /// The topic.
     pub topic: &'static str,
     /// The schema's name.
     pub schema_name: &'static str,
-    /// How the schema is encoded, as MCAP's registry calls it.
+    /// Encoding of the schema, by its name in MCAP's registry.
     pub schema_encoding: &'static str,
     /// The schema.
     pub schema_text: String,
-    /// How the messages are encoded.
+    /// Encoding of the messages.
     pub message_encoding: &'static str,
 }
 
@@ -68,21 +68,21 @@ struct Channel {
     next_sequence: u32,
 }
 
-/// Writes one recording: zstd chunks of about a second, so a crash or a full disk costs at most the last of them.
+/// Writes one recording in zstd chunks of about a second, so a crash or a full disk loses at most the last of them.
 ///
-/// Call [`Recorder::finish`] at the end; a recorder that is dropped finishes too, but cannot say whether it could.
+/// Call [`Recorder::finish`] at the end; a dropped recorder finishes as well, but cannot report an error.
 pub struct Recorder<W: Write + Seek = BufWriter<HashedFile>> {
     path: PathBuf,
     writer: Writer<W>,
     channels: Vec<Channel>,
     chunk_start_ns: Option<u64>,
     failed: bool,
-    /// Device and number of the file, as the file system counts them; `None` in memory.
+    /// Device and inode of the file; `None` in memory.
     file: Option<[u64; 2]>,
 }
 
 impl Recorder {
-    /// Creates a recording and writes its head through to the system. Never overwrites a file.
+    /// Creates a recording and flushes its header to the system. Never overwrites a file.
     ///
     /// # Errors
     /// [`WriteError`] if the file exists, or cannot be created or written.
@@ -94,8 +94,8 @@ impl Recorder {
             .mode(FILE_MODE)
             .open(&path)
             .map_err(|source| WriteError::Create { path: path.clone(), source })?;
-        // Whoever clears away old recordings sees that this one is still written. Where a file system has no locks, only
-        // that is lost.
+        // The lock marks the recording as active for programs that delete old recordings. File systems without locks
+        // only lack this protection.
         let _ = file.try_lock();
         let found = file.metadata().map_err(|source| WriteError::Create { path: path.clone(), source })?;
         let mut recorder = Recorder::on(path, BufWriter::new(HashedFile::new(file)), header)?;
@@ -103,18 +103,18 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// How large the file is that lies under the recording's name, bytes; `None` once that is not the file which is
-    /// written: somebody has removed it or put another in its place, and nobody will find what is still written.
+    /// Size of the file under the recording's name, bytes; `None` if it is no longer the file being written: it was
+    /// removed or replaced, and further data would be lost.
     pub fn bytes_in_place(&self) -> Option<u64> {
         let found = self.path.symlink_metadata().ok()?;
         (Some([found.dev(), found.ino()]) == self.file).then_some(found.len())
     }
 
-    /// Writes the index and the foot, and waits until all of it is on the disk; returns the SHA-256 of the file, 64
+    /// Writes the index and the footer, and waits until all data are on the disk; returns the SHA-256 of the file, 64
     /// hexadecimal digits.
     ///
     /// # Errors
-    /// [`WriteError::Write`] if something of it cannot be written.
+    /// [`WriteError::Write`] if a part cannot be written.
     pub fn finish(mut self) -> Result<String, WriteError> {
         let path = self.path.clone();
         let failed = |source| WriteError::Write { path: path.clone(), source };
@@ -126,15 +126,15 @@ impl Recorder {
 }
 
 impl Recorder<Cursor<Vec<u8>>> {
-    /// A recording in memory, for a file that must be there whole or not at all; `path` is what errors call it.
+    /// A recording in memory, for a file that must be written atomically; `path` is its name in errors.
     ///
     /// # Errors
-    /// [`WriteError::Write`] if the head cannot be encoded.
+    /// [`WriteError::Write`] if the header cannot be encoded.
     pub fn in_memory(path: impl AsRef<Path>, header: &RecordingHeader) -> Result<Self, WriteError> {
         Recorder::on(path.as_ref().to_owned(), Cursor::new(Vec::new()), header)
     }
 
-    /// Writes the index and the foot; the bytes of the file.
+    /// Writes the index and the footer; returns the bytes of the file.
     ///
     /// # Errors
     /// [`WriteError::Write`] if they cannot be encoded.
@@ -154,7 +154,7 @@ impl<W: Write + Seek> Recorder<W> {
         Ok(recorder)
     }
 
-    /// Every topic is announced in the first chunk, so that a reader knows them all after it.
+    /// Defines every topic in the first chunk, so that a reader needs no later part for them.
     fn add_channels(&mut self) -> Result<(), McapError> {
         for table in TOPICS {
             let schema_text = (table.schema_text)();
@@ -166,7 +166,8 @@ impl<W: Write + Seek> Recorder<W> {
         Ok(())
     }
 
-    /// Announces a further kind of message. Best before the first message, so that readers know it from the beginning.
+    /// Defines an additional kind of message, preferably before the first message, so that readers have it from the
+    /// beginning.
     ///
     /// # Errors
     /// [`WriteError::Write`].
@@ -181,7 +182,7 @@ impl<W: Write + Seek> Recorder<W> {
         Ok(())
     }
 
-    /// Writes a message of a kind that was announced.
+    /// Writes a message of an additional kind.
     ///
     /// # Errors
     /// As [`Recorder::write`].
@@ -192,8 +193,8 @@ impl<W: Write + Seek> Recorder<W> {
     /// Writes one message; `log_time_ns` is the message's own time, CLOCK_MONOTONIC.
     ///
     /// # Errors
-    /// [`WriteError::Write`], for example on a full disk; every later call then fails too, and the file stays
-    /// readable up to its last whole chunk.
+    /// [`WriteError::Write`], for example on a full disk; every later call then fails as well, and the file remains
+    /// readable up to its last complete chunk.
     pub fn write<M: Recorded>(&mut self, log_time_ns: u64, message: &M) -> Result<(), WriteError> {
         self.put(M::TOPIC, log_time_ns, bytemuck::bytes_of(message))
     }
@@ -203,7 +204,7 @@ impl<W: Write + Seek> Recorder<W> {
             return Err(self.failed(McapError::AttemptedWriteAfterFailure));
         }
         let chunk_start_ns = *self.chunk_start_ns.get_or_insert(log_time_ns);
-        // Streams interleave, so times may step back a little.
+        // Streams interleave, so times may decrease slightly.
         if log_time_ns.abs_diff(chunk_start_ns) >= CHUNK_SPAN_NS {
             self.flush()?;
             self.chunk_start_ns = Some(log_time_ns);
@@ -221,7 +222,7 @@ impl<W: Write + Seek> Recorder<W> {
         self.writer.write_to_known_channel(&header, bytes).map_err(|source| self.failed(source))
     }
 
-    /// Keeps what a reload brought, under the number that its cycle record bears.
+    /// Attaches the result of a reload, under the number in its cycle record.
     ///
     /// # Errors
     /// [`WriteError::Write`].
@@ -238,7 +239,7 @@ impl<W: Write + Seek> Recorder<W> {
         Ok(())
     }
 
-    /// Keeps the profile of a subject who is in use from now on.
+    /// Attaches the profile of a new subject.
     ///
     /// # Errors
     /// [`WriteError::Write`].
@@ -248,7 +249,7 @@ impl<W: Write + Seek> Recorder<W> {
             .map_err(|source| self.failed(source))
     }
 
-    /// Closes the current chunk and hands it to the system: what was written so far survives a crash of the process.
+    /// Closes the current chunk and flushes it to the system: the data written so far survive a crash of the process.
     ///
     /// # Errors
     /// [`WriteError::Write`] if the chunk cannot be written.
@@ -267,11 +268,11 @@ fn start<W: Write + Seek>(sink: W, header: &RecordingHeader) -> Result<Writer<W>
     let options = WriteOptions::new()
         .library(concat!("equipoise ", env!("CARGO_PKG_VERSION")))
         .chunk_size(Some(CHUNK_BYTES))
-        // Chunks are made in memory and written whole; else a crash would leave one with a length still to be
-        // filled in.
+        // Chunks are assembled in memory and written as a whole; otherwise a crash would leave a chunk without its
+        // length.
         .disable_seeking(true)
         .compression_level(ZSTD_LEVEL)
-        // In the caller's thread: the loop needs the other cores.
+        // In the caller's thread, as the loop needs the other cores.
         .compression_threads(0);
     let mut writer = Writer::with_options(sink, options)?;
     writer.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.metadata() })?;

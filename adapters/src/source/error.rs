@@ -1,4 +1,4 @@
-//! Why a source does not work, in words for whoever set it up.
+//! Why a source does not work, with texts for the operator.
 
 use std::io;
 use std::net::SocketAddr;
@@ -12,9 +12,9 @@ pub enum SourceError {
              close it or set {key}"
     )]
     PortTaken {
-        /// The port asked for.
+        /// The requested port.
         port: u16,
-        /// The whole address asked for.
+        /// The requested address with port.
         address: SocketAddr,
         /// The configuration key that chooses it.
         key: &'static str,
@@ -22,20 +22,20 @@ pub enum SourceError {
     /// The socket could not be opened for another reason.
     #[error("cannot listen on {address}: {error}; is {key} an address of this computer?")]
     Open {
-        /// The address asked for.
+        /// The requested address.
         address: SocketAddr,
         /// The configuration key that chooses it.
         key: &'static str,
-        /// What the system says.
+        /// The system's error.
         #[source]
         error: io::Error,
     },
-    /// Receiving failed for another reason than silence.
+    /// Receiving failed for a reason other than a timeout.
     #[error("cannot receive on {address}: {error}")]
     Receive {
         /// The local address.
         address: SocketAddr,
-        /// What the system says.
+        /// The system's error.
         #[source]
         error: io::Error,
     },
@@ -46,38 +46,38 @@ pub enum SourceError {
         address: SocketAddr,
         /// The configuration key that chooses it.
         key: &'static str,
-        /// What the system says.
+        /// The system's error.
         #[source]
         error: io::Error,
     },
-    /// The device is not there now; it may come (back).
+    /// The device is absent now; it may appear later.
     #[error("{what} is not there: {error}; {remedy}")]
     Absent {
-        /// Which device or line, as people call it.
+        /// Name of the device or line for the operator.
         what: String,
-        /// What to look at, and which key names it.
+        /// What to check, and the configuration key.
         remedy: String,
-        /// What the system or the device says.
+        /// The error of the system or the device.
         #[source]
         error: io::Error,
     },
-    /// What leads to the device is there and cannot be used now; somebody may change that while we run.
+    /// The connection exists but cannot be used now; the condition may be corrected without a restart.
     #[error("{what} cannot be used: {why}; {remedy}")]
     Unready {
-        /// Which device or line, as people call it.
+        /// Name of the device or line for the operator.
         what: String,
-        /// What stands in the way.
+        /// The condition that prevents its use.
         why: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
-    /// The device, or what leads to it, is set up in a way that cannot work; only a person can mend that.
+    /// The device, or the connection, is set up in a way that cannot work; this requires intervention.
     #[error("{0}")]
     Unusable(String),
 }
 
 impl SourceError {
-    /// Whether trying again later may help without anybody changing the configuration.
+    /// Whether a later attempt may succeed without a change of the configuration.
     pub fn may_mend(&self) -> bool {
         matches!(self, SourceError::Absent { .. } | SourceError::Unready { .. } | SourceError::Send { .. })
     }

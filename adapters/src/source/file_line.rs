@@ -1,4 +1,4 @@
-//! A file that another program writes, or a pipe with a name, as a way to a device: what is appended to it is read.
+//! Transport from a file that another program writes, or from a named pipe: reads what is appended to it.
 
 use super::error::SourceError;
 use super::transport::{Incoming, Transport};
@@ -10,15 +10,15 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How often a file that has nothing new is looked at: so much later at most a line is seen.
+/// Polling interval of a file without new data; upper bound of the added latency.
 const PAUSE: Duration = Duration::from_millis(5);
-/// Taken at once at most; a stream is read in pieces of any size anyway.
+/// Size of one read; a stream may arrive in pieces of any size.
 const BUFFER_SIZE: usize = 65_536;
 
-/// Where reading begins.
+/// Start position of reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Begin {
-    /// With what is appended from now on, as far as the file can tell: a pipe has no end to begin at.
+    /// With what is appended from now on, as far as the file has an end: a pipe has none.
     #[default]
     End,
     /// With the first line.
@@ -31,9 +31,9 @@ pub struct FileLine {
     path: PathBuf,
     begin: Begin,
     key: &'static str,
-    /// Held until the next one is open: thus no other file can have its number meanwhile.
+    /// Kept open until the next file is open, so that no other file can obtain its inode meanwhile.
     open: Option<Open>,
-    /// There was no file when it was to be opened first: all of one that comes is new.
+    /// The file did not exist at the first attempt to open it: all of its later contents are new.
     missed: bool,
     goes_on: bool,
     buffer: Box<[u8]>,
@@ -43,10 +43,10 @@ pub struct FileLine {
 struct Open {
     file: File,
     is_pipe: bool,
-    /// Device and number.
+    /// Device and inode.
     identity: (u64, u64),
     read: u64,
-    /// Another file stands in its place, or it was begun anew.
+    /// Another file has replaced it, or it was truncated.
     is_over: bool,
 }
 
@@ -55,16 +55,16 @@ fn identity(metadata: &Metadata) -> (u64, u64) {
 }
 
 impl FileLine {
-    /// Follows the file at a path; `key` names it in errors.
+    /// Follows the file at a path; `key` is its configuration key for errors.
     pub fn new(path: PathBuf, begin: Begin, key: &'static str) -> FileLine {
         let buffer = vec![0; BUFFER_SIZE].into_boxed_slice();
         FileLine { path, begin, key, open: None, missed: false, goes_on: false, buffer }
     }
 
-    /// Where a file is read from that was opened just now, and whether that is where the last one was left.
+    /// Start position in a file that was just opened, and whether it continues where the last one ended.
     ///
-    /// What was read once is never read again: a share that failed for a moment would make hours of it fresh. What was
-    /// appended meanwhile is old by now, and wanted only by whoever wants all.
+    /// No data are read twice: after a temporary failure of a network share, hours of old data would otherwise count as
+    /// fresh. Data appended meanwhile are outdated, and read only with [`Begin::Start`].
     fn where_from(&self, metadata: &Metadata) -> (u64, bool) {
         let same = |before: &&Open| {
             !before.is_over && before.identity == identity(metadata) && before.read <= metadata.len()
@@ -73,7 +73,7 @@ impl FileLine {
             (Some(before), Begin::Start) if same(&before) => (before.read, true),
             (Some(before), Begin::End) if same(&before) => (metadata.len(), false),
             (None, Begin::End) if !self.missed => (metadata.len(), false),
-            // What replaced the file that was read, and what was not there before, is new from its first byte on.
+            // A file that replaced the previous one, or did not exist before, is new from its first byte on.
             _ => (0, false),
         }
     }
@@ -86,7 +86,7 @@ impl FileLine {
         }
     }
 
-    /// What keeps a file from being read.
+    /// Converts a failure to open a file.
     fn refused(&self, error: io::Error) -> SourceError {
         match error.kind() {
             ErrorKind::PermissionDenied => SourceError::Unready {
@@ -99,7 +99,7 @@ impl FileLine {
     }
 }
 
-/// Whether the name stands for another file by now, or the file was begun anew.
+/// Whether the path refers to another file now, or the file was truncated.
 fn is_replaced(open: &Open, path: &Path) -> io::Result<bool> {
     let held = open.file.metadata()?;
     Ok(held.len() < open.read || identity(&std::fs::metadata(path)?) != open.identity)
@@ -107,7 +107,7 @@ fn is_replaced(open: &Open, path: &Path) -> io::Result<bool> {
 
 impl Transport for FileLine {
     fn open(&mut self) -> Result<(), SourceError> {
-        // Opening a pipe must not wait for its writer.
+        // Opening a pipe must not block until a writer exists.
         let opened = OpenOptions::new()
             .read(true)
             .custom_flags(OFlags::NONBLOCK.bits().cast_signed())
@@ -155,7 +155,7 @@ impl Transport for FileLine {
             return Ok(Some(Incoming { bytes: &self.buffer[..read], arrival_ns, admitted: true }));
         }
         let left = if open.is_pipe {
-            // A writer that left in the middle of a line will not go on there.
+            // A writer that closed the pipe in the middle of a line will not continue it.
             was_read.then_some("nobody writes into this pipe any more")
         } else {
             match is_replaced(open, &self.path) {
@@ -245,14 +245,14 @@ mod tests {
         assert!(error_within_a_while(&mut line).may_mend());
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 8), "another\n");
-        // One that is away for longer than one try.
+        // A file that is absent for longer than one attempt.
         std::fs::remove_file(&path).unwrap();
         assert!(error_within_a_while(&mut line).may_mend());
         assert!(line.open().unwrap_err().may_mend());
         append(&path, "and yet another\n");
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 16), "and yet another\n");
-        // One that was begun anew and has grown longer than it was by the time it is opened.
+        // A file that was truncated and is longer than before when it is opened again.
         std::fs::write(&path, "y\n").unwrap();
         assert!(error_within_a_while(&mut line).may_mend());
         append(&path, "more than there was before\n");

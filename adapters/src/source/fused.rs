@@ -1,4 +1,4 @@
-//! Two devices at once: each read by a thread of its own, so that neither waits for the other, and fused here.
+//! Two devices, each read by its own thread so that neither delays the other, and fused here.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,31 +14,31 @@ use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
 use crate::ground::fusion::{Fusion, FusionSettings};
 
-/// Words that may lie between a device's thread and the fusion: more than a second of the fastest device. One that is not
-/// fetched by then is dropped and counted.
+/// Capacity of the queue between a device's thread and the fusion: more than a second of the fastest device. Messages
+/// that do not fit are dropped and counted.
 const WORDS_MAX: usize = 8192;
-/// How long a call waits for a word: short, for a sample may run out of patience meanwhile.
+/// Timeout of one receive call: short, as the wait of a sample for its partner may end meanwhile.
 const WAIT: Duration = Duration::from_millis(10);
-/// A device that sends nothing for so long is told to be silent, ns.
+/// A device without data for this long is reported as silent, ns.
 const SILENT_NS: u64 = 500_000_000;
 
-/// How often a device's thread says how it fares, ns; oftener if something goes wrong.
+/// Interval at which a device's thread reports its state, ns; shorter in case of a fault.
 const FARES_EVERY_NS: u64 = 100_000_000;
 
-/// What a device's thread says.
+/// Message of a device's thread.
 enum Word {
     /// Samples, oldest first.
     Samples(Vec<GroundSample>),
-    /// How it fares.
+    /// State of the device.
     Fares { counts: Box<Counts>, block_latency_ns: u64, trouble: Option<String>, note: Option<String> },
-    /// It cannot go on.
+    /// The thread has failed.
     Failed(SourceError),
 }
 
-/// One of the two, as seen from here.
+/// State of one of the two devices in the fusion.
 #[derive(Debug)]
 struct Device {
-    /// As people find it in the configuration.
+    /// Name in the configuration.
     name: String,
     heard_ns: u64,
     counts: Counts,
@@ -48,7 +48,7 @@ struct Device {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Two ground devices that are one ground.
+/// Two ground devices that form one ground.
 #[derive(Debug)]
 pub struct FusedSource {
     fusion: Fusion,
@@ -59,10 +59,10 @@ pub struct FusedSource {
 }
 
 impl FusedSource {
-    /// Reads both devices, each named as people find it in the configuration.
+    /// Starts reading both devices, each with its name in the configuration.
     ///
     /// # Errors
-    /// The system starts no thread.
+    /// The system cannot start a thread.
     pub fn start(
         sources: [(String, GroundSource); 2],
         settings: FusionSettings,
@@ -91,10 +91,10 @@ impl FusedSource {
         Ok(FusedSource { fusion, words, devices, health, stop })
     }
 
-    /// Waits a short while and appends what is whole by then to `samples`; says how many.
+    /// Waits briefly and appends the complete samples to `samples`; returns their count.
     ///
     /// # Errors
-    /// What either device cannot mend by itself.
+    /// A fault of either device that requires intervention.
     pub fn receive(&mut self, samples: &mut Vec<GroundSample>) -> Result<usize, SourceError> {
         let before = samples.len();
         match self.words.recv_timeout(WAIT) {
@@ -130,7 +130,7 @@ impl FusedSource {
         Ok(())
     }
 
-    /// What is wrong with either device, and what to do, in a sentence; `None` while all is well.
+    /// The current fault of either device and its remedy, in a sentence; `None` without a fault.
     pub fn trouble(&self) -> Option<String> {
         let now_ns = now_monotonic_ns();
         let troubles: Vec<String> =
@@ -138,14 +138,14 @@ impl FusedSource {
         (!troubles.is_empty()).then(|| troubles.join("; "))
     }
 
-    /// What either device told of itself, in a sentence; `None` if there is nothing.
+    /// Properties that the devices report, in a sentence; `None` if there are none.
     pub fn note(&self) -> Option<String> {
         let told = |device: &Device| device.note.as_ref().map(|note| format!("{}: {note}", device.name));
         let notes: Vec<String> = self.devices.iter().filter_map(told).collect();
         (!notes.is_empty()).then(|| notes.join("; "))
     }
 
-    /// What both devices counted since the start, and what found no partner; `published` counts what was whole.
+    /// Counts of both devices since the start, and of samples without a partner; `published` counts fused samples.
     pub fn counts(&self) -> Counts {
         let mut all = *self.fusion.counts();
         for device in &self.devices {
@@ -180,18 +180,18 @@ impl Drop for FusedSource {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         for thread in self.devices.iter_mut().filter_map(|device| device.thread.take()) {
-            // A reader that panicked has nothing more to say.
+            // A reader that panicked has no further messages.
             let _panicked = thread.join();
         }
     }
 }
 
-/// Reads one device until it shall stop.
+/// Reads one device until it is stopped.
 struct Reader {
     index: usize,
     source: GroundSource,
     sender: SyncSender<(usize, Word)>,
-    /// Samples that nobody fetched in time.
+    /// Samples dropped because the queue was full.
     missed: u64,
 }
 
@@ -212,7 +212,7 @@ impl Reader {
                 let mut counts = Box::new(*self.source.counts());
                 counts.lost += self.missed;
                 let block_latency_ns = self.source.block_latency_ns();
-                // If there is no room now, it is said next time.
+                // If the queue is full, the report is repeated later.
                 let note = self.source.note();
                 if self.say(Word::Fares { counts, block_latency_ns, trouble: trouble.clone(), note }) {
                     (told, told_ns) = (Some(trouble), now_ns);
@@ -221,8 +221,8 @@ impl Reader {
         }
     }
 
-    /// Says something for which there must be room some time. Whoever does not listen any more need not know, and may wait for
-    /// us to end: so this never merely waits.
+    /// Sends a message that must not be dropped. A receiver that no longer receives may be waiting for this thread to
+    /// end, so the wait ends on `stop`.
     fn last_word(&self, word: Word, stop: &AtomicBool) {
         let mut word = (self.index, word);
         while let Err(TrySendError::Full(unsaid)) = self.sender.try_send(word) {
@@ -234,7 +234,7 @@ impl Reader {
         }
     }
 
-    /// Whether there was room for it; whoever does not listen any more needs none.
+    /// Whether the message was queued; `true` as well if the receiver no longer exists.
     fn say(&self, word: Word) -> bool {
         !matches!(self.sender.try_send((self.index, word)), Err(TrySendError::Full(_)))
     }
@@ -248,7 +248,7 @@ mod tests {
     use crate::ground::device::bota::{Bota, BotaSettings};
     use std::time::Instant;
 
-    /// A way that cannot be mended once it is open.
+    /// A transport whose failure after opening is permanent.
     struct Broken;
 
     impl Transport for Broken {

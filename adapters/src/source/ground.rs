@@ -1,5 +1,5 @@
-//! The one engine of every ground device: opens the way to it, lets its brain speak and listen, and tries again when
-//! it went away.
+//! Engine common to all ground devices: opens the connection, exchanges data with the device's state machine, and
+//! reconnects after a failure.
 
 use super::error::SourceError;
 use super::transport::Transport;
@@ -9,22 +9,22 @@ use crate::ground::{GroundBrain, GroundDevice, GroundRefusal, GroundSettings, Wa
 use equipoise_core::message::{AdapterHealth, GroundSample, Printable};
 use std::time::Duration;
 
-/// A way that could not be opened, or failed, is tried again after this.
+/// Retry interval of a connection that could not be opened or failed.
 const REOPEN_NS: u64 = 500_000_000;
-/// How long a call waits at most while there is no way to wait on.
+/// Timeout of a call while there is no connection to wait on.
 const IDLE: Duration = Duration::from_millis(50);
-/// So many things a device may want in a row before its bytes are read again.
+/// Maximum count of consecutive actions of a device before its bytes are read again.
 const WANTS_MAX: usize = 8;
 
-/// Characters of a sentence about a device, which may quote what the device says of itself; ours have at most some 400.
+/// Maximum length of a sentence about a device, which may quote the device; own texts have at most some 400 characters.
 const SENTENCE_CHARS_MAX: usize = 1000;
 
-/// Devices name themselves, their channels and their errors.
+/// Sanitises a sentence for display, as it may contain the device's own names and error texts.
 fn printable(sentence: String) -> String {
     Printable { text: &sentence, chars_max: SENTENCE_CHARS_MAX }.to_string()
 }
 
-/// A ground device that streams to us.
+/// A ground device that streams.
 pub struct GroundSource {
     transport: Box<dyn Transport>,
     brain: GroundBrain,
@@ -46,11 +46,11 @@ impl core::fmt::Debug for GroundSource {
 }
 
 impl GroundSource {
-    /// Opens the way to a device. One that is off or unplugged is no error: it is tried again and again, and
-    /// [`Self::trouble`] says so.
+    /// Opens the connection to a device. An absent device is no error: connecting is retried, and [`Self::trouble`]
+    /// reports it.
     ///
     /// # Errors
-    /// What this machine cannot do: no such address here, a port that is taken.
+    /// Failures of this machine: an address that it does not have, a port that is in use.
     pub fn open(
         transport: Box<dyn Transport>,
         device: Box<dyn GroundDevice>,
@@ -71,10 +71,10 @@ impl GroundSource {
         Ok(source)
     }
 
-    /// Waits for what comes next and appends its samples to `samples`; says how many. Zero after a short time.
+    /// Waits for data and appends the samples to `samples`; returns their count, zero after a short timeout.
     ///
     /// # Errors
-    /// What does not mend itself: the socket was shut down, this machine lost the address.
+    /// Permanent failures: the socket was shut down, or this machine lost the address.
     pub fn receive(&mut self, samples: &mut Vec<GroundSample>) -> Result<usize, SourceError> {
         let now_ns = now_monotonic_ns();
         if !self.open && now_ns.saturating_sub(self.opened_at_ns) >= REOPEN_NS {
@@ -102,23 +102,23 @@ impl GroundSource {
         Ok(samples.len() - before)
     }
 
-    /// What is wrong, and what to do, in a sentence; `None` while all is well.
+    /// The current fault and its remedy, in a sentence; `None` without a fault.
     pub fn trouble(&self) -> Option<String> {
         let trouble = if self.open { self.brain.trouble() } else { self.trouble.clone() };
         trouble.map(printable)
     }
 
-    /// What the device told of itself, in a sentence; `None` if there is nothing.
+    /// A property that the device reports, in a sentence; `None` if there is none.
     pub fn note(&self) -> Option<String> {
         self.brain.note().map(printable)
     }
 
-    /// What was counted since the start.
+    /// Counts since the start.
     pub fn counts(&self) -> &Counts {
         self.brain.counts()
     }
 
-    /// How long the device gathers readings before it sends them, ns; 0 if it sends each by itself.
+    /// Duration of the blocks in which the device collects readings, ns; 0 if it sends each by itself.
     pub fn block_latency_ns(&self) -> u64 {
         self.brain.block_latency_ns()
     }
@@ -143,7 +143,7 @@ impl GroundSource {
         }
     }
 
-    /// Does what the device wants.
+    /// Executes the actions that the device requests.
     fn serve(&mut self, now_ns: u64) -> Result<(), SourceError> {
         for _ in 0..WANTS_MAX {
             let done = match self.brain.wants(now_ns) {
@@ -163,7 +163,7 @@ impl GroundSource {
         Ok(())
     }
 
-    /// A device that went away may come back; everything else is for whoever runs us.
+    /// Retries after the loss of a device; passes other errors to the caller.
     fn failed(&mut self, error: SourceError) -> Result<(), SourceError> {
         if !error.may_mend() {
             return Err(error);
@@ -176,7 +176,7 @@ impl GroundSource {
 impl Drop for GroundSource {
     fn drop(&mut self) {
         if let (true, Some(farewell)) = (self.open, self.brain.farewell()) {
-            // If it cannot be told, it will find out: nobody listens any more.
+            // If the device is unreachable, it detects the closed connection by itself.
             let _unreachable = self.transport.send(&farewell);
         }
     }
@@ -193,7 +193,7 @@ mod tests {
     use std::io::Write;
     use std::time::Instant;
 
-    /// A file on a share that answers with an error where this says so.
+    /// A file on a network share that fails on request.
     struct Share {
         line: FileLine,
         fails: std::sync::mpsc::Receiver<()>,

@@ -1,4 +1,4 @@
-//! Asks a device on the local network for its settings over HTTP: one question, one bounded answer, no memory.
+//! Requests a device's settings over HTTP on the local network: one request, one bounded answer, no state.
 
 use std::io;
 use std::time::Duration;
@@ -6,21 +6,21 @@ use ureq::config::Config;
 use ureq::http::Response;
 use ureq::{Agent, Body, Error};
 
-/// A device that takes longer to answer is as good as absent: whoever asks is waited for when the daemon stops.
+/// A device with a slower answer counts as absent: the daemon's shutdown waits for pending requests.
 const TIMEOUT: Duration = Duration::from_secs(2);
-/// Settings are some kilobytes. What is longer is not what was asked for.
+/// Settings have some kilobytes; a longer answer is not the requested one.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// What a device answered.
+/// A device's answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answer {
-    /// The HTTP status, 200 if all is well. Devices tell their refusals by it and say more in the text.
+    /// The HTTP status, 200 for success. Devices signal errors by it, with details in the text.
     pub status: u16,
-    /// The body; bytes that are no UTF-8 are replaced.
+    /// The body; invalid UTF-8 is replaced.
     pub text: String,
 }
 
-/// Asks devices. No proxy, no redirects, no cookies, nothing kept between questions.
+/// HTTP client without proxy, redirects, cookies or any state between requests.
 #[derive(Debug, Clone)]
 pub struct HttpClient {
     agent: Agent,
@@ -33,11 +33,11 @@ impl Default for HttpClient {
 }
 
 impl HttpClient {
-    /// A client whose every question ends within two seconds.
+    /// A client whose requests end within two seconds.
     pub fn new() -> HttpClient {
         let config = Config::builder()
             .timeout_global(Some(TIMEOUT))
-            // The environment's proxy leads out of the cell, and a device does not send us elsewhere.
+            // A configured proxy would leave the local network, and devices have no reason to redirect.
             .proxy(None)
             .max_redirects(0)
             .max_redirects_will_error(false)
@@ -51,7 +51,7 @@ impl HttpClient {
     /// `GET url`.
     ///
     /// # Errors
-    /// No connection, no answer in time, an answer that is too long or no HTTP.
+    /// No connection, no answer in time, an answer that is too long or not HTTP.
     pub fn get(&self, url: &str) -> io::Result<Answer> {
         answer(self.agent.get(url).call())
     }
@@ -92,7 +92,7 @@ mod tests {
     use std::net::TcpListener;
     use std::thread::{self, JoinHandle};
 
-    /// Answers one request with these bytes and hands back what was asked.
+    /// Answers one request with these bytes and returns the request.
     fn device(answer: Vec<u8>) -> (String, JoinHandle<String>) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}/page.xml", listener.local_addr().unwrap());
@@ -100,12 +100,12 @@ mod tests {
             let (mut stream, _) = listener.accept().unwrap();
             let mut asked = Vec::new();
             let mut piece = [0; 4096];
-            // The head, and what the tests post.
+            // The header, and the body of the tests' POST requests.
             while !asked.ends_with(if asked.starts_with(b"POST") { b"}".as_slice() } else { b"\r\n\r\n" }) {
                 let count = stream.read(&mut piece).unwrap();
                 asked.extend_from_slice(&piece[..count]);
             }
-            // The client may have gone away in the middle of an answer that is too long.
+            // The client may close the connection in the middle of an answer that is too long.
             let _gone = stream.write_all(&answer);
             String::from_utf8(asked).unwrap()
         });

@@ -1,7 +1,7 @@
-//! The way to Kistler's LabAmp: it is asked over HTTP for a stream, which then comes over TCP.
+//! Transport of Kistler's LabAmp: requests a stream over HTTP, and receives it over TCP.
 //!
-//! Before the stream goes one line that the device never sent there: its answer about the channels, so that whoever reads
-//! the stream needs nothing else.
+//! A line that is not part of the device's stream precedes it: the device's description of its channels, so that the
+//! decoder needs no other source.
 
 use super::error::SourceError;
 use super::http::HttpClient;
@@ -14,14 +14,14 @@ use std::net::SocketAddr;
 const WHAT: &str = "Kistler's LabAmp";
 const KEY: &str = "ground.address";
 
-/// How the device is set up before it measures.
+/// Settings applied to the device before the measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LabAmpLineSettings {
     /// The device's web address.
     pub address: SocketAddr,
-    /// Sampling rate, Hz; `None` leaves it as it is.
+    /// Sampling rate, Hz; `None` leaves it unchanged.
     pub rate_hz: Option<u32>,
-    /// Scans in a frame; `None` leaves that to the device, which takes as few as it can.
+    /// Scans in a frame; `None` leaves the choice to the device, which uses the minimum.
     pub scans_per_frame: Option<u32>,
 }
 
@@ -31,10 +31,10 @@ pub struct LabAmpLine {
     settings: LabAmpLineSettings,
     http: HttpClient,
     stream: TcpLine,
-    /// What the device knows us by, to be given back.
+    /// Client identifier that the device assigned, to be released.
     client: Option<String>,
     stream_id: Option<u64>,
-    /// The line before the stream, until it was handed out.
+    /// The line before the stream, until it was delivered.
     line: Option<Vec<u8>>,
     handed_out: Vec<u8>,
 }
@@ -53,7 +53,7 @@ impl LabAmpLine {
         }
     }
 
-    /// Asks, and hands the answer on to be understood.
+    /// Sends a request and parses the answer.
     fn ask<T>(
         &self,
         request: &Request,
@@ -73,7 +73,7 @@ impl LabAmpLine {
         })
     }
 
-    /// Gives back what the device keeps for us. It forgets by itself what it cannot be told.
+    /// Releases the device's resources. If the device is unreachable, they expire there.
     fn give_back(&mut self) {
         self.stream.close();
         let (client, stream) = (self.client.take(), self.stream_id.take());
@@ -81,7 +81,7 @@ impl LabAmpLine {
         if let Some(stream) = stream
             && self.ask(&Request::close(&client, stream), talk::done).is_err()
         {
-            // Not there: a second question would only take as long again.
+            // The device is absent: a second request would only add another timeout.
             return;
         }
         let _forgotten_after_an_hour = self.ask(&Request::unregister(&client), talk::done);
@@ -99,11 +99,11 @@ impl LabAmpLine {
         let open = Request::open(&client, self.settings.scans_per_frame);
         let (port, stream_id) = self.ask(&open, talk::stream)?;
         self.stream_id = Some(stream_id);
-        // Within 30 s, or the device closes the port.
+        // The device closes the port if no connection arrives within 30 s.
         self.stream.redirect(SocketAddr::new(self.settings.address.ip(), port));
         self.stream.open()?;
         self.ask(&Request::start(), talk::done)?;
-        // In one line, whatever lines the device made of it.
+        // Serialised to one line, regardless of the device's line breaks.
         self.line = Some((channels.to_string() + "\n").into_bytes());
         Ok(())
     }

@@ -1,7 +1,7 @@
-//! The way to a stream of the lab streaming layer: found by asking around, or at a known address; described first, then
-//! read.
+//! Transport of a Lab Streaming Layer (LSL) stream: found by discovery, or at a configured address; the description is
+//! read first, then the samples.
 //!
-//! Before the feed goes the stream's own description, ended by a zero byte, which no XML has.
+//! The stream's description precedes the feed, terminated by a zero byte, which XML does not contain.
 
 mod find;
 
@@ -15,29 +15,29 @@ use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 const WHAT: &str = "the stream";
-/// An outlet describes itself within this.
+/// Timeout of an outlet's description.
 const DESCRIBE_TIMEOUT: Duration = Duration::from_secs(2);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
-/// A description is some kilobytes.
+/// A description has some kilobytes.
 const DESCRIPTION_MAX: usize = 1 << 20;
 
-/// Which stream, and where to look for it.
+/// Selection of the stream, and where to search for it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LslLineSettings {
-    /// The outlet's address, if it is known; nobody else is asked then.
+    /// The outlet's address, if configured; discovery is skipped then.
     pub address: Option<SocketAddr>,
     /// Its name.
     pub name: Option<String>,
     /// Its type.
     pub kind: Option<String>,
-    /// Its device's name.
+    /// The device's name.
     pub source_id: Option<String>,
-    /// Look on the whole network, not on this computer alone.
+    /// Search the whole network, not only this computer.
     pub whole_network: bool,
 }
 
 impl LslLineSettings {
-    /// What is asked for, as the layer names it.
+    /// The requested properties, with LSL's names.
     fn properties(&self) -> Vec<(&'static str, &str)> {
         let all = [("name", &self.name), ("type", &self.kind), ("source_id", &self.source_id)];
         all.into_iter().filter_map(|(property, value)| Some((property, value.as_deref()?))).collect()
@@ -48,7 +48,7 @@ impl LslLineSettings {
         same(&self.name, &info.name) && same(&self.kind, &info.kind) && same(&self.source_id, &info.source_id)
     }
 
-    /// In words: `with name "Plate"`.
+    /// As text: `with name "Plate"`.
     fn in_words(&self) -> String {
         let each = self.properties().into_iter().map(|(property, value)| format!("{property} {value:?}"));
         let each: Vec<String> = each.collect();
@@ -60,10 +60,10 @@ impl LslLineSettings {
 #[derive(Debug)]
 pub struct LslLine {
     settings: LslLineSettings,
-    /// Where outlets on this computer hear a question for all.
+    /// Addresses of discovery requests.
     discovery: Vec<SocketAddr>,
     stream: TcpLine,
-    /// The description, until it was handed out.
+    /// The description, until it was delivered.
     description: Option<Vec<u8>>,
     handed_out: Vec<u8>,
 }
@@ -75,7 +75,7 @@ impl LslLine {
         LslLine::asking(settings, discovery)
     }
 
-    /// As [`Self::new`], asking at these addresses, for outlets that listen elsewhere than is usual.
+    /// As [`Self::new`], with these discovery addresses, for outlets on other ports than usual.
     pub fn asking(settings: LslLineSettings, discovery: Vec<SocketAddr>) -> LslLine {
         let nowhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let stream = TcpLine::to(settings.address.unwrap_or(nowhere), WHAT, "ground.address");
@@ -101,7 +101,7 @@ impl LslLine {
     }
 }
 
-/// The description that an outlet gives of itself.
+/// Requests an outlet's description.
 fn ask(address: SocketAddr) -> io::Result<String> {
     let mut stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
     let until = Instant::now() + DESCRIBE_TIMEOUT;

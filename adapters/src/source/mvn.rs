@@ -1,4 +1,4 @@
-//! The suit, however MVN sends it: over UDP or over TCP, one worker or several.
+//! The suit's source, over UDP or TCP, for one subject or several.
 
 use super::error::SourceError;
 use super::mvn_tcp::MvnTcpSource;
@@ -11,31 +11,31 @@ use equipoise_core::message::{AdapterHealth, SuitBody, SuitSample};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-/// One call reads at most so many datagrams, so that a flood of refused ones does not hold up its caller.
+/// Maximum count of datagrams in one call, so that a flood of refused ones does not block the caller.
 pub(super) const MAX_DATAGRAMS_PER_CALL: usize = 64;
 
-/// How MVN's datagrams come.
+/// Transport of MVN's datagrams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MvnTransport {
-    /// One by one.
+    /// Single datagrams.
     #[default]
     Udp,
-    /// As a stream; MVN connects to us.
+    /// As a stream; MVN connects to this machine.
     Tcp,
 }
 
-/// Where to listen, and for what.
+/// Address and contents of the suit's stream.
 #[derive(Debug, Clone)]
 pub struct MvnSettings {
-    /// How datagrams come.
+    /// Transport of the datagrams.
     pub transport: MvnTransport,
     /// The address to listen on.
     pub listen: SocketAddr,
-    /// Whether computers other than this one may send.
+    /// Whether computers other than this one are admitted.
     pub allow_remote: bool,
-    /// How long one [`SuitSource::receive`] waits.
+    /// Timeout of one [`SuitSource::receive`].
     pub timeout: Duration,
-    /// What to make of the datagrams, and which character is the station's own.
+    /// Settings of the assembler, and the station's own character.
     pub suit: SuitSettings,
     /// Further characters on the same port.
     pub others: Vec<u8>,
@@ -66,17 +66,17 @@ enum Wire {
     Tcp(MvnTcpSource),
 }
 
-/// Suits that stream to us.
+/// Suits that stream to this machine.
 #[derive(Debug)]
 pub struct SuitSource {
     wire: Wire,
     suits: SuitRouter,
-    /// Who is told how each character's stream fares; the station's own is the first.
+    /// Health reporter of each character's stream; the station's own is the first.
     health: Vec<(u8, HealthReporter)>,
 }
 
 impl SuitSource {
-    /// Begins to listen.
+    /// Starts listening.
     ///
     /// # Errors
     /// [`SourceError::PortTaken`] or [`SourceError::Open`].
@@ -101,7 +101,8 @@ impl SuitSource {
         }
     }
 
-    /// Waits for one sample, whose `avatar` says whose it is; `None` after the timeout, or if what came made no sample.
+    /// Waits for one sample, whose `avatar` identifies the character; `None` after the timeout, or if the data
+    /// completed no sample.
     ///
     /// # Errors
     /// [`SourceError::Receive`] if the socket itself fails.
@@ -115,22 +116,22 @@ impl SuitSource {
         }
     }
 
-    /// What the suit said about the station's own worker.
+    /// Properties of the station's own subject that the suit reported.
     pub fn subject(&self) -> &SuitSubject {
         self.suits.own().subject()
     }
 
-    /// What the suit said of the station's own worker's build, as a message; `None` until it did.
+    /// Body scale of the station's own subject, as a message; `None` until the suit reported it.
     pub fn body(&self) -> Option<SuitBody> {
         self.suits.own().body()
     }
 
-    /// What was counted since the start: the station's own worker, and all that belongs to nobody.
+    /// Counts since the start: the station's own subject, and all datagrams of no configured character.
     pub fn counts(&self) -> &Counts {
         self.suits.own().counts()
     }
 
-    /// The assembler of a character that is wanted.
+    /// The assembler of a configured character.
     pub fn assembler(&self, avatar: u8) -> Option<&SuitAssembler> {
         let (own, _) = self.health.first()?;
         if avatar == *own { Some(self.suits.own()) } else { self.suits.other(avatar) }
@@ -140,11 +141,11 @@ impl SuitSource {
     /// [`crate::suit::SuitRefusal`].
     pub fn health(&mut self) -> AdapterHealth {
         let own = self.health.first().map_or(0, |(own, _)| *own);
-        // The station's own character is always there.
+        // The station's own character always exists.
         self.health_of(own).unwrap_or_else(bytemuck::Zeroable::zeroed)
     }
 
-    /// The same of a character that is wanted.
+    /// The same of a configured character.
     pub fn health_of(&mut self, avatar: u8) -> Option<AdapterHealth> {
         let counts = *self.assembler(avatar)?.counts();
         let (_, reporter) = self.health.iter_mut().find(|(whose, _)| *whose == avatar)?;

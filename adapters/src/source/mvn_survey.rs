@@ -1,4 +1,4 @@
-//! A look at what MVN sends, without making anything of it.
+//! Survey of MVN's data on the port, without publishing samples.
 
 use super::error::SourceError;
 use super::mvn::{MvnSettings, MvnTransport};
@@ -7,10 +7,10 @@ use super::udp::UdpDoor;
 use crate::suit::Survey;
 use std::time::{Duration, Instant};
 
-/// The key that chooses the address.
+/// The configuration key of the address.
 const KEY: &str = "suit.listen";
 
-/// Listens for a while, or until `stopping` says so, and tells what came. `settings.others` does not matter.
+/// Listens for `time`, or until `stopping` returns `true`, and returns the survey. `settings.others` is ignored.
 ///
 /// # Errors
 /// [`SourceError::PortTaken`] or [`SourceError::Open`]; [`SourceError::Receive`] if the socket itself fails.
@@ -41,7 +41,7 @@ pub fn survey(
                 match door.receive()? {
                     Some(Heard::Datagram { bytes, sender, arrival_ns }) => {
                         survey.take(sender.ip(), bytes, arrival_ns);
-                        // No samples are made here: who sends sound datagrams is taken for the suit.
+                        // No samples are assembled here: any sender of valid datagrams counts as the suit.
                         door.accepted();
                     }
                     Some(Heard::LostStep) => survey.lose_step(),

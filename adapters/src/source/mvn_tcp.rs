@@ -1,4 +1,4 @@
-//! The suit over TCP: MVN's Network Streamer connects to us, and we listen.
+//! The suit over TCP: MVN's Network Streamer connects to this machine.
 
 use super::error::SourceError;
 use super::mvn::{MAX_DATAGRAMS_PER_CALL, MvnSettings};
@@ -6,7 +6,7 @@ use super::tcp_door::{Heard, TcpDoor};
 use crate::suit::{SuitRefusal, SuitRouter};
 use equipoise_core::message::SuitSample;
 
-/// A suit that streams to us; one at a time.
+/// A suit that streams to this machine; one at a time.
 #[derive(Debug)]
 pub(super) struct MvnTcpSource {
     pub(super) door: TcpDoor,

@@ -1,4 +1,4 @@
-//! The suit over UDP: MVN's Network Streamer sends, we listen.
+//! The suit over UDP: MVN's Network Streamer sends, this machine listens.
 
 use super::error::SourceError;
 use super::mvn::{MAX_DATAGRAMS_PER_CALL, MvnSettings};
@@ -6,7 +6,7 @@ use super::udp::{OneSender, UdpDoor};
 use crate::suit::{SuitRefusal, SuitRouter};
 use equipoise_core::message::SuitSample;
 
-/// Suits that stream to us from one computer.
+/// Suits that stream from one computer.
 #[derive(Debug)]
 pub(super) struct MvnUdpSource {
     pub(super) door: UdpDoor,

@@ -1,4 +1,4 @@
-//! UDP to an ATI device, after a look at its page of settings, which is handed on first.
+//! UDP transport of an ATI device; delivers the device's settings page first.
 
 use super::error::SourceError;
 use super::http::HttpClient;
@@ -10,31 +10,31 @@ use crate::wire::netft_xml::PATH;
 use std::io;
 use std::net::SocketAddr;
 
-/// Where the device and its page are.
+/// Addresses of the device and of its page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NetFtLineSettings {
-    /// Where it takes requests.
+    /// Address for requests.
     pub address: SocketAddr,
-    /// The port of its web pages.
+    /// Port of the web pages.
     pub page_port: u16,
-    /// Whether nothing can be done without the page.
+    /// Whether the page is indispensable.
     pub page_needed: bool,
 }
 
-/// The way to an ATI device.
+/// Transport of an ATI device.
 #[derive(Debug)]
 pub struct NetFtLine {
     settings: NetFtLineSettings,
     key: &'static str,
     http: HttpClient,
     datagrams: UdpLine,
-    /// The page, until it was handed on.
+    /// The page, until it was delivered.
     page: Option<Vec<u8>>,
     handed_on: Vec<u8>,
 }
 
 impl NetFtLine {
-    /// To a device; `key` names its address in errors.
+    /// To a device; `key` is the configuration key of its address for errors.
     pub fn new(settings: NetFtLineSettings, key: &'static str) -> NetFtLine {
         NetFtLine {
             settings,

@@ -1,7 +1,7 @@
-//! A serial port as a way to a device: raw bytes, for us alone, of any speed, unplugged and plugged in again.
+//! Serial port as a transport: raw bytes, exclusive use, any speed, reconnection after unplugging.
 //!
-//! Through `rustix` rather than a crate for serial ports: it tells the kernel's own error numbers apart (unplugged, taken,
-//! forbidden are three different things to do), counts unread bytes, and needs no unsafe code.
+//! Uses `rustix` rather than a crate for serial ports: it distinguishes the kernel's error numbers (unplugged, in use
+//! and forbidden need different remedies), counts unread bytes, and needs no unsafe code.
 
 mod refused;
 
@@ -19,36 +19,36 @@ use rustix::termios::{
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
-/// How long one wait for bytes lasts.
+/// Timeout of one wait for bytes.
 const WAIT: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
-/// A device that takes no byte for so long does not listen.
+/// A device that accepts no byte for this long does not receive.
 const SEND_WAIT: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
-/// What one read takes at most; the kernel holds no more for a serial port.
+/// Size of one read; the kernel buffers no more for a serial port.
 const BUFFER_SIZE: usize = 4096;
-/// Start, eight bits, stop.
+/// Start bit, eight data bits, stop bit.
 const BITS_PER_BYTE: u64 = 10;
 const NS_PER_S: u64 = 1_000_000_000;
-/// The kernel's numbers for the near ends of pseudo terminals.
+/// The kernel's major device numbers of the near ends of pseudo terminals.
 const PSEUDO_TERMINALS: core::ops::RangeInclusive<u32> = 136..=143;
 
-/// Who says when bytes may be sent.
+/// Flow control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Flow {
-    /// Nobody: bytes are sent when they are there.
+    /// None: bytes are sent at once.
     #[default]
     Free,
-    /// The wires RTS and CTS.
+    /// RTS and CTS lines.
     RtsCts,
 }
 
-/// Which line, and how it is used. Always eight bits, no parity, one stop bit.
+/// Port and use of the line. Always eight bits, no parity, one stop bit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineSettings {
     /// The port's file, for example `/dev/ttyUSB0`.
     pub port: PathBuf,
     /// Speed at which the line is opened, baud.
     pub baud: u32,
-    /// Who says when bytes may be sent.
+    /// Flow control.
     pub flow: Flow,
     /// The configuration key that names the port, for errors.
     pub key: &'static str,
@@ -58,7 +58,7 @@ pub struct LineSettings {
 #[derive(Debug)]
 pub struct SerialLine {
     settings: LineSettings,
-    /// As it is now: devices change it while they are talked to.
+    /// Current speed: devices change it during the dialogue.
     baud: u32,
     open: Option<OwnedFd>,
     buffer: Box<[u8]>,
@@ -83,16 +83,17 @@ impl SerialLine {
         self.open.as_ref().ok_or_else(|| gone(settings, "it was closed"))
     }
 
-    /// Closes at once, so that a port that is plugged in again gets its old name, and says why.
+    /// Closes at once, so that a port that is plugged in again obtains its old name; returns the error.
     fn lost(&mut self, why: &str) -> SourceError {
         self.open = None;
         gone(&self.settings, why)
     }
 
-    /// When the newest of the bytes just read came, at the latest.
+    /// Latest possible arrival of the newest of the bytes just read.
     ///
-    /// What is still unread was sent after them, so they came at least as much earlier as the line needs for that. USB
-    /// adapters hand on bytes in blocks, later than they came; the clock fit takes the earliest for its measure anyway.
+    /// Unread bytes were sent after them, so the bytes arrived at least the transmission time of the unread ones
+    /// earlier. USB adapters deliver bytes in blocks, later than they arrive; the clock fit uses the earliest arrivals,
+    /// so this does not matter.
     fn arrival_ns(&mut self, read_ns: u64, unread: u64) -> u64 {
         let later_ns = unread.saturating_mul(BITS_PER_BYTE * NS_PER_S) / u64::from(self.baud.max(1));
         self.last_arrival_ns = read_ns.saturating_sub(later_ns).max(self.last_arrival_ns);
@@ -112,11 +113,11 @@ impl Transport for SerialLine {
         if FileType::from_raw_mode(stat.st_mode) != FileType::CharacterDevice {
             return Err(no_port(settings));
         }
-        // Two kinds of lock: this one keeps out whoever asks, root too, …
+        // Two kinds of lock: this one excludes all programs that check it, those of root included, …
         flock(&fd, FlockOperation::NonBlockingLockExclusive)
             .map_err(|errno| refused(settings, if errno == Errno::AGAIN { Errno::BUSY } else { errno }))?;
-        // … and this one whoever does not ask. A pseudo terminal would keep the mark as long as its far end lives,
-        // however long we are gone.
+        // … and this one those that do not check. On a pseudo terminal it would persist as long as the far end exists,
+        // long after this process.
         if !PSEUDO_TERMINALS.contains(&major(stat.st_rdev)) {
             ioctl_tiocexcl(&fd).map_err(|errno| refused(settings, errno))?;
         }
@@ -137,13 +138,13 @@ impl Transport for SerialLine {
         let unplugged = "it was unplugged";
         let Some(fd) = &self.open else { return Err(self.lost(unplugged)) };
         let count = match read(fd, &mut *self.buffer) {
-            // Woken up for nothing: the other end hung up.
+            // Woken without data: the other end hung up.
             Ok(0) | Err(Errno::IO | Errno::NXIO | Errno::NODEV) => return Err(self.lost(unplugged)),
             Ok(count) => count,
             Err(Errno::AGAIN | Errno::INTR) => return Ok(None),
             Err(errno) => return Err(self.lost(&errno.to_string())),
         };
-        // A line that cannot tell is read as fast as it comes.
+        // A line without this count is read as fast as data arrive.
         let unread = ioctl_fionread(self.fd()?).unwrap_or(0);
         let arrival_ns = self.arrival_ns(read_ns, unread);
         let bytes = self.buffer.get(..count).unwrap_or_default();
@@ -170,7 +171,7 @@ impl Transport for SerialLine {
         Ok(())
     }
 
-    /// At once: whatever was sent before must have had its time. What came at the old speed and was not read is gone.
+    /// At once: the caller allows earlier output the time to be sent. Unread input at the old speed is discarded.
     fn set_speed(&mut self, baud: u32) -> Result<(), SourceError> {
         set_up(self.fd()?, &self.settings, baud).inspect_err(|_| self.open = None)?;
         self.baud = baud;
@@ -178,18 +179,18 @@ impl Transport for SerialLine {
     }
 }
 
-/// Raw bytes at a speed; the driver's answer is read back, since many say yes to what they cannot do.
+/// Sets raw mode and speed; the settings are read back, as many drivers accept values that they do not support.
 fn set_up(fd: &OwnedFd, settings: &LineSettings, baud: u32) -> Result<(), SourceError> {
     let failed = |errno| refused(settings, errno);
     let mut line = tcgetattr(fd).map_err(failed)?;
     line.make_raw();
     line.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
-    // No carrier is waited for: plates have no modems.
+    // Ignores the carrier: plates have no modems.
     line.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
     if settings.flow == Flow::RtsCts {
         line.control_modes |= ControlModes::CRTSCTS;
     }
-    // With at least one byte asked for, a read of nothing means that the other end hung up.
+    // With a minimum of one byte, an empty read means that the other end hung up.
     line.special_codes[SpecialCodeIndex::VMIN] = 1;
     line.special_codes[SpecialCodeIndex::VTIME] = 0;
     line.set_speed(baud).map_err(|_| wrong_speed(settings, baud, None))?;
@@ -198,7 +199,7 @@ fn set_up(fd: &OwnedFd, settings: &LineSettings, baud: u32) -> Result<(), Source
         errno => failed(errno),
     })?;
     let is = tcgetattr(fd).map_err(failed)?.output_speed();
-    // Made of a clock by division, no speed is exact; three per cent is what a byte of ten bits bears.
+    // Speeds are divided from a clock and not exact; a byte of ten bits tolerates three per cent.
     if is.abs_diff(baud) > baud / 33 {
         return Err(wrong_speed(settings, baud, Some(is)));
     }
@@ -215,7 +216,7 @@ mod tests {
             LineSettings { port: PathBuf::new(), baud: 100_000, flow: Flow::Free, key: "ground.serial.port" };
         let mut line = SerialLine::new(settings);
         assert_eq!(line.arrival_ns(1_000_000_000, 0), 1_000_000_000);
-        // A hundred bytes of ten bits at 100 kbaud take 10 ms.
+        // 100 bytes of ten bits at 100 kbaud take 10 ms.
         assert_eq!(line.arrival_ns(1_020_000_000, 100), 1_010_000_000);
         assert_eq!(line.arrival_ns(1_021_000_000, 4000), 1_010_000_000);
     }

@@ -1,10 +1,10 @@
-//! A listening TCP socket for one device that streams MVN datagrams to us.
+//! Listening TCP socket for one device that streams MVN datagrams.
 //!
-//! The device is the client whose sample was accepted. Until there is one, several clients may be connected and are read,
-//! so that neither an idle nor a babbling connection keeps the device away.
+//! The device is the client whose sample was accepted. Before that, several clients may be connected and are read, so
+//! that neither an idle nor a babbling connection blocks the device.
 //!
-//! The kernel stamps packets, not what is in them: a datagram is stamped when it was read, and all that one read brings
-//! bear one stamp. The clock fit keeps to the earliest, so that this costs little as long as reads are not late.
+//! The kernel stamps packets, not their contents: a datagram is stamped when it was read, and all datagrams of one read
+//! have the same stamp. The clock fit uses the earliest arrivals, so this matters little as long as reads are not late.
 
 use super::error::SourceError;
 use super::udp::Senders;
@@ -18,29 +18,30 @@ use std::os::fd::AsFd;
 use std::os::linux::net::TcpStreamExt;
 use std::time::Duration;
 
-/// A client without an accepted sample for so long gives way to others. As `OneSender` has it for datagrams.
+/// A client without an accepted sample for this long may be replaced; as in `OneSender` for datagrams.
 const CLIENT_HOLDS_NS: u64 = 1_000_000_000;
-/// Clients that are read while none of them is the device; one more closes the oldest. A MVN, one that did not notice its
-/// end, and a few strangers.
+/// Maximum count of clients that are read while none of them is the device; a further one closes the oldest. Allows for
+/// MVN, a stale connection of it, and a few unrelated clients.
 const CLIENTS_MAX: usize = 8;
-/// Bytes taken at once: 14 samples of everything.
+/// Size of one read: 14 samples with all types.
 const READ_SIZE: usize = 65_536;
 
-/// What came.
+/// Event of the socket.
 #[derive(Debug, Clone, Copy)]
 pub enum Heard<'a> {
     /// A datagram of a client; if a sample of it is accepted, [`TcpDoor::accepted`] must be called.
     Datagram {
-        /// What was sent.
+        /// The datagram.
         bytes: &'a [u8],
-        /// Who sent it.
+        /// The sender.
         sender: SocketAddr,
-        /// When it was read, CLOCK_MONOTONIC.
+        /// Time of reading, CLOCK_MONOTONIC.
         arrival_ns: u64,
     },
-    /// A client's stream was out of step and is searched for the next datagram.
+    /// A client's stream lost synchronisation and is searched for the next datagram.
     LostStep,
-    /// A client that may not connect, or that did beside the device, or one too many. The connection was closed.
+    /// A client that is not admitted, that connected in addition to the device, or that exceeded the limit. The
+    /// connection was closed.
     TurnedAway(SocketAddr),
 }
 
@@ -49,9 +50,9 @@ struct Client {
     stream: TcpStream,
     address: SocketAddr,
     cutter: StreamCutter,
-    /// When the last bytes were read.
+    /// Time of the last read.
     arrival_ns: u64,
-    /// When a sample of it was accepted last.
+    /// Time of the last accepted sample.
     accepted_ns: Option<u64>,
 }
 
@@ -62,16 +63,16 @@ pub struct TcpDoor {
     local: SocketAddr,
     senders: Senders,
     timeout: Duration,
-    /// In the order in which they connected.
+    /// In the order of connection.
     clients: Vec<Client>,
-    /// Which of them brought the last datagram.
+    /// Index of the client of the last datagram.
     last: usize,
     buffer: Box<[u8]>,
     skipped_bytes: u64,
 }
 
 impl TcpDoor {
-    /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` names the address in errors.
+    /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` is the configuration key for errors.
     ///
     /// # Errors
     /// [`SourceError::PortTaken`] or [`SourceError::Open`].
@@ -100,25 +101,25 @@ impl TcpDoor {
         })
     }
 
-    /// The address it listens on, with the port the system chose if 0 was asked for.
+    /// The local address, with the port that the system chose if 0 was requested.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }
 
-    /// Bytes of all clients that belonged to no datagram and no text.
+    /// Bytes of all clients that belong to no datagram and no text.
     pub fn skipped_bytes(&self) -> u64 {
         self.skipped_bytes + self.clients.iter().map(|client| client.cutter.skipped_bytes()).sum::<u64>()
     }
 
-    /// Waits for one datagram, or something else worth telling; `None` after the timeout, or if what came was neither.
+    /// Waits for one datagram or another event; `None` after the timeout, or if the data were neither.
     ///
     /// # Errors
-    /// [`SourceError::Receive`] if the listening socket itself fails. A client that fails is only gone.
+    /// [`SourceError::Receive`] if the listening socket itself fails. A client that fails is dropped without error.
     pub fn receive(&mut self) -> Result<Option<Heard<'_>>, SourceError> {
         let mut cut = self.cut();
         if cut.is_none() {
             let (streams, knocks) = self.wait()?;
-            // The clients first: one that closed makes room for the one that knocks.
+            // Clients are read first: a closed one makes room for the next.
             self.read(&streams);
             if knocks && let Some(turned_away) = self.admit()? {
                 return Ok(Some(Heard::TurnedAway(turned_away)));
@@ -136,7 +137,7 @@ impl TcpDoor {
         })
     }
 
-    /// The last datagram held a sample that was accepted: its client is the device, and all others are closed.
+    /// The last datagram contained an accepted sample: its client is the device, and all others are closed.
     pub fn accepted(&mut self) {
         if self.last >= self.clients.len() {
             return;
@@ -148,7 +149,7 @@ impl TcpDoor {
         self.last = 0;
     }
 
-    /// The next cut of any client, beginning behind the one that had the last: none starves the others.
+    /// The next datagram of any client, round-robin after the last one, so that no client starves the others.
     fn cut(&mut self) -> Option<Cut> {
         let (count, last) = (self.clients.len(), self.last);
         let (index, cut) = (1..=count).map(|step| (last + step) % count).find_map(|index| {
@@ -159,7 +160,7 @@ impl TcpDoor {
         Some(cut)
     }
 
-    /// Waits until a client has sent something or one knocks: which of the clients, and whether one knocks.
+    /// Waits until a client sends data or connects: which clients are readable, and whether one connects.
     fn wait(&self) -> Result<(Vec<bool>, bool), SourceError> {
         let mut asked = vec![PollFd::new(self.listener.as_fd(), PollFlags::POLLIN)];
         asked.extend(self.clients.iter().map(|client| PollFd::new(client.stream.as_fd(), PollFlags::POLLIN)));
@@ -170,23 +171,23 @@ impl TcpDoor {
             Err(Errno::EINTR) => return Ok((Vec::new(), false)),
             Err(errno) => return Err(self.failed(errno.into())),
         }
-        // A hang-up or an error shows when it is read.
+        // A hang-up or an error is detected by the read.
         let mut happened = asked.iter().map(|fd| fd.any().unwrap_or(false));
         let knocks = happened.next().unwrap_or(false);
         Ok((happened.collect(), knocks))
     }
 
-    /// Takes in what clients sent; those that closed or failed are dropped.
+    /// Reads the clients' data; drops clients that closed or failed.
     fn read(&mut self, streams: &[bool]) {
-        // From the last on, so that dropping one does not move those that are still to be read.
+        // In descending order, so that dropping a client does not shift the indices of those still to be read.
         for index in (0..self.clients.len()).rev().filter(|index| streams.get(*index) == Some(&true)) {
             let Some(client) = self.clients.get_mut(index) else { continue };
             match client.stream.read(&mut self.buffer) {
                 Ok(length @ 1..) => {
                     client.arrival_ns = now_monotonic_ns();
                     client.cutter.push(self.buffer.get(..length).unwrap_or_default());
-                    // A sender that waits for an answer before its next small packet shall not wait for it long. The
-                    // kernel forgets this wish, and a connection that does not know it is no worse than before.
+                    // Reduces the delay of a sender that waits for an acknowledgement before its next small packet. The
+                    // kernel resets this option, and a connection without it still works.
                     let _ = client.stream.set_quickack(true);
                 }
                 Err(error)
@@ -202,11 +203,11 @@ impl TcpDoor {
         }
     }
 
-    /// Lets the next one in; who was turned away.
+    /// Accepts the next client; returns the address of one that was turned away.
     fn admit(&mut self) -> Result<Option<SocketAddr>, SourceError> {
         let (stream, address) = match self.listener.accept() {
             Ok(accepted) => accepted,
-            // Whoever knocked is gone again.
+            // The client has disconnected already.
             Err(error)
                 if matches!(
                     error.kind(),

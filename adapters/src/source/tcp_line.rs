@@ -1,4 +1,4 @@
-//! TCP as a way to a device: this machine calls, the device answers with a stream.
+//! Outgoing TCP connection as a transport.
 
 use super::error::SourceError;
 use super::transport::{Incoming, Transport};
@@ -11,19 +11,20 @@ use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// How long one wait for bytes lasts.
+/// Timeout of one wait for bytes.
 const TIMEOUT: Duration = Duration::from_millis(50);
-/// A device on the same network answers a call within this, or is not there.
+/// Connection timeout; a device on the same network accepts within this.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
-/// A device that does not take what it is told for so long has stopped working.
+/// A device that accepts no bytes for this long has stopped working.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
-/// Pulled cables are found out after `KEEP_IDLE_S + KEEP_COUNT * KEEP_INTERVAL_S` of silence: nothing else tells.
+/// A pulled cable is detected after `KEEP_IDLE_S + KEEP_COUNT * KEEP_INTERVAL_S` of silence; there is no other sign of
+/// it.
 const KEEP_IDLE_S: u32 = 2;
 const KEEP_INTERVAL_S: u32 = 1;
 const KEEP_COUNT: u32 = 3;
-/// The same for what was said and never confirmed.
+/// The same for sent data that are not acknowledged.
 const UNCONFIRMED_MS: u32 = 5000;
-/// Taken at once at most; a stream is read in pieces of any size anyway.
+/// Size of one read; a stream may arrive in pieces of any size.
 const BUFFER_SIZE: usize = 65_536;
 
 /// TCP to one device.
@@ -37,18 +38,19 @@ pub struct TcpLine {
 }
 
 impl TcpLine {
-    /// To a device at an address; `what` is its name as people call it, `key` names the address in errors.
+    /// To a device at an address; `what` is its name for the operator, `key` the configuration key of the address for
+    /// errors.
     pub fn to(address: SocketAddr, what: &str, key: &'static str) -> TcpLine {
         let buffer = vec![0; BUFFER_SIZE].into_boxed_slice();
         TcpLine { address, what: what.to_owned(), key, stream: None, buffer }
     }
 
-    /// From now on it calls this address; what is open stays so until the next [`Transport::open`].
+    /// Sets the address of the next [`Transport::open`]; an open connection is kept until then.
     pub fn redirect(&mut self, address: SocketAddr) {
         self.address = address;
     }
 
-    /// This machine's end, once open.
+    /// The local address, once open.
     pub fn local_address(&self) -> Option<SocketAddr> {
         self.stream.as_ref().and_then(|stream| stream.local_addr().ok())
     }
@@ -62,7 +64,7 @@ impl TcpLine {
         let stream = TcpStream::connect_timeout(&self.address, CONNECT_TIMEOUT)?;
         stream.set_read_timeout(Some(TIMEOUT))?;
         stream.set_write_timeout(Some(WRITE_TIMEOUT))?;
-        // What is told to a device is short, and waits for nothing.
+        // Commands to a device are short and must not be delayed.
         stream.set_nodelay(true)?;
         setsockopt(&stream, KeepAlive, &true)?;
         setsockopt(&stream, TcpKeepIdle, &KEEP_IDLE_S)?;
@@ -90,14 +92,14 @@ impl TcpLine {
     }
 }
 
-/// Silence or a signal: not yet anything.
+/// A timeout or a signal: no data yet.
 fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
 }
 
 impl Transport for TcpLine {
     fn open(&mut self) -> Result<(), SourceError> {
-        // A device that serves one client only must see the old one go first.
+        // A device that serves only one client accepts a new connection only after the old one is closed.
         self.stream = None;
         self.stream = Some(self.connect().map_err(|error| self.absent(error))?);
         Ok(())
@@ -109,7 +111,7 @@ impl Transport for TcpLine {
         };
         let read = match stream.read(&mut self.buffer) {
             Ok(0) => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "it closed the connection")),
-            // The kernel gave up on the other end; a wait that merely ended is `WouldBlock` here.
+            // The kernel gave up the connection; a mere timeout is `WouldBlock` here.
             Err(error) if is_nothing(&error) && error.raw_os_error() != Some(nix::libc::ETIMEDOUT) => {
                 return Ok(None);
             }
@@ -131,7 +133,7 @@ impl Transport for TcpLine {
         let Some(stream) = &mut self.stream else {
             return Err(self.absent(io::ErrorKind::NotConnected.into()));
         };
-        // Half a command is none: whatever fails here ends the connection.
+        // A partial command is invalid, so any failure here closes the connection.
         stream.write_all(bytes).map_err(|error| {
             self.stream = None;
             self.absent(error)
@@ -153,7 +155,7 @@ mod tests {
         (line, listener)
     }
 
-    /// Everything that comes until as many bytes are there, or an error.
+    /// Reads until this many bytes have arrived, or an error.
     fn take(line: &mut TcpLine, length: usize) -> Result<Vec<u8>, SourceError> {
         let (began, mut taken) = (Instant::now(), Vec::new());
         while taken.len() < length && began.elapsed() < PATIENCE {

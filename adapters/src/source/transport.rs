@@ -1,48 +1,48 @@
-//! Ways to a device: what an engine needs of each, whichever it is.
+//! Transports: the interface that engines need of every kind of connection.
 
 use super::error::SourceError;
 
-/// What came over a connection.
+/// Received data.
 #[derive(Debug, Clone, Copy)]
 pub struct Incoming<'a> {
     /// A whole datagram, or any piece of a stream.
     pub bytes: &'a [u8],
-    /// When it came, CLOCK_MONOTONIC: the kernel's stamp for datagrams, the time of reading for streams.
+    /// Arrival, CLOCK_MONOTONIC: the kernel's stamp for datagrams, the time of reading for streams.
     pub arrival_ns: u64,
-    /// Whether its sender may send. If not, `bytes` must not be used.
+    /// Whether the sender is admitted. If not, `bytes` must not be used.
     pub admitted: bool,
 }
 
-/// One way to a device: a socket, a serial line, a file. Opened, used until it fails, opened again.
+/// A connection to a device: a socket, a serial line, a file. Opened, used until it fails, opened again.
 pub trait Transport: Send {
-    /// Opens the way; whatever was open before is closed.
+    /// Opens the connection; closes an existing one first.
     ///
     /// # Errors
-    /// [`SourceError::Absent`] if the device is not there now and may come; others if this machine cannot do it at all.
+    /// [`SourceError::Absent`] if the device is absent now and may appear later; others if this machine cannot open it.
     fn open(&mut self) -> Result<(), SourceError>;
 
-    /// Whether what was opened last goes on with the very byte that follows the last one received: then nothing begins anew
-    /// on it, and a line that was half read is.
+    /// Whether the opened connection continues with the byte after the last one received; partially received lines are
+    /// then kept.
     fn goes_on(&self) -> bool {
         false
     }
 
-    /// Waits a short while (tens of milliseconds) for bytes; `None` if none came.
+    /// Waits briefly (tens of milliseconds) for bytes; `None` if none arrived.
     ///
     /// # Errors
-    /// [`SourceError::Absent`] if the device went away: then [`Self::open`] is called again after a pause.
+    /// [`SourceError::Absent`] if the device disappeared; [`Self::open`] is called again after a pause.
     fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError>;
 
-    /// What was received last held a sample that was accepted: its sender is the device.
+    /// The last received data contained an accepted sample: their sender is the device.
     fn accepted(&mut self) {}
 
-    /// Says something to the device.
+    /// Sends bytes to the device.
     ///
     /// # Errors
     /// As [`Self::receive`].
     fn send(&mut self, bytes: &[u8]) -> Result<(), SourceError>;
 
-    /// Changes the speed of a serial line, baud; other ways have none and do nothing.
+    /// Changes the speed of a serial line, baud; no effect on other transports.
     ///
     /// # Errors
     /// As [`Self::receive`].

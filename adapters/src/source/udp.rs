@@ -1,4 +1,4 @@
-//! A UDP socket whose datagrams bear the kernel's receive stamp.
+//! UDP socket whose datagrams have the kernel's receive stamp.
 
 use super::error::SourceError;
 use crate::clock::{StampTranslator, now_monotonic_ns};
@@ -14,24 +14,24 @@ use std::net::{IpAddr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::os::fd::AsRawFd;
 use std::time::Duration;
 
-/// The largest UDP datagram there is.
+/// Maximum size of a UDP datagram.
 const BUFFER_SIZE: usize = 65_536;
-/// Asked of the kernel; it grants at most `net.core.rmem_max`. A second of everything is about 1 MB.
+/// Requested receive buffer; the kernel grants at most `net.core.rmem_max`. One second of all types is about 1 MB.
 const KERNEL_BUFFER_SIZE: usize = 4 << 20;
 
-/// Who may send.
+/// Admitted senders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Senders {
-    /// This computer only.
+    /// Only this computer.
     Loopback,
-    /// This address only.
+    /// Only this address.
     Only(IpAddr),
-    /// Anyone who can reach the socket.
+    /// Any sender that can reach the socket.
     Anyone,
 }
 
 impl Senders {
-    /// Whether a sender may send.
+    /// Whether a sender is admitted.
     pub fn admit(self, sender: IpAddr) -> bool {
         match self {
             Senders::Loopback => sender.is_loopback(),
@@ -41,30 +41,30 @@ impl Senders {
     }
 }
 
-/// Keeps a port to one sender: two would tear each other's samples apart. Only accepted samples hold it; a stray datagram
-/// does not lock out the device.
+/// Restricts a port to one sender, as two would corrupt each other's samples. Only accepted samples reserve it; a stray
+/// datagram does not lock out the device.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OneSender {
-    /// Whose sample was accepted, and when last.
+    /// Sender of the last accepted sample, and its time.
     holder: Option<(IpAddr, u64)>,
 }
 
 impl OneSender {
-    /// The port is free again once no sample was accepted for so long. Far above the gaps of a radio link.
+    /// The port is released if no sample was accepted for this long; far above the gaps of a radio link.
     const HOLDS_NS: u64 = 1_000_000_000;
 
-    /// Whether a datagram of `sender` that came at `arrival_ns` is to be read: nobody else holds the port.
+    /// Whether a datagram of `sender` that arrived at `arrival_ns` is to be read: no other sender holds the port.
     pub fn admits(&self, sender: IpAddr, arrival_ns: u64) -> bool {
         let holds = |last_ns: u64| arrival_ns.saturating_sub(last_ns) < Self::HOLDS_NS;
         self.holder.is_none_or(|(holder, last_ns)| holder == sender || !holds(last_ns))
     }
 
-    /// A sample of `sender` was accepted, whose datagram came at `arrival_ns`: the port is held.
+    /// A sample of `sender` was accepted, whose datagram arrived at `arrival_ns`: reserves the port.
     pub fn hold(&mut self, sender: IpAddr, arrival_ns: u64) {
         self.holder = Some((sender, arrival_ns));
     }
 
-    /// Whether nobody else is listened to.
+    /// Whether no other sender holds the port.
     pub fn may_be(&self, peer: IpAddr) -> bool {
         self.holder.is_none_or(|(holder, _)| holder == peer)
     }
@@ -73,13 +73,13 @@ impl OneSender {
 /// One datagram.
 #[derive(Debug, Clone, Copy)]
 pub struct Received<'a> {
-    /// What was sent.
+    /// The datagram.
     pub bytes: &'a [u8],
-    /// Who sent it.
+    /// The sender.
     pub sender: SocketAddr,
-    /// Whether that sender may send. If not, `bytes` must not be used.
+    /// Whether the sender is admitted. If not, `bytes` must not be used.
     pub admitted: bool,
-    /// When the kernel received it, CLOCK_MONOTONIC.
+    /// The kernel's receive stamp, CLOCK_MONOTONIC.
     pub arrival_ns: u64,
 }
 
@@ -96,7 +96,7 @@ pub struct UdpDoor {
 }
 
 impl UdpDoor {
-    /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` names the address in errors.
+    /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` is the configuration key for errors.
     ///
     /// # Errors
     /// [`SourceError::PortTaken`] or [`SourceError::Open`].
@@ -111,7 +111,7 @@ impl UdpDoor {
             _ => SourceError::Open { address, key, error },
         };
         let socket = UdpSocket::bind(address).map_err(failed)?;
-        // A timeout of zero would mean to wait for ever.
+        // A timeout of zero would block forever.
         socket.set_read_timeout(Some(timeout.max(Duration::from_micros(1)))).map_err(failed)?;
         setsockopt(&socket, ReceiveTimestampns, &true).map_err(|errno| failed(errno.into()))?;
         setsockopt(&socket, RcvBuf, &KERNEL_BUFFER_SIZE).map_err(|errno| failed(errno.into()))?;
@@ -129,7 +129,7 @@ impl UdpDoor {
         })
     }
 
-    /// The address it listens on, with the port the system chose if 0 was asked for.
+    /// The local address, with the port that the system chose if 0 was requested.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }
@@ -152,12 +152,12 @@ impl UdpDoor {
                     message.cmsgs().ok().and_then(|mut messages| messages.find_map(kernel_stamp_ns));
                 (message.bytes, message.address.as_ref().and_then(socket_address), stamp_ns)
             }
-            // Silence, a signal, or an echo that a device we wrote to is not there: all of them are "nothing yet".
+            // A timeout, a signal, or an ICMP reply that a device is absent: no data yet.
             Err(Errno::EAGAIN | Errno::EINTR | Errno::ECONNREFUSED) => return Ok(None),
             Err(errno) => return Err(SourceError::Receive { address: self.local, error: errno.into() }),
         };
         let Some(sender) = sender else {
-            // Every datagram has a sender. Nothing from nobody, again and again, is a socket that was shut down.
+            // Every datagram has a sender. Repeated empty results without one mean that the socket was shut down.
             let error = io::Error::new(io::ErrorKind::NotConnected, "the socket was shut down from outside");
             return Err(SourceError::Receive { address: self.local, error });
         };
@@ -194,7 +194,7 @@ fn socket_address(address: &SockaddrStorage) -> Option<SocketAddr> {
     }
     let v6 = address.as_sockaddr_in6()?;
     let ip: Ipv6Addr = v6.ip();
-    // A dual-stack socket shows IPv4 senders in mapped form.
+    // A dual-stack socket reports IPv4 senders in mapped form.
     Some(SocketAddr::new(ip.to_canonical(), v6.port()))
 }
 
@@ -211,7 +211,7 @@ mod tests {
     fn a_datagram_bears_its_arrival_and_its_sender() {
         let mut door = loopback(Senders::Loopback);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
-        // The kernel begins to stamp a moment after the first socket asked for it; until then it stamps on reading.
+        // The kernel starts stamping some time after the first socket requests it; until then it stamps on reading.
         std::thread::sleep(Duration::from_millis(100));
         let before_ns = now_monotonic_ns();
         sender.send_to(b"hello", door.local_address()).unwrap();
@@ -231,7 +231,8 @@ mod tests {
     fn a_port_is_held_by_accepted_samples_until_there_are_none() {
         let [one, other] = ["192.0.2.1", "192.0.2.2"].map(|ip| ip.parse::<IpAddr>().unwrap());
         let mut sender = OneSender::default();
-        // Who, when, and whether it is a sample: noise twice a second holds nothing, before, during and after.
+        // Sender, time, whether the datagram is a sample, and whether it is admitted: noise twice a second never
+        // reserves the port.
         let heard = [
             (other, 0, false, true),
             (one, 10, true, true),
@@ -266,7 +267,7 @@ mod tests {
     fn a_socket_that_was_shut_down_is_an_error_and_not_an_endless_stream_of_nothing() {
         let mut door = loopback(Senders::Loopback);
         use nix::sys::socket::{Shutdown, shutdown};
-        // "Not connected", says the kernel, and shuts it down all the same.
+        // The kernel returns "not connected", but shuts the socket down.
         let _ = shutdown(door.socket.as_raw_fd(), Shutdown::Both);
         let error = door.receive().unwrap_err();
         assert!(error.to_string().contains("was shut down from outside"), "{error}");

@@ -1,4 +1,4 @@
-//! UDP as a way to a device: asked and answering, or merely listened to.
+//! UDP as a transport: with requests, or only listening.
 
 use super::error::SourceError;
 use super::transport::{Incoming, Transport};
@@ -6,7 +6,7 @@ use super::udp::{OneSender, Senders, UdpDoor};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
-/// How long one wait for a datagram lasts.
+/// Timeout of one wait for a datagram.
 const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// UDP to or from one device.
@@ -18,15 +18,16 @@ pub struct UdpLine {
     key: &'static str,
     door: Option<UdpDoor>,
     sender: OneSender,
-    /// Sender and arrival of the last datagram that was admitted.
+    /// Sender and arrival of the last admitted datagram.
     last: Option<(IpAddr, u64)>,
 }
 
 impl UdpLine {
-    /// To a device at an address, which answers from there; `key` names the address in errors.
+    /// To a device at an address, which answers from there; `key` is the configuration key of the address for errors.
     pub fn to(address: SocketAddr, key: &'static str) -> UdpLine {
         let ip = match address.ip() {
-            // Bound to loopback if the device is simulated here: nothing else can reach the socket then.
+            // Bound to loopback if the device is simulated on this computer: no other computer can reach the socket
+            // then.
             ip if ip.is_loopback() => ip,
             IpAddr::V4(_) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
             IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
@@ -43,12 +44,12 @@ impl UdpLine {
         }
     }
 
-    /// Listening for a device that sends of itself; `key` names the address in errors.
+    /// Listens for a device that sends without request; `key` is the configuration key of the address for errors.
     pub fn listening(local: SocketAddr, senders: Senders, key: &'static str) -> UdpLine {
         UdpLine { local, peer: None, senders, key, door: None, sender: OneSender::default(), last: None }
     }
 
-    /// Where it listens, once open; with the port the system chose if 0 was asked for.
+    /// The local address, once open; with the port that the system chose if 0 was requested.
     pub fn local_address(&self) -> Option<SocketAddr> {
         self.door.as_ref().map(UdpDoor::local_address)
     }
@@ -60,7 +61,7 @@ fn unopened(key: &str) -> SourceError {
 
 impl Transport for UdpLine {
     fn open(&mut self) -> Result<(), SourceError> {
-        // The old one holds the port.
+        // The old socket holds the port.
         self.door = None;
         self.door = Some(UdpDoor::open(self.local, self.senders, TIMEOUT, self.key)?);
         Ok(())
@@ -91,7 +92,7 @@ impl Transport for UdpLine {
         };
         let Some(door) = &self.door else { return Err(unopened(self.key)) };
         match door.send_to(bytes, peer) {
-            // A network that is down (cable, interface) comes back, and the silence is seen by everyone anyway.
+            // A network that is down (cable, interface) recovers, and the silence is reported in any case.
             Err(SourceError::Send { .. }) | Ok(()) => Ok(()),
             Err(other) => Err(other),
         }

@@ -1,7 +1,8 @@
-//! Puts the datagrams of one suit sample together again.
+//! Reassembles the datagrams of one suit sample.
 //!
-//! MVN sends one datagram per type and sample; nothing says which types will come. So the assembler learns the set,
-//! publishes a sample as soon as the set is complete, and at the latest when the next sample begins.
+//! MVN sends one datagram for each type and sample, and does not announce the types. The assembler therefore determines
+//! the set from the stream, publishes a sample as soon as the set is complete, and at the latest when the next sample
+//! begins.
 
 use super::part::{Part, axis_like_pose, upright_axis};
 use super::refusal::SuitRefusal;
@@ -16,14 +17,14 @@ use equipoise_core::body::SEGMENTS;
 use equipoise_core::message::{SuitBody, SuitSample};
 use equipoise_core::time::ClockFit;
 
-/// Suits count at 240 Hz at most; this leaves room.
+/// Suits count at 240 Hz at most; this leaves a margin.
 const MAX_RATE_HZ: u64 = 1000;
-/// So many samples are watched to their end before any is published early.
+/// Count of samples that are observed to their end before any is published early.
 const LEARNING_SAMPLES: u32 = 3;
-/// A type that was missing from so many samples in a row is no longer waited for.
+/// A type that was missing from this many samples in a row is no longer waited for.
 const FORGET_AFTER: u8 = 8;
 
-/// The sample whose datagrams are arriving, kept after its publication to know repetitions.
+/// The sample whose datagrams are arriving, kept after its publication to recognise duplicates.
 #[derive(Debug, Clone)]
 struct Current {
     sample: SuitSample,
@@ -44,21 +45,22 @@ pub struct SuitAssembler {
     session: u32,
     current: Option<Current>,
     ready: Option<SuitSample>,
-    /// Last orientations handed on: a quaternion and its negative are one rotation, and we stay on one side.
+    /// Last published orientations: a quaternion and its negative represent one rotation, and the sign is kept
+    /// continuous.
     last_orientation: [[f64; 4]; SEGMENTS],
     learnt: TypeSet,
     samples_watched: u32,
     missing: [u8; TypeSet::COUNT],
     subject: SuitSubject,
     layout: Option<Layout>,
-    /// In which world type 21 comes where type 02 has Y up, once a pose has shown it: a setting of MVN for its stream.
+    /// World of type 21 if type 02 has Y up, determined from a pose: a setting of MVN for its stream.
     linear_up: Option<UpAxis>,
     last_position_m: Option<[[f64; 3]; SEGMENTS]>,
     counts: Counts,
 }
 
 impl SuitAssembler {
-    /// An assembler that has seen nothing yet.
+    /// Creates an assembler before any data.
     pub fn new(settings: SuitSettings) -> Self {
         SuitAssembler {
             settings,
@@ -80,10 +82,10 @@ impl SuitAssembler {
         }
     }
 
-    /// Takes in one datagram; gives back a sample if that completed one.
+    /// Processes one datagram; returns a sample if the datagram completed one.
     ///
-    /// `arrival_ns` is the kernel's receive stamp on CLOCK_MONOTONIC. `published_ns` of the sample is left at 0 for
-    /// whoever publishes it. Seldom two samples become ready at once: then [`Self::take_ready`] has the second.
+    /// `arrival_ns` is the kernel's receive stamp on CLOCK_MONOTONIC. `published_ns` of the sample is left at 0 for the
+    /// publisher to set. Rarely two samples become ready at once: [`Self::take_ready`] then returns the second.
     pub fn receive(&mut self, datagram: &[u8], arrival_ns: u64) -> Option<SuitSample> {
         self.counts.received += 1;
         if let Err(refusal) = self.accept(datagram, arrival_ns) {
@@ -92,7 +94,7 @@ impl SuitAssembler {
         self.take_ready()
     }
 
-    /// A sample that is complete but was not handed out yet.
+    /// A sample that is complete but was not returned yet.
     pub fn take_ready(&mut self) -> Option<SuitSample> {
         if let Some(ready) = self.ready.take() {
             return Some(ready);
@@ -107,32 +109,32 @@ impl SuitAssembler {
         }
     }
 
-    /// What was counted so far; `refused` in the order of [`SuitRefusal`].
+    /// Counts since the start; `refused` in the order of [`SuitRefusal`].
     pub fn counts(&self) -> &Counts {
         &self.counts
     }
 
-    /// What the suit said about its wearer.
+    /// Properties of the wearer that the suit reported.
     pub fn subject(&self) -> &SuitSubject {
         &self.subject
     }
 
-    /// What the suit said of its wearer's build, as a message; `None` until it did.
+    /// Body scale of the wearer, as a message; `None` until the suit reported it.
     pub fn body(&self) -> Option<SuitBody> {
         self.subject.null_pose.to_body(self.settings.avatar)
     }
 
-    /// Props and fingers that came with the body last; neither is used. `None` until a sender of 2019 or later says so.
+    /// Props and fingers of the last body pose; both are ignored. `None` unless the sender is of 2019 or later.
     pub fn layout(&self) -> Option<Layout> {
         self.layout
     }
 
-    /// The types that samples are made of, as learnt so far.
+    /// The types of a sample, as determined so far.
     pub fn learnt_types(&self) -> TypeSet {
         self.learnt
     }
 
-    /// Counts a datagram that was refused before it came here, at the socket.
+    /// Counts a datagram that the socket layer refused.
     pub fn refuse_datagram(&mut self, refusal: SuitRefusal) {
         self.counts.received += 1;
         self.refuse(refusal);
@@ -181,7 +183,7 @@ impl SuitAssembler {
                 let taken = self.subject.take_scale(&scale, self.session, arrival_ns);
                 return if taken { Ok(()) } else { Err(SuitRefusal::NotFinite) };
             }
-            // Read and sound, but nothing that a sample needs.
+            // Valid, but not part of a sample.
             Datagram::VirtualMarkers(..)
             | Datagram::TrackerKinematics(..)
             | Datagram::TimeCode(..)
@@ -211,7 +213,7 @@ impl SuitAssembler {
         self.merge(&part)
     }
 
-    /// In which world type 21 comes: in that of its pose, or, as long as none came, in that in which it stands.
+    /// World of type 21: that of its pose or, before any pose, that in which the body is upright.
     fn linear_up(&mut self, items: impl Iterator<Item = LinearKinematics> + Clone) -> Option<UpAxis> {
         if self.settings.up == UpAxis::Z {
             return Some(UpAxis::Z);
@@ -224,7 +226,7 @@ impl SuitAssembler {
         self.linear_up.or_else(|| upright_axis(items.map(|item| (item.segment_id, item.position_m))))
     }
 
-    /// Ends the sample before and starts the one with this counter, `gap` counts later.
+    /// Ends the preceding sample and starts the one with this counter, `gap` counts later.
     fn begin(&mut self, counter: u32, time_code_ms: u32, gap: u32, arrival_ns: u64) {
         self.finish();
         let before = self.current.as_ref().map_or(0, |current| current.unwrapped_counter);
@@ -255,14 +257,14 @@ impl SuitAssembler {
         if current.published {
             return Err(SuitRefusal::Late);
         }
-        // A worse pose only stands in where a better is not sent.
+        // A pose of lower quality is used only if no better one is sent.
         if !current.seen.has_better_pose_than(kind) {
             part.apply(&mut current.sample);
         }
         Ok(())
     }
 
-    /// The current sample gets no more datagrams: learn from it, and publish it if that was not done.
+    /// The current sample is complete: updates the set of types, and publishes the sample if that is pending.
     fn finish(&mut self) {
         let Some(current) = &self.current else {
             return;
@@ -282,7 +284,7 @@ impl SuitAssembler {
         }
         if !seen.has_pose() {
             self.refuse(SuitRefusal::NoPose);
-            // Where poses come, this one was lost; what came of the sample is of no use without it.
+            // If the stream contains poses, this one was lost; the other parts of the sample are useless without it.
             self.counts.lost += u64::from(expected.has_pose());
             return;
         }
@@ -292,7 +294,7 @@ impl SuitAssembler {
         self.ready = self.publish();
     }
 
-    /// Stamps the current sample and marks it as handed out.
+    /// Stamps the current sample and marks it as published.
     fn publish(&mut self) -> Option<SuitSample> {
         let current = self.current.as_mut()?;
         current.published = true;

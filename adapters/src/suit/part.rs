@@ -1,4 +1,4 @@
-//! One datagram's share of a sample, checked before anything is changed by it.
+//! The contribution of one datagram to a sample, validated before any change of state.
 
 use super::refusal::SuitRefusal;
 use super::settings::{TypeSet, UpAxis};
@@ -7,16 +7,16 @@ use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
 use equipoise_core::message::SuitSample;
 use equipoise_core::message::suit::SuitBlocks;
 
-/// Rounding to f32 and streaming keep the norm within 1e-6 of 1; this much off is damage.
+/// Rounding to f32 and streaming keep the norm within 1e-6 of 1; a larger deviation is data corruption.
 const NORM_TOLERANCE: f64 = 0.05;
-/// Head or pelvis must be this far above the feet: a person squatting, stooping or kneeling upright is.
+/// Minimum height of head or pelvis above the feet: also satisfied by a person squatting, stooping or kneeling upright.
 const MIN_STATURE_M: f64 = 0.3;
 
-/// No coordinate (m), velocity, acceleration or angle of a person, in its unit, is larger.
+/// Upper bound of any coordinate (m), velocity, acceleration or angle of a person, in its unit.
 const LARGEST: f32 = 1e4;
-/// Positions are in the world in which they are so much nearer to the pose than in the other, as squares.
+/// Minimum ratio of the squared distances to the pose that decides between the two worlds.
 const APART: f64 = 9.0;
-/// No segment begins farther from the pelvis.
+/// Upper bound of the distance of a segment's origin from the pelvis.
 const REACH_M: f64 = 3.0;
 
 /// Positions (m) and orientations (scalar first, unit norm) of all segments.
@@ -26,10 +26,10 @@ pub(super) struct Pose {
     orientation_wxyz: [[f64; 4]; SEGMENTS],
 }
 
-/// A checked datagram.
+/// A validated datagram.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part {
-    /// From the type `kind`.
+    /// From a datagram of type `kind`.
     Pose {
         pose: Pose,
         kind: TypeSet,
@@ -113,7 +113,7 @@ impl Part {
         Ok(Part::Angular { velocity_rad_per_s })
     }
 
-    /// The 22 joints of the body come first and in order; ergonomic ones may follow.
+    /// The 22 joints of the body come first and in order; ergonomic joints may follow.
     pub(super) fn joints(items: impl Iterator<Item = JointAngle>) -> Result<Part, SuitRefusal> {
         let mut angle_deg = [[0.0; 3]; JOINTS];
         let mut count = 0;
@@ -163,7 +163,7 @@ impl Part {
     }
 }
 
-/// Along which axis a body stands, by its segments' ids and origins (m); `None` if along neither, or both.
+/// The axis along which a body is upright, from its segments' ids and origins (m); `None` if along neither, or both.
 pub(super) fn upright_axis(origins: impl Iterator<Item = (u32, [f32; 3])>) -> Option<UpAxis> {
     let mut heights_m = [[None; 2]; SEGMENTS];
     for (segment_id, [_, y, z]) in origins {
@@ -183,7 +183,8 @@ pub(super) fn upright_axis(origins: impl Iterator<Item = (u32, [f32; 3])>) -> Op
     }
 }
 
-/// The world in which these are the segments of a pose (in Z up, m), however bent it is; `None` if they are in neither.
+/// The world in which these items match the segments of a pose (in Z up, m), in any posture; `None` if they match in
+/// neither.
 pub(super) fn axis_like_pose(
     items: impl Iterator<Item = LinearKinematics>,
     pose_m: &[[f64; 3]; SEGMENTS],
@@ -207,14 +208,14 @@ pub(super) fn axis_like_pose(
 }
 
 impl Pose {
-    /// Whether head or pelvis is above the feet, as for anyone on their feet, however bent.
+    /// Whether head or pelvis is above the feet, as for any person on their feet, in any posture.
     fn stands(&self) -> bool {
         let height = |segment: Segment| self.position_m[segment.index()][2];
         let feet = height(Segment::LeftFoot).min(height(Segment::RightFoot));
         height(Segment::Head).max(height(Segment::Pelvis)) - feet > MIN_STATURE_M
     }
 
-    /// Whether all segments are within a person's reach of the pelvis.
+    /// Whether all segments are within reach of the pelvis.
     fn holds_together(&self) -> bool {
         let pelvis = self.position_m[Segment::Pelvis.index()];
         let distances = self
@@ -225,8 +226,8 @@ impl Pose {
     }
 }
 
-/// Hands each body segment's item to `take`, and makes sure that each comes exactly once. Props and fingers, which
-/// follow the body, are passed over.
+/// Passes each body segment's item to `take`, and verifies that each occurs exactly once. Skips props and fingers,
+/// which follow the body.
 fn by_segment<T>(
     items: impl Iterator<Item = T>,
     segment_id: impl Fn(&T) -> u32,

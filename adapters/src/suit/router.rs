@@ -1,6 +1,6 @@
-//! Several characters on one port: each to an assembler of its own.
+//! Routes several characters on one port, each to its own assembler.
 //!
-//! MVN sends all of them, and tracked objects too, to one address; only the avatar id in the header tells them apart.
+//! MVN sends all characters, and tracked objects, to one address; only the avatar id in the header distinguishes them.
 
 use super::assembler::SuitAssembler;
 use super::refusal::SuitRefusal;
@@ -8,16 +8,16 @@ use super::settings::SuitSettings;
 use crate::wire::mvn::Header;
 use equipoise_core::message::SuitSample;
 
-/// The assemblers of all characters that are wanted.
+/// The assemblers of all configured characters.
 #[derive(Debug, Clone)]
 pub struct SuitRouter {
-    /// The station's own worker: also gets, and counts, what belongs to nobody.
+    /// The station's own subject: also receives, and counts, datagrams of no configured character.
     own: SuitAssembler,
     others: Vec<(u8, SuitAssembler)>,
 }
 
 impl SuitRouter {
-    /// For the character of `settings`, and for others with the same settings but the character.
+    /// For the character of `settings`, and for others with the same settings except the character.
     pub fn new(settings: SuitSettings, others: &[u8]) -> SuitRouter {
         let wanted = others.iter().filter(|avatar| **avatar != settings.avatar);
         let assembler =
@@ -25,30 +25,30 @@ impl SuitRouter {
         SuitRouter { own: SuitAssembler::new(settings), others: wanted.map(assembler).collect() }
     }
 
-    /// As [`SuitAssembler::receive`]; the sample's `avatar` says whose it is.
+    /// As [`SuitAssembler::receive`]; the sample's `avatar` identifies the character.
     pub fn receive(&mut self, datagram: &[u8], arrival_ns: u64) -> Option<SuitSample> {
         let avatar = Header::parse(datagram).map(|header| header.avatar).ok();
         let other = self.others.iter_mut().find(|(other, _)| Some(*other) == avatar);
         other.map_or(&mut self.own, |(_, assembler)| assembler).receive(datagram, arrival_ns)
     }
 
-    /// A sample of any character that is complete but was not handed out yet.
+    /// A sample of any character that is complete but was not returned yet.
     pub fn take_ready(&mut self) -> Option<SuitSample> {
         let others = self.others.iter_mut().map(|(_, assembler)| assembler);
         core::iter::once(&mut self.own).chain(others).find_map(SuitAssembler::take_ready)
     }
 
-    /// Counts something that was refused before it came here; nobody can know whose it was.
+    /// Counts input that was refused before decoding; its character is unknown.
     pub fn refuse_datagram(&mut self, refusal: SuitRefusal) {
         self.own.refuse_datagram(refusal);
     }
 
-    /// The station's own worker.
+    /// The station's own subject.
     pub fn own(&self) -> &SuitAssembler {
         &self.own
     }
 
-    /// Another character, if it is wanted.
+    /// Another character, if configured.
     pub fn other(&self, avatar: u8) -> Option<&SuitAssembler> {
         self.others.iter().find(|(other, _)| *other == avatar).map(|(_, assembler)| assembler)
     }

@@ -1,4 +1,4 @@
-//! What the assembler is told to expect.
+//! Settings of the assembler.
 
 use super::part::Part;
 
@@ -22,16 +22,16 @@ impl TypeSet {
     /// Type 05.
     pub const POSE_UNITY: TypeSet = TypeSet(1 << 6);
     pub(super) const COUNT: usize = 7;
-    /// The types that carry a pose, the best first: 01 is 02 rounded through angles, 05 a chain of 23 products.
+    /// The types that contain a pose, the best first: 01 is 02 rounded through angles, 05 a chain of 23 products.
     const POSES: [TypeSet; 3] = [TypeSet::POSE_QUATERNION, TypeSet::POSE_EULER, TypeSet::POSE_UNITY];
 
-    /// Both sets together.
+    /// Union of both sets.
     #[must_use]
     pub const fn and(self, other: TypeSet) -> TypeSet {
         TypeSet(self.0 | other.0)
     }
 
-    /// Whether all of `other` is in it.
+    /// Whether the set contains all of `other`.
     pub const fn has(self, other: TypeSet) -> bool {
         self.0 & other.0 == other.0
     }
@@ -59,37 +59,37 @@ impl TypeSet {
         Self::POSES.into_iter().any(|pose| self.has(pose))
     }
 
-    /// Whether a pose is in it that is better than that of type `pose`; never if `pose` is none.
+    /// Whether the set contains a better pose than that of type `pose`; never if `pose` is no pose type.
     pub(super) fn has_better_pose_than(self, pose: TypeSet) -> bool {
         let rank = Self::POSES.into_iter().position(|one| one == pose).unwrap_or(0);
         Self::POSES[..rank].iter().any(|better| self.has(*better))
     }
 }
 
-/// Which axis of the suit's world points up, in type 02; other types say so themselves.
+/// The upward axis of the suit's world, in type 02; other types define it themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UpAxis {
-    /// X forward, Y left, Z up: what MVN sends unless told otherwise.
+    /// X forward, Y left, Z up: MVN's default.
     #[default]
     Z,
-    /// X left, Y up, Z forward. In which world types 22 and 24 come then was never seen, so they are not used; type 21
-    /// shows by its positions.
+    /// X left, Y up, Z forward. The world of types 22 and 24 is unverified in this case, so they are not used; that of
+    /// type 21 follows from its positions.
     Y,
 }
 
-/// What to expect of the suit.
+/// Settings of the suit's stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SuitSettings {
-    /// The character to follow; others share the port.
+    /// The character to use; others share the port.
     pub avatar: u8,
-    /// The types to wait for; `None` to learn them from the stream.
+    /// The types to wait for; `None` determines them from the stream.
     pub required: Option<TypeSet>,
     /// Refuse poses in which neither head nor pelvis is above the feet (a stream that is not Z up, a person lying).
     pub check_up_axis: bool,
-    /// The axis that points up in type 02.
+    /// The upward axis in type 02.
     pub up: UpAxis,
-    /// Constant part of the delay from a sample to its datagram, ns: the clock fit cannot see it, so it is taken off
-    /// every sample time.
+    /// Constant part of the delay from a sample to its datagram, ns: unobservable for the clock fit, so it is
+    /// subtracted from every sample time.
     pub latency_ns: u64,
 }
 

@@ -1,4 +1,4 @@
-//! What the suit says about its wearer now and then: a name, the clock's offset, the null pose.
+//! Properties of the wearer that the suit reports occasionally: name, clock offset, null pose.
 
 use crate::wire::mvn::{Meta, Scale};
 use bytemuck::Zeroable;
@@ -7,7 +7,7 @@ use equipoise_core::message::SuitBody;
 use equipoise_core::message::suit_body::FOOT_POINTS;
 use std::collections::BTreeMap;
 
-/// More points than any body has (about 123): the rest is not kept.
+/// Limit of stored points; a body has about 123.
 const MAX_POINTS: usize = 512;
 
 /// MVN's names of the points of the left and the right foot, in the order of `SuitBody::foot_point_m`.
@@ -16,7 +16,7 @@ const FOOT_POINT_NAMES: [[&str; FOOT_POINTS]; 2] = [
     ["pRightHeelFoot", "pRightFirstMetatarsal", "pRightFifthMetatarsal", "pRightToe"],
 ];
 
-/// The last that was said, merged over datagrams.
+/// The latest values, merged over datagrams.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SuitSubject {
     /// The character's name in MVN.
@@ -34,16 +34,16 @@ pub struct NullPose {
     pub origins_m: Option<[[f64; 3]; SEGMENTS]>,
     /// Points by (MVN segment id, point id): name and offset from the segment's origin, m.
     pub points: BTreeMap<(u16, u16), (String, [f64; 3])>,
-    /// The suit's session in which it was said.
+    /// The suit's session of the report.
     session: u32,
     /// Kernel receive stamp of the datagram that last changed it, CLOCK_MONOTONIC ns.
     changed_ns: u64,
-    /// The same of the last one, whatever it said.
+    /// The same of the last report, whether or not it changed anything.
     said_ns: u64,
 }
 
 impl NullPose {
-    /// As a message of a character; `None` until the segments were sent. `published_ns` is its publisher's.
+    /// As a message of a character; `None` until the segments were received. The publisher sets `published_ns`.
     pub(crate) fn to_body(&self, avatar: u8) -> Option<SuitBody> {
         let origin_m = self.origins_m?;
         let mut body = SuitBody {
@@ -57,7 +57,8 @@ impl NullPose {
             let Some(from_m) = origin_m.get(usize::from(*segment_id).wrapping_sub(1)) else { continue };
             for (side, names) in Side::BOTH.into_iter().zip(FOOT_POINT_NAMES) {
                 if let Some(place) = names.iter().position(|known| known == name) {
-                    // The toe's tip is told from the toes' origin. In the null pose all axes are the world's.
+                    // The toe's tip is given relative to the toes' origin. In the null pose all axes are parallel to
+                    // the world's.
                     let (foot, ankle_m) = (side as usize, origin_m[side.foot().index()]);
                     body.foot_points[foot] |= 1 << place;
                     body.foot_point_m[foot][place] =
@@ -68,8 +69,8 @@ impl NullPose {
         Some(body)
     }
 
-    /// The suit was started anew after `ended_ns`, when its last sample came: what was said since belongs to the new
-    /// session, for the software may tell of the body before its first sample.
+    /// The suit was restarted after `ended_ns`, the arrival of its last sample: later reports belong to the new
+    /// session, as the software may send the body before its first sample.
     pub(super) fn begin_session(&mut self, session: u32, ended_ns: u64) {
         if self.said_ns > ended_ns {
             self.session = session;
@@ -85,7 +86,7 @@ impl SuitSubject {
         self.time_offset_ms = meta.time_offset_ms().or(self.time_offset_ms);
     }
 
-    /// `false`, and nothing is changed, if a number is not finite.
+    /// Returns `false`, without any change, if a number is not finite.
     pub(super) fn take_scale(&mut self, scale: &Scale<'_>, session: u32, arrival_ns: u64) -> bool {
         let numbers = scale.segments().map(|segment| segment.origin_m);
         if numbers
@@ -105,7 +106,7 @@ impl SuitSubject {
         let mut changed = null_pose.session != session;
         if count == SEGMENTS && null_pose.origins_m != Some(origins_m) {
             if null_pose.origins_m.is_some() {
-                // Another body: its points are still to come.
+                // Another body: its points will follow.
                 null_pose.points.clear();
             }
             null_pose.origins_m = Some(origins_m);
@@ -194,7 +195,7 @@ mod tests {
         assert!(body.is_plausible());
         assert_eq!((body.avatar, body.session, body.arrival_ns), (3, 0, 20), "whole with its segments");
         assert_eq!(body.foot_points, [0b1001, 0b0100]);
-        // The tip is told from the toes' origin, and held from the foot's.
+        // The tip is received relative to the toes' origin, and stored relative to the foot's.
         let ball = body.skeleton().offset_m[Segment::LeftToe.index()];
         let tip = body.foot_point_m(Side::Left, FootPoint::ToeTip).unwrap();
         assert!((tip.x - ball[0] - 0.06).abs() < 1e-6 && (tip.z - ball[2] + 0.01).abs() < 1e-6, "{tip}");

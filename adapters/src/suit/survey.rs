@@ -1,4 +1,4 @@
-//! What arrives on the suit's port, whoever it is for: counted for people who set it up. Nothing is handed on.
+//! Survey of all data on the suit's port, for commissioning. Nothing is published.
 
 use super::assembler::SuitAssembler;
 use super::part::upright_axis;
@@ -9,31 +9,31 @@ use crate::wire::mvn::{Datagram, DatagramType, Header, Layout};
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 
-/// More characters than any room holds; what others send is counted, but not looked into.
+/// Limit of characters; datagrams of further ones are counted but not decoded.
 const CHARACTERS_MAX: usize = 32;
-/// As many senders are told apart.
+/// Limit of distinguished senders.
 const SENDERS_MAX: usize = 32;
 
-/// All that came.
+/// Results of the survey.
 #[derive(Debug, Clone)]
 pub struct Survey {
     settings: SuitSettings,
-    /// Datagrams by the computer that sent them.
+    /// Datagrams by sending computer.
     pub senders: BTreeMap<IpAddr, u64>,
-    /// Those of computers that may not send, or may not now.
+    /// Datagrams of computers that are not admitted, or not at present.
     pub turned_away: BTreeMap<IpAddr, u64>,
-    /// What was sent of each character and object.
+    /// Data of each character and object.
     pub characters: BTreeMap<u8, Character>,
-    /// Datagrams that are none of MVN's, by reason; in the order of [`SuitRefusal`].
+    /// Datagrams that are not MVN's, by reason; in the order of [`SuitRefusal`].
     pub unreadable: BTreeMap<&'static str, u64>,
-    /// Texts of the remote control.
+    /// Text messages of the remote control.
     pub texts: u64,
-    /// Bytes of all datagrams of those who may send.
+    /// Bytes of all datagrams of admitted senders.
     pub bytes: u64,
 }
 
 impl Survey {
-    /// For a suit that is configured so; `avatar` does not matter.
+    /// For a suit with these settings; `avatar` is ignored.
     pub fn new(settings: SuitSettings) -> Survey {
         Survey {
             settings,
@@ -46,22 +46,22 @@ impl Survey {
         }
     }
 
-    /// Whether nothing came at all.
+    /// Whether no data arrived.
     pub fn is_silent(&self) -> bool {
         self.senders.is_empty() && self.turned_away.is_empty()
     }
 
-    /// Takes in something from whom nothing is taken.
+    /// Counts a datagram of a sender that is not admitted.
     pub fn turn_away(&mut self, sender: IpAddr) {
         count(&mut self.turned_away, sender, SENDERS_MAX);
     }
 
-    /// Takes in that a byte stream was out of step.
+    /// Counts a byte stream that lost synchronisation.
     pub fn lose_step(&mut self) {
         *self.unreadable.entry(SuitRefusal::OutOfStep.name()).or_default() += 1;
     }
 
-    /// Takes in a datagram.
+    /// Processes a datagram.
     pub fn take(&mut self, sender: IpAddr, bytes: &[u8], arrival_ns: u64) {
         count(&mut self.senders, sender, SENDERS_MAX);
         self.bytes += bytes.len() as u64;
@@ -92,15 +92,15 @@ fn count(counts: &mut BTreeMap<IpAddr, u64>, sender: IpAddr, most: usize) {
     }
 }
 
-/// What was sent of one character or object.
+/// Data of one character or object.
 #[derive(Debug, Clone)]
 pub struct Character {
     assembler: SuitAssembler,
-    /// What came of each type.
+    /// Data of each type.
     pub types: BTreeMap<DatagramType, TypeSeen>,
-    /// The most items that a pose had: 1 is a tracked object.
+    /// The largest count of items in a pose: 1 is a tracked object.
     pub items_max: u8,
-    /// Poses that stand along Z, along Y, and along neither (lying, or not a body).
+    /// Poses that are upright along Z, along Y, and along neither (lying, or not a body).
     pub upright: [u64; 3],
     /// First and last sample counter with its time code, ms.
     clock: Option<[(u32, u32); 2]>,
@@ -152,13 +152,13 @@ impl Character {
         self.assembler.layout()
     }
 
-    /// Whether the null pose's segments came, and how many of its points.
+    /// Whether the null pose's segments were received, and the count of its points.
     pub fn null_pose(&self) -> (bool, usize) {
         let null_pose = &self.assembler.subject().null_pose;
         (null_pose.origins_m.is_some(), null_pose.points.len())
     }
 
-    /// What the adapter would have refused, by reason; only what it did refuse.
+    /// Nonzero counts of what the adapter would have refused, by reason.
     pub fn refused(&self) -> impl Iterator<Item = (SuitRefusal, u64)> + '_ {
         let counts = self.assembler.counts().refused;
         SuitRefusal::ALL.iter().copied().zip(counts).filter(|(_, count)| *count > 0)
@@ -169,39 +169,39 @@ impl Character {
         self.assembler.counts().published
     }
 
-    /// What came of a type.
+    /// Data of a type.
     pub fn of(&self, kind: DatagramType) -> Option<&TypeSeen> {
         self.types.get(&kind)
     }
 
-    /// The best type that carries its pose.
+    /// The best type that contains its pose.
     pub fn pose(&self) -> Option<(DatagramType, &TypeSeen)> {
         let poses = [DatagramType::POSE_QUATERNION, DatagramType::POSE_EULER, DatagramType::UNITY];
         poses.into_iter().find_map(|kind| self.of(kind).map(|seen| (kind, seen)))
     }
 
-    /// Samples a second that the suit itself counts, by its own clock; `None` while that does not run.
+    /// Rate at which the suit itself counts samples, by its own clock, Hz; `None` while that clock does not run.
     pub fn suit_rate_hz(&self) -> Option<f64> {
         let [(first, first_ms), (last, last_ms)] = self.clock?;
         let (counts, ms) = (last.wrapping_sub(first), last_ms.wrapping_sub(first_ms));
-        // A jump of either, or too short a look.
+        // A jump of either, or too short an interval.
         (counts > 0 && (1..i32::MAX as u32).contains(&ms) && counts <= ms)
             .then(|| f64::from(counts) * 1000.0 / f64::from(ms))
     }
 }
 
-/// What came of one type of one character.
+/// Data of one type of one character.
 #[derive(Debug, Clone, Default)]
 pub struct TypeSeen {
-    /// Datagrams.
+    /// Count of datagrams.
     pub datagrams: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// Of those with a counter that was new.
+    /// Count of datagrams with a new counter.
     pub samples: u64,
-    /// Datagrams whose counter was that of the one before.
+    /// Count of datagrams with the counter of the preceding one.
     pub repeated: u64,
-    /// Samples that are missing between those that came, by counter and stride.
+    /// Count of missing samples, by counter and stride.
     pub lost: u64,
     /// Items of the last datagram.
     pub items: u8,
@@ -219,7 +219,7 @@ impl TypeSeen {
         let steps = self.last_counter.map(|last| header.sample_counter.wrapping_sub(last).cast_signed());
         match steps {
             Some(0) => self.repeated += 1,
-            // Overtaken, or a counter that began anew.
+            // Reordered, or a counter that restarted.
             Some(..0) => self.last_counter = Some(header.sample_counter),
             Some(gap @ 1..) => {
                 self.lost += u64::from(self.stride.lost_in(gap.unsigned_abs()));
@@ -231,13 +231,13 @@ impl TypeSeen {
         self.last_counter = Some(header.sample_counter);
     }
 
-    /// New samples a second; 0 for a single one.
+    /// Rate of new samples, Hz; 0 for a single one.
     pub fn rate_hz(&self) -> f64 {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
         if seconds > 0.0 { self.samples.saturating_sub(1) as f64 / seconds } else { 0.0 }
     }
 
-    /// Counts from one sample to the next, where nothing is lost; `None` before the second.
+    /// Interval of samples without loss, in counts; `None` before the second.
     pub fn stride(&self) -> Option<u32> {
         self.stride.usual()
     }

@@ -1,4 +1,4 @@
-//! The assembler, asked with datagrams as MVN sends them.
+//! Tests of the assembler with datagrams as MVN sends them.
 
 use super::{SuitAssembler, SuitRefusal, SuitSettings, TypeSet};
 use crate::wire::mvn::{
@@ -108,7 +108,7 @@ fn a_sample_whose_pose_is_lost_is_lost() {
     }
     feed(&mut assembler, &[pose_datagram(20, &standing())], 20 * PERIOD_NS);
     assert_eq!((refused(&assembler, SuitRefusal::NoPose), assembler.counts().lost), (4, 4));
-    // Where no pose was ever sent, none is lost.
+    // If no pose was ever sent, none is lost.
     let mut assembler = SuitAssembler::new(SuitSettings::default());
     for counter in 0..20 {
         feed(&mut assembler, &[linear_datagram(counter)], u64::from(counter) * PERIOD_NS);
@@ -154,7 +154,7 @@ fn bad_poses_are_refused_by_reason_and_change_nothing() {
         assert!(assembler.receive(&pose_datagram(5, &standing()), 0).is_some());
         assert!(assembler.receive(&pose_datagram(6, &poses), 0).is_none());
         assert_eq!(refused(&assembler, refusal), 1, "{refusal:?}");
-        // The counter of a refused datagram was not taken in: the same counter, sound, is no repetition.
+        // A refused datagram does not register its counter: a valid one with the same counter is no duplicate.
         assert!(assembler.receive(&pose_datagram(6, &standing()), 0).is_some(), "{refusal:?}");
     }
 }
@@ -230,7 +230,7 @@ fn the_wearer_is_remembered() {
 }
 
 proptest! {
-    /// Whatever is done to the bytes: no panic, every published sample is sound, every datagram is accounted for.
+    /// For arbitrary damage: no panic, every published sample is valid, every datagram is counted.
     #[test]
     fn damage_never_reaches_a_sample(damage in proptest::collection::vec((0..760usize, any::<u8>(), 0..761usize), 1..60)) {
         let required = Some(TypeSet::POSE_QUATERNION);

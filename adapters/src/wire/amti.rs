@@ -1,15 +1,15 @@
-//! AMTI plates with a serial line: frames of 24 bytes, found by the tags in their words.
+//! AMTI plates with a serial line: frames of 24 bytes, identified by the tags in their words.
 //!
-//! Little-endian. Source: the open receiver of the Lab Streaming Layer (App-AMTIForcePlate), which has run with real
-//! plates. Two plates on one line send 48 bytes a frame in a way that nobody has verified.
+//! Little-endian. Source: the open receiver of the Lab Streaming Layer (App-AMTIForcePlate), which was used with real
+//! plates. Two plates on one line send 48 bytes a frame in an unverified layout.
 
 /// Strain gauges of a plate, one word each.
 pub const CHANNELS: usize = 12;
 /// Bytes of a frame.
 pub const FRAME_SIZE: usize = 2 * CHANNELS;
-/// The speed at which a plate is spoken to, and at which it sends 50 frames a second, baud.
+/// The speed of the command phase, and of streaming at 50 frames a second, baud.
 pub const SPEED_SLOW: u32 = 57_600;
-/// The speed at which it sends more, baud.
+/// The speed of streaming at higher rates, baud.
 pub const SPEED_FAST: u32 = 115_200;
 /// Answer to [`Command::Start`] of one plate.
 pub const STARTED_ONE: u8 = 0x55;
@@ -19,22 +19,22 @@ pub const STARTED_TWO: u8 = 0x56;
 pub const ZEROED_ONE: u8 = 0x54;
 /// Answer to [`Command::AutoZero`] of two.
 pub const ZEROED_TWO: u8 = 0x64;
-/// The middle of the converter's range, counts: no force.
+/// The middle of the converter's range, counts: zero force.
 const ZERO_COUNTS: i16 = 2048;
 /// The tag of word 0 while the plate's trigger input is active.
 const TRIGGER_TAG: u16 = 0xF;
 
-/// What a plate is told, one byte each.
+/// Commands to a plate, one byte each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Command {
     /// Send frames. Answered by [`STARTED_ONE`] or [`STARTED_TWO`].
     Start = 0x51,
-    /// Send nothing more. Not answered.
+    /// Stop the stream. Not answered.
     Stop = 0x52,
     /// Take the present load as zero. Answered by [`ZEROED_ONE`] or [`ZEROED_TWO`] after up to 10 s.
     AutoZero = 0x53,
-    /// 50 frames a second at [`SPEED_SLOW`]. The rates are answered by themselves.
+    /// 50 frames a second at [`SPEED_SLOW`]. The plate answers a rate command by echoing it.
     Rate50 = 0x72,
     /// 100 frames a second at [`SPEED_FAST`].
     Rate100 = 0x66,
@@ -45,14 +45,14 @@ pub enum Command {
 /// One sample of a plate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
-    /// What each gauge reads, counts about zero: -2048 to 2047.
+    /// Value of each gauge, counts about zero: -2048 to 2047.
     pub counts: [i16; CHANNELS],
     /// Whether the plate's trigger input is active.
     pub trigger: bool,
 }
 
 impl Frame {
-    /// Reads a frame; `None` if one of the tags is not its word's.
+    /// Parses a frame; `None` if a tag does not match its word.
     pub fn parse(bytes: &[u8; FRAME_SIZE]) -> Option<Frame> {
         let mut frame = Frame { counts: [0; CHANNELS], trigger: false };
         let (words, _) = bytes.as_chunks::<2>();
@@ -68,7 +68,7 @@ impl Frame {
         Some(frame)
     }
 
-    /// The bytes to send, as a plate does. Counts beyond the converter's range are cut off at its ends.
+    /// Encodes the frame as a plate does. Counts beyond the converter's range are clamped.
     pub fn to_bytes(self) -> [u8; FRAME_SIZE] {
         let mut bytes = [0; FRAME_SIZE];
         let (words, _) = bytes.as_chunks_mut::<2>();
@@ -101,7 +101,7 @@ mod tests {
         let mut pulled = VECTOR;
         pulled[1] = 0xf8;
         assert_eq!(Frame::parse(&pulled), Some(Frame { trigger: true, ..frame }));
-        // Only word 0 may say so.
+        // Only word 0 may have the trigger tag.
         let mut wrong = VECTOR;
         wrong[3] = 0xf8;
         assert_eq!(Frame::parse(&wrong), None);

@@ -1,7 +1,7 @@
 //! ATI Raw Data Transfer over UDP: a request of 8 bytes starts a stream of 36-byte records.
 //!
-//! Big-endian. Source: ATI Net F/T manual 9620-05-Net FT, "UDP interface using RDT". Replies go to the address and
-//! port that the request came from; a later request of another client steals the stream.
+//! Big-endian. Source: ATI Net F/T manual 9620-05-Net FT, "UDP interface using RDT". Replies go to the request's source
+//! address and port; a later request of another client takes over the stream.
 
 use super::reader::Reader;
 
@@ -13,19 +13,19 @@ pub const REQUEST_SIZE: usize = 8;
 pub const RECORD_SIZE: usize = 36;
 const MAGIC: u16 = 0x1234;
 
-/// What the device is asked to do.
+/// Commands to the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum Command {
     /// Stop streaming.
     Stop = 0x0000,
-    /// Axia: one record a datagram.
+    /// Axia: one record in each datagram.
     StartSingleBlock = 0x0001,
-    /// Net F/T: one record a datagram, as fast as they come.
+    /// Net F/T: one record in each datagram, in real time.
     StartRealTime = 0x0002,
-    /// Net F/T: several records a datagram ("buffered"); Axia: "multi-block".
+    /// Net F/T: several records in each datagram ("buffered"); Axia: "multi-block".
     StartBuffered = 0x0003,
-    /// Several devices at one controller.
+    /// Several devices on one controller.
     StartMultiUnit = 0x0004,
     /// Clear the threshold latch.
     ResetThresholdLatch = 0x0041,
@@ -45,17 +45,17 @@ impl Command {
     ];
 }
 
-/// What a client sends.
+/// A client's request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request {
-    /// What to do.
+    /// The command.
     pub command: Command,
-    /// How many records to send; 0 without end.
+    /// Count of records to send; 0 for an endless stream.
     pub sample_count: u32,
 }
 
 impl Request {
-    /// The bytes to send.
+    /// Encodes the request.
     pub fn to_bytes(self) -> [u8; REQUEST_SIZE] {
         let mut bytes = [0; REQUEST_SIZE];
         bytes[0..2].copy_from_slice(&MAGIC.to_be_bytes());
@@ -64,7 +64,7 @@ impl Request {
         bytes
     }
 
-    /// Reads a request, as a device does.
+    /// Parses a request, as a device does.
     ///
     /// # Errors
     /// A [`Malformed`] for another length, start or command.
@@ -87,11 +87,11 @@ impl Request {
 /// One sample of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Record {
-    /// Counts the records sent since the request; a gap is loss on the way.
+    /// Count of the records sent since the request; a gap is a loss in transit.
     pub rdt_sequence: u32,
-    /// Counts the device's own measurements, sent or not: its clock.
+    /// Count of the device's own measurements, sent or not: its clock.
     pub ft_sequence: u32,
-    /// Zero if the sample is sound.
+    /// Zero if the sample is valid.
     pub status: u32,
     /// Force x, y, z on the sensor, counts.
     pub force_counts: [i32; 3],
@@ -100,7 +100,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// The bytes to send, as a device does.
+    /// Encodes the record, as a device does.
     pub fn to_bytes(self) -> [u8; RECORD_SIZE] {
         let mut bytes = [0; RECORD_SIZE];
         let words = [self.rdt_sequence, self.ft_sequence, self.status].map(u32::to_be_bytes);
@@ -129,7 +129,7 @@ pub struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    /// Reads one datagram.
+    /// Parses one datagram.
     ///
     /// # Errors
     /// [`Malformed::Records`] unless it is a whole number of records, at least one.
@@ -174,7 +174,7 @@ pub enum Malformed {
     /// A request does not begin with 0x1234.
     #[error("the request does not begin with 0x1234")]
     NotRdt,
-    /// A command that this version does not know.
+    /// An undefined command.
     #[error("RDT command {number:#06x} is not known")]
     UnknownCommand {
         /// The number sent.

@@ -1,4 +1,5 @@
-//! Bota's (and Rokubi's) sensors over a serial line: frames of 37 bytes with a checksum, and the text that sets them up.
+//! Bota (and Rokubi) sensors over a serial line: frames of 37 bytes with a checksum, and the text commands of the
+//! set-up.
 //!
 //! Little-endian. Source: the maker's own receivers (`BOTAsys/matlab`, `bota_serial_example.py`).
 
@@ -7,26 +8,26 @@ use crc::{CRC_16_IBM_SDLC, Crc};
 
 /// Bytes of a frame.
 pub const FRAME_SIZE: usize = 37;
-/// The speed that sensors are delivered with, baud.
+/// The default speed of sensors, baud.
 pub const SPEED: u32 = 460_800;
-/// The speeds that a sensor can have, baud, in the order of their numbers in [`setup`].
+/// The speeds of a sensor, baud, in the order of their numbers in [`setup`].
 pub const SPEEDS: [u32; 5] = [9600, 57_600, 115_200, 230_400, SPEED];
-/// Frames a second times the length of the filter.
+/// Frame rate times the length of the filter.
 pub const RATE_TIMES_SINC_HZ: u32 = 51_200;
-/// The first byte of a frame; others may be the same.
+/// The first byte of a frame; other bytes may have the same value.
 pub const HEADER: u8 = 0xAA;
-/// Also called X-25: reflected 0x1021, starts at all ones, ends inverted.
+/// Also called X-25: polynomial 0x1021 reflected, initial value all ones, result inverted.
 const CHECKSUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_SDLC);
 
-/// What the status word says.
+/// Bits of the status word.
 pub mod status {
-    /// The sensor was late with a sample; the numbers are sound.
+    /// The sensor was late with a sample; the values are valid.
     pub const LATE: u16 = 1;
     /// A gauge is beyond its range.
     pub const OVERRANGE: u16 = 1 << 1;
-    /// The numbers mean nothing.
+    /// The values are invalid.
     pub const INVALID: u16 = 1 << 2;
-    /// The numbers are gauges' counts and no forces.
+    /// The values are counts of the gauges, not forces.
     pub const RAW: u16 = 1 << 3;
 }
 
@@ -39,14 +40,14 @@ pub struct Frame {
     pub force_n: [f32; 3],
     /// Torque x, y, z about the sensor's origin, N m.
     pub torque_nm: [f32; 3],
-    /// The sensor's clock, which wraps; in microseconds as far as is known.
+    /// The sensor's clock, which wraps; presumably in microseconds.
     pub timestamp_us: u32,
     /// °C.
     pub temperature_c: f32,
 }
 
 impl Frame {
-    /// Reads a frame; `None` if it does not begin as one or its checksum does not fit.
+    /// Parses a frame; `None` if its header or its checksum does not match.
     pub fn parse(bytes: &[u8; FRAME_SIZE]) -> Option<Frame> {
         let (head, body, sum) = parts(bytes)?;
         (head == HEADER && CHECKSUM.checksum(body) == sum).then(|| Frame::read(body)).flatten()
@@ -67,7 +68,7 @@ impl Frame {
         })
     }
 
-    /// The bytes to send, as a sensor does.
+    /// Encodes the frame, as a sensor does.
     pub fn to_bytes(self) -> [u8; FRAME_SIZE] {
         let mut body = self.status.to_le_bytes().to_vec();
         for number in self.force_n.into_iter().chain(self.torque_nm) {
@@ -91,10 +92,11 @@ fn parts(bytes: &[u8; FRAME_SIZE]) -> Option<(u8, &[u8], u16)> {
     Some((*head, body, u16::from_le_bytes(*sum)))
 }
 
-/// How a sensor is set up: what it is told, in order, and what it answers to each.
+/// Set-up of a sensor: commands in order, with the answer to each.
 ///
-/// Calibrated forces, no compensation of temperature (the maker's advice), binary frames at `speed`, a filter of length
-/// `sinc` without chopping, at normal speed and without the second filter. `None` for a speed that sensors do not have.
+/// Calibrated forces, no temperature compensation (the maker's advice), binary frames at `speed`, a filter of length
+/// `sinc` without chopping, at normal speed and without the second filter. `None` for a speed that sensors do not
+/// support.
 pub fn setup(sinc: u32, speed: u32) -> Option<[(String, &'static str); 4]> {
     let number = SPEEDS.iter().position(|known| *known == speed)?;
     Some([
@@ -178,7 +180,7 @@ mod tests {
         #[test]
         fn frames_between_noise_are_all_found(noise in proptest::collection::vec(any::<u8>(), 0..80), cut in 1usize..40) {
             let bytes = [noise.as_slice(), &VECTOR, &VECTOR, &VECTOR].concat();
-            // Of 65536 damaged frames one has the right checksum, and nobody can tell.
+            // One of 65536 damaged frames has a matching checksum, which cannot be detected.
             let by_chance = |window: &[u8]| window.try_into().is_ok_and(|bytes| Frame::parse(bytes).is_some());
             prop_assume!(!bytes.windows(FRAME_SIZE).take(noise.len()).any(by_chance));
             let mut stream = Sliding::default();

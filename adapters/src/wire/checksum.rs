@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn every_name_is_known_and_its_checksum_is_the_catalogues() {
         let check = |name: &str| Checksum::named(name).unwrap().of(b"123456789");
-        // The catalogue's column "check".
+        // The column "check" of the catalogue.
         assert_eq!(check("crc-16/x-25"), 0x906e);
         assert_eq!(check("CRC-16/CCITT-FALSE"), 0x29b1);
         assert_eq!(check("CRC-16/MODBUS"), 0x4b37);

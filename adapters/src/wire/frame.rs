@@ -1,7 +1,7 @@
-//! Binary frames by a description: where a frame begins, how long it is, what must stand in it, and where its numbers are.
+//! Binary frames with a configured layout: start, length, required values, and positions of the numbers.
 //!
-//! Only the form is known here; what a number means, its reader knows. Where no frame is, a stream goes on by one byte:
-//! what looks like a beginning may stand within a frame ([`Frames`]).
+//! Only the format is defined here; the caller interprets the numbers. Where no frame is found, a stream advances by
+//! one byte, as an apparent start may be inside a frame ([`Frames`]).
 
 mod number;
 mod stream;
@@ -11,110 +11,110 @@ pub use stream::{Found, Frames};
 
 use super::checksum::Checksum;
 
-/// No frame is longer.
+/// Maximum length of a frame.
 pub const FRAME_BYTES_MAX: usize = 64 * 1024;
 
-/// The form of a frame.
+/// The format of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameForm {
-    /// What every frame begins with; empty for none.
+    /// Initial bytes of every frame; empty for none.
     pub sync: Vec<u8>,
-    /// How long it is.
+    /// Length of the frame.
     pub length: Length,
-    /// Numbers that must have certain values, or there is no frame: tags that stand all over it.
+    /// Fields with required values: tags that are distributed over the frame.
     pub tags: Vec<Tag>,
-    /// The number that says that a sound frame is of the kind to be read.
+    /// Field that identifies a valid frame as the kind to be read.
     pub kind: Option<Tag>,
-    /// Its checksum.
+    /// The frame's checksum.
     pub checksum: Option<Summed>,
 }
 
-/// How long a frame is, in bytes, all of it.
+/// Total length of a frame, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
-    /// Always the same.
+    /// Constant length.
     Fixed(usize),
-    /// It tells: so many bytes more than the number says, at most `most`.
+    /// A length field: `plus` bytes more than its value, at most `most`.
     Told {
-        /// Where.
+        /// Position of the field.
         place: Place,
-        /// What the number leaves out.
+        /// Bytes that the field does not count.
         plus: usize,
-        /// The longest.
+        /// The maximum length.
         most: usize,
     },
 }
 
-/// A number that must have one of these values.
+/// A field that must have one of these values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tag {
-    /// Where.
+    /// Position of the field.
     pub place: Place,
-    /// Which, under the place's mask and where they stand there.
+    /// The values, masked and not shifted.
     pub values: Vec<u64>,
 }
 
-/// Which bytes a checksum is of, and where it stands. Places below zero count from the frame's end.
+/// Range of a checksum, and its position. Negative positions count from the frame's end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summed {
-    /// Which.
+    /// The algorithm.
     pub checksum: Checksum,
-    /// From this byte …
+    /// First byte of the range …
     pub from: i32,
-    /// … to before this one.
+    /// … and its end, exclusive.
     pub to: i32,
-    /// Where it stands.
+    /// Position of the checksum.
     pub at: i32,
-    /// In which order its bytes stand.
+    /// Byte order of the checksum.
     pub endian: Endian,
 }
 
-/// What stands at the beginning of some bytes.
+/// Result of parsing the beginning of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look<'a> {
-    /// More bytes are needed to tell.
+    /// More bytes are needed.
     TooFew,
-    /// A frame, whole.
+    /// A complete frame.
     Frame(&'a [u8]),
-    /// A sound frame of another kind.
+    /// A valid frame of another kind.
     Other(&'a [u8]),
     /// No frame.
     Nothing,
 }
 
-/// Why a form describes no frame.
+/// Why a format is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FormFault {
-    /// No bytes, or too many.
+    /// The length is zero or too large.
     #[error("a frame has 1 to {FRAME_BYTES_MAX} bytes")]
     Length,
-    /// The length stands where not every frame has bytes.
+    /// The length field is not within every frame.
     #[error("the length must stand within the first bytes of a frame, counted from its beginning")]
     LengthPlace,
-    /// The checksum is of bytes that are not there, of none, or of itself.
+    /// The checksum's range is outside the frame, empty, or includes the checksum itself.
     #[error("the checksum must be of bytes of the frame, and not of its own")]
     Checksum,
-    /// A place beyond the frame.
+    /// A position beyond the frame.
     #[error("it stands beyond the frame, which has {0} bytes")]
     Beyond(usize),
-    /// Nothing marks a frame.
+    /// Nothing identifies a frame.
     #[error("without sync, tags and checksum any bytes are a frame, and a stream has no beginning")]
     Unmarked,
 }
 
 impl FrameForm {
-    /// Bytes of the shortest frame.
+    /// Length of the shortest frame.
     pub fn least(&self) -> usize {
         match self.length {
             Length::Fixed(bytes) => bytes,
-            // What the number tells, it tells of the rest; sync and length themselves are always there.
+            // The length field counts the rest of the frame; sync and the field itself are always present.
             Length::Told { place, plus, .. } => {
                 place.end(0).unwrap_or(usize::MAX).max(self.sync.len()).max(plus)
             }
         }
     }
 
-    /// Bytes of the longest frame.
+    /// Length of the longest frame.
     pub fn most(&self) -> usize {
         match self.length {
             Length::Fixed(bytes) => bytes,
@@ -122,12 +122,12 @@ impl FrameForm {
         }
     }
 
-    /// Whether something tells a frame from other bytes.
+    /// Whether frames can be distinguished from other bytes.
     pub fn is_marked(&self) -> bool {
         !self.sync.is_empty() || !self.tags.is_empty() || self.checksum.is_some()
     }
 
-    /// Whether a number stands within a frame: every one of a fixed length, the longest of those that tell theirs.
+    /// Whether a field is within a frame: every frame of constant length, or the longest one of variable length.
     ///
     /// # Errors
     /// [`FormFault::Beyond`].
@@ -139,7 +139,7 @@ impl FrameForm {
         }
     }
 
-    /// Whether it describes frames at all. `stream`: they must be found among other bytes.
+    /// Validates the format. `stream`: frames must be found among other bytes.
     ///
     /// # Errors
     /// [`FormFault`].
@@ -165,7 +165,7 @@ impl FrameForm {
         }
     }
 
-    /// What stands at the beginning of these bytes.
+    /// Parses the beginning of these bytes.
     pub fn look<'a>(&self, bytes: &'a [u8]) -> Look<'a> {
         let Some(head) = bytes.get(..self.least()) else { return Look::TooFew };
         if !head.starts_with(&self.sync) {
@@ -191,14 +191,14 @@ impl FrameForm {
         }
     }
 
-    /// Whether these bytes begin as a frame does that can be damaged and be known to be: by its checksum.
+    /// Whether these bytes begin like a frame whose damage its checksum reveals.
     pub fn begins_damaged(&self, bytes: &[u8]) -> bool {
         self.checksum.is_some() && bytes.starts_with(&self.sync)
     }
 }
 
 impl Tag {
-    /// Whether a frame has one of the values there.
+    /// Whether the field has one of the values.
     pub fn fits(&self, frame: &[u8]) -> bool {
         self.place.masked(frame).is_some_and(|value| self.values.contains(&value))
     }
@@ -209,10 +209,10 @@ impl Summed {
         self.parts(frame).is_some_and(|(of, stands)| self.checksum.of(of) == self.endian.number(stands))
     }
 
-    /// The bytes that it is of, and the bytes that it stands in.
+    /// The range of the checksum, and the checksum's bytes.
     fn parts<'a>(&self, frame: &'a [u8]) -> Option<(&'a [u8], &'a [u8])> {
         let from = number::index(self.from, frame.len())?;
-        // An end at 0 is the frame's own end: counted from there, it is 0 bytes before it.
+        // A `to` of 0 is the frame's end: 0 bytes before it.
         let to = if self.to == 0 { frame.len() } else { number::index(self.to, frame.len())? };
         let at = number::index(self.at, frame.len())?;
         let stands = frame.get(at..at.checked_add(self.checksum.bytes())?)?;

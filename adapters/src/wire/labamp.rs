@@ -1,25 +1,25 @@
-//! Kistler's LabAmp: frames of a stream over TCP, and the talk over HTTP that opens it.
+//! Kistler's LabAmp: frames of a stream over TCP, and the HTTP requests that open it.
 //!
-//! Source: Kistler's own API documentation of the 5165A. It does not say in which order the bytes of a number come; the
-//! only public reader takes them as a PC has them. As every frame begins with a version that has always been 1, that shows,
-//! and both orders are read.
+//! Source: Kistler's own API documentation of the 5165A. It does not define the byte order; the only public reader uses
+//! that of a PC. Every frame begins with a version that has always been 1, which reveals the order, so both orders are
+//! supported.
 
 pub mod talk;
 
 use super::reader::Reader;
 use super::sized::{Cut, Form, Sized};
 
-/// Bytes of a frame's head.
+/// Bytes of a frame's header.
 pub const HEAD_SIZE: usize = 16;
 /// Bytes of an event frame.
 const EVENT_SIZE: usize = HEAD_SIZE + 4;
-/// Bytes of a data frame before its numbers.
+/// Bytes of a data frame before its values.
 const DATA_SIZE: usize = HEAD_SIZE + 12;
-/// No frame is larger: eight channels, half a second at the highest rate.
+/// Maximum size of a frame: eight channels, half a second at the highest rate.
 const FRAME_MAX: usize = 4 << 20;
 const VERSION: u16 = 1;
 
-/// In which order the bytes of a number come.
+/// Byte order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Order {
     Little,
@@ -60,61 +60,61 @@ impl Order {
 /// One frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame<'a> {
-    /// Counts the frames of the stream, events too.
+    /// Count of the frames of the stream, events included.
     pub sequence: u32,
-    /// Which measurement; the 5165A has only number 1.
+    /// Number of the measurement; the 5165A has only number 1.
     pub measurement: u16,
-    /// What is in it.
+    /// The contents.
     pub content: Content<'a>,
 }
 
-/// What is in a frame.
+/// Contents of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Content<'a> {
-    /// Numbers.
+    /// Samples.
     Data(Data<'a>),
-    /// Something happened.
+    /// An event.
     Event(Event),
-    /// Of a kind that is not read.
+    /// An unsupported kind.
     Other,
 }
 
-/// What happened at the device.
+/// Events of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
     /// The stream was closed by request.
     Closed,
-    /// Its buffer ran over: data are missing.
+    /// The buffer overflowed: data are missing.
     Overrun,
-    /// Its clock was set.
+    /// The clock was set.
     TimeSkew,
-    /// It was set up anew: the stream is over.
+    /// The device was reconfigured: the stream has ended.
     Reconfigured,
     /// The measurement was stopped.
     Stopped,
-    /// Of a code that is not known.
+    /// An undefined code.
     Other(u16),
 }
 
-/// Scans, one after the other, each with a number of every channel.
+/// Consecutive scans, each with one value of every channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Data<'a> {
-    /// When the first scan was taken, ns since 1970 by the device's clock.
+    /// Time of the first scan, ns since 1970 by the device's clock.
     pub time_ns: u64,
     order: Order,
     bytes: &'a [u8],
 }
 
 impl<'a> Data<'a> {
-    /// How many numbers there are.
+    /// Count of values.
     pub fn count(&self) -> usize {
         self.bytes.len() / 4
     }
 
-    /// The numbers: all channels of the first scan, then those of the second.
+    /// The values: all channels of the first scan, then those of the second.
     pub fn numbers(&self) -> impl ExactSizeIterator<Item = f32> + use<'a> {
         let order = self.order;
-        // A chunk of four has four.
+        // `chunks_exact(4)` yields four bytes.
         self.bytes.chunks_exact(4).map(move |four| {
             f32::from_bits(four.first_chunk().map_or(f32::NAN.to_bits(), |bytes| order.u32(*bytes)))
         })
@@ -131,25 +131,25 @@ const FORM: Form = Form {
     kept: FRAME_MAX,
 };
 
-/// Cuts the stream into frames, however it was torn on the way.
+/// Splits the stream into frames, independently of its division into pieces.
 #[derive(Debug, Clone, Default)]
 pub struct Cutter(Sized);
 
 impl Cutter {
-    /// Forgets what was half read.
+    /// Discards partially received data.
     pub fn clear(&mut self) {
         self.0.clear();
     }
 
-    /// Takes in the next piece of the stream.
+    /// Appends the next piece of the stream.
     pub fn push(&mut self, bytes: &[u8]) {
         self.0.push(bytes);
     }
 
-    /// The next whole frame; `None` until more has come.
+    /// The next complete frame; `None` until more bytes arrive.
     ///
     /// # Errors
-    /// [`Malformed::Front`] means that nothing after it can be found; [`Malformed::Length`] is of this frame alone.
+    /// [`Malformed::Front`] means that later frames cannot be found; [`Malformed::Length`] concerns only this frame.
     pub fn next_frame(&mut self) -> Option<Result<Frame<'_>, Malformed>> {
         Some(match self.0.cut(FORM)? {
             Cut::Whole(frame) => parse(frame).ok_or(Malformed::Length { length: frame.len() }),
@@ -194,16 +194,16 @@ fn parse(bytes: &[u8]) -> Option<Frame<'_>> {
 /// Why bytes are not a LabAmp's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
-    /// No frame of version 1 begins so.
+    /// No frame of version 1 begins with these bytes.
     #[error("{front:02x?} is no beginning of a frame of version 1 of Kistler's stream")]
     Front {
         /// Its first bytes.
         front: [u8; 8],
     },
-    /// A frame whose length does not fit its kind.
+    /// A frame whose length does not match its kind.
     #[error("a frame of {length} bytes has none of the two forms")]
     Length {
-        /// Bytes.
+        /// Length in bytes.
         length: usize,
     },
 }

@@ -1,7 +1,8 @@
 //! The MVN network streaming protocol: one datagram is a 24-byte [`Header`] and a payload of one type.
 //!
-//! Everything is big-endian. Source: "MVN real-time network streaming Protocol Specification"; where it and real
-//! datagrams disagree (units of type 02, sizes of 23, 24 and 25), the datagrams win and the file of the type says so.
+//! Everything is big-endian. Source: "MVN real-time network streaming Protocol Specification"; where it differs from
+//! real datagrams (units of type 02, sizes of 23, 24 and 25), the datagrams take precedence, as the type's module
+//! documents.
 
 pub mod angular_kinematics;
 pub mod centre_of_mass;
@@ -35,10 +36,10 @@ pub use tracker_kinematics::{TrackerKinematics, Trackers};
 pub use unity::UnityBody;
 pub use virtual_markers::VirtualMarker;
 
-/// The port MVN sends to unless told otherwise (9 = X, 6 = M, 3 = E).
+/// MVN's default destination port (9 = X, 6 = M, 3 = E).
 pub const DEFAULT_PORT: u16 = 9763;
 
-/// One datagram, read as far as its type is known. Borrows the bytes; nothing is copied or allocated.
+/// One datagram, decoded if its type is supported. Borrows the bytes; nothing is copied or allocated.
 #[derive(Debug, Clone, Copy)]
 #[expect(missing_docs, reason = "the types of the payloads say all there is to say")]
 pub enum Datagram<'a> {
@@ -54,20 +55,20 @@ pub enum Datagram<'a> {
     TrackerKinematics(Header, Trackers<'a>),
     CentreOfMass(Header, CentreOfMass),
     TimeCode(Header, TimeCode),
-    /// A type that this version does not read, with a sound header and length.
+    /// An unsupported type, with a valid header and length.
     Unknown(Header),
-    /// JSON text of the remote control, which shares the port; not for us, and not corruption.
+    /// JSON text of the remote control, which shares the port; ignored, and not data corruption.
     Json,
 }
 
 impl<'a> Datagram<'a> {
-    /// Reads one datagram.
+    /// Parses one datagram.
     ///
-    /// Accepted only if its length is header plus payload size, and the payload is what the type and the number of
-    /// items ask for.
+    /// Accepted only if its length is header plus payload size, and the payload matches the type and the number of
+    /// items.
     ///
     /// # Errors
-    /// A [`Malformed`] that says what does not fit.
+    /// A [`Malformed`] that describes the fault.
     pub fn parse(bytes: &'a [u8]) -> Result<Datagram<'a>, Malformed> {
         if bytes.first() == Some(&b'{') {
             return Ok(Datagram::Json);
@@ -154,7 +155,7 @@ pub enum Malformed {
         /// Payload size, bytes.
         payload: usize,
     },
-    /// A count or a length inside the payload points beyond its end, or bytes are left over.
+    /// A count or a length inside the payload points beyond its end, or bytes remain.
     #[error("type {datagram_type}: the payload does not end where its {field} says")]
     Content {
         /// The datagram's type.
@@ -162,7 +163,7 @@ pub enum Malformed {
         /// The field at fault.
         field: &'static str,
     },
-    /// A text is not UTF-8, or not of the form its type asks for.
+    /// A text is not UTF-8, or not in the format of its type.
     #[error("type {datagram_type}: its {field} is not readable text")]
     Text {
         /// The datagram's type.

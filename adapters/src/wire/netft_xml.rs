@@ -1,7 +1,7 @@
-//! The page of settings of an ATI Net F/T or Axia, `http://DEVICE/netftapi2.xml`: counts, units, what it sends.
+//! Settings page of an ATI Net F/T or Axia, `http://DEVICE/netftapi2.xml`: scale, units and output settings.
 //!
-//! Source: ATI Net F/T manual 9620-05-Net FT, "netftapi2.xml". Names of units are taken as the manual writes them, and as
-//! some firmware does; a name that is not known is never guessed at.
+//! Source: ATI Net F/T manual 9620-05-Net FT, "netftapi2.xml". Accepts unit names as in the manual, and as in some
+//! firmware; an undefined name is never guessed.
 
 use crate::units::{METRE_PER_FOOT, METRE_PER_INCH, NEWTON_PER_KGF, NEWTON_PER_LBF};
 use quick_xml::Reader;
@@ -10,7 +10,7 @@ use quick_xml::events::Event;
 /// The page's name on the device.
 pub const PATH: &str = "/netftapi2.xml";
 
-/// What of the page is used. `None` where the page has nothing of that name.
+/// The fields of the page that are used. `None` if the page lacks the field.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NetFtPage {
     /// Counts per unit of force: `cfgcpf`, on old devices `calcpf`.
@@ -30,18 +30,18 @@ pub struct NetFtPage {
 /// Why a page is not one of a Net F/T.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PageFault {
-    /// No XML.
+    /// Not XML.
     #[error("it is no XML: {0}")]
     NotXml(String),
-    /// XML of something else.
+    /// XML of another kind.
     #[error("it has neither cfgcpf nor calcpf, so it is no page of a Net F/T")]
     NotNetFt,
-    /// A number that is none.
+    /// An invalid number.
     #[error("its {name} is \"{text}\", which is not a positive number")]
     NotANumber {
         /// The element.
         name: &'static str,
-        /// What it holds.
+        /// The contents.
         text: String,
     },
 }
@@ -51,10 +51,10 @@ const NAMES: [&str; 8] =
     ["cfgcpf", "cfgcpt", "calcpf", "calcpt", "scfgfu", "scfgtu", "comrdte", "comrdtrate"];
 
 impl NetFtPage {
-    /// Reads a page.
+    /// Parses a page.
     ///
     /// # Errors
-    /// A [`PageFault`] if it is something else, or its numbers are none.
+    /// A [`PageFault`] if it is another kind of page, or its numbers are invalid.
     pub fn parse(text: &str) -> Result<NetFtPage, PageFault> {
         let texts = texts(text)?;
         let of = |name: &'static str| {
@@ -84,11 +84,11 @@ impl NetFtPage {
     }
 }
 
-/// The text of each of [`NAMES`]; of several elements of one name the first.
+/// The text of each of [`NAMES`]; the first of several elements with the same name.
 fn texts(text: &str) -> Result<[Option<String>; NAMES.len()], PageFault> {
     let mut found = [const { None }; NAMES.len()];
     let mut reader = Reader::from_str(text);
-    // Which of the names is open, and what stood in it so far.
+    // Index of the open element, and its text so far.
     let mut open: Option<(usize, String)> = None;
     loop {
         match reader.read_event().map_err(|error| PageFault::NotXml(error.to_string()))? {
@@ -115,7 +115,7 @@ fn texts(text: &str) -> Result<[Option<String>; NAMES.len()], PageFault> {
     }
 }
 
-/// How many newtons a unit of force has, by ATI's name for it.
+/// Newtons per unit of force, by ATI's name of the unit.
 pub fn newtons_of(unit: &str) -> Option<f64> {
     Some(match plain(unit).as_str() {
         "n" => 1.0,
@@ -128,7 +128,7 @@ pub fn newtons_of(unit: &str) -> Option<f64> {
     })
 }
 
-/// How many newton metres a unit of torque has, by ATI's name for it.
+/// Newton metres per unit of torque, by ATI's name of the unit.
 pub fn newton_metres_of(unit: &str) -> Option<f64> {
     Some(match plain(unit).as_str() {
         "nm" => 1.0,
@@ -142,7 +142,7 @@ pub fn newton_metres_of(unit: &str) -> Option<f64> {
     })
 }
 
-/// Without what stands between the parts of a unit, in small letters: none of these units is told apart by its capitals.
+/// Removes separators within a unit and converts it to lower case: none of these units depends on case.
 fn plain(unit: &str) -> String {
     unit.chars()
         .filter(|letter| !matches!(letter, ' ' | '-' | '.' | '*' | '·' | '_'))

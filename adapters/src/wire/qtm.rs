@@ -1,20 +1,21 @@
-//! Qualisys' real-time protocol over TCP: packets with a length, texts one way and frames the other.
+//! Qualisys' real-time protocol over TCP: packets with a length prefix, text commands in one direction and frames in
+//! the other.
 //!
-//! Little-endian, as on port 22223 (22222 speaks the older, big-endian form). Sources: the packet layout of Qualisys'
-//! own Python library, version 1.25 of the protocol; the QTM manual for the meaning of forces.
+//! Little-endian, as on port 22223 (22222 has the older, big-endian form). Sources: the packet layout of Qualisys' own
+//! Python library, version 1.25 of the protocol; the QTM manual for the meaning of forces.
 
 use super::reader::Reader;
 use super::sized::{Cut, Form, Sized};
 
-/// The port that speaks little-endian.
+/// The port of the little-endian protocol.
 pub const DEFAULT_PORT: u16 = 22_223;
-/// The version of the protocol that is asked for; QTM keeps old versions working.
+/// The requested version of the protocol; QTM keeps old versions working.
 pub const VERSION: &str = "1.25";
-/// Bytes of a packet's head: size and kind.
+/// Bytes of a packet's header: size and kind.
 pub const HEAD_SIZE: usize = 8;
-/// Larger packets are files and images, which nobody asked for; a stream that announces them is not QTM's.
+/// Larger packets are files and images, which are not requested; a stream that announces them is not QTM's.
 pub const PACKET_MAX: usize = 16 << 20;
-/// Of a packet that is read, at most so many bytes are kept: forces of the largest laboratory are far below.
+/// Larger packets are skipped: forces of the largest laboratory need far fewer bytes.
 const KEPT_MAX: usize = 1 << 20;
 /// `u32 size` and `u32 kind` of a component.
 const COMPONENT_HEAD_SIZE: usize = 8;
@@ -24,7 +25,7 @@ const COMPONENT_FORCE_SINGLE: u32 = 15;
 const NUMBERS: usize = 9;
 const FORCE_SIZE: usize = 4 * NUMBERS;
 
-/// A text for QTM: a command or, quite as well, anything it says itself.
+/// Encodes a text packet: a command to QTM or, in tests, a text from QTM.
 pub fn command(text: &str) -> Vec<u8> {
     packet(1, &[text.as_bytes(), &[0]].concat())
 }
@@ -34,33 +35,33 @@ fn packet(kind: u32, content: &[u8]) -> Vec<u8> {
     [&size.to_le_bytes(), &kind.to_le_bytes(), content].concat()
 }
 
-/// What QTM says.
+/// A packet from QTM.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Packet<'a> {
-    /// It refuses something, in words.
+    /// An error message.
     Error(&'a str),
-    /// It answers something, in words.
+    /// A reply text.
     Text(&'a str),
     /// A frame.
     Frame(Frame<'a>),
-    /// Nothing is being measured, so nothing comes.
+    /// No measurement is running, so no data follow.
     NoMoreData,
-    /// Something happened.
+    /// An event.
     Event(Event),
-    /// Of a kind that is not read.
+    /// An unsupported kind.
     Other(u32),
 }
 
-/// What happened at QTM, as far as it matters to whoever listens for frames.
+/// Events of QTM that are relevant to a receiver of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// Frames come from now on: a preview, a capture or the replay of a file began.
+    /// Frames follow: a preview, a capture or the replay of a file began.
     Started,
-    /// They come no longer.
+    /// No more frames follow.
     Stopped,
-    /// QTM is being closed.
+    /// QTM is shutting down.
     ShuttingDown,
-    /// Anything else.
+    /// Any other event.
     Other(u8),
 }
 
@@ -77,23 +78,23 @@ impl Event {
     }
 }
 
-/// One frame of the cameras, with whatever was measured for it.
+/// One camera frame, with all data measured for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame<'a> {
-    /// When, since the start of the measurement, µs.
+    /// Time since the start of the measurement, µs.
     pub timestamp_us: u64,
-    /// Counts the frames. Some versions always say 1 while nothing is being captured.
+    /// Count of the frames. Some versions always report 1 while no capture is running.
     pub number: u32,
     components: u32,
     bytes: &'a [u8],
 }
 
-/// What one plate measured during a frame.
+/// Measurements of one plate during a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateForces<'a> {
-    /// The plate, from 1.
+    /// Number of the plate, from 1.
     pub plate: u32,
-    /// Counts this plate's forces; of the first one here. `None` for single forces.
+    /// Number of the first force in this frame, counted for each plate. `None` for single forces.
     pub first: Option<u32>,
     bytes: &'a [u8],
 }
@@ -105,24 +106,24 @@ pub struct PlateForce {
     pub force_n: [f32; 3],
     /// N m.
     pub moment_nm: [f32; 3],
-    /// Where the force acts, mm.
+    /// Point of application, mm.
     pub point_mm: [f32; 3],
 }
 
 impl<'a> Frame<'a> {
     fn parse(bytes: &'a [u8]) -> Option<Frame<'a>> {
         let mut reader = Reader::new(bytes);
-        // A time before the start of the measurement is none.
+        // A time before the start of the measurement is invalid.
         let timestamp_us = u64::try_from(i64::from_le_bytes(reader.array()?)).ok()?;
         let number = u32_le(&mut reader)?;
         let components = u32_le(&mut reader)?;
         Some(Frame { timestamp_us, number, components, bytes: reader.bytes(reader.remaining())? })
     }
 
-    /// The forces of one plate; `Ok(None)` if the frame has none for it.
+    /// The forces of one plate; `Ok(None)` if the frame contains none.
     ///
     /// # Errors
-    /// The frame's lengths contradict each other.
+    /// The frame's lengths are inconsistent.
     pub fn plate(&self, plate: u32) -> Result<Option<PlateForces<'a>>, Malformed> {
         let mut found = None;
         self.each_plate(|forces| {
@@ -159,7 +160,7 @@ impl<'a> Frame<'a> {
                 let length = usize::try_from(count).ok()?.checked_mul(FORCE_SIZE)?;
                 each(PlateForces { plate, first, bytes: component.bytes(length)? });
             }
-            // What is left over says that the layout is another one.
+            // Remaining bytes indicate a different layout.
             component.is_empty().then_some(())?;
         }
         rest.is_empty().then_some(())
@@ -167,16 +168,16 @@ impl<'a> Frame<'a> {
 }
 
 impl PlateForces<'_> {
-    /// How many.
+    /// Count of forces.
     pub fn count(&self) -> usize {
         self.bytes.len() / FORCE_SIZE
     }
 
-    /// Oldest first.
+    /// The forces, oldest first.
     pub fn forces(&self) -> impl ExactSizeIterator<Item = PlateForce> {
         self.bytes.chunks_exact(FORCE_SIZE).map(|bytes| {
             let mut reader = Reader::new(bytes);
-            // Nine numbers are there, or it would be no chunk.
+            // The chunk contains nine numbers.
             let mut three =
                 || core::array::from_fn(|_| reader.array().map(f32::from_le_bytes).unwrap_or(f32::NAN));
             PlateForce { force_n: three(), moment_nm: three(), point_mm: three() }
@@ -195,25 +196,25 @@ const FORM: Form = Form {
     kept: KEPT_MAX,
 };
 
-/// Cuts QTM's stream into packets, however it was torn on the way.
+/// Splits QTM's stream into packets, independently of its division into pieces.
 #[derive(Debug, Clone, Default)]
 pub struct Cutter(Sized);
 
 impl Cutter {
-    /// Forgets what was half read.
+    /// Discards partially received data.
     pub fn clear(&mut self) {
         self.0.clear();
     }
 
-    /// Takes in the next piece of the stream.
+    /// Appends the next piece of the stream.
     pub fn push(&mut self, bytes: &[u8]) {
         self.0.push(bytes);
     }
 
-    /// The next whole packet; `None` until more has come.
+    /// The next complete packet; `None` until more bytes arrive.
     ///
     /// # Errors
-    /// A packet that cannot be understood; [`Malformed::Size`] means that nothing after it can be either.
+    /// An invalid packet; after [`Malformed::Size`] later packets cannot be found.
     pub fn next_packet(&mut self) -> Option<Result<Packet<'_>, Malformed>> {
         let kind = |front: &[u8]| front.last_chunk().map_or(u32::MAX, |kind| u32::from_le_bytes(*kind));
         Some(match self.0.cut(FORM)? {
@@ -247,19 +248,19 @@ fn parse(kind: u32, content: &[u8]) -> Result<Packet<'_>, Malformed> {
 /// Why bytes are not QTM's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
-    /// The length is impossible.
+    /// The length is invalid.
     #[error("a packet of {announced} bytes is none of Qualisys' track manager{}", hint(*announced))]
     Size {
-        /// What the packet says of itself.
+        /// The length in the packet.
         announced: u32,
     },
-    /// Lengths within a frame contradict each other.
+    /// Lengths within a frame are inconsistent.
     #[error("the lengths in frame {number} contradict each other")]
     Frame {
-        /// Its number, 0 if not even that could be read.
+        /// The frame's number, 0 if it could not be read.
         number: u32,
     },
-    /// Words that are no UTF-8.
+    /// A text is not UTF-8.
     #[error("a text is no UTF-8")]
     NotText,
     /// An event without a number.

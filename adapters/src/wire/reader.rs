@@ -1,6 +1,6 @@
-//! A cursor over big-endian bytes that ends instead of panicking.
+//! A cursor over big-endian bytes that returns `None` at the end instead of panicking.
 
-/// Takes numbers off the front of a byte slice; `None` once there are too few bytes left.
+/// Reads numbers from the front of a byte slice; `None` if too few bytes remain.
 #[derive(Debug, Clone, Copy)]
 pub struct Reader<'a> {
     rest: &'a [u8],

@@ -1,52 +1,52 @@
-//! Cuts a stream into messages that tell their length at the front, however it was torn on the way.
+//! Splits a stream into messages with a length prefix, independently of its division into pieces.
 
-/// Bytes at the front of a message that are enough to know its length.
+/// Bytes at the front of a message that determine its length.
 pub(super) const FRONT: usize = 8;
 
-/// What a stream of such messages looks like.
+/// Format of such a stream.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Form {
     /// The length of a message, front included, from its front.
     pub(super) size: fn([u8; FRONT]) -> usize,
-    /// The shortest.
+    /// Minimum length.
     pub(super) least: usize,
-    /// The longest: what announces more is no such message, and nothing after it can be found.
+    /// Maximum length: a larger value is invalid, and later messages cannot be found.
     pub(super) most: usize,
-    /// What is longer than this is passed over rather than kept.
+    /// Longer messages are skipped rather than buffered.
     pub(super) kept: usize,
 }
 
-/// The next of a stream.
+/// The next element of a stream.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Cut<'a> {
     /// A message, front included.
     Whole(&'a [u8]),
-    /// One too long to keep; its front.
+    /// A message that is too long to buffer; its front.
     PassedOver([u8; FRONT]),
-    /// No message has this front.
+    /// An invalid front.
     Nonsense([u8; FRONT]),
 }
 
-/// A stream on its way.
+/// A stream parser.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sized {
     buffer: Vec<u8>,
-    /// Bytes at the front of `buffer` that were handed out.
+    /// Bytes at the front of `buffer` that were returned.
     taken: usize,
-    /// Bytes still to come of a message that is passed over.
+    /// Remaining bytes of a skipped message.
     skip: usize,
-    /// Nothing can be found any more.
+    /// Synchronisation is lost permanently.
     broken: bool,
 }
 
 impl Sized {
-    /// Forgets what was half read.
+    /// Discards partially received data.
     pub(super) fn clear(&mut self) {
         self.buffer.clear();
         (self.taken, self.skip, self.broken) = (0, 0, false);
     }
 
-    /// Takes in the next piece.
+    /// Appends the next piece.
     pub(super) fn push(&mut self, bytes: &[u8]) {
         self.buffer.drain(..self.taken);
         self.taken = 0;
@@ -57,7 +57,7 @@ impl Sized {
         }
     }
 
-    /// The next message; `None` until more has come.
+    /// The next message; `None` until more bytes arrive.
     pub(super) fn cut(&mut self, form: Form) -> Option<Cut<'_>> {
         let from = self.taken;
         let rest = self.buffer.get(from..).unwrap_or_default();

@@ -1,20 +1,20 @@
-//! Frames of one size in a stream that has no other marks: where no frame reads, go on by one byte.
+//! Extracts frames of constant size from a stream without other marks: advances by one byte where no frame is valid.
 
-/// What stood next in a stream.
+/// The next element of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Found<T> {
     /// A frame.
     Frame(T),
-    /// Bytes that are no part of a frame; the next one follows, or more of them will.
+    /// Bytes that are no part of a frame; a frame or more such bytes follow.
     Passed {
-        /// How many.
+        /// Their count.
         bytes: usize,
-        /// The first of them: what stood where a frame might have begun.
+        /// The first of them, at the position where a frame might have begun.
         first: u8,
     },
 }
 
-/// The bytes of a stream that are not read yet.
+/// The unread bytes of a stream.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Sliding {
     bytes: Vec<u8>,
@@ -22,21 +22,21 @@ pub struct Sliding {
 }
 
 impl Sliding {
-    /// Forgets what was half read.
+    /// Discards partially received data.
     pub fn clear(&mut self) {
         self.bytes.clear();
         self.read = 0;
     }
 
-    /// Appends what came.
+    /// Appends received bytes.
     pub fn push(&mut self, bytes: &[u8]) {
         self.bytes.drain(..self.read);
         self.read = 0;
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// The next frame that `parse` makes of exactly `N` bytes, or how many bytes were passed over on the way to it;
-    /// `None` once fewer than a frame are left.
+    /// The next frame that `parse` accepts, of exactly `N` bytes, or the count of bytes skipped before it; `None` if
+    /// fewer bytes than a frame remain.
     pub fn next<const N: usize, T>(&mut self, parse: impl Fn(&[u8; N]) -> Option<T>) -> Option<Found<T>> {
         let begun = self.read;
         loop {
@@ -47,7 +47,7 @@ impl Sliding {
                     return Some(Found::Frame(frame));
                 }
                 Some(None) => self.read += 1,
-                // A frame after what was passed over is read at the next call.
+                // A frame after skipped bytes is returned in the next call.
                 Some(Some(_)) | None => {
                     let passed = self.bytes.get(begun..self.read)?;
                     return passed.first().map(|first| Found::Passed { bytes: passed.len(), first: *first });

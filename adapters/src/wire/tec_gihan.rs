@@ -1,8 +1,9 @@
-//! Tec Gihan's force plate controller over a serial line: short ASCII lines, and blocks of counts without head or
+//! Tec Gihan's force plate controller over a serial line: short ASCII lines, and blocks of counts without header or
 //! checksum.
 //!
-//! 1 Mbaud, 8N1, RTS/CTS. Lines end with a line feed. The first block follows `START` by itself, each further one must
-//! be asked for with `DT`. Source: the maker's own Python library (tecgihan/forceplate-python); nothing else is public.
+//! 1 Mbaud, 8N1, RTS/CTS. Lines end with a line feed. The first block follows `START`; each further one must be
+//! requested with `DT`. Source: the maker's own Python library (tecgihan/forceplate-python); no other documentation is
+//! public.
 
 use super::reader::Reader;
 
@@ -14,21 +15,21 @@ pub const CHANNELS: usize = 6;
 pub const SAMPLE_SIZE: usize = 2 * CHANNELS;
 /// Counts at full scale.
 const FULL_SCALE_COUNTS: f64 = 30_000.0;
-/// The controller takes so many plates at most.
+/// Maximum count of plates on a controller.
 pub const PLATES_MAX: u32 = 20;
 
-/// How often the plate measures.
+/// Sampling rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rate {
     /// Hz.
     pub hz: u32,
     name: &'static str,
-    /// Samples that the controller gathers before it sends them.
+    /// Samples in a block.
     pub block_samples: u32,
 }
 
 impl Rate {
-    /// All that the controller knows, fastest first.
+    /// All rates of the controller, fastest first.
     pub const ALL: [Rate; 8] = [
         Rate { hz: 10_000, name: "10K", block_samples: 100 },
         Rate { hz: 5000, name: "5K", block_samples: 100 },
@@ -40,12 +41,12 @@ impl Rate {
         Rate { hz: 120, name: "120", block_samples: 12 },
     ];
 
-    /// The rate of so many Hz, if there is one.
+    /// The rate of this frequency, if it exists.
     pub fn of_hz(hz: u32) -> Option<Rate> {
         Rate::ALL.into_iter().find(|rate| rate.hz == hz)
     }
 
-    /// How long the controller gathers a block, ns.
+    /// Duration of a block, ns.
     pub fn block_ns(self) -> u64 {
         u64::from(self.block_samples) * 1_000_000_000 / u64::from(self.hz)
     }
@@ -63,35 +64,35 @@ pub enum Range {
     Kn10 = 2,
 }
 
-/// What the controller is told and asked; [`Line::to_bytes`] ends it.
+/// Commands and queries to the controller; [`Line::to_bytes`] appends the line end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Line {
-    /// Stop measuring. No answer.
+    /// Stop the measurement. No answer.
     Stop,
-    /// Measure; the first block comes by itself.
+    /// Start the measurement; the first block follows unrequested.
     Start,
-    /// The next block.
+    /// Request the next block.
     NextBlock,
-    /// End a sleep. No answer.
+    /// Wake from sleep. No answer.
     Wake,
-    /// What it is doing.
+    /// Query the state.
     State,
-    /// Measure so often.
+    /// Set the sampling rate.
     SetRate(Rate),
-    /// This full scale. No answer.
+    /// Set the full scale. No answer.
     SetRange(Range),
-    /// How many plates there are.
+    /// Query the count of plates.
     PlateCount,
-    /// Serial number of a plate, counted from 0.
+    /// Query the serial number of a plate, counted from 0.
     PlateSerial(u32),
-    /// Height of a plate's surface over its sensors, by serial number.
+    /// Query the height of a plate's surface over its sensors, by serial number.
     SurfaceHeight(u32),
-    /// Full scales of a plate, by serial number.
+    /// Query the full scales of a plate, by serial number.
     FullScales(u32),
 }
 
 impl Line {
-    /// The bytes to send.
+    /// Encodes the line.
     pub fn to_bytes(self) -> Vec<u8> {
         let text = match self {
             Line::Stop => "STOP".to_owned(),
@@ -111,7 +112,7 @@ impl Line {
         (text + "\n").into_bytes()
     }
 
-    /// What an answer says, if it is the answer to this line.
+    /// Parses an answer to this line; `None` if it is not one.
     pub fn answer(self, line: &str) -> Option<Answer> {
         let line = line.trim();
         let value = |prefix: &str| line.strip_prefix(prefix).map(str::trim);
@@ -132,31 +133,31 @@ impl Line {
     }
 }
 
-/// What the controller answers.
+/// An answer of the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Answer {
-    /// It did so.
+    /// The command was executed.
     Done,
-    /// What it is doing.
+    /// The state.
     State(State),
     /// A count or a serial number.
     Number(u32),
-    /// A length, m; the maker counts it negative, downwards.
+    /// A length, m; the maker's sign is negative, downwards.
     Metres(f64),
-    /// What the counts of a plate mean.
+    /// The scales of a plate.
     FullScales(FullScales),
 }
 
-/// What the controller is doing.
+/// State of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// Nothing: it can be told what to do.
+    /// Ready for commands.
     Idle,
     /// Sleeping.
     Sleeping,
-    /// Measuring, taking its zero, waiting for a trigger.
+    /// Measuring, zeroing or waiting for a trigger.
     Busy,
-    /// An error, which only its own buttons or a new start clear.
+    /// An error, which only its own buttons or a restart clear.
     Error,
 }
 
@@ -172,7 +173,7 @@ impl State {
     }
 }
 
-/// What full-scale counts of a plate are in each range: N, N, N, N m, N m, N m.
+/// Full-scale values of a plate in each range: N, N, N, N m, N m, N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FullScales([[f64; CHANNELS]; 3]);
 
@@ -182,31 +183,31 @@ impl FullScales {
         let mut scales = [[0.0; CHANNELS]; 3];
         for scale in scales.as_flattened_mut() {
             *scale = numbers.next()??;
-            // A full scale of nothing would make every force zero.
+            // A full scale of zero would make every force zero.
             (scale.is_finite() && *scale > 0.0).then_some(())?;
         }
         numbers.next().is_none().then_some(FullScales(scales))
     }
 
-    /// Force x, y, z, N, and moment x, y, z, N m, of a sample's counts.
+    /// Converts a sample's counts to force x, y, z, N, and moment x, y, z, N m.
     pub fn scaled(&self, range: Range, counts: [i16; CHANNELS]) -> [f64; CHANNELS] {
         let scales = self.0[range as usize];
         core::array::from_fn(|channel| f64::from(counts[channel]) * scales[channel] / FULL_SCALE_COUNTS)
     }
 }
 
-/// Bytes of a block of so many plates.
+/// Size of a block of this many plates, bytes.
 pub fn block_size(plates: u32, rate: Rate) -> usize {
     SAMPLE_SIZE * rate.block_samples as usize * plates as usize
 }
 
-/// The samples of one plate, counted from 0, in a block: all of the first plate come before those of the second.
+/// The samples of one plate, counted from 0, in a block: all of the first plate precede those of the second.
 pub fn plate_samples(block: &[u8], plate: u32, rate: Rate) -> impl Iterator<Item = [i16; CHANNELS]> {
     let size = block_size(1, rate);
     let own = block.chunks_exact(size).nth(plate as usize).unwrap_or_default();
     own.chunks_exact(SAMPLE_SIZE).map(|sample| {
         let mut reader = Reader::new(sample);
-        // Twelve bytes are there, or it would be no chunk.
+        // The chunk contains twelve bytes.
         core::array::from_fn(|_| reader.array().map(i16::from_le_bytes).unwrap_or_default())
     })
 }

@@ -1,13 +1,13 @@
-//! Lines of text with numbers: what many small plates, bridges and export programs send.
+//! Lines of text with numbers, as sent by many small plates, bridges and export programs.
 //!
-//! Only the form is known here; what a field means, its reader knows. Bytes come in any pieces ([`Lines`]); a line may end
-//! with LF, CR or both, and an empty one means nothing. Fields that nobody reads may hold anything.
+//! Only the format is defined here; the caller interprets the fields. Bytes arrive in any pieces ([`Lines`]); a line
+//! may end with LF, CR or both, and empty lines are ignored. Unused fields may contain anything.
 
 mod number;
 
 pub use number::{Decimal, Unit};
 
-/// What stands between two fields.
+/// Separator between two fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delimiter {
     /// Any run of spaces and tabs.
@@ -20,36 +20,36 @@ pub enum Delimiter {
     Semicolon,
 }
 
-/// The form of a line.
+/// The format of a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineForm {
-    /// What stands between two fields.
+    /// Separator between two fields.
     pub delimiter: Delimiter,
-    /// What stands before the decimals.
+    /// Decimal separator.
     pub decimal: Decimal,
-    /// A line that begins with this is passed over.
+    /// First character of a comment line, which is skipped.
     pub comment: Option<u8>,
-    /// What every line begins with, before its first field; other lines are passed over. Empty for none.
+    /// Prefix of every line, before its first field; other lines are skipped. Empty for none.
     pub prefix: Vec<u8>,
-    /// How many fields a line has.
+    /// Count of fields in a line.
     pub fields: usize,
 }
 
-/// Why a line is not of the form.
+/// Why a line does not match the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
-    /// Another number of fields.
+    /// A different count of fields.
     #[error("{got} fields, and {want} are expected")]
     Fields {
-        /// How many there are.
+        /// The actual count.
         got: usize,
-        /// How many there should be.
+        /// The expected count.
         want: usize,
     },
-    /// A field that is no number.
+    /// A field that is not a number.
     #[error("field {field}, counted from 1, is no number")]
     Number {
-        /// Which, counted from 1.
+        /// The field, counted from 1.
         field: usize,
     },
 }
@@ -62,7 +62,7 @@ pub struct Fields<'a> {
 }
 
 impl LineForm {
-    /// Takes a line (without its end) apart; `None` for one that says nothing: empty, a comment, without the prefix.
+    /// Splits a line (without its end); `None` for an empty line, a comment, or a line without the prefix.
     ///
     /// # Errors
     /// [`Malformed::Fields`].
@@ -86,7 +86,7 @@ impl LineForm {
 }
 
 impl<'a> Fields<'a> {
-    /// The fields, without the spaces around them.
+    /// The fields, without surrounding spaces.
     pub fn iter(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
         let delimiter = self.form.delimiter;
         let (line, byte) = match delimiter {
@@ -95,7 +95,7 @@ impl<'a> Fields<'a> {
             Delimiter::Comma => (self.line, b','),
             Delimiter::Semicolon => (self.line, b';'),
         };
-        // Some programs end every line with a delimiter; the field behind it is none.
+        // Some programs end every line with a delimiter; it does not begin another field.
         let line =
             if delimiter == Delimiter::Spaces { line } else { line.strip_suffix(&[byte]).unwrap_or(line) };
         let is_between = move |at: &u8| *at == byte || (delimiter == Delimiter::Spaces && *at == b'\t');
@@ -104,7 +104,7 @@ impl<'a> Fields<'a> {
             .filter(move |field| delimiter != Delimiter::Spaces || !field.is_empty())
     }
 
-    /// A field's number; `index` counts from 0.
+    /// The number in a field; `index` counts from 0.
     ///
     /// # Errors
     /// [`Malformed::Number`].
@@ -113,7 +113,7 @@ impl<'a> Fields<'a> {
         text.and_then(|text| self.form.decimal.number(text)).ok_or(Malformed::Number { field: index + 1 })
     }
 
-    /// All fields that `which` names, in that order; it is sorted.
+    /// The numbers in the fields `which`, which must be sorted.
     ///
     /// # Errors
     /// [`Malformed::Number`].
@@ -129,10 +129,10 @@ impl<'a> Fields<'a> {
         Ok(())
     }
 
-    /// A field that counts, or a time in a unit, as a whole number of the finest unit: exactly, whatever its length.
+    /// A counter, or a time in a unit, as an integer of the finest unit: exact for any length.
     ///
     /// # Errors
-    /// [`Malformed::Number`], also for one below zero or beyond 64 bits.
+    /// [`Malformed::Number`], also for a negative number or one beyond 64 bits.
     pub fn whole(&self, index: usize, unit: Unit) -> Result<u64, Malformed> {
         let text = self.iter().nth(index).and_then(|field| core::str::from_utf8(field).ok());
         text.and_then(|text| self.form.decimal.whole(text, unit))
@@ -140,27 +140,27 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Cuts a stream into lines, whatever pieces it comes in.
+/// Splits a stream into lines, independently of its division into pieces.
 #[derive(Debug, Clone)]
 pub struct Lines {
     partial: Vec<u8>,
     longest: usize,
-    /// The rest of this line is not wanted: it was too long, or its start is not known.
+    /// The rest of this line is discarded: it was too long, or its start is missing.
     skipping: bool,
 }
 
-/// A line that does not end.
+/// A line that exceeds the maximum length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TooLong;
 
 impl Lines {
-    /// Lines of at most `longest` bytes. Where a stream is joined in the middle of a line (`cut`), what comes before the
-    /// first end is not known to be whole and is left out.
+    /// Lines of at most `longest` bytes. If a stream is joined in the middle of a line (`cut`), the data before the
+    /// first line end may be incomplete and are omitted.
     pub fn new(longest: usize, cut: bool) -> Lines {
         Lines { partial: Vec::new(), longest, skipping: cut }
     }
 
-    /// Takes in a piece and hands on each line that ends in it, once.
+    /// Processes a piece and calls `each` for each line that ends in it.
     pub fn take(&mut self, mut bytes: &[u8], mut each: impl FnMut(Result<&[u8], TooLong>)) {
         while let Some(end) = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r')) {
             let (line, rest) = (&bytes[..end], &bytes[end + 1..]);
@@ -178,12 +178,12 @@ impl Lines {
         }
     }
 
-    /// The stream ends, as a datagram does: what is there is a line.
+    /// Ends the stream, as at the end of a datagram: the remaining data are a line.
     pub fn end(&mut self, each: impl FnMut(Result<&[u8], TooLong>)) {
         self.take(b"\n", each);
     }
 
-    /// Whether the line has become too long with this.
+    /// Whether these bytes make the line too long.
     fn append(&mut self, bytes: &[u8]) -> bool {
         if self.skipping {
             return false;

@@ -1,4 +1,4 @@
-//! Files by other programs: what comes out is sound and in order, and a capture that is written is read.
+//! Files of other programs: samples are valid and in order, and a written capture can be read.
 
 use equipoise_adapters::capture::{
     BioWareCapture, BioWareSettings, CsvCapture, MvnxCapture, PcapCapture, PcapWriter, Units,
@@ -8,7 +8,7 @@ use equipoise_adapters::ground::{GroundFrame, GroundSettings, SensorAxes};
 use super::choices::Choices;
 use super::{ground, suit};
 
-/// The datagrams of a capture, written as a capture, are read as the same.
+/// The datagrams of a capture, written as a capture, are read back identically.
 pub(crate) fn pcap(bytes: &[u8]) {
     let Ok(mut capture) = PcapCapture::from_bytes(bytes.to_vec()) else { return };
     let read: Vec<_> = capture.by_ref().collect();
@@ -17,7 +17,7 @@ pub(crate) fn pcap(bytes: &[u8]) {
     let mut written = Vec::new();
     for datagram in read {
         assert!(datagram.payload.len() < 1 << 16);
-        // The year 2106 and jumbo payloads do not fit what is written.
+        // The year 2106 and jumbo payloads exceed the format that is written.
         if writer
             .write_udp(datagram.time_ns, datagram.source, datagram.destination, &datagram.payload)
             .is_ok()
@@ -31,7 +31,7 @@ pub(crate) fn pcap(bytes: &[u8]) {
     assert_eq!((again.fault(), again.rejected().total()), (None, 0));
 }
 
-/// Motion as `.mvnx`: sound samples in order, and bounded talk about faults.
+/// Motion as `.mvnx`: valid samples in order, and bounded error texts.
 pub(crate) fn mvnx(bytes: &[u8]) {
     let mut capture = match MvnxCapture::new(bytes) {
         Ok(capture) => capture,
@@ -49,7 +49,7 @@ pub(crate) fn mvnx(bytes: &[u8]) {
     assert!(capture.next().is_none(), "the end is the end");
 }
 
-/// A plate's text export, with and without what may be declared.
+/// A plate's text export, with and without declarations.
 pub(crate) fn bioware(bytes: &[u8]) {
     let mut choices = Choices::new(bytes);
     let declared = choices.byte();

@@ -1,28 +1,28 @@
-//! Bytes as a row of choices: what a law does next, from whatever bytes it was given.
+//! Interprets arbitrary bytes as a sequence of choices for a property test.
 
-/// Takes choices off the front; when none is left, all further ones are zero.
+/// Reads choices from the front; after the end, all further ones are zero.
 #[derive(Debug, Clone)]
 pub(crate) struct Choices<'a> {
     bytes: &'a [u8],
 }
 
 impl<'a> Choices<'a> {
-    /// All bytes are choices.
+    /// Uses all bytes as choices.
     pub(crate) fn new(bytes: &'a [u8]) -> Choices<'a> {
         Choices { bytes }
     }
 
-    /// Whether none is left.
+    /// Whether no bytes remain.
     pub(crate) fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// What is left.
+    /// The remaining bytes.
     pub(crate) fn rest(&mut self) -> &'a [u8] {
         std::mem::take(&mut self.bytes)
     }
 
-    /// So many bytes, or as many as are left.
+    /// This many bytes, or as many as remain.
     pub(crate) fn take(&mut self, count: usize) -> &'a [u8] {
         let (taken, rest) = self.bytes.split_at(count.min(self.bytes.len()));
         self.bytes = rest;
@@ -57,7 +57,7 @@ impl<'a> Choices<'a> {
     }
 }
 
-/// The same bytes in pieces whose lengths are chosen.
+/// The bytes in pieces with chosen lengths.
 pub(crate) fn pieces<'a>(stream: &'a [u8], lengths: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
     let mut lengths = lengths.iter().cycle();
     let mut rest = stream;
@@ -65,7 +65,7 @@ pub(crate) fn pieces<'a>(stream: &'a [u8], lengths: &'a [u8]) -> impl Iterator<I
         if rest.is_empty() {
             return None;
         }
-        // Lengths of 1 to 128, or all that is left where nothing is chosen.
+        // Lengths of 1 to 128, or the whole rest if there are no choices.
         let length = lengths.next().map_or(rest.len(), |length| usize::from(length & 0x7f) + 1);
         let (piece, more) = rest.split_at(length.min(rest.len()));
         rest = more;

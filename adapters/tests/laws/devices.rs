@@ -1,5 +1,5 @@
-//! Devices of the ground: readers of streams do not mind where these are torn; conversations with a device that is deaf,
-//! noisy or silent end in no panic and no unsound sample.
+//! Ground devices: stream readers are independent of the division into pieces; a dialogue with a deaf, noisy or silent
+//! device causes no panic and no invalid sample.
 
 use std::collections::VecDeque;
 
@@ -21,13 +21,13 @@ use equipoise_simulator::wires;
 use super::choices::Choices;
 use super::ground::{datagrams, sound, stream};
 
-/// What a device at the other end does: hears bytes and answers, and sends what it measures.
+/// The device at the other end: receives bytes and answers, and sends measurements.
 struct Other<'a> {
     hears: Box<dyn FnMut(u8) -> Vec<u8> + 'a>,
     measures: Box<dyn FnMut() -> Vec<u8> + 'a>,
 }
 
-/// A conversation in which the other end says what it should, or that damaged, or anything, or nothing.
+/// A dialogue in which the other end sends correct, damaged, arbitrary or no data.
 fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8]) {
     let mut brain = GroundBrain::new(device, GroundSettings::default());
     let mut choices = Choices::new(bytes);
@@ -78,7 +78,7 @@ fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8
     let _ = brain.farewell();
 }
 
-/// A plate with a matrix that any counts give finite loads by.
+/// A plate with a matrix that gives finite loads for any counts.
 fn amti_plate(choice: u8) -> Box<dyn GroundDevice> {
     let mut matrix = [[0.0; amti::CHANNELS]; 6];
     for (index, number) in matrix.iter_mut().flatten().enumerate() {
@@ -89,7 +89,7 @@ fn amti_plate(choice: u8) -> Box<dyn GroundDevice> {
     Box::new(Amti::new(AmtiSettings { rate, matrix, force_unit_n: 4.448, moment_unit_nm: 0.113, auto_zero }))
 }
 
-/// AMTI's frames are read and written; its stream may be torn; its dialogue may go wrong anywhere.
+/// AMTI's frames round-trip; its stream may be divided anywhere; its dialogue may fail anywhere.
 pub(crate) fn amti(bytes: &[u8]) {
     if let Some(first) = bytes.first_chunk::<{ amti::FRAME_SIZE }>()
         && let Some(frame) = amti::Frame::parse(first)
@@ -111,7 +111,7 @@ pub(crate) fn amti(bytes: &[u8]) {
     conversation(amti_plate(bytes.first().copied().unwrap_or_default()), other, bytes);
 }
 
-/// Bota's frames are read and written; its stream may be torn; its set-up may go wrong anywhere.
+/// Bota's frames round-trip; its stream may be divided anywhere; its set-up may fail anywhere.
 pub(crate) fn bota(bytes: &[u8]) {
     if let Some(first) = bytes.first_chunk::<{ bota::FRAME_SIZE }>()
         && let Some(frame) = bota::Frame::parse(first)
@@ -152,7 +152,7 @@ pub(crate) fn labamp(bytes: &[u8]) {
     stream(|| Box::new(LabAmp::new(LabAmpSettings { plan: direct(), decimate: Some(2) })), bytes);
 }
 
-/// QTM's packets, torn anywhere, and a conversation.
+/// QTM's packets, divided anywhere, and a dialogue.
 pub(crate) fn qtm(bytes: &[u8]) {
     let lab = || Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 })) as Box<dyn GroundDevice>;
     stream(lab, bytes);
@@ -173,7 +173,7 @@ pub(crate) fn qtm(bytes: &[u8]) {
     conversation(lab(), other, bytes);
 }
 
-/// The lab streaming layer: descriptions, and a feed that is torn anywhere.
+/// Lab Streaming Layer: descriptions, and a feed that is divided anywhere.
 pub(crate) fn lsl(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     if let Ok(info) = lsl::StreamInfo::parse(&text) {
@@ -227,7 +227,7 @@ pub(crate) fn moticon(bytes: &[u8]) {
     datagrams(|| Box::new(Moticon::new(&settings).unwrap()), bytes);
 }
 
-/// Lines of text in several forms, torn anywhere; the ninth byte chooses the form.
+/// Lines of text in several formats, divided anywhere; the ninth byte selects the format.
 pub(crate) fn text(bytes: &[u8]) {
     let choice = bytes.get(8).copied().unwrap_or_default();
     let delimiters = [Delimiter::Spaces, Delimiter::Tab, Delimiter::Comma, Delimiter::Semicolon];
@@ -251,7 +251,7 @@ pub(crate) fn text(bytes: &[u8]) {
     stream(|| Box::new(Text::new(settings.clone())), bytes);
 }
 
-/// Sound streams of every device, each behind the eight bytes that choose the pieces.
+/// Valid streams of every device, each after the eight bytes that select the pieces.
 pub(crate) mod seeds {
     use super::{all_fields, wires};
 
@@ -352,7 +352,7 @@ pub(crate) mod seeds {
                     fields.map(|field| format!("{field:.3}").replace('.', decimal)).join(delimiter) + "\r\n"
                 };
                 let lines: String = (0..6).map(line).collect();
-                // The form is chosen by the stream's first byte, which is then part of its first line.
+                // The stream's first byte selects the format, and is then part of its first line.
                 behind(&PIECES, &[&[form, b'\n'][..], b"# comment\n", lines.as_bytes()].concat())
             })
             .to_vec()

@@ -1,4 +1,5 @@
-//! Frames by any description, streams of datagrams, and a device's page: cut the same wherever they are torn.
+//! Frames of any configured layout, streams of datagrams, and a device's settings page: the result is independent of
+//! the division into pieces.
 
 use equipoise_adapters::ground::channels::{Direct, ForceUnit, MomentUnit};
 use equipoise_adapters::ground::device::binary::{Binary, BinarySettings, Count, Field, Scans, Time};
@@ -30,10 +31,10 @@ const NUMBERS: [Number; 12] = [
     Number::F64,
 ];
 const CHECKSUMS: [&str; 6] = ["SUM-8", "SUM-16", "XOR-8", "CRC-8/SMBUS", "CRC-16/CCITT-FALSE", "CRC-16/X-25"];
-/// How many bytes of an input describe the frames.
+/// Count of an input's bytes that define the frames.
 const FORM_BYTES: usize = 64;
 
-/// The home-made plate of the simulator, for choices that are all zero; else any description.
+/// The simulator's self-built plate if all choices are zero; otherwise an arbitrary layout.
 fn form(choices: &mut Choices<'_>) -> FrameForm {
     if choices.byte() == 0 {
         let checksum = Checksum::named("CRC-16/CCITT-FALSE").unwrap();
@@ -74,7 +75,7 @@ fn endian(choices: &mut Choices<'_>) -> Endian {
 fn place(choices: &mut Choices<'_>) -> Place {
     let number = NUMBERS[usize::from(choices.byte()) % NUMBERS.len()];
     let place = Place::new(i32::from(choices.byte().cast_signed()), number, endian(choices));
-    // A mask is for whole numbers without a sign.
+    // Masks apply only to unsigned integers.
     if number.is_unsigned() && choices.byte() & 1 == 1 { Place { mask: 0x0ff0, ..place } } else { place }
 }
 
@@ -86,8 +87,8 @@ fn tag(choices: &mut Choices<'_>) -> Tag {
     Tag { place, values: vec![u64::from(choices.byte()), u64::from(choices.small())] }
 }
 
-/// Frames of any form: those that are found fit the form, none of the bytes is told of twice, and a device that reads them
-/// does not mind where the stream is torn.
+/// Frames of any layout: frames found match the layout, no byte is reported twice, and the result of a device that
+/// reads them is independent of the division into pieces.
 pub(crate) fn binary(bytes: &[u8]) {
     let (described, rest) = bytes.split_at(bytes.len().min(FORM_BYTES));
     let mut choices = Choices::new(described);
@@ -142,7 +143,7 @@ pub(crate) fn binary(bytes: &[u8]) {
     datagrams(|| device(true), rest);
 }
 
-/// What a cutter makes of pieces: datagrams, losses of step, bytes skipped.
+/// Result of a stream parser for these pieces: datagrams, losses of synchronisation, bytes skipped.
 fn cuts<'a>(pieces: impl Iterator<Item = &'a [u8]>) -> (Vec<Option<Vec<u8>>>, u64) {
     let (mut cutter, mut cuts) = (StreamCutter::new(), Vec::new());
     for piece in pieces {
@@ -157,7 +158,7 @@ fn cuts<'a>(pieces: impl Iterator<Item = &'a [u8]>) -> (Vec<Option<Vec<u8>>>, u6
     (cuts, cutter.skipped_bytes())
 }
 
-/// Datagrams over TCP are cut the same wherever the stream is torn, and each is as long as its header says.
+/// Datagrams over TCP are independent of the division into pieces, and each has the length in its header.
 pub(crate) fn mvn_stream(bytes: &[u8]) {
     let (lengths, stream) = bytes.split_at(bytes.len().min(8));
     let (whole, skipped) = cuts(std::iter::once(stream));
@@ -165,14 +166,14 @@ pub(crate) fn mvn_stream(bytes: &[u8]) {
         let header = Header::parse(datagram).unwrap();
         assert_eq!(datagram.len(), HEADER_SIZE + usize::from(header.payload_size));
     }
-    // A datagram that lost its end may hold the first letters of the next.
+    // A truncated datagram may include the first letters of the next.
     let length: usize = whole.iter().flatten().map(|datagram| datagram.len() - 3).sum();
     assert!(length + skipped as usize <= stream.len());
     let (parts, _) = cuts(pieces(stream, lengths));
     assert_eq!(whole, parts);
 }
 
-/// A Net F/T's page: positive numbers, or a short reason.
+/// A Net F/T's settings page: positive numbers, or a short reason.
 pub(crate) fn netft_xml(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match NetFtPage::parse(text) {
@@ -184,7 +185,7 @@ pub(crate) fn netft_xml(bytes: &[u8]) {
     }
 }
 
-/// Sound inputs.
+/// Valid inputs.
 pub(crate) mod seeds {
     use super::{FORM_BYTES, Part, part, wires};
 
@@ -195,7 +196,7 @@ pub(crate) mod seeds {
             wrench: [1.0, 2.0, 700.0, 3.0, 4.0, 5.0],
         };
         let frames: Vec<u8> = (0..8).flat_map(|index| frame(index).to_bytes()).collect();
-        // A sync byte and a length that is told, and a sum: `A5 05 x y s`.
+        // A sync byte, a length field, and a checksum: `A5 05 x y s`.
         let mut told = vec![1, 1, 0xa5, 200, 0, 1, 0, 0, 40, 0, 0, 0];
         told.resize(FORM_BYTES, 0);
         told.extend([0xa5, 9, 1, 2, 3, 4, 5, 6, 7].repeat(6));

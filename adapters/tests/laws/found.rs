@@ -1,6 +1,6 @@
-//! Inputs that once broke a law: name of the law, bytes, and what was wrong.
+//! Inputs that once violated a property: name of the property, bytes, and the fault.
 
-/// All of them, mended.
+/// All of them; the faults are fixed.
 pub(crate) const FOUND: &[(&str, &[u8], &str)] = &[
     (
         "pcap",

@@ -1,4 +1,4 @@
-//! Ground samples are sound, whoever made them; records that are read are written again.
+//! Ground samples are valid for any input; parsed records can be written back.
 
 use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
 use equipoise_adapters::ground::{GroundBrain, GroundDevice, GroundSettings};
@@ -15,7 +15,7 @@ pub(crate) fn sound(sample: &GroundSample) {
     assert!(sample.surface_z_m.is_finite());
 }
 
-/// Records and requests that are read are written with the same bytes; any sequence of datagrams gives sound samples.
+/// Parsed records and requests are written with the same bytes; any sequence of datagrams gives valid samples.
 pub(crate) fn rdt(bytes: &[u8]) {
     if let Ok(request) = Request::parse(bytes) {
         assert_eq!(request.to_bytes(), bytes);
@@ -27,7 +27,7 @@ pub(crate) fn rdt(bytes: &[u8]) {
     datagrams(|| Box::new(AtiRdt::new(RdtSettings::default())), bytes);
 }
 
-/// Any sequence of datagrams to a device: two bytes of length and one of time before each.
+/// Any sequence of datagrams to a device: two bytes of length and one of time precede each.
 pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]) {
     let mut brain = GroundBrain::new(device(), GroundSettings::default());
     let mut choices = Choices::new(bytes);
@@ -49,7 +49,7 @@ pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]
     assert_eq!(brain.counts().published, told);
 }
 
-/// A byte stream gives the same samples in whatever pieces it comes; the first eight bytes choose the pieces.
+/// A byte stream gives the same samples for any division into pieces; the first eight bytes select the pieces.
 pub(crate) fn stream(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]) {
     let (lengths, stream) = bytes.split_at(bytes.len().min(8));
     let whole = samples_of(device(), std::iter::once(stream));
@@ -57,8 +57,8 @@ pub(crate) fn stream(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]) {
     assert_eq!(whole, parts);
 }
 
-/// What a device makes of pieces that come at one instant, and what it counted of them; a stream that it has given up, and
-/// says so, counts what comes after by the piece.
+/// Samples of a device for pieces that arrive at the same instant, and its counts; after abandoning a stream, the
+/// device counts further data by piece.
 fn samples_of<'a>(
     device: Box<dyn GroundDevice>,
     pieces: impl Iterator<Item = &'a [u8]>,
@@ -71,7 +71,7 @@ fn samples_of<'a>(
         brain.receive(piece, NOW_NS, &mut samples);
     }
     samples.iter().for_each(sound);
-    // The fit of the clock sees where a piece ends; that is no part of the law.
+    // The clock fit depends on the ends of pieces, so times are not compared.
     for sample in &mut samples {
         (sample.sample_time_ns, sample.sample_time_sigma_ns) = (0, 0);
     }

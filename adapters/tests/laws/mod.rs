@@ -1,7 +1,7 @@
-//! What holds for every reader, whatever bytes it is given: laws, each a function that panics where it is broken.
+//! Properties of every reader for arbitrary bytes, each a function that panics on a violation.
 //!
-//! `readers.rs` beside this folder tries them in a second with damaged and with arbitrary bytes; the targets in `fuzz/` look
-//! for minutes. A finding of theirs goes into `found.rs`.
+//! `readers.rs` next to this folder tests them for a second with damaged and with arbitrary bytes; the targets in
+//! `fuzz/` run for minutes. Their findings are added to `found.rs`.
 #![allow(
     dead_code,
     clippy::unwrap_used,
@@ -21,13 +21,13 @@ pub(crate) mod seeds;
 pub(crate) mod stomps;
 pub(crate) mod suit;
 
-/// One law with its name, which is that of its fuzz target.
+/// One property with its name, which is that of its fuzz target.
 pub(crate) struct Law {
     /// Name of target and seeds.
     pub(crate) name: &'static str,
-    /// Panics where the law is broken.
+    /// Panics if the property is violated.
     pub(crate) check: fn(&[u8]),
-    /// Sound inputs to begin with.
+    /// Valid initial inputs.
     pub(crate) seeds: fn() -> Vec<Vec<u8>>,
 }
 

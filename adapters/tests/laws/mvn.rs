@@ -1,14 +1,14 @@
-//! MVN datagrams: what is read is written again.
+//! MVN datagrams: parsed datagrams can be written back.
 
 use equipoise_adapters::wire::mvn::{
     Datagram, HEADER_SIZE, Header, angular_kinematics, centre_of_mass, joint_angles, linear_kinematics, meta,
     pose_euler, pose_quaternion, scale, time_code, tracker_kinematics, virtual_markers,
 };
 
-/// A datagram that is read is written with the same payload, and what is written is read as the same once more.
+/// A parsed datagram is written with the same payload, and parses to the same value again.
 ///
-/// Texts (type 12) may hold lines that say nothing; these are not written again. A time (type 25) may come without a length or
-/// without milliseconds; it is written with both.
+/// Texts (type 12) may contain lines without content; these are not written back. A time (type 25) may be without a
+/// length or without milliseconds; it is written with both.
 pub(crate) fn datagram(bytes: &[u8]) {
     let Ok(read) = Datagram::parse(bytes) else { return };
     let header = read.header().copied();
@@ -24,7 +24,7 @@ pub(crate) fn datagram(bytes: &[u8]) {
     assert_eq!(*after, alike);
 }
 
-/// The datagram again; `None` for types that have no encoder.
+/// Encodes the datagram; `None` for types without an encoder.
 fn encode(datagram: &Datagram<'_>) -> Option<Vec<u8>> {
     let mut out = Vec::new();
     match *datagram {

@@ -1,8 +1,8 @@
-//! Recordings: whatever the file, it is read to some end, twice alike.
+//! Recordings: every file is read to an end, with the same result twice.
 
 use equipoise_adapters::recording::Recording;
 
-/// A recording that opens is gone through to an end, and the second time is as the first.
+/// Iterates over an opened recording twice; both iterations end and are equal.
 pub(crate) fn recording(bytes: &[u8]) {
     let Ok(recording) = Recording::from_bytes(bytes.to_vec()) else { return };
     let passes: [Vec<(u64, bool)>; 2] = std::array::from_fn(|_| {

@@ -1,4 +1,4 @@
-//! Sound inputs, made here and not recorded: what damage begins with.
+//! Valid inputs, generated rather than recorded, as starting points of mutations.
 
 use std::net::SocketAddr;
 
@@ -16,7 +16,7 @@ use equipoise_adapters::wire::mvn::{
 use equipoise_core::body::{JOINTS, Segment, Skeleton};
 use equipoise_core::message::{GroundSample, SuitSample};
 
-/// The datagrams of one sample that are made here.
+/// The generated datagrams of one sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     PoseQuaternion,
@@ -127,7 +127,7 @@ pub(crate) fn part(part: Part, counter: u32, time_s: f64) -> Vec<u8> {
 /// One of each type.
 pub(crate) fn mvn_datagrams() -> Vec<Vec<u8>> {
     let json = b"{\"type\":\"transport\",\"value\":\"record\"}".to_vec();
-    // As the specification has it, without a length before the text.
+    // As in the specification, without a length before the text.
     let bare_time = b"MXTP25\0!\0\0\x02\x80\x01\0\0\0\x08\0\x17\0\0\0\0\x0c07:59:46.280".to_vec();
     Part::ALL.into_iter().map(|kind| part(kind, 7, 0.5)).chain([json, bare_time]).collect()
 }
@@ -160,7 +160,7 @@ pub(crate) fn rdt() -> Vec<Vec<u8>> {
     [one, three, sequence].into_iter().chain(requests).collect()
 }
 
-/// A capture of suit and plate, and the same bytes behind other heads.
+/// A capture of suit and plate, and the same bytes after other headers.
 pub(crate) fn pcap() -> Vec<Vec<u8>> {
     let address = |text: &str| text.parse::<SocketAddr>().unwrap();
     let mut writer = PcapWriter::new(Vec::new()).unwrap();
@@ -174,7 +174,7 @@ pub(crate) fn pcap() -> Vec<Vec<u8>> {
     vec![raw, null, pcapng(1), pcapng(113)]
 }
 
-/// A section, an interface and a packet that is no IP.
+/// A section, an interface and a packet that is not IP.
 fn pcapng(link_type: u8) -> Vec<u8> {
     let block = |kind: u32, body: &[u8]| {
         let length = (12 + body.len() as u32).to_le_bytes();
@@ -219,7 +219,7 @@ pub(crate) fn mvnx() -> Vec<Vec<u8>> {
     vec![file(3, "npose"), file(4, "identity")]
 }
 
-/// The three layouts; the first byte says what is declared.
+/// The three layouts; the first byte selects the declarations.
 pub(crate) fn bioware() -> Vec<Vec<u8>> {
     let texts = [
         (
@@ -270,7 +270,7 @@ pub(crate) fn stomps() -> Vec<Vec<u8>> {
     for step in 0..200_u16 {
         let hit = (80..86).contains(&(step % 120));
         let force: u16 = if hit { 60_000 } else { 20_000 };
-        // Faster and faster down, then at rest.
+        // Increasing downward speed, then at rest.
         let falls = (60..80).contains(&(step % 120));
         let speed = if falls { (-4 * (step % 120 - 60).cast_signed()) as i8 } else { 0 }.cast_unsigned();
         seed.extend([40, 40]);

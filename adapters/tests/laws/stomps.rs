@@ -1,10 +1,10 @@
-//! Stomps: whatever the two streams, an offset is within its bounds, or there is a sentence why not.
+//! Stomps: for any two streams, the result is an offset within its bounds, or an error text.
 
 use equipoise_adapters::calibration::stomp::{Feet, Force, StompSettings, estimate, feet_of_heights};
 
 use super::choices::Choices;
 
-/// Any two streams, of any numbers and times.
+/// Any two streams, with arbitrary numbers and times.
 pub(crate) fn stomp(bytes: &[u8]) {
     let mut choices = Choices::new(bytes);
     let any = choices.byte();

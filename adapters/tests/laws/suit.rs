@@ -1,4 +1,4 @@
-//! Suit samples are sound, whoever made them.
+//! Suit samples are valid for any input.
 
 use equipoise_adapters::suit::{SuitAssembler, SuitSettings};
 use equipoise_core::message::SuitSample;
@@ -22,8 +22,8 @@ pub(crate) fn sound(sample: &SuitSample) {
     assert!(sample.joint_angle_deg.iter().flatten().chain(&sample.com_m).all(|number| number.is_finite()));
 }
 
-/// Any sequence of datagrams, sound, damaged, late, doubled or of another make: samples are sound and numbered, their
-/// sessions do not step back, and every datagram is counted.
+/// Any sequence of datagrams, valid, damaged, late, duplicated or of another format: samples are valid and numbered,
+/// their sessions do not decrease, and every datagram is counted.
 pub(crate) fn assembler(bytes: &[u8]) {
     let mut choices = Choices::new(bytes);
     let mut assembler = SuitAssembler::new(SuitSettings::default());
@@ -43,7 +43,7 @@ pub(crate) fn assembler(bytes: &[u8]) {
         } else {
             let part = Part::ALL[usize::from(kind) % Part::ALL.len()];
             let mut datagram = seeds::part(part, counter, f64::from(counter) / 240.0);
-            // Two of three are as sent.
+            // Two thirds are unmodified.
             for _ in 0..choices.byte() / 86 {
                 let at = usize::from(choices.small()) % datagram.len();
                 datagram[at] = choices.byte();

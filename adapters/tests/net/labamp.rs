@@ -1,4 +1,4 @@
-//! Kistler's LabAmp: asked over HTTP, streaming over TCP, and opened anew whenever that ends.
+//! Kistler's LabAmp: requests over HTTP, stream over TCP, and reconnection after the stream ends.
 
 use crate::{PATIENCE, until};
 use equipoise_adapters::ground::GroundSettings;
@@ -46,7 +46,7 @@ fn frame(kind: u16, sequence: u32, content: &[u8]) -> Vec<u8> {
     .concat()
 }
 
-/// So many scans of -700 N from a time on, ns.
+/// Scans of -700 N, beginning at a time, ns.
 fn data(sequence: u32, time_ns: u64) -> Vec<u8> {
     let stamp =
         [&(time_ns / 1_000_000_000).to_le_bytes()[..], &((time_ns % 1_000_000_000) as u32).to_le_bytes()]
@@ -54,7 +54,7 @@ fn data(sequence: u32, time_ns: u64) -> Vec<u8> {
     frame(1, sequence, &[stamp, (-700.0_f32).to_le_bytes().repeat(SCANS as usize)].concat())
 }
 
-/// Serves a stream: three frames, then that somebody stopped the measurement.
+/// Serves a stream: three frames, then the event that the measurement was stopped.
 fn stream(listener: TcpListener, start: &Receiver<()>) {
     let (mut stream, _) = listener.accept().unwrap();
     start.recv_timeout(PATIENCE).unwrap();
@@ -63,11 +63,11 @@ fn stream(listener: TcpListener, start: &Receiver<()>) {
         stream.write_all(&data(index, time_ns)).unwrap();
     }
     stream.write_all(&frame(0, 3, &[2, 0, 4, 0])).unwrap();
-    // Held until the client leaves.
+    // Blocks until the client closes the connection.
     let _left = stream.read(&mut [0]);
 }
 
-/// The device: answers whatever is asked until it loses its second client, and says what was asked.
+/// The device: answers all requests until its second client leaves, and returns the requests.
 fn device(listener: TcpListener, refusals: usize) -> Vec<String> {
     let (mut asked, mut streams, mut refusals) = (Vec::new(), 0, refusals);
     let mut start: Option<Sender<()>> = None;

@@ -1,4 +1,4 @@
-//! The lab streaming layer: a stream that is asked for on the network, described, read, and found again.
+//! Lab Streaming Layer: a stream is discovered on the network, described, read, and found again.
 
 use crate::{PATIENCE, until};
 use equipoise_adapters::ground::GroundSettings;
@@ -20,7 +20,7 @@ fn description(uid: &str, source_id: &str, port: u16) -> String {
     )
 }
 
-/// Answers so many questions for all, for each of these streams.
+/// Answers this many discovery requests, for each of these streams.
 fn answer_all(socket: UdpSocket, streams: Vec<String>, questions: u32) -> JoinHandle<()> {
     socket.set_read_timeout(Some(PATIENCE)).unwrap();
     std::thread::spawn(move || {
@@ -39,7 +39,7 @@ fn answer_all(socket: UdpSocket, streams: Vec<String>, questions: u32) -> JoinHa
     })
 }
 
-/// Describes itself and feeds once, then is gone.
+/// Sends its description and one feed, then closes.
 fn outlet(listener: &TcpListener, uid: &str) {
     let port = listener.local_addr().unwrap().port();
     let (mut client, _) = listener.accept().unwrap();
@@ -79,7 +79,7 @@ fn a_stream_is_found_by_its_name_read_and_found_again_when_its_program_was_resta
     let discovery = UdpSocket::bind("127.0.0.1:0").unwrap();
     let line = named(discovery.local_addr().unwrap());
     let other = description("u-9", "plate-1", port).replace("<name>Plate", "<name>Other");
-    // Each looking asks twice; the second time the program is another one, at the same port.
+    // Each discovery sends two requests; the second time the outlet is another one on the same port.
     let answered = answer_all(discovery, vec![description("u-1", "plate-1", port), other], 4);
     let played = std::thread::spawn(move || ["u-1", "u-2"].map(|uid| outlet(&listener, uid)));
     let mut source =
@@ -131,7 +131,7 @@ fn another_stream_at_the_address_is_said() {
     played.join().unwrap();
 }
 
-/// A process that ends with the test.
+/// A process that is terminated with the test.
 struct Guard(Child);
 
 impl Drop for Guard {
@@ -141,7 +141,7 @@ impl Drop for Guard {
     }
 }
 
-/// With the outlet of liblsl itself, by way of Python; `.ci/lsl` installs it and says where.
+/// With an outlet of liblsl itself, through Python; `.ci/lsl` installs it and sets its path.
 #[test]
 #[ignore = "needs pylsl, which .ci/lsl installs"]
 fn an_outlet_of_liblsl_itself_is_found_and_read_in_every_format() {
@@ -164,10 +164,10 @@ fn an_outlet_of_liblsl_itself_is_found_and_read_in_every_format() {
         let samples = until(&mut source, |_, samples| samples.len() >= 500);
         assert_eq!(source.counts().refused.iter().sum::<u64>(), 0, "{:?}", source.counts());
         for pair in samples.windows(2) {
-            // Fx counts the samples, from 0 to 99 and again; what is measured on the sensor is the negative of the ground's.
+            // Fx counts the samples modulo 100; the measured force on the sensor is the negative of the ground's.
             assert_eq!(-pair[1].force_n[0], (-pair[0].force_n[0] + 1.0) % 100.0);
-            // Samples before the first line of the clock fit have the time of their arrival, and say so: the first that the
-            // line dates may seem older.
+            // Samples before the first clock fit have their arrival as time, marked by their σ: the first fitted time
+            // may be earlier.
             let is_dated = pair[0].sample_time_sigma_ns < u64::MAX;
             assert!(!is_dated || pair[1].sample_time_ns >= pair[0].sample_time_ns, "{pair:?}");
         }
@@ -180,7 +180,7 @@ fn an_outlet_of_liblsl_itself_is_found_and_read_in_every_format() {
             last.moment_nm
         );
         println!("{format}: {} samples, sigma {} ns", samples.len(), last.sample_time_sigma_ns);
-        // Gone, and back as another outlet of the same device.
+        // The outlet disappears, and returns as another outlet of the same device.
         drop(outlet);
         until(&mut source, |source, _| source.trouble().is_some());
     }

@@ -1,4 +1,4 @@
-//! Plates over the network, over real sockets on loopback, against devices played by the test.
+//! Plates over the network, over real sockets on loopback, against simulated devices.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 mod labamp;
@@ -9,10 +9,10 @@ use equipoise_adapters::source::GroundSource;
 use equipoise_core::message::GroundSample;
 use std::time::{Duration, Instant};
 
-/// Long enough for a loaded machine; nothing here measures speed.
+/// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Runs a source until something is so; the samples it gave meanwhile.
+/// Runs a source until a condition is met; returns the samples received meanwhile.
 fn until(
     source: &mut GroundSource,
     so: impl Fn(&GroundSource, &[GroundSample]) -> bool,

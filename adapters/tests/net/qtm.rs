@@ -1,4 +1,4 @@
-//! Qualisys' track manager: the words, the frames, and what happens when it goes away.
+//! Qualisys Track Manager: commands, frames, and reconnection.
 
 use crate::{PATIENCE, until};
 use equipoise_adapters::ground::device::qtm::{Qtm, QtmSettings};
@@ -12,7 +12,7 @@ fn packet(kind: u32, content: &[u8]) -> Vec<u8> {
     [&(content.len() as u32 + 8).to_le_bytes()[..], &kind.to_le_bytes(), content].concat()
 }
 
-/// A frame of a plate that measures ten times as often as the cameras; 700 N downwards.
+/// A frame of a plate with ten times the cameras' rate; 700 N downwards.
 fn frame(number: u32) -> Vec<u8> {
     let force = [0.0_f32, 0.0, 700.0, 0.0, -70.0, 0.0, 100.0, 0.0, 0.0].map(f32::to_le_bytes).concat();
     let plate = [1_u32, 10, number * 10].map(u32::to_le_bytes).concat();
@@ -23,7 +23,7 @@ fn frame(number: u32) -> Vec<u8> {
     packet(3, &[head, component].concat())
 }
 
-/// What was said, one command; `None` once nobody is there.
+/// One received command; `None` after the end of the connection.
 fn heard(stream: &mut TcpStream) -> Option<String> {
     let mut head = [0; 8];
     stream.read_exact(&mut head).ok()?;
@@ -33,7 +33,7 @@ fn heard(stream: &mut TcpStream) -> Option<String> {
     Some(String::from_utf8(text).unwrap())
 }
 
-/// Serves one client: so many frames, torn into pieces; says what it heard.
+/// Serves one client with this many frames, divided into pieces; returns the received commands.
 fn serve(listener: &TcpListener, frames: u32) -> Vec<String> {
     let (mut stream, _) = listener.accept().unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -45,7 +45,7 @@ fn serve(listener: &TcpListener, frames: u32) -> Vec<String> {
     for piece in bytes.chunks(997) {
         stream.write_all(piece).unwrap();
     }
-    // What a client that leaves says last; one that was left says nothing more.
+    // The last command of a client that closes the connection; after a disconnection by the server there is none.
     stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
     let mut rest = [0; 8];
     match stream.peek(&mut rest) {
@@ -62,7 +62,7 @@ fn frames_become_samples_and_a_track_manager_that_was_closed_is_found_again() {
     let line = TcpLine::to(listener.local_addr().unwrap(), "Qualisys' track manager", "ground.address");
     let played = std::thread::spawn(move || {
         let first = serve(&listener, 20);
-        // It hung up with that; the port stays open for the next call.
+        // The server hung up; its port stays open for the next connection.
         (first, serve(&listener, 30))
     });
     let mut settings = GroundSettings::default();
@@ -72,7 +72,7 @@ fn frames_become_samples_and_a_track_manager_that_was_closed_is_found_again() {
     let samples = until(&mut source, |_, samples| samples.len() >= 200);
     assert_eq!((samples.len(), source.counts().lost), (200, 0));
     for (index, sample) in samples.iter().enumerate() {
-        // Pressed at (0.1, 0) m: the moment about y of the force on the person is -70 N m in axes with z up.
+        // Load at (0.1, 0) m: the moment about y of the force on the person is -70 N m in axes with z up.
         assert_eq!((sample.force_n, sample.moment_nm), ([0.0, 0.0, 700.0], [0.0, -70.0, 0.0]));
         assert_eq!((sample.device_counter, sample.session), (10 + index as u32, 0));
         assert!(sample.sample_time_ns <= sample.arrival_ns);

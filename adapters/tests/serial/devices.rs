@@ -1,4 +1,4 @@
-//! Plates and sensors on a line that is pulled out, cut, noisy, silent or at a wrong speed, through the engine.
+//! Plates and sensors on a line that is unplugged, truncated, noisy, silent or at a wrong speed, through the engine.
 
 use crate::plate::{FRAME, Plate};
 use crate::pty::Socket;
@@ -25,7 +25,7 @@ fn amti(rate: Rate) -> Amti {
     Amti::new(AmtiSettings { rate, matrix, force_unit_n: 1.0, moment_unit_nm: 1.0, auto_zero: false })
 }
 
-/// Receives until something is so.
+/// Receives until a condition is met.
 fn until(
     source: &mut GroundSource,
     what: &str,
@@ -54,14 +54,14 @@ fn said(source: &GroundSource, words: &str) -> bool {
 #[test]
 fn a_plate_is_started_at_its_speed_and_found_again_after_it_was_pulled_out() {
     let socket = Socket::new();
-    // The port is not there when we start.
+    // The port does not exist at the start.
     let mut source = open(&socket, 57_600, amti(Rate::Hz200));
     assert!(said(&source, "is not there"), "{:?}", source.trouble());
     for _ in 0..2 {
         let plate = Plate::plug(&socket, Box::new(|_| FRAME.to_vec()));
         let samples = until(&mut source, "samples", |_, samples| samples.len() > 50);
         assert_eq!(source.trouble(), None);
-        // -0.5 per count; the force on the person is the opposite.
+        // -0.5 per count; the force on the person has the opposite sign.
         assert_eq!(samples[7].force_n, [0.0, 5.0, 10.0]);
         assert!(samples.windows(2).all(|pair| pair[0].sample_time_ns <= pair[1].sample_time_ns));
         assert!(plate.heard().ends_with(&[0x52, 0x76, 0x51]), "{:x?}", plate.heard());
@@ -91,7 +91,7 @@ fn frames_come_through_pieces_noise_and_damage() {
     let _plate = Plate::plug(
         &socket,
         Box::new(|number| match number % 10 {
-            // Noise before a frame, a damaged one, one that was cut, two at once.
+            // Noise before a frame, a damaged one, a truncated one, two at once.
             3 => [&[0x00, 0xff, 0x13], FRAME.as_slice()].concat(),
             5 => [&FRAME[..9], &[0xee], &FRAME[10..]].concat(),
             7 => FRAME[..20].to_vec(),
@@ -103,10 +103,10 @@ fn frames_come_through_pieces_noise_and_damage() {
     assert!(samples.iter().all(|sample| sample.force_n == [0.0, 5.0, 10.0]), "what is damaged is not used");
     let counts = source.counts();
     let garbage = counts.refused[GroundRefusal::Garbage.index()];
-    // Of ten of what the plate sends, three are hit and two lost; nine come.
+    // Ten transmissions contain three that are damaged, with two frames lost, and one double frame: nine frames arrive.
     let tens = counts.published / 9;
-    // The plate counts nothing: what is missing is told by the time that passed, and a plate of this test that got no
-    // core for a while did miss samples.
+    // The plate has no counter: the loss follows from the elapsed time, and a simulated plate that was not scheduled
+    // for some time did lose samples.
     assert!(garbage.abs_diff(3 * tens) <= 3 && counts.lost + 2 >= 2 * tens, "{counts:?}");
     assert_eq!(source.trouble(), None);
 }
@@ -123,7 +123,7 @@ fn a_sensor_at_another_speed_is_named_until_its_frames_come() {
     let device = socket.plug();
     let mut source = open(&socket, 115_200, Bota::new(BotaSettings { baud: 115_200, sinc: None }));
     until(&mut source, "word of the silence", |source, _| said(source, "nothing comes from the Bota sensor"));
-    // What a line at another speed makes of its frames: bytes, and none of them right.
+    // A stream of frames received at a wrong speed: bytes without a valid frame.
     let noise: Vec<u8> = BOTA.iter().map(|byte| byte.rotate_left(3) ^ 0x5a).collect();
     until(&mut source, "word of the speed", |source, _| {
         device.say(&noise);

@@ -1,4 +1,4 @@
-//! The line itself: open, taken, forbidden, missing, unplugged and plugged in again.
+//! The line itself: open, in use, forbidden, missing, unplugged and plugged in again.
 
 use crate::pty::{Device, Socket};
 use equipoise_adapters::source::{Flow, LineSettings, SerialLine, Transport};
@@ -8,7 +8,7 @@ fn line(port: PathBuf) -> SerialLine {
     SerialLine::new(LineSettings { port, baud: 57_600, flow: Flow::Free, key: "ground.serial.port" })
 }
 
-/// Everything that comes until there is nothing more.
+/// Reads until no more data arrive.
 fn all(line: &mut SerialLine) -> Vec<u8> {
     let mut bytes = Vec::new();
     while let Some(incoming) = line.receive().unwrap() {
@@ -52,7 +52,7 @@ fn the_speed_is_set_and_changed_and_what_came_before_is_gone() {
     assert_eq!(device.speed(), 115_200);
     device.say(b"after");
     assert_eq!(all(&mut line), b"after");
-    // One that no table has.
+    // A non-standard speed.
     line.set_speed(250_000).unwrap();
     assert_eq!(device.speed(), 250_000);
     line.open().unwrap();
@@ -82,7 +82,7 @@ fn a_device_that_is_unplugged_is_missed_at_once_and_found_again_under_its_name()
     let (device, mut line) = open(&socket);
     device.say(b"last");
     device.unplug();
-    // What was on its way may still be read, or be lost with the device; then it is gone, and stays so.
+    // Data in transit may still be read, or be lost with the device; then the line fails permanently.
     let gone = (0..100).find_map(|_| line.receive().err()).expect("that it is gone");
     assert!(gone.may_mend(), "{gone}");
     assert!(gone.to_string().contains("it was unplugged"), "{gone}");

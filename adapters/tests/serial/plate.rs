@@ -1,4 +1,4 @@
-//! An AMTI plate at the far end of a line, minimal and by the protocol: it hears only at its own speed.
+//! Simulated AMTI plate at the far end of a line, minimal and by the protocol: it receives only at its own speed.
 
 use crate::pty::{Device, Socket};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -12,10 +12,10 @@ pub(crate) const FRAME: [u8; 24] = [
     0x88, 0x5a, 0x98, 0x64, 0xa8, 0x6e, 0xb8,
 ];
 
-/// What the plate sends in the place of each of its frames.
+/// The plate's output in place of each of its frames.
 type Send = Box<dyn FnMut(u32) -> Vec<u8> + core::marker::Send>;
 
-/// A plate in a thread of its own.
+/// A plate in its own thread.
 pub(crate) struct Plate {
     stop: Arc<AtomicBool>,
     heard: Arc<Mutex<Vec<u8>>>,
@@ -23,7 +23,7 @@ pub(crate) struct Plate {
 }
 
 impl Plate {
-    /// Plugged in and switched on.
+    /// Connects and starts the plate.
     pub(crate) fn plug(socket: &Socket, mut send: Send) -> Plate {
         let (stop, heard) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
         let (stopping, hears) = (Arc::clone(&stop), Arc::clone(&heard));
@@ -47,7 +47,7 @@ impl Plate {
         Plate { stop, heard, thread: Some(thread) }
     }
 
-    /// What it heard at its own speed.
+    /// Bytes received at the plate's own speed.
     pub(crate) fn heard(&self) -> Vec<u8> {
         self.heard.lock().unwrap().clone()
     }

@@ -1,11 +1,11 @@
-//! A serial line of which the test holds the device's end: a pseudo terminal under a name that stays.
+//! Serial line whose device end is controlled by the test: a pseudo terminal under a persistent name.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::OwnedFd;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::path::PathBuf;
 
-/// A socket that a device can be plugged into, again and again.
+/// A socket that a device can be plugged into repeatedly.
 pub(crate) struct Socket {
     folder: tempfile::TempDir,
 }
@@ -15,12 +15,12 @@ impl Socket {
         Socket { folder: tempfile::tempdir().unwrap() }
     }
 
-    /// The name of the port, whether something is plugged in or not.
+    /// The name of the port, with or without a device.
     pub(crate) fn port(&self) -> PathBuf {
         self.folder.path().join("plate")
     }
 
-    /// Plugs a device in: the port is there until the device's end is dropped.
+    /// Connects a device: the port exists until the device's end is dropped.
     pub(crate) fn plug(&self) -> Device {
         let far = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&far).unwrap();
@@ -44,7 +44,7 @@ impl Device {
         }
     }
 
-    /// What was said to the device; empty if nothing comes within a while.
+    /// Bytes sent to the device; empty after a timeout.
     pub(crate) fn heard(&self) -> Vec<u8> {
         let while_ = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
         let mut wait = [PollFd::new(&self.far, PollFlags::IN)];
@@ -67,7 +67,7 @@ impl Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // The socket may be gone before, with all names in it.
+        // The socket may have been dropped before, with all names in it.
         let _gone = std::fs::remove_file(&self.port);
     }
 }

@@ -1,4 +1,4 @@
-//! A real plate's sheet, if it lies beside the workspace: it may be read, but not shipped.
+//! A real plate's calibration sheet, if it is next to the workspace: it may be read, but not redistributed.
 
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, METRE_PER_INCH, NEWTON_PER_LBF, Rate};
 use equipoise_adapters::ground::{GroundBrain, GroundFrame, GroundSettings, SensorAxes, Want};
@@ -20,7 +20,7 @@ fn matrix() -> Option<[[f64; CHANNELS]; 6]> {
     Some(rows.try_into().unwrap())
 }
 
-/// Where a load of so many counts on each vertical gauge presses, and how much, in the world.
+/// Position and size of a load with these counts on each vertical gauge, in the world.
 fn pressed(matrix: [[f64; CHANNELS]; 6], vertical: [i16; 4]) -> (f64, [f64; 2]) {
     let settings = AmtiSettings {
         rate: Rate::Hz50,
@@ -64,8 +64,8 @@ fn pressed(matrix: [[f64; CHANNELS]; 6], vertical: [i16; 4]) -> (f64, [f64; 2]) 
     (z, cop)
 }
 
-/// The sheet gives no units. Read as pounds and inches, they make a plate: an adult well within its range, and corners
-/// where a plate of twenty inches has them.
+/// The sheet has no units. Interpreted in pounds and inches, it gives a plausible plate: an adult is well within its
+/// range, and the corners match a plate of twenty inches.
 #[test]
 fn a_real_sheet_in_pounds_and_inches_makes_a_plate() {
     let Some(matrix) = matrix() else { return };

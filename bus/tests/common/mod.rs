@@ -1,4 +1,4 @@
-//! A bus of its own for each test, and children that can be killed.
+//! A separate bus for each test, and child processes that can be killed.
 #![allow(
     dead_code,
     clippy::allow_attributes,
@@ -12,11 +12,11 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Nothing here should ever take this long; not a measurement.
+/// Time-out of all waits in these tests, with a wide margin; not a measurement.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 const CHILD_ROOT: &str = "EQUIPOISE_BUS_TEST_CHILD";
 
-/// A root directory that takes the bus's shared memory along when it goes.
+/// A root directory that removes the bus's shared memory when dropped.
 pub(crate) struct Root {
     path: PathBuf,
     _directory: TempDir,
@@ -42,7 +42,7 @@ impl Root {
 }
 
 impl Drop for Root {
-    /// iceoryx2 leaves 16 bytes behind for each prefix, and whoever was killed leaves more.
+    /// iceoryx2 leaves 16 bytes for each prefix, and a killed process leaves more.
     fn drop(&mut self) {
         let prefix = shared_memory_prefix(self.path());
         for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
@@ -58,7 +58,7 @@ pub(crate) fn join(root: &Path, role: &str) -> Bus {
     Bus::join(&settings).unwrap()
 }
 
-/// Tries until `ready`, which must come to be.
+/// Polls until `ready` returns true; panics at the time-out.
 pub(crate) fn until(what: &str, mut ready: impl FnMut() -> bool) {
     let start = Instant::now();
     while !ready() {
@@ -67,7 +67,7 @@ pub(crate) fn until(what: &str, mut ready: impl FnMut() -> bool) {
     }
 }
 
-/// Runs the test `name` of this same binary as a process of its own.
+/// Runs the test `name` of this binary as a child process.
 pub(crate) fn spawn_child(name: &str, root: &Path) -> Child {
     Command::new(std::env::current_exe().unwrap())
         .args(["--exact", name])
@@ -77,13 +77,13 @@ pub(crate) fn spawn_child(name: &str, root: &Path) -> Child {
         .unwrap()
 }
 
-/// The bus of the parent, in a child; `None` in an ordinary run of the tests.
+/// In a child, joins the parent's bus; `None` in an ordinary run of the tests.
 pub(crate) fn parents_bus(role: &str) -> Option<Bus> {
     let root = std::env::var_os(CHILD_ROOT)?;
     Some(join(Path::new(&root), role))
 }
 
-/// SIGKILL: nothing is cleaned up.
+/// Sends SIGKILL, so that nothing is cleaned up.
 pub(crate) fn kill(mut child: Child) {
     child.kill().unwrap();
     child.wait().unwrap();

@@ -1,7 +1,8 @@
-//! Where C calls in. All unsafe code of the clients is here: pointers are looked at, and turned into references.
+//! Entry points for C. All unsafe code of the clients is in this file: it checks pointers and converts them to
+//! references.
 //!
-//! What cannot be checked is the caller's promise, made in `equipoise.h`: a pointer that is not null points to what its
-//! type says, for as long as the call runs, and nobody else uses it meanwhile.
+//! Conditions that cannot be checked are part of the contract in `equipoise.h`: a non-null pointer points to a value of
+//! its type for the duration of the call, and no other code uses that value meanwhile.
 #![expect(unsafe_code, reason = "C hands over pointers; everything behind them is safe code")]
 
 use crate::handle::{Handle, Opened, Options, check_owner, reason_name};
@@ -20,58 +21,59 @@ fn check<T>(pointer: *const T, what: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// What a pointer points to, to be changed.
+/// Converts a pointer to a mutable reference.
 ///
 /// # Safety
-/// If it is not null: nobody else uses it during `'a`, and it was initialised (which `MaybeUninit` always is).
+/// If not null: the target is not accessed otherwise during `'a`, and is initialised (which `MaybeUninit` always is).
 unsafe fn target<'a, T>(pointer: *mut T, what: &str) -> Result<&'a mut T, Refusal> {
     check(pointer, what)?;
-    // SAFETY: not null and aligned, just checked; initialised and not shared, by the caller's promise.
+    // SAFETY: not null and aligned, checked above; initialised and not shared, by the caller's contract.
     Ok(unsafe { &mut *pointer })
 }
 
-/// What a pointer points to, to be read.
+/// Converts a pointer to a shared reference.
 ///
 /// # Safety
-/// If it is not null: nobody changes it during `'a`, and it was initialised.
+/// If not null: the target does not change during `'a`, and is initialised.
 unsafe fn source<'a, T>(pointer: *const T, what: &str) -> Result<&'a T, Refusal> {
     check(pointer, what)?;
-    // SAFETY: not null and aligned, just checked; initialised and not changed, by the caller's promise.
+    // SAFETY: not null and aligned, checked above; initialised and not changed, by the caller's contract.
     Ok(unsafe { &*pointer })
 }
 
-/// What the calling thread may touch of a consumer, if it opened it.
+/// The part of a consumer that its owning thread may use; fails on other threads.
 ///
-/// Its owner may be inside a call at this moment, with a reference to [`Opened`]: so there is none, not even a shared one,
-/// before it is known whose it is.
+/// The owning thread may be inside a call now and hold a reference to [`Opened`]. Therefore no reference, not even a
+/// shared one, is created before the owner is checked.
 ///
 /// # Safety
-/// If it is not null: it came from [`equipoise_open`] and was not closed.
+/// If not null: the pointer came from [`equipoise_open`] and was not closed.
 unsafe fn owned<'a>(consumer: *mut Handle) -> Result<&'a mut Opened, Refusal> {
     check(consumer, "consumer")?;
-    // SAFETY: not null and aligned, just checked, and whole by the caller's promise. Nobody writes the owner while the
-    // handle lives, and no reference covers it.
+    // SAFETY: not null and aligned, checked above, and valid by the caller's contract. The owner is never written while
+    // the handle exists, and no reference covers it.
     check_owner(unsafe { (&raw const (*consumer).owner).read() })?;
-    // SAFETY: as above; and this is the one thread that makes references to it, one call after the other.
+    // SAFETY: as above; and only this thread creates references to it, one call after the other.
     Ok(unsafe { &mut (*consumer).opened })
 }
 
-/// A text of C.
+/// Converts a C string.
 ///
 /// # Safety
-/// If it is not null: it ends with a zero byte, and nobody changes it during `'a`.
+/// If not null: it ends with a zero byte, and does not change during `'a`.
 unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a CStr, Refusal> {
     if pointer.is_null() {
         return Err(Refusal::wrong_use(&format!("{what} is null")));
     }
-    // SAFETY: not null, just checked; the rest is the caller's promise.
+    // SAFETY: not null, checked above; the rest by the caller's contract.
     Ok(unsafe { CStr::from_ptr(pointer) })
 }
 
 /// Joins a station; see `equipoise.h`.
 ///
 /// # Safety
-/// Each pointer is null or as its type says, and is used by nobody else during the call; texts end with a zero byte.
+/// Each pointer is null or valid for its type, and its target is not accessed otherwise during the call; strings end
+/// with a zero byte.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn equipoise_open(
     station: *const c_char,
@@ -80,10 +82,10 @@ pub unsafe extern "C" fn equipoise_open(
     consumer: *mut *mut Handle,
 ) -> c_int {
     guard(|| {
-        // SAFETY: by this function's own contract, and a pointer that is about to be written needs no value.
+        // SAFETY: by this function's contract; a pointer that is only written need not be initialised.
         let place = unsafe { target(consumer.cast::<MaybeUninit<*mut Handle>>(), "consumer") }?;
         place.write(ptr::null_mut());
-        // SAFETY: by this function's own contract.
+        // SAFETY: by this function's contract.
         let (station, name, options) =
             unsafe { (text(station, "station")?, text(name, "name")?, source(options, "options")?) };
         place.write(Box::into_raw(Box::new(Handle::open(station, name, options)?)));
@@ -91,7 +93,7 @@ pub unsafe extern "C" fn equipoise_open(
     })
 }
 
-/// The next state; see `equipoise.h`.
+/// Reads the next state; see `equipoise.h`.
 ///
 /// # Safety
 /// `consumer` is null or came from [`equipoise_open`] and was not closed; `reading` is null or has room for one.
@@ -105,7 +107,7 @@ pub unsafe extern "C" fn equipoise_next(
     unsafe { read(consumer, reading, |consumer| consumer.next(Duration::from_nanos(timeout_ns))) }
 }
 
-/// The newest state; see `equipoise.h`.
+/// Reads the newest state; see `equipoise.h`.
 ///
 /// # Safety
 /// As [`equipoise_next`].
@@ -123,11 +125,11 @@ unsafe fn read(
     how: impl FnOnce(&mut Consumer) -> Result<equipoise_client::Reading, NoReading>,
 ) -> c_int {
     guard(|| {
-        // SAFETY: by this function's own contract, and a reading that is about to be written needs no value.
+        // SAFETY: by this function's contract; a reading that is only written need not be initialised.
         let place = unsafe { target(reading.cast::<MaybeUninit<Reading>>(), "reading") }?;
-        // Whatever happens from here on, nothing of an earlier reading is left in it.
+        // On any later failure, no earlier reading remains in the target.
         place.write(Reading::nothing());
-        // SAFETY: by this function's own contract.
+        // SAFETY: by this function's contract.
         let opened = unsafe { owned(consumer) }?;
         place.write(opened.read(how)?);
         Ok(())
@@ -137,22 +139,22 @@ unsafe fn read(
 /// Leaves the station; see `equipoise.h`.
 ///
 /// # Safety
-/// `consumer` is null or came from [`equipoise_open`], and is not used again after it was closed.
+/// `consumer` is null or came from [`equipoise_open`], and is not used after this call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn equipoise_close(consumer: *mut Handle) -> c_int {
     if consumer.is_null() {
         return Outcome::Ok as c_int;
     }
     guard(|| {
-        // SAFETY: by this function's own contract.
+        // SAFETY: by this function's contract.
         unsafe { owned(consumer) }?;
-        // SAFETY: it came out of `Box::into_raw` in `equipoise_open`, and is never used again.
+        // SAFETY: it came from `Box::into_raw` in `equipoise_open`, and is not used after this call.
         drop(unsafe { Box::from_raw(consumer) });
         Ok(())
     })
 }
 
-/// Why a consumer's report is not published; see `equipoise.h`.
+/// Returns why a consumer's report is not published; see `equipoise.h`.
 ///
 /// # Safety
 /// As [`equipoise_next`].
@@ -160,21 +162,21 @@ pub unsafe extern "C" fn equipoise_close(consumer: *mut Handle) -> c_int {
 pub unsafe extern "C" fn equipoise_report_refusal(consumer: *mut Handle) -> *const c_char {
     let mut told = ptr::null();
     guard(|| {
-        // SAFETY: by this function's own contract.
+        // SAFETY: by this function's contract.
         told = unsafe { owned(consumer) }?.report_refusal().as_ptr();
         Ok(())
     });
-    // Nothing is known of that report then; "" would say that it is published.
+    // The call failed, so the report's status is unavailable; "" would mean that it is published.
     if told.is_null() { equipoise_error() } else { told }
 }
 
-/// The sentence of this thread's last call that was refused; see `equipoise.h`.
+/// Error text of this thread's last refused call; see `equipoise.h`.
 #[unsafe(no_mangle)]
 pub extern "C" fn equipoise_error() -> *const c_char {
     last_error(CStr::as_ptr)
 }
 
-/// The name of a reason; see `equipoise.h`.
+/// Name of a validity flag; see `equipoise.h`.
 #[unsafe(no_mangle)]
 pub extern "C" fn equipoise_reason_name(bit: u32) -> *const c_char {
     reason_name(bit).map_or(ptr::null(), CStr::as_ptr)

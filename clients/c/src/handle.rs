@@ -1,4 +1,4 @@
-//! `equipoise_consumer`: a consumer that knows whose it is.
+//! `equipoise_consumer`: a consumer bound to the thread that opened it.
 
 use crate::layout::layout;
 use crate::outcome::{Refusal, c_text};
@@ -14,13 +14,13 @@ use std::time::Duration;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// What the header was made for: see [`layout`].
+    /// Layout that the program was compiled with: see [`layout`].
     pub layout: u64,
-    /// How old a state may be that is handed out; 0 for the table's 25 ms.
+    /// Maximum age of a returned state; 0 for the default of 25 ms.
     pub stale_after_ns: u64,
-    /// States that wait while the program is busy; 0 for the table's 8.
+    /// Queue length while the program is busy; 0 for the default of 8 states.
     pub depth: u32,
-    /// 1 to publish nothing about how late states come.
+    /// 1: do not publish the consumer report (delays of states).
     pub no_report: u32,
 }
 
@@ -46,16 +46,17 @@ impl Options {
     }
 }
 
-/// A consumer, and the thread that it belongs to.
+/// A consumer, and the thread that owns it.
 #[derive(Debug)]
 pub struct Handle {
-    /// Never changed, and never part of a reference to what is: another thread may look at it at any time.
+    /// Never written after creation, and never covered by a reference to other fields, so any thread may read it at any
+    /// time.
     pub(crate) owner: ThreadId,
-    /// For the owner alone.
+    /// Accessed by the owning thread only.
     pub(crate) opened: Opened,
 }
 
-/// What only the thread may touch that opened it.
+/// Data that only the owning thread may access.
 #[derive(Debug)]
 pub struct Opened {
     consumer: Consumer,
@@ -66,7 +67,7 @@ impl Handle {
     /// Joins the station.
     ///
     /// # Errors
-    /// Texts that are no UTF-8, another header, or a station that cannot be joined.
+    /// Text that is not UTF-8, a different header, or a station that cannot be joined.
     pub fn open(station: &CStr, name: &CStr, options: &Options) -> Result<Handle, Refusal> {
         let utf8 = |text: &'_ CStr| text.to_str().map(str::to_owned);
         let (Ok(station), Ok(name)) = (utf8(station), utf8(name)) else {
@@ -78,10 +79,10 @@ impl Handle {
     }
 }
 
-/// That the calling thread is the one that opened a consumer.
+/// Checks that the calling thread opened the consumer.
 ///
 /// # Errors
-/// It is another.
+/// It is a different thread.
 pub fn check_owner(owner: ThreadId) -> Result<(), Refusal> {
     if thread::current().id() == owner {
         return Ok(());
@@ -90,7 +91,7 @@ pub fn check_owner(owner: ThreadId) -> Result<(), Refusal> {
 }
 
 impl Opened {
-    /// What `read` reads.
+    /// Converts the result of `read`.
     ///
     /// # Errors
     /// The reason why there is no current state.
@@ -101,7 +102,7 @@ impl Opened {
         Ok(read(&mut self.consumer)?.into())
     }
 
-    /// Why nothing is published about how late states come; empty if it is, or if it was asked not to be.
+    /// Why the consumer report is not published; empty if it is, or if it was disabled.
     pub fn report_refusal(&mut self) -> &CStr {
         let text = self.consumer.report_refusal().map(ToString::to_string);
         self.report_refusal = c_text(text.as_deref().unwrap_or_default());
@@ -109,7 +110,7 @@ impl Opened {
     }
 }
 
-/// The public name of a bit of `State::valid`; `None` for a bit that has none.
+/// Name of a bit of `State::valid`; `None` for an unused bit.
 pub fn reason_name(bit: u32) -> Option<&'static CStr> {
     static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
     let names = NAMES.get_or_init(|| Validity::NAMES.iter().map(|(_, name)| c_text(name)).collect());

@@ -1,10 +1,10 @@
-//! The Rust client behind a C interface: `clients/c/equipoise.h` says what each function does.
+//! C interface of the Rust client; `clients/c/equipoise.h` documents each function.
 //!
-//! C sees no type of the bus, so a program in C or C++ needs neither its headers nor its version, only this library
-//! and the daemon of one release. Everything that C hands over is looked at in [`border`], the one file with unsafe
-//! code; everything behind it is safe.
+//! The interface exposes no type of the bus, so a C or C++ program needs neither the bus's headers nor its version,
+//! only this library and a daemon of the same release. All data from C is checked in [`border`], the only file with
+//! unsafe code; the code below it is safe.
 //!
-//! Floors, ground first: [`outcome`] → [`reading`] → [`handle`], [`layout`] → [`border`]
+//! Modules, lowest layer first: [`outcome`] → [`reading`] → [`handle`], [`layout`] → [`border`]
 
 pub mod border;
 pub mod handle;

@@ -1,4 +1,4 @@
-//! How a call ended: a number for the program, a sentence for people. No panic gets out.
+//! Result of a call: a number for the program, a text for people. Panics do not cross the C interface.
 
 use equipoise_bus::BusError;
 use equipoise_client::NoReading;
@@ -27,7 +27,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// All, with their names in the header.
+    /// All outcomes with their names in the header.
     pub const ALL: [(Outcome, &'static str); 7] = [
         (Outcome::Ok, "EQUIPOISE_OK"),
         (Outcome::Silent, "EQUIPOISE_SILENT"),
@@ -39,17 +39,17 @@ impl Outcome {
     ];
 }
 
-/// Why a call did not do what it was asked to.
+/// Why a call failed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
-    /// The number.
+    /// The result number.
     pub outcome: Outcome,
-    /// The sentence.
+    /// The error text.
     pub text: String,
 }
 
 impl Refusal {
-    /// A call that is wrong.
+    /// A refusal of an invalid call.
     pub fn wrong_use(text: &str) -> Refusal {
         Refusal { outcome: Outcome::WrongUse, text: text.to_owned() }
     }
@@ -77,7 +77,7 @@ thread_local! {
     static LAST_ERROR: RefCell<CString> = RefCell::default();
 }
 
-/// Runs one call of C, keeps its sentence for [`last_error`], and turns a panic into [`Outcome::Defect`].
+/// Runs one C call, stores its error text for [`last_error`], and converts a panic to [`Outcome::Defect`].
 pub fn guard(call: impl FnOnce() -> Result<(), Refusal>) -> c_int {
     let ended = catch_unwind(AssertUnwindSafe(call));
     let (outcome, text) = match ended {
@@ -92,12 +92,12 @@ pub fn guard(call: impl FnOnce() -> Result<(), Refusal>) -> c_int {
     outcome as c_int
 }
 
-/// Lets `look` see the sentence of the last call of this thread that was refused; empty if none was.
+/// Calls `look` with the error text of this thread's last refused call; empty if there was none.
 pub fn last_error<R>(look: impl FnOnce(&CStr) -> R) -> R {
     LAST_ERROR.with_borrow(|last| look(last))
 }
 
-/// A text for C: it ends where a zero byte stands.
+/// Converts a text to a C string; it is cut at the first zero byte.
 pub(crate) fn c_text(text: &str) -> CString {
     let bytes: Vec<u8> = text.bytes().take_while(|byte| *byte != 0).collect();
     CString::new(bytes).unwrap_or_default()

@@ -1,31 +1,31 @@
-//! `equipoise_reading`: what the C program is handed.
+//! `equipoise_reading`: a state as returned to C programs.
 
 use bytemuck::Zeroable;
 use equipoise_core::message::State;
 
-/// A state, with what a controller must know about it. The layout is `equipoise_reading` of the header.
+/// A state with its ages and counts. The layout is `equipoise_reading` of the header.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// The state.
     pub state: State,
-    /// When it was picked up, CLOCK_MONOTONIC.
+    /// Time of receipt, CLOCK_MONOTONIC ns.
     pub picked_up_ns: u64,
-    /// How long ago its cycle was due, when it was handed out.
+    /// Time from the due time of its cycle to its return to the program, ns.
     pub age_ns: u64,
-    /// How old the moment is that torques are about; `u64::MAX` before the first.
+    /// Age of the sample time of the results, ns; `u64::MAX` before the first.
     pub moment_age_ns: u64,
-    /// States since the last new one that were not handed out.
+    /// States that were not returned since the last new one.
     pub missed: u64,
-    /// 1 if the daemon was started anew since.
+    /// 1 if the daemon has restarted since.
     pub restarted: u32,
-    /// 1 if it was not handed out before.
+    /// 1 if it was not returned before.
     pub is_new: u32,
 }
 
 impl Reading {
-    /// What stands in the place of a reading when there is none: every reason raised, as old as can be. Who forgets to
-    /// look at the outcome finds no value that may be used.
+    /// Placeholder when there is no reading: all validity flags set, all ages maximal. A program that ignores the
+    /// result number finds no valid value.
     pub fn nothing() -> Reading {
         Reading {
             state: State {

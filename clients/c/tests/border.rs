@@ -20,7 +20,7 @@ const WRONG_USE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/wro
 
 const WRONG_USE_CPP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/wrong_use.cpp");
 
-/// Not a test: the life of a child, until it is killed or forgotten.
+/// Not a test: body of the child process, until it is killed or a time-out passes.
 #[test]
 fn child_publishes() {
     common::publish_until_killed();
@@ -55,7 +55,7 @@ fn the_header_for_cpp_waits_for_nobody_and_loses_nothing_silently() {
     command.env(ROOT_VARIABLE, root.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let begun = Instant::now();
-    // A time-out below zero that was taken for a long one would never end.
+    // Would hang if the library took a negative time-out for a long one.
     while child.try_wait().unwrap().is_none() && begun.elapsed() < HANGS_AFTER {
         sleep(PERIOD);
     }
@@ -77,7 +77,7 @@ fn the_controller_reads_a_station_and_reports() {
     let mut command = Command::new(program);
     command.args(["test", "arm", "2.5"]).env(ROOT_VARIABLE, root.path());
     let mut controller = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // A reader joins a writer by reading, so it reads while the writer is there.
+    // A subscriber connects to a publisher only when it reads, so reports are read while the publisher exists.
     let mut last: Option<PickUp> = None;
     until("the controller ends", || {
         last = reports.latest().unwrap().or(last);
@@ -92,7 +92,7 @@ fn the_controller_reads_a_station_and_reports() {
     let end = lines.last().unwrap();
     let (states, missed) = (number(end, "states"), number(end, "missed"));
     assert_eq!(&last.consumer[..4], b"arm\0");
-    // What it missed before its first state that was young enough, the report has too.
+    // The report also counts states that were missed before the first returned state.
     assert!(last.states >= states && last.states + last.states_missed >= states + missed, "{printed}");
     assert!(states > 0);
 }

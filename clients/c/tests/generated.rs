@@ -1,9 +1,9 @@
-//! `clients/c/equipoise.h` is written from `equipoise.h.in` and the declarations in Rust, comments included:
-//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-c --test generated` writes it, and without that the test looks whether it is
-//! what would be written. Whether a C compiler makes of it what the library is, `header.rs` asks.
+//! `clients/c/equipoise.h` is generated from `equipoise.h.in` and the declarations in Rust, including their comments:
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-c --test generated` writes it; without the variable the test compares it.
+//! `header.rs` tests that a C compiler computes the same layout as the library.
 //!
-//! Not by cbindgen: messages are declared through a macro of `core`, which cbindgen could expand with a nightly compiler
-//! only, and sets of reasons, names of joints and the hash of the layout are values that it does not compute.
+//! cbindgen is not used: messages are declared through a macro of `core`, which cbindgen can expand with a nightly
+//! compiler only, and it does not compute sets of validity flags, names of joints and the layout hash.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "../../rust/tests/common/names.rs"]
@@ -24,10 +24,10 @@ const STATE: &str = include_str!("../../../core/src/message/state.rs");
 const VALIDITY: &str = include_str!("../../../core/src/message/validity.rs");
 const GROUND: &str = include_str!("../../../core/src/message/ground.rs");
 const OUTCOME: &str = include_str!("../src/outcome.rs");
-/// Columns of a line of the header.
+/// Maximum line length of the header.
 const WIDTH: usize = 116;
 
-/// Words of Rust, and what C calls them.
+/// Rust terms in comments, and their replacements for C.
 const WORDS: [(&str, &str); 13] = [
     ("bits of [`Validity`]", "EQUIPOISE_REASON_…"),
     ("a union of [`NotGiven`] bits", "EQUIPOISE_NOT_GIVEN_…"),
@@ -44,7 +44,7 @@ const WORDS: [(&str, &str); 13] = [
     ("`", ""),
 ];
 
-/// The comments and what they stand before, of a part of a file of Rust.
+/// Doc comments with the declarations that they precede, from a part of a Rust file.
 fn documented(text: &str) -> Vec<(String, &str)> {
     let (mut doc, mut found) = (String::new(), Vec::new());
     for line in text.lines().map(str::trim) {
@@ -117,7 +117,7 @@ fn spoilers() -> String {
     out
 }
 
-/// Numbers that are bits, with the comments of their declaration in Rust.
+/// Bit constants with the comments of their declarations in Rust.
 fn bits(prefix: &str, names: &[(u32, &str)], docs: &str) -> String {
     let mut out = String::new();
     for ((bit, name), (doc, _)) in names.iter().zip(documented(docs)) {
@@ -160,7 +160,7 @@ fn outcomes() -> String {
     out + "};\n"
 }
 
-/// `[[f64; 3]; SEGMENTS]` as `double` and `[EQUIPOISE_SEGMENTS][3]`.
+/// Converts `[[f64; 3]; SEGMENTS]` to `double` and `[EQUIPOISE_SEGMENTS][3]`.
 fn declared(rust: &str) -> (&'static str, String) {
     if let Some(inner) = rust.strip_prefix('[').and_then(|rust| rust.strip_suffix(']')) {
         let (inner, count) = inner.rsplit_once("; ").unwrap();

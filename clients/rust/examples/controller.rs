@@ -1,4 +1,4 @@
-//! A cobot's controller, reduced to what it must check before it trusts a value. Prints a line a second.
+//! Minimal robot controller: the checks that a controller must make before it uses a value. Prints a line per second.
 //!
 //! ```sh
 //! cargo run --release -p equipoise-client --example controller -- station-1 arm-left
@@ -12,17 +12,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How long the robot may go on without a new state.
+/// Longest time that the robot moves without a new state.
 const TIMEOUT: Duration = Duration::from_millis(25);
 const PRINT_EVERY_NS: u64 = 1_000_000_000;
-/// Of so many states the p50 is taken.
+/// Maximum number of states for the median latency.
 const LATENCIES_MAX: usize = 1 << 16;
 
-/// Why the robot moves as fast as it does.
+/// Why the robot has its present speed.
 enum Situation {
-    /// There is a current state, and this is its speed.
+    /// There is a current state, which yields this speed.
     Current(Box<Reading>, u32),
-    /// There is none: it stands still.
+    /// There is none: the robot stops.
     Nothing(NoReading),
 }
 
@@ -30,12 +30,12 @@ enum Situation {
 fn speed_percent(state: &State) -> u32 {
     let reasons = state.validity();
     if reasons == Validity::BELOW_LOAD_THRESHOLD {
-        return 100; // Nothing is carried: that is knowledge, not the lack of it.
+        return 100; // A valid result: no load is carried.
     }
     let Some(levels) = state.unless(Validity::SPOILS_TORQUES, state.joint_level) else {
-        return 25; // Torques are withheld: careful.
+        return 25; // Torques are invalid: slow down.
     };
-    // An undecided joint counts as its worst: its number is the highest.
+    // An undecided joint counts as the worst, because its number is the highest.
     match levels.into_iter().max().and_then(Level::from_number) {
         Some(Level::Green) => 100,
         Some(Level::Orange) => 60,
@@ -43,7 +43,7 @@ fn speed_percent(state: &State) -> u32 {
     }
 }
 
-/// What is counted over the whole run.
+/// Counts over the whole run.
 #[derive(Default)]
 struct Tally {
     states: u64,
@@ -55,7 +55,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Takes in a reading; `false` if it is no later than one before, which must never be.
+    /// Counts a reading; returns `false` if it is not later than the previous one, which must never happen.
     fn enter(&mut self, reading: &Reading) -> bool {
         let is_later = reading.state.time_ns > self.latest_due_ns;
         self.latest_due_ns = reading.state.time_ns;
@@ -70,7 +70,7 @@ impl Tally {
 
     fn p50_ns(&mut self) -> u64 {
         self.latencies_ns.sort_unstable();
-        // The rank that half of the states lie at or below.
+        // Index of the lower median.
         self.latencies_ns.get(self.latencies_ns.len().saturating_sub(1) / 2).copied().unwrap_or(0)
     }
 
@@ -132,7 +132,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 Situation::Nothing(reason)
             }
         };
-        // Here the robot would be told its speed.
+        // A real controller would command the speed here.
         if now_ns() >= due_ns {
             println!("{}", tally.line(&situation));
             due_ns += PRINT_EVERY_NS;

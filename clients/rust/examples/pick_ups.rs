@@ -1,4 +1,5 @@
-//! Prints every report of every consumer of a station, beside the station's own cycle: what `.ci/clients` judges by.
+//! Prints every consumer report of a station, together with the station's current cycle; `.ci/clients` evaluates the
+//! output.
 //!
 //! ```sh
 //! cargo run --release -p equipoise-client --example pick_ups -- station-1
@@ -11,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// The bucket that the median lies in: by the same rank as a sorted list's element (count - 1) / 2.
+/// The bucket that contains the median, by the same rank (count - 1) / 2 as in a sorted list.
 fn p50_bucket(histogram: &[u64; BUCKETS]) -> usize {
     let count: u64 = histogram.iter().sum();
     let mut below = 0;
@@ -56,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut reports, mut states) = (bus.subscriber::<PickUp>(32)?, bus.subscriber::<State>(1)?);
     let listener = bus.listener(Channel::Results)?;
     let mut cycle = 0;
-    // What came before the signal is still read, the last words of consumers that ended among it.
+    // Read once more after the signal, to include the final reports of consumers that have ended.
     let mut last_round = false;
     while !last_round {
         last_round = stop.load(Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! The clock of every stamp on the bus.
+//! The clock of all time stamps on the bus.
 
 use equipoise_core::time::NS_PER_S;
 use rustix::time::{ClockId, clock_gettime};

@@ -1,4 +1,4 @@
-//! Taking part in a station as one who reads its states.
+//! A subscriber to a station's states.
 
 use crate::clock::now_ns;
 use crate::reading::{NoReading, Reading};
@@ -8,29 +8,29 @@ use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber, T
 use equipoise_core::message::{PickUp, State};
 use std::time::Duration;
 
-/// After so long a silence everything is opened anew: the directory of the bus may have been removed and made again
-/// meanwhile, as `systemctl stop` and `start` do.
+/// After this silence the consumer rejoins the bus, because the bus's directory may have been deleted and recreated
+/// meanwhile, as by `systemctl stop` and `start`.
 const REJOIN_AFTER: Duration = Duration::from_secs(2);
-/// The longest that is slept at once: a report may be due meanwhile.
+/// Longest single sleep, because a report may become due.
 const SLEEP_MAX: Duration = Duration::from_millis(200);
-/// How long is slept where there is nothing to listen to.
+/// Sleep while the bus is not joined, so that there is no listener to wait on.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// How a consumer reads.
+/// Settings of a consumer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConsumerSettings {
     /// Station, name of the consumer and root of the bus.
     pub bus: BusSettings,
-    /// A state is handed out only while it is younger than this, counted from when its cycle was due.
+    /// Maximum age of a returned state, counted from the due time of its cycle.
     pub stale_after: Duration,
-    /// States that wait while the consumer is busy; 1 for who only wants the newest.
+    /// Length of the queue while the consumer is busy; 1 if only the newest state matters.
     pub depth: usize,
-    /// Whether to publish how late states came.
+    /// Whether to publish a report on the delays of states.
     pub report: bool,
 }
 
 impl ConsumerSettings {
-    /// As the table of services has it ([`equipoise_bus::service`]): 25 ms, 8 states; it reports.
+    /// Defaults of the service table ([`equipoise_bus::service`]): 25 ms, 8 states; with a report.
     pub fn new(station: &str, name: &str) -> ConsumerSettings {
         let row = State::SERVICE;
         ConsumerSettings {
@@ -42,29 +42,29 @@ impl ConsumerSettings {
     }
 }
 
-/// Reads a station's states. Belongs to the thread that joined.
+/// Subscribes to a station's states. Bound to the thread that joined.
 #[derive(Debug)]
 pub struct Consumer {
     settings: ConsumerSettings,
     ports: Option<Ports>,
-    /// When it was tried last to join.
+    /// Time of the last attempt to join.
     joined_ns: u64,
-    /// When a state came last, handed out or not; before the first, when it was joined.
+    /// Time of receipt of the last state, returned or not; before the first, the time of joining.
     heard_ns: u64,
     sequence: Sequence,
     reporting: Reporting,
     last: Option<Reading>,
-    /// States picked up, but not handed out, since the last that was.
+    /// States received, but not returned, since the last one returned.
     withheld: u64,
     missed: u64,
     restarted: bool,
-    /// Daemons heard so far.
+    /// Number of daemon lives so far.
     daemon_life: u32,
-    /// Why the newest state was not handed out, if it was not.
+    /// Why the newest state was not returned, if so.
     refused: Option<NoReading>,
 }
 
-/// Ports die before the bus they hang on, so it stands last.
+/// Fields drop in order: ports must be dropped before their bus, so the bus is last.
 #[derive(Debug)]
 struct Ports {
     states: Subscriber<State>,
@@ -81,19 +81,19 @@ impl Ports {
 }
 
 impl Consumer {
-    /// Joins a station as `name` (1 to 32 letters, digits, '-', '_'), under the bus's root that the environment asks
-    /// for. The daemon need not run yet.
+    /// Joins a station as `name` (1 to 32 letters, digits, '-', '_'), with the bus root given by the environment. The
+    /// daemon need not run yet.
     ///
     /// # Errors
-    /// A name or root that cannot be used, another release's services, or no place left for a reader.
+    /// An invalid name or root, services of another release, or no free place for a reader.
     pub fn join(station: &str, name: &str) -> Result<Consumer, BusError> {
         Consumer::join_with(ConsumerSettings::new(station, name))
     }
 
-    /// As [`Consumer::join`], with settings of one's own.
+    /// As [`Consumer::join`], with custom settings.
     ///
     /// # Errors
-    /// As [`Consumer::join`], and a depth that the table does not allow.
+    /// As [`Consumer::join`], and a depth outside the limits of the service table.
     pub fn join_with(settings: ConsumerSettings) -> Result<Consumer, BusError> {
         let ports = Ports::open(&settings)?;
         let mut reporting = Reporting::new(&settings.bus.role, settings.report);
@@ -114,13 +114,13 @@ impl Consumer {
         })
     }
 
-    /// The next state not yet handed out, oldest first; sleeps until one comes or `timeout` has passed.
+    /// Returns the next state not yet returned, oldest first; sleeps until one arrives or `timeout` has passed.
     ///
-    /// What is too old is passed over, so it may take longer than one period. A state wakes at once; the time-out is
-    /// coarse, a few milliseconds late at a 250 Hz kernel tick.
+    /// States that are too old are skipped, so it may take longer than one period. A state wakes the caller at once;
+    /// the time-out is coarse, a few milliseconds late at a 250 Hz kernel tick.
     ///
     /// # Errors
-    /// Why there is no current state. All but [`NoReading::Bus`] are ordinary: call again.
+    /// The reason why there is no current state. All except [`NoReading::Bus`] are normal: call again.
     pub fn next(&mut self, timeout: Duration) -> Result<Reading, NoReading> {
         let begun_ns = now_ns();
         let mut passed_over = None;
@@ -128,7 +128,8 @@ impl Consumer {
             while let Some(state) = self.receive(Subscriber::receive)? {
                 match self.pick_up(state) {
                     Some(Ok(reading)) => {
-                        // Whoever is slower than the loop never waits below, and has a report to make as well.
+                        // A caller slower than the loop never reaches the wait below, so the report is published here,
+                        // too.
                         self.report();
                         return Ok(reading);
                     }
@@ -136,7 +137,7 @@ impl Consumer {
                     None => {}
                 }
             }
-            // Also for who never waits: nobody else joins anew.
+            // Before the time-out check, so that the consumer rejoins even if the time-out is zero.
             self.keep_up()?;
             let waited = Duration::from_nanos(now_ns().saturating_sub(begun_ns));
             if waited >= timeout {
@@ -146,8 +147,8 @@ impl Consumer {
         }
     }
 
-    /// The newest state there is, without waiting: for who has a rhythm of its own. It may have been handed out before
-    /// (`is_new`), but is never older than `stale_after`.
+    /// Returns the newest state without waiting, for callers with a period of their own. It may have been returned
+    /// before (`is_new`), but is never older than `stale_after`.
     ///
     /// # Errors
     /// As [`Consumer::next`].
@@ -157,24 +158,26 @@ impl Consumer {
             self.report();
             return outcome;
         }
-        // Not before: whoever asks seldom would throw away what waits for it, and take its own pause for silence.
+        // Only after reading: if the caller's period is long, rejoining first would discard queued states, and mistake
+        // the caller's pause for silence.
         self.keep_up()?;
         let now_ns = now_ns();
         let again = self.last.map(|reading| Reading { is_new: false, ..reading.at(now_ns) });
         again.filter(|reading| self.is_fresh(reading.age_ns)).ok_or_else(|| self.why_none())
     }
 
-    /// One reading after the other, for ever, each as [`Consumer::next`] gives it.
+    /// An endless iterator over the results of [`Consumer::next`].
     pub fn readings(&mut self, timeout: Duration) -> impl Iterator<Item = Result<Reading, NoReading>> + '_ {
         std::iter::repeat_with(move || self.next(timeout))
     }
 
-    /// How late states came so far. Published once a second, as long as readings are asked for.
+    /// Report on the delays of states so far. Published once a second while the consumer is read.
     pub fn pick_up_report(&self) -> &PickUp {
         self.reporting.report()
     }
 
-    /// Why the report is not published, if it should be: all places may be taken. Reading does not suffer.
+    /// Why the report is not published although enabled, for example because all places are taken. Reading is not
+    /// affected.
     pub fn report_refusal(&self) -> Option<&BusError> {
         self.reporting.refusal()
     }
@@ -190,11 +193,12 @@ impl Consumer {
         }
     }
 
-    /// Stamps and counts a state; `None` if it is no news, a reason if it must not be handed out.
+    /// Stamps and counts a state; `None` if it is old, an error if it must not be returned.
     fn pick_up(&mut self, (state, writer): (State, u128)) -> Option<Result<Reading, NoReading>> {
         let now_ns = now_ns();
         if let Some(ahead_ns) = state.time_ns.checked_sub(now_ns).filter(|ahead_ns| *ahead_ns > 0) {
-            // Before it is taken in: else all honest states would be older than it until its time has come.
+            // Before the sequence check: otherwise all correct states would count as old until this state's time is
+            // reached.
             self.heard_ns = now_ns;
             let reason = NoReading::OtherClock { ahead: Duration::from_nanos(ahead_ns) };
             self.refused = Some(reason.clone());
@@ -205,8 +209,8 @@ impl Consumer {
         };
         self.heard_ns = now_ns;
         self.reporting.enter(now_ns, &state, missed, suit_sample_time_ns);
-        // What the daemon before it did not get across is not known, and those of it that were withheld are no longer
-        // of interest.
+        // After a restart only the new daemon's missed states count: losses of the previous one cannot be determined,
+        // and its withheld states no longer matter.
         self.missed = if restarted { missed } else { self.missed + self.withheld + missed };
         self.restarted |= restarted;
         self.daemon_life += u32::from(restarted || self.daemon_life == 0);
@@ -242,14 +246,14 @@ impl Consumer {
         Duration::from_nanos(age_ns) <= self.settings.stale_after
     }
 
-    /// Silence, unless states come and are refused: whoever asks more often than they come is told why each time.
+    /// `Silent`, unless a state was refused recently: calls between two states then repeat its reason.
     fn why_none(&self) -> NoReading {
         let silent = Duration::from_nanos(now_ns().saturating_sub(self.heard_ns));
         let refused = self.refused.clone().filter(|_| silent <= self.settings.stale_after);
         refused.unwrap_or(NoReading::Silent { silent })
     }
 
-    /// Between two states: publishes the report if it is due, and joins anew after a long silence.
+    /// Between two states: publishes the report if it is due, and rejoins after a long silence.
     fn keep_up(&mut self) -> Result<(), NoReading> {
         self.report();
         let now_ns = now_ns();
@@ -268,7 +272,7 @@ impl Consumer {
     }
 
     fn rejoin(&mut self) -> Result<(), NoReading> {
-        // The places held now must be free first: they may be the last.
+        // Leaves first, because the places held now may be the last ones.
         self.leave();
         self.joined_ns = now_ns();
         let ports = Ports::open(&self.settings)?;
@@ -282,7 +286,7 @@ impl Consumer {
         self.ports = None;
     }
 
-    /// What is broken is given up, and joined anew like what is silent.
+    /// Leaves a broken bus; the consumer rejoins as after a silence.
     fn lose_ports(&mut self, error: BusError) -> NoReading {
         self.leave();
         NoReading::Bus(error)
@@ -299,7 +303,7 @@ impl Consumer {
 }
 
 impl Drop for Consumer {
-    /// The last word, so that the counts are whole.
+    /// Publishes the final report, so that the counts are complete.
     fn drop(&mut self) {
         self.reporting.publish();
         self.leave();

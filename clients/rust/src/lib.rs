@@ -1,4 +1,4 @@
-//! Reads a station's states, and tells how late they came.
+//! Subscribes to a station's states, and reports their delays.
 //!
 //! ```no_run
 //! use equipoise_client::{Consumer, NoReading};
@@ -20,14 +20,14 @@
 //! # Ok::<(), equipoise_bus::BusError>(())
 //! ```
 //!
-//! A [`Reading`] is a state that may be believed to be current: it is not older than
-//! [`ConsumerSettings::stale_after`], and none was given out before it that is later. Everything else is a reason
-//! ([`NoReading`]). What a state says may still be withheld: that is `valid` ([`equipoise_core::message::Validity`]).
+//! A [`Reading`] is a current state: it is not older than [`ConsumerSettings::stale_after`], and no later one was
+//! returned before it. Otherwise a [`NoReading`] gives the reason. Values of a current state may still be invalid: see
+//! `valid` ([`equipoise_core::message::Validity`]).
 //!
-//! A consumer survives the daemon's end and finds the next daemon by itself. Once a second it publishes how late states
-//! came ([`equipoise_core::message::PickUp`]), which `equipoise latency` shows as the end of the path.
+//! A consumer survives the daemon's end and joins the next daemon by itself. Once a second it publishes the delays of
+//! states ([`equipoise_core::message::PickUp`]), which `equipoise latency` displays as the end of the path.
 //!
-//! Floors, ground first: [`clock`] → `sequence` → [`reading`] → `reporting` → [`consumer`]
+//! Modules, lowest layer first: [`clock`] → `sequence` → [`reading`] → `reporting` → [`consumer`]
 #![forbid(unsafe_code)]
 
 pub mod clock;

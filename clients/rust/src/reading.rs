@@ -1,34 +1,35 @@
-//! What a consumer is handed: a state that is current, or the reason why there is none.
+//! Result of reading: a current state, or the reason why there is none.
 
 use equipoise_bus::BusError;
 use equipoise_core::message::{State, Validity};
 use std::time::Duration;
 
-/// A state that is current, with what a controller must know about it.
+/// A current state with its ages and counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// The state. Look at [`Reading::validity`] before using a value of it.
+    /// The state. Check [`Reading::validity`] before using its values.
     pub state: State,
-    /// When it was picked up, CLOCK_MONOTONIC.
+    /// Time of receipt, CLOCK_MONOTONIC ns.
     pub picked_up_ns: u64,
-    /// How long ago its cycle was due, when it was handed out.
+    /// Time from the due time of its cycle to its return, ns.
     pub age_ns: u64,
-    /// How old the moment is that torques, forces and centres are about, when it was handed out; `None` before the
-    /// first. Tens of milliseconds more than `age_ns` (`State::group_delay_ns`).
+    /// Age of the sample time to which torques, forces and centres refer, when the state was returned, ns; `None`
+    /// before the first. Tens of milliseconds more than `age_ns` (`State::group_delay_ns`).
     pub moment_age_ns: Option<u64>,
-    /// States since the last new one that were not handed out: overwritten before they were read, or too old.
+    /// States that were not returned since the last new one: overwritten before they were read, or too old.
     pub missed: u64,
-    /// The daemon was started anew between the last new state and this one; `missed` then counts the new one's only.
+    /// The daemon restarted between the last new state and this one; `missed` then counts states of the new daemon
+    /// only.
     pub restarted: bool,
-    /// Number of the daemon's life that the state is from, as this consumer counts them: 1 is the first it heard, and a
-    /// larger one than before a daemon started anew. Unlike `restarted` it is told with every state.
+    /// Number of the daemon's life that published the state, counted by this consumer from 1; it increments with each
+    /// restart. Unlike `restarted` it is set in every reading.
     pub daemon_life: u32,
-    /// Whether it was not handed out before; only [`crate::Consumer::latest`] hands one out again.
+    /// Whether it was not returned before; only [`crate::Consumer::latest`] returns a state again.
     pub is_new: bool,
 }
 
 impl Reading {
-    /// The reasons why values of the state must not be used.
+    /// The validity flags of the state.
     pub fn validity(&self) -> Validity {
         self.state.validity()
     }
@@ -44,28 +45,28 @@ impl Reading {
 /// Why there is no current state.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NoReading {
-    /// No new state came: the daemon is not running, or hangs.
+    /// No new state arrived: the daemon is not running, or hangs.
     #[error("silent: no state for {} ms; is the daemon running?", silent.as_millis())]
     Silent {
-        /// Since the last state was picked up, or since joining.
+        /// Time since the last state was received, or since joining.
         silent: Duration,
     },
-    /// States came, but all too late: the newest of them is this old.
+    /// States arrived, but all too late; this is the age of the newest.
     #[error("stale: the newest state is {} ms old, and may be {} ms; is this consumer or the daemon starved of CPU?",
         age.as_millis(), stale_after.as_millis())]
     Stale {
-        /// Since its cycle was due.
+        /// Time since its cycle was due.
         age: Duration,
-        /// How old it may be.
+        /// Maximum age of the settings.
         stale_after: Duration,
     },
-    /// States come from the future: the daemon has another CLOCK_MONOTONIC, so ages mean nothing.
+    /// States have times in the future: the daemon has another CLOCK_MONOTONIC, so ages are meaningless.
     #[error("the daemon's clock is {} ms ahead of this one's; run both in one time namespace", ahead.as_millis())]
     OtherClock {
-        /// How far.
+        /// By how much.
         ahead: Duration,
     },
-    /// The bus cannot be read; the consumer joins anew by itself.
+    /// The bus cannot be read; the consumer rejoins by itself.
     #[error(transparent)]
     Bus(#[from] BusError),
 }

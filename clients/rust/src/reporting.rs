@@ -1,4 +1,4 @@
-//! How late states came, told once a second.
+//! Report on the delays of states, published once a second.
 
 use crate::clock::now_ns;
 use bytemuck::Zeroable;
@@ -7,10 +7,10 @@ use equipoise_core::message::{PickUp, State};
 use equipoise_core::time::NS_PER_S;
 
 const PUBLISH_EVERY_NS: u64 = NS_PER_S;
-/// A refused report is tried again this often: somebody else may have gone.
+/// Retry interval for a report without a place: another consumer may have left.
 const TRY_AGAIN_AFTER_NS: u64 = 10 * NS_PER_S;
 
-/// Keeps the report of one consumer, and publishes it if asked to.
+/// Maintains the report of one consumer, and publishes it if enabled.
 #[derive(Debug)]
 pub(crate) struct Reporting {
     report: Box<PickUp>,
@@ -21,7 +21,7 @@ pub(crate) struct Reporting {
 }
 
 impl Reporting {
-    /// Nothing is counted yet. `name` is a role's name, and so not longer than the field.
+    /// An empty report. `name` is a role name, and therefore fits into the field.
     pub(crate) fn new(name: &str, wanted: bool) -> Reporting {
         let mut report = Box::new(PickUp::zeroed());
         let bytes = name.len().min(report.consumer.len());
@@ -40,12 +40,12 @@ impl Reporting {
         self.refusal.as_ref()
     }
 
-    /// Enters one state; see [`PickUp::enter`].
+    /// Counts one state; see [`PickUp::enter`].
     pub(crate) fn enter(&mut self, now_ns: u64, state: &State, missed: u64, suit: Option<u64>) {
         self.report.enter(now_ns, state, missed, suit);
     }
 
-    /// Takes a place among those who report. That there is none left is no reason not to read.
+    /// Opens a publisher for reports. A failure does not prevent reading.
     pub(crate) fn open(&mut self, bus: &Bus) {
         if !self.wanted {
             return;
@@ -59,12 +59,12 @@ impl Reporting {
         }
     }
 
-    /// Gives the place up, before the bus that it is on.
+    /// Closes the publisher; must precede closing its bus.
     pub(crate) fn close(&mut self) {
         self.publisher = None;
     }
 
-    /// Publishes if a second has passed; tries to get a place again if it was refused one.
+    /// Publishes if a second has passed; retries to open the publisher if that failed.
     pub(crate) fn keep_up(&mut self, bus: &Bus, now_ns: u64) {
         if !self.wanted || now_ns < self.due_ns {
             return;
@@ -75,7 +75,7 @@ impl Reporting {
         self.publish();
     }
 
-    /// Publishes now, if there is a place.
+    /// Publishes now, if the publisher is open.
     pub(crate) fn publish(&mut self) {
         let Some(publisher) = &self.publisher else { return };
         self.report.time_ns = now_ns();

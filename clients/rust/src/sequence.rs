@@ -1,19 +1,19 @@
-//! Which states are new, which were never seen, and when the daemon was started anew.
+//! Classifies states as new or old, counts missed ones, and detects restarts of the daemon.
 
 use equipoise_core::message::State;
 
-/// What a state is to those before it.
+/// Relation of a state to earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Place {
-    /// A state as late or later was taken before: left over from a daemon that died, or doubled.
+    /// Not later than an earlier state: left over from a dead daemon, or a duplicate.
     Old,
-    /// Later than all before.
+    /// Later than all earlier states.
     New {
-        /// States between the one before and this one, by `State::cycle`.
+        /// States between the previous one and this one, by `State::cycle`.
         missed: u64,
-        /// The daemon began to count anew.
+        /// The daemon has restarted.
         restarted: bool,
-        /// The newest suit sample's own time, if this state is the first with it.
+        /// Time of the newest suit sample, if this is the first state with it.
         suit_sample_time_ns: Option<u64>,
     },
 }
@@ -25,7 +25,7 @@ struct Last {
     writer: u128,
 }
 
-/// What was taken last.
+/// The last state accepted.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Sequence {
     last: Option<Last>,
@@ -33,9 +33,10 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
-    /// Takes in one state of a writer.
+    /// Classifies one state of a writer.
     ///
-    /// Time orders them, since it goes on over the daemon's restart while cycles are counted anew.
+    /// States are ordered by time, because time continues across a restart of the daemon, while cycle numbers start
+    /// again.
     pub(crate) fn take(&mut self, state: &State, writer: u128) -> Place {
         let (missed, restarted) = match self.last {
             None => (0, false),
@@ -50,7 +51,8 @@ impl Sequence {
     }
 
     fn new_suit_sample(&mut self, state: &State) -> Option<u64> {
-        // An age of 0 is a sample from ahead of the cycle, whose own time a state does not tell; u64::MAX is none yet.
+        // An age of 0 means a sample stamped after the cycle, whose time the state does not contain; u64::MAX means no
+        // sample yet.
         let time_ns = state.time_ns.checked_sub(state.suit_age_ns).filter(|_| state.suit_age_ns > 0)?;
         if time_ns <= self.suit_sample_time_ns {
             return None;
@@ -88,10 +90,10 @@ mod tests {
         let mut sequence = Sequence::default();
         sequence.take(&state(1000, 5000), 1);
         assert_eq!(sequence.take(&state(3, 9000), 2), new(2, true));
-        // Its predecessor's last words lay in another buffer.
+        // The previous daemon's last states were in another buffer.
         assert_eq!(sequence.take(&state(1001, 5001), 1), Place::Old);
         assert_eq!(sequence.take(&state(4, 9001), 2), new(0, false));
-        // Its successor had counted on before it was first heard.
+        // The next daemon had published states before the first one received.
         assert_eq!(sequence.take(&state(2000, 20_000), 3), new(1999, true));
     }
 

@@ -1,4 +1,4 @@
-//! A consumer against a process that publishes: counts, death, restart, and what it tells of itself.
+//! A consumer with a publishing process: counts, death and restart of the daemon, and the consumer's report.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod common;
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(20);
 
-/// Not a test: the life of a child, until it is killed or forgotten.
+/// Not a test: body of the child process, until it is killed or a time-out passes.
 #[test]
 fn child_publishes() {
     common::publish_until_killed();
@@ -42,7 +42,7 @@ fn states_and_missed_add_up_to_the_cycles() {
     let (mut readings, mut missed, mut last) = (1, 0, first);
     for round in 0..200 {
         if round % 40 == 39 {
-            sleep(40 * PERIOD); // More than wait for a reader.
+            sleep(40 * PERIOD); // longer than the queue
         }
         let reading = next(&mut consumer);
         assert!(reading.is_new && !reading.restarted);
@@ -54,7 +54,7 @@ fn states_and_missed_add_up_to_the_cycles() {
     assert_eq!(readings + missed, cycles);
     assert!(missed > 0, "the pauses were not long enough to lose anything");
     let report = consumer.pick_up_report();
-    // Before the first that was handed out there may have been states that were too old.
+    // States that were too old may precede the first returned one.
     assert!(report.states + report.states_missed >= cycles);
     assert_eq!(entries(&report.published_to_consumer), report.states);
     assert_eq!(entries(&report.due_to_consumer), report.states);
@@ -65,7 +65,7 @@ fn states_and_missed_add_up_to_the_cycles() {
 fn nothing_is_handed_out_past_its_age() {
     let root = root();
     let _station = station(&root);
-    // Deep enough to hold states that are too old.
+    // Deep enough for states to become too old in the queue.
     let settings = ConsumerSettings { depth: 64, ..root.settings("aged") };
     let mut consumer = Consumer::join_with(settings.clone()).unwrap();
     for round in 0..100 {
@@ -104,7 +104,7 @@ fn a_dead_daemon_is_silence_and_the_next_one_is_found() {
             latest_ns = reading.state.time_ns;
         }
         drop(station);
-        // What was on its way when it died may come; nothing twice, and then nothing.
+        // States in transit when it died may still arrive; none twice, and then none at all.
         until("it is silent", || match consumer.next(SHORT) {
             Ok(reading) => {
                 assert!(reading.state.time_ns > latest_ns, "an old state as new");
@@ -124,7 +124,7 @@ fn a_dead_daemon_is_silence_and_the_next_one_is_found() {
 #[test]
 fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
     let root = root();
-    // Patient, for the machine may be busy between two questions below.
+    // Long, because the machine may be busy between the two calls below.
     let stale_after = Duration::from_millis(500);
     let mut consumer =
         Consumer::join_with(ConsumerSettings { stale_after, ..root.settings("late") }).unwrap();
@@ -133,14 +133,14 @@ fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
     sleep(20 * PERIOD);
     drop(station);
     sleep(3 * stale_after);
-    // It was not asleep on its own account, so the buffer is full.
+    // The consumer did not read meanwhile, so the queue is full of old states.
     assert!(matches!(consumer.next(SHORT), Err(NoReading::Stale { .. })));
-    // Whoever asks more often than states come is told one reason, not two by turns.
+    // Calls between two states repeat the same reason instead of alternating.
     assert!(matches!(consumer.latest(), Err(NoReading::Stale { .. })));
     sleep(2 * stale_after);
     assert!(matches!(consumer.next(SHORT), Err(NoReading::Silent { .. })));
     assert!(matches!(consumer.latest(), Err(NoReading::Silent { .. })));
-    // They were picked up, and count.
+    // Old states were received, so they count in the report.
     let report = consumer.pick_up_report();
     assert!(report.states > State::SERVICE.depth as u64, "{}", report.states);
 }
@@ -159,7 +159,7 @@ fn a_daemon_with_another_clock_is_refused_with_the_reason() {
     let error = consumer.next(SHORT).unwrap_err();
     assert!(matches!(error, NoReading::OtherClock { .. }), "{error}");
     assert!(matches!(consumer.latest(), Err(NoReading::OtherClock { .. })));
-    // One from the future must not make old what comes at its time.
+    // A state from the future must not make later correct states count as old.
     for cycle in 2..5 {
         let honest = State { cycle, time_ns: now_ns(), ..State::zeroed() };
         publisher.send(&honest).unwrap();
@@ -173,11 +173,11 @@ fn a_daemon_with_another_clock_is_refused_with_the_reason() {
 fn who_asks_seldom_is_given_the_newest() {
     let root = root();
     let _station = station(&root);
-    // Patient, for the machine may be busy; less so than it sleeps below.
+    // Long, because the machine may be busy, but shorter than the sleep below.
     let patient = ConsumerSettings { stale_after: Duration::from_secs(1), ..root.settings("seldom") };
     let mut consumer = Consumer::join_with(patient).unwrap();
     next(&mut consumer);
-    // Longer than the silence after which a consumer joins anew.
+    // Longer than the silence after which a consumer rejoins.
     sleep(Duration::from_millis(2100));
     let reading = consumer.latest().unwrap();
     assert!(reading.is_new && reading.missed > 0);
@@ -205,7 +205,7 @@ fn joins_anew(wait: impl Fn(&mut Consumer) -> Result<Reading, NoReading>) {
     let _second = station(&root);
     let found = until("the new bus is found", || {
         sleep(PERIOD);
-        // What the first left may still be handed out.
+        // States of the first daemon may still be returned.
         wait(&mut consumer).ok().filter(|reading| reading.daemon_life > 1)
     });
     assert!(found.restarted);
@@ -240,7 +240,7 @@ fn the_report_is_published_and_the_last_word_too() {
     assert!(reports.receive().unwrap().is_none(), "it was asked not to report");
 }
 
-// A state always waits for it, so it never sleeps in `next`.
+// A state is always queued, so `next` never sleeps.
 #[test]
 fn who_is_slower_than_the_loop_reports_too() {
     let root = root();

@@ -1,6 +1,6 @@
-//! `clients/python/equipoise/_messages.py` is written from the tables of core and bus, never by hand:
-//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module` writes it, and without that the test looks
-//! whether the file is what would be written.
+//! `clients/python/equipoise/_messages.py` is generated from the tables of core and bus:
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module` writes it; without the variable the test
+//! compares it.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "common/names.rs"]
@@ -47,7 +47,7 @@ class Service(NamedTuple):
 
 "#;
 
-/// ctypes' word for a number, and Python's.
+/// Names of a number type in ctypes and in Python.
 fn words(primitive: Primitive) -> (&'static str, &'static str) {
     match primitive {
         Primitive::U8 => ("ctypes.c_uint8", "int"),

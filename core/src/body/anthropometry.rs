@@ -1,32 +1,33 @@
-//! What an average body weighs and where, laid on this worker's skeleton: the starting point of identification.
+//! Masses and centres of mass of an average body, scaled to this subject's skeleton: the prior of the identification.
 //!
 //! Source: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J. Biomechanics 29 (1996)
 //! 1223–1230, table 4 (mass fractions, longitudinal centres, segment lengths). De Leva's trunk has three parts; MVN's
-//! has five segments and two shoulders. The parts are cut along the height axis into slices of even density at the
-//! heights of the worker's own spine joints, so every slice's mass and height follow from the table alone.
+//! has five segments and two shoulders. The parts are cut along the height axis into slices of uniform density at the
+//! heights of the subject's own spine joints, so every slice's mass and height follow from the table alone.
 //!
-//! Not in the table, and therefore ours: how far the trunk's centres lie in front of the line from mid-hip to neck.
+//! Not in the table, and therefore assumed: the distance of the trunk's centres in front of the line from mid-hip to
+//! neck.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::{SEGMENTS, Segment, Skeleton};
 
-/// Which column of the table to use.
+/// Column of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sex {
     /// De Leva's women.
     Female,
     /// De Leva's men.
     Male,
-    /// The mean of both columns, where it is not stated.
+    /// The mean of both columns, if unstated.
     Unstated,
 }
 
-/// Masses and centres as the table predicts them. Arrays are indexed by [`Segment`].
+/// Masses and centres by the table. Arrays are indexed by [`Segment`].
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Anthropometry {
-    /// Share of the body mass in each segment; the sum is 1.
+    /// Fraction of the body mass in each segment; the sum is 1.
     pub mass_fraction: [f64; SEGMENTS],
     /// Centre of mass from the segment's origin, segment axes (T-pose: X forward, Y left, Z up), m.
     pub com_m: [[f64; 3]; SEGMENTS],
@@ -34,7 +35,7 @@ pub struct Anthropometry {
     pub hand_length_m: f64,
 }
 
-/// One row of de Leva's table, female and male: mass share, centre from the proximal end, length over stature.
+/// One row of de Leva's table, female and male: mass fraction, centre from the proximal end, length over stature.
 #[derive(Clone, Copy)]
 struct Row {
     mass: [f64; 2],
@@ -53,7 +54,7 @@ const fn row(mass_percent: [f64; 2], centre_percent: [f64; 2], length_mm: [f64; 
     }
 }
 
-// The centres of the trunk's parts are not used: a slice of even density has its own in the middle.
+// The centres of the trunk's parts are not used: the centre of a slice of uniform density is in its middle.
 const HEAD: Row = row([6.68, 6.94], [48.41, 50.02], [243.7, 242.9]); // vertex to cervicale
 const UPPER_TRUNK: Row = row([15.45, 15.96], [50.50, 50.66], [228.0, 242.1]); // cervicale to xiphion
 const MIDDLE_TRUNK: Row = row([14.65, 16.33], [45.12, 45.02], [205.3, 215.5]); // xiphion to omphalion
@@ -67,13 +68,13 @@ const FOOT: Row = row([1.29, 1.37], [40.14, 44.15], [228.3, 258.1]); // heel to 
 
 /// De Leva's cervicale lies above MVN's neck joint: cervicale over neck joint, both from mid-hip.
 const CERVICALE_OVER_NECK: f64 = 1.066;
-/// Neck joint to C1 joint, over stature, where the skeleton does not have them apart.
+/// Neck joint to C1 joint, over stature, for a skeleton in which they coincide.
 const NECK_LENGTH: f64 = 0.055;
-/// Share of de Leva's head (which includes the neck) below MVN's C1 joint.
+/// Fraction of the mass of de Leva's head (which includes the neck) below MVN's C1 joint.
 const NECK_MASS_SHARE: f64 = 0.20;
-/// Share of the upper trunk that moves with each shoulder segment.
+/// Fraction of the upper trunk's mass that moves with each shoulder segment.
 const SHOULDER_MASS_SHARE: f64 = 0.03;
-/// Share of the foot's mass in front of the ball.
+/// Fraction of the foot's mass in front of the ball.
 const TOE_MASS_SHARE: f64 = 0.12;
 /// The trunk's slices lie in front of the line from mid-hip to neck, over stature.
 const TRUNK_FORWARD: f64 = 0.006;
@@ -109,9 +110,9 @@ struct Part {
 }
 
 impl Anthropometry {
-    /// The table laid on a skeleton, for a stature in metres and a sex.
+    /// The table scaled to a skeleton, for a stature in metres and a sex.
     ///
-    /// The left side is laid out and mirrored: the table knows no sides.
+    /// The left side is computed and mirrored: the table has no sides.
     pub fn de_leva(skeleton: &Skeleton, height_m: f64, sex: Sex) -> Anthropometry {
         let pick = |[female, male]: [f64; 2]| match sex {
             Sex::Female => female,
@@ -170,7 +171,7 @@ impl Anthropometry {
                 }
                 floor += length;
             }
-            // A skeleton may have two joints in one place; the slice between them is empty.
+            // A skeleton may have two joints in one position; the slice between them is empty.
             if mass > 0.0 {
                 let height = moment / mass;
                 let forward = hip[0] + (neck[0] - hip[0]) * height / rise + TRUNK_FORWARD * height_m;
@@ -183,7 +184,7 @@ impl Anthropometry {
         }
     }
 
-    /// De Leva's head reaches from the vertex down to the cervicale; neck and head together have its centre.
+    /// De Leva's head extends from the vertex down to the cervicale; neck and head together have its centre.
     fn lay_the_head(&mut self, skeleton: &Skeleton, whole: Part, height_m: f64) {
         let neck_length = skeleton.length_m(Segment::Head);
         let nominal = NECK_LENGTH * height_m;
@@ -213,8 +214,8 @@ impl Anthropometry {
         let along = |next: Segment, share: f64| skeleton.offset_m[next.index()].map(|d| share * d);
         self.set(Segment::LeftUpperLeg, thigh.mass, along(Segment::LeftLowerLeg, thigh.centre));
         self.set(Segment::LeftLowerLeg, shank.mass, along(Segment::LeftFoot, shank.centre));
-        // De Leva measures the foot's centre from the heel; the toes' share is taken out of the whole. A skeleton
-        // without a ball joint has the toe's origin in the ankle.
+        // De Leva measures the foot's centre from the heel; the toes' fraction is subtracted from the whole. In a
+        // skeleton without a ball joint the toe's origin is in the ankle.
         let ball = BALL_FORWARD * height_m;
         let toe_centre = ball + 0.4 * (foot.length_m - HEEL_BACK * height_m - ball);
         let whole = foot.centre * foot.length_m - HEEL_BACK * height_m;
@@ -232,8 +233,9 @@ impl Anthropometry {
             && self.hand_length_m.is_finite()
     }
 
-    /// Where a hand grips, from the wrist, in the hand's axes, m: at the third knuckle, by which NIOSH's lifting equation
-    /// defines the grasp (Waters, Putz-Anderson & Garg 1994, 1.1) and where de Leva's hand ends, on the palm's surface.
+    /// Grip point of a hand, from the wrist, in the hand's axes, m: at the third knuckle, by which NIOSH's lifting
+    /// equation defines the grasp (Waters, Putz-Anderson & Garg 1994, 1.1) and where de Leva's hand ends, on the palm's
+    /// surface.
     pub fn grip_m(&self, hand: Segment) -> [f64; 3] {
         let side = if hand == Segment::LeftHand { 1.0 } else { -1.0 };
         [0.0, side * self.hand_length_m, -PALM_M]
@@ -277,8 +279,8 @@ mod tests {
 
     #[test]
     fn a_standing_body_has_its_centre_where_textbooks_have_it() {
-        // Winter: the whole body's centre lies at 0.55 to 0.58 of the stature while standing, arms down; with the
-        // arms out sideways it lies a little higher.
+        // Winter: the CoM of a person who stands with arms down is at 0.55 to 0.58 of the stature; with the arms out
+        // sideways it is slightly higher.
         let skeleton = Skeleton::nominal(1.77);
         let body = body(1.77, Sex::Male);
         let origin = skeleton.t_pose_m();

@@ -1,8 +1,8 @@
-//! How a segment's mass is spread about its own centre: radii of gyration.
+//! Radii of gyration of each segment about its own centre.
 //!
-//! Source: P. de Leva, J. Biomechanics 29 (1996), table 4, men's radii over segment length. Limbs take them as they
-//! are. The trunk's three parts are cut into MVN's five: a slice keeps its part's breadth and depth (the radius about
-//! each horizontal axis less what the part's own height contributes) and has its own height.
+//! Source: P. de Leva, J. Biomechanics 29 (1996), table 4, men's radii over segment length. Limbs use them directly.
+//! The trunk's three parts are cut into MVN's five: a slice has its part's breadth and depth (the radius about each
+//! horizontal axis without the contribution of the part's own height) and its own height.
 
 use super::{SEGMENTS, Segment, Skeleton};
 use crate::math;
@@ -22,7 +22,7 @@ const FOOT_LENGTH: f64 = 0.148;
 /// Head: about X, Y and Z, over stature.
 const HEAD: [f64; 3] = [0.042, 0.044, 0.036];
 
-/// A trunk slice's breadth and depth as radii of gyration over stature, from de Leva's three parts.
+/// Breadth and depth of a trunk slice as radii of gyration over stature, from de Leva's three parts.
 const TRUNK: [(Segment, [f64; 2]); 5] = [
     (Segment::Pelvis, [0.045, 0.039]),
     (Segment::L5, [0.047, 0.034]),
@@ -41,7 +41,7 @@ pub fn gyration_m2(skeleton: &Skeleton, height_m: f64) -> [[f64; 3]; SEGMENTS] {
     };
     for (index, (segment, [breadth, depth])) in TRUNK.into_iter().enumerate() {
         let next = TRUNK.get(index + 1).map_or(Segment::Neck, |(next, _)| *next);
-        // An even slice of height h has a radius of h/√12 about its middle.
+        // A uniform slice of height h has a radius of h/√12 about its middle.
         let height = skeleton.length_m(next) / math::sqrt(12.0);
         let [breadth, depth] = [breadth * height_m, depth * height_m];
         let about = |across: f64| math::hypot([across, height]);

@@ -1,4 +1,4 @@
-//! How long this body's bones are: segment origins in their parents.
+//! Bone lengths of the body: segment origins in their parents.
 
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ pub struct Skeleton {
 }
 
 impl Skeleton {
-    /// The skeleton of one pose. It is the same in every pose of a rigid body, so a few poses average to it.
+    /// The skeleton of one pose. It is the same in every pose of a rigid body, so it can be averaged over poses.
     pub fn of<W>(pose: &Pose<W>) -> Skeleton {
         Skeleton {
             offset_m: Segment::ALL.map(|segment| match segment.parent() {
@@ -23,7 +23,7 @@ impl Skeleton {
         }
     }
 
-    /// Proportions of an MVN null pose, scaled to a stature; for drawing a pose that nobody has taken yet.
+    /// Proportions of an MVN null pose, scaled to a stature; for drawing a pose that has not been performed.
     pub fn nominal(height_m: f64) -> Skeleton {
         let mut offset_m = [[0.0; 3]; SEGMENTS];
         for (segment, [x, y, z]) in NOMINAL {

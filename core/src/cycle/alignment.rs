@@ -1,7 +1,8 @@
-//! Ground to suit by sample time, never by arrival: a ring of ground samples, a short queue of suit samples.
+//! Aligns ground and suit samples by sample time, not by arrival: a ring of ground samples, a short queue of suit
+//! samples.
 //!
-//! A suit sample waits until ground samples reach past its own time; then the wrench at exactly that time is
-//! interpolated. If the ground stays silent, the suit sample goes on alone.
+//! A suit sample waits until ground samples extend beyond its own time; then the wrench at exactly that time is
+//! interpolated. If the ground is silent, the suit sample is released without a wrench.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,32 +10,32 @@ use super::tare::Tare;
 use crate::message::{GroundSample, Message, SuitSample};
 use crate::time::NS_PER_S;
 
-/// Ground samples kept: 0.64 s at 1 kHz, for a suit that is half a second late.
+/// Ground samples stored: 0.64 s at 1 kHz, for a suit with half a second of latency.
 const GROUND_RING: usize = 640;
 /// Suit samples that may wait for the ground: half a second at 240 Hz.
 const SUIT_QUEUE: usize = 128;
-/// How long a suit sample waits for the ground, ns.
+/// Maximum time that a suit sample waits for the ground, ns.
 pub const PATIENCE_NS: u64 = 60_000_000;
-/// Ground samples farther apart than this are not interpolated between, ns.
+/// Maximum interval between ground samples for interpolation, ns.
 const GAP_MAX_NS: u64 = 60_000_000;
 
-/// Both streams, waiting for each other.
+/// Queues of both streams.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Alignment {
     ground: [GroundSample; GROUND_RING],
-    /// How many ground samples were taken in; the newest is at `(ground_count − 1) % GROUND_RING`.
+    /// Number of ground samples ingested; the newest is at `(ground_count − 1) % GROUND_RING`.
     ground_count: u64,
     suit: [SuitSample; SUIT_QUEUE],
-    /// How many suit samples were taken in, and how many have left.
+    /// Numbers of suit samples ingested and released.
     suit_in: u64,
     suit_out: u64,
-    /// Learnt sample periods, ns; 0 before two samples.
+    /// Estimated sample periods, ns; 0 before two samples.
     suit_period_ns: u64,
     ground_period_ns: u64,
-    /// Samples refused: not plausible, or their time did not advance.
+    /// Samples rejected: implausible, or their time did not advance.
     refused: u64,
-    /// How much later than the ground's the suit's stamps are, ns: the suit's t belongs to the ground's t − lag.
+    /// Delay of the suit's stamps relative to the ground's, ns: the suit's t corresponds to the ground's t − lag.
     lag_ns: i64,
 }
 
@@ -47,39 +48,40 @@ pub struct Aligned {
     pub ground: Option<GroundSample>,
 }
 
-/// How much of the plate's recent past is averaged for a tare, ns.
+/// Averaging time of a tare, ns.
 const TARE_SPAN_NS: u64 = 300_000_000;
-/// No supported sensor is slower, ns.
+/// Upper bound of a sample period, ns; no supported sensor is slower.
 const PERIOD_MAX_NS: u64 = 100_000_000;
-/// More samples than a century brings.
+/// More samples than arrive in a century.
 const COUNT_MAX: u64 = 1 << 48;
 
-/// Before two samples were seen: the slowest suit and plate that are supported, ns.
+/// Initial period: that of the slowest supported suit and plate, ns.
 const PERIOD_AT_FIRST_NS: u64 = 16_666_667;
 
-/// A quarter of each new interval enters the learnt period; gaps do not.
+/// Updates the period with a quarter of each new interval, but not with gaps.
 fn learn(period_ns: &mut u64, interval_ns: u64) {
     if *period_ns == 0 {
         *period_ns = interval_ns;
     } else if interval_ns < 2 * *period_ns {
         *period_ns = (3 * *period_ns + interval_ns) / 4;
     } else {
-        // A gap, or the stream became slower: follow slowly.
+        // A gap, or the stream became slower: adapt slowly.
         *period_ns += *period_ns / 16;
     }
     *period_ns = (*period_ns).min(PERIOD_MAX_NS);
 }
 
 impl Alignment {
-    /// Whether a ground sample may enter at `now_ns`: its numbers are possible, its time advances and is not to come. Counts those
-    /// refused. Adapters see to that; the loop checks again, because any process of the same user may write to the bus.
+    /// Whether a ground sample may enter at `now_ns`: its numbers are possible, its time advances and is not in the
+    /// future. Counts rejected samples. The adapters check this too; the loop checks again, because any process of the
+    /// same user may write to the bus.
     pub fn admits_ground(&mut self, sample: &GroundSample, now_ns: u64) -> bool {
         let advances =
             self.newest_ground().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
         self.admit(advances && is_not_to_come(sample.sample_time_ns, now_ns) && sample.is_possible())
     }
 
-    /// The same for a suit sample.
+    /// Likewise for a suit sample.
     pub fn admits_suit(&mut self, sample: &SuitSample, now_ns: u64) -> bool {
         let advances = self.newest_suit().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
         self.admit(advances && is_not_to_come(sample.sample_time_ns, now_ns) && sample.is_possible())
@@ -90,7 +92,7 @@ impl Alignment {
         may_enter
     }
 
-    /// Takes in a ground sample that was admitted.
+    /// Appends an admitted ground sample.
     pub fn push_ground(&mut self, sample: &GroundSample) {
         if let Some(newest_ns) = self.newest_ground().map(|newest| newest.sample_time_ns) {
             learn(&mut self.ground_period_ns, sample.sample_time_ns - newest_ns);
@@ -99,7 +101,7 @@ impl Alignment {
         self.ground_count += 1;
     }
 
-    /// Takes in a suit sample that was admitted. A full queue loses its oldest.
+    /// Appends an admitted suit sample. A full queue drops its oldest.
     pub fn push_suit(&mut self, sample: &SuitSample) {
         if let Some(newest_ns) = self.newest_suit().map(|newest| newest.sample_time_ns) {
             learn(&mut self.suit_period_ns, sample.sample_time_ns - newest_ns);
@@ -109,12 +111,12 @@ impl Alignment {
         self.suit_out = self.suit_out.max(self.suit_in.saturating_sub(SUIT_QUEUE as u64));
     }
 
-    /// Sets how much later than the ground's the suit's stamps are, ns.
+    /// Sets the delay of the suit's stamps relative to the ground's, ns.
     pub(super) fn set_lag_ns(&mut self, lag_ns: i64) {
         self.lag_ns = lag_ns;
     }
 
-    /// How much longer a suit sample waits because the ground's stamps are late, ns.
+    /// Additional waiting time of a suit sample if the ground's stamps are late, ns.
     pub(super) fn ground_late_ns(&self) -> u64 {
         (-self.lag_ns).max(0) as u64
     }
@@ -131,8 +133,8 @@ impl Alignment {
         Some(&self.suit[index as usize % SUIT_QUEUE])
     }
 
-    /// What the plate showed on average over the last 0.3 s, taken off every sample of the ring; `None`, and nothing
-    /// is changed, unless all of them are sound and show less than `empty_n` of vertical force.
+    /// Mean plate reading of the last 0.3 s, which is subtracted from every sample of the ring; `None`, and nothing
+    /// changes, unless all of them are sound and their vertical force is below `empty_n`.
     pub(super) fn tare(&mut self, empty_n: f64) -> Option<Tare> {
         let newest_ns = self.newest_ground()?.sample_time_ns;
         let filled = (self.ground_count as usize).min(GROUND_RING);
@@ -149,22 +151,22 @@ impl Alignment {
         Some(shown)
     }
 
-    /// Believes a period of the suit until samples show another.
+    /// Initialises the suit's period until samples update it.
     pub(super) fn expect_suit_period(&mut self, period_ns: u64) {
         self.suit_period_ns = period_ns.min(PERIOD_MAX_NS);
     }
 
-    /// Learnt period of the suit, ns.
+    /// Estimated period of the suit, ns.
     pub fn suit_period_ns(&self) -> u64 {
         if self.suit_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.suit_period_ns }
     }
 
-    /// Learnt period of the ground, ns.
+    /// Estimated period of the ground, ns.
     pub fn ground_period_ns(&self) -> u64 {
         if self.ground_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.ground_period_ns }
     }
 
-    /// Samples refused: not plausible, or their time did not advance.
+    /// Samples rejected: implausible, or their time did not advance.
     pub fn refused(&self) -> u64 {
         self.refused
     }
@@ -182,7 +184,8 @@ impl Alignment {
             && self.ground.iter().all(Message::is_finite)
     }
 
-    /// The oldest waiting suit sample, once the ground reaches past the time that belongs to it or it is `patience_ns` old at `now_ns`.
+    /// The oldest waiting suit sample, once the ground extends beyond the corresponding time or the sample is
+    /// `patience_ns` old at `now_ns`.
     pub fn next(&mut self, now_ns: u64, patience_ns: u64) -> Option<Aligned> {
         if self.suit_out == self.suit_in {
             return None;
@@ -197,10 +200,10 @@ impl Alignment {
         Some(Aligned { suit, ground: if reached { self.ground_at(time_ns) } else { None } })
     }
 
-    /// The wrench around a time, averaged as [`crate::motion::History`] averages accelerations: the second derivative of the
-    /// parabola of least squares over ±T is the mean of the second derivative with the weights (1 − (t/T)²)². With
-    /// one filter on both sides what is too quick for the suit cancels in their difference. `None` where samples or kinds of
-    /// measurement are missing.
+    /// The wrench around a time, averaged as [`crate::motion::History`] averages accelerations: the second derivative
+    /// of the least-squares parabola over ±T is the mean of the second derivative with the weights (1 − (t/T)²)². With
+    /// the same filter on both sides, motion too fast for the suit cancels in the difference. `None` if samples are
+    /// missing or measure different components.
     pub(super) fn ground_around(&self, time_ns: u64, half_ns: u64) -> Option<GroundSample> {
         let slack_ns = 2 * self.ground_period_ns();
         let oldest = self.ground_count.saturating_sub(GROUND_RING as u64);
@@ -224,7 +227,7 @@ impl Alignment {
         is_covered.then(|| mean.sample(time_ns)).flatten()
     }
 
-    /// The wrench at a time between two samples of the ring that are not too far apart.
+    /// The wrench at a time between two samples of the ring whose interval is short enough.
     fn ground_at(&self, time_ns: u64) -> Option<GroundSample> {
         let oldest = self.ground_count.saturating_sub(GROUND_RING as u64);
         let at = |index: u64| &self.ground[index as usize % GROUND_RING];
@@ -243,14 +246,14 @@ impl Alignment {
     }
 }
 
-/// A weighted mean of ground samples of one kind.
+/// A weighted mean of ground samples that measure the same components.
 struct WeightedMean {
     kind: GroundSample,
     weights: f64,
     force_n: [f64; 3],
     moment_nm: [f64; 3],
     foot_vertical_n: [f64; 2],
-    /// Each foot's centre times its force: the moments are what is measured.
+    /// CoP times force of each foot: the moments are the quantities measured.
     foot_moment_nm: [[f64; 2]; 2],
 }
 
@@ -266,7 +269,7 @@ impl WeightedMean {
         }
     }
 
-    /// Whether a sample measures the same by the same devices, without a fault.
+    /// Whether a sample measures the same components by the same devices, without a fault.
     fn is_alike(&self, sample: &GroundSample) -> bool {
         let measures =
             |of: &GroundSample| (of.not_measured, of.devices, of.per_foot, of.foot_frame, of.device_status);
@@ -304,7 +307,7 @@ impl WeightedMean {
     }
 }
 
-/// A sample dated farther ahead of the cycle than this is not believed: it would make all later ones look old, ns.
+/// A sample dated farther ahead of the cycle is rejected: it would make all later ones appear old, ns.
 const AHEAD_MAX_NS: u64 = 1_000_000_000;
 
 fn is_not_to_come(sample_time_ns: u64, now_ns: u64) -> bool {

@@ -1,5 +1,5 @@
-//! A pose that a model file asks for, since it would tell two explanations of its data apart: suggested once the worker
-//! is known, until it was held.
+//! Pose that a model file requests because it discriminates between two explanations of the data: suggested after
+//! identification, until it was held.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,23 +11,23 @@ use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
 use crate::static_pose::rms_joint_angle;
 
-/// A turn of the body is done this near to what was asked for, rad.
+/// Tolerance of a requested turn of the body, rad.
 const TURNED_WITHIN_RAD: f64 = core::f64::consts::FRAC_PI_6;
 
-/// What is remembered of the asked pose.
+/// State of the requested pose.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct AskedPose {
-    /// 1 once it was held, or a person skipped it.
+    /// 1 once it was held, or skipped by command.
     done: u64,
-    /// 1 once it was first asked for.
+    /// 1 once it was first requested.
     begun: u64,
-    /// Where the worker faced then, rad to the left of world X.
+    /// Heading of the subject at that time, rad to the left of world X.
     heading_rad: f64,
 }
 
 impl AskedPose {
-    /// Another worker faces another way: a turn is counted from there.
+    /// Resets the reference heading, for example for another subject.
     pub(super) fn begin_anew(&mut self) {
         self.begun = 0;
     }
@@ -39,13 +39,13 @@ impl AskedPose {
 }
 
 impl Memory {
-    /// What the model file asks for now: nothing while the worker is being learnt, and nothing twice.
+    /// The pose that the model file requests now: none during identification, and none twice.
     fn asked(&self, settings: &Settings) -> Option<Asked> {
         let known = self.identification.identified == 1 && self.identification.learning == 0;
         settings.asked.filter(|asked| known && self.asked.done == 0 && asked.pose < settings.library.len())
     }
 
-    /// Index of the suggested pose: the identification's, else the model file's; [`NO_POSE`] of none.
+    /// Index of the suggested pose: that of the identification, else that of the model file; [`NO_POSE`] for none.
     pub(super) fn suggested(&self, settings: &Settings) -> u64 {
         match self.asked(settings) {
             Some(asked) => asked.pose as u64,
@@ -53,14 +53,14 @@ impl Memory {
         }
     }
 
-    /// Skips the pose that the model file asks for; `false` if none is asked for.
+    /// Skips the pose that the model file requests; `false` if none is requested.
     pub(super) fn skip_asked(&mut self, settings: &Settings) -> bool {
         let is_asked = self.asked(settings).is_some();
         self.asked.done |= u64::from(is_asked);
         is_asked
     }
 
-    /// How far the worker is from the suggested pose, and whether what the model file asks for is held.
+    /// Publishes the distance from the suggested pose, and checks whether the requested pose is held.
     pub(super) fn compare_with_suggestion(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -85,7 +85,7 @@ impl Memory {
         self.known.pose_mismatch_rad = mismatch_rad;
     }
 
-    /// How far the worker has yet to turn, either way, from where they faced when it was first asked for, rad.
+    /// Remaining turn, in either direction, relative to the heading at the first request, rad.
     fn still_to_turn_rad(&mut self, pose: &Pose<StationWorld>, asked: Asked) -> f64 {
         let (_, _, heading_rad) = pose.world_from_segment[Segment::Pelvis.index()].euler_angles();
         if self.asked.begun == 0 {

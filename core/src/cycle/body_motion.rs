@@ -1,4 +1,4 @@
-//! What the body's own motion does to the ground reaction at one moment, and how far that is known.
+//! Contribution of the body's own motion to the ground reaction, and its uncertainty.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -6,17 +6,17 @@ use crate::math;
 use crate::motion::{Confidence, Envelope, Inertia, UpperInertia};
 use crate::overload::GRAVITY_M_PER_S2;
 
-/// Errors of the compensation, learnt from motion without a load.
+/// Errors of the inertia compensation, estimated from motion without a load.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct MotionNoise {
-    /// Of the vertical force; activity in N.
+    /// Error of the vertical force; activity in N.
     pub vertical: Confidence,
-    /// Of the centre's horizontal acceleration; activity in m/s².
+    /// Error of the CoM's horizontal acceleration; activity in m/s².
     pub horizontal: Confidence,
-    /// Of the centre of pressure, forward and sideways; activity in m.
+    /// Error of the CoP, forward and sideways; activity in m.
     pub cop: [Confidence; 2],
-    /// How much is compensated now.
+    /// Recent size of the compensation, N.
     pub vertical_activity_n: Envelope,
     /// Likewise, m/s².
     pub horizontal_activity_m_per_s2: Envelope,
@@ -24,9 +24,9 @@ pub struct MotionNoise {
     pub cop_activity_m: [Envelope; 2],
     /// Inertial part of the moment at L5/S1 about the horizontal axes, over the body's mass, m²/s².
     upper_activity_m2_per_s2: [Envelope; 2],
-    /// Mean over a short time of the shear that the suit's motion does not explain, m/s² …
+    /// Short-term mean of the shear that the suit's motion does not explain, over the mass, m/s² …
     push_m_per_s2: [f64; 2],
-    /// … and over a long one.
+    /// … and its long-term mean.
     bias_m_per_s2: [f64; 2],
 }
 
@@ -46,24 +46,24 @@ impl MotionNoise {
         math::hypot([by_motion, ACCELERATION_AT_REST_M_PER_S2])
     }
 
-    /// The part of it that motion makes: nothing at rest.
+    /// The part of it that motion causes: zero at rest.
     pub(super) fn moving_acceleration_sigma_m_per_s2(&self) -> f64 {
         self.horizontal.sigma(self.horizontal_activity_m_per_s2.height())
     }
 
-    /// 1-σ of the inertial part of the moment at L5/S1 about the world's X and Y axes, over the body's mass, m²/s²: the
-    /// share by which the suit's horizontal accelerations are wrong.
+    /// 1-σ of the inertial part of the moment at L5/S1 about the world's X and Y axes, over the body's mass, m²/s²:
+    /// proportional to the relative error of the suit's horizontal accelerations.
     pub(super) fn upper_sigma_m2_per_s2(&self) -> [f64; 2] {
         [0, 1].map(|axis: usize| self.horizontal.sigma(self.upper_activity_m2_per_s2[axis].height()))
     }
 
-    /// Shear is not measured: nobody knows of a push.
+    /// Resets the external horizontal force, which cannot be detected without shear.
     pub(super) fn forget_push(&mut self) {
         self.push_m_per_s2 = [0.0; 2];
     }
 
-    /// Takes in the shear that the suit's motion does not explain, m/s². Gives back its long mean: what a plate that is
-    /// not level shows for ever.
+    /// Ingests the shear that the suit's motion does not explain, m/s². Returns its long-term mean, the constant shear
+    /// of a plate that is not level.
     pub(super) fn follow_shear(&mut self, missed_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
         let step_s = step_s.max(0.0);
         for (mean, over_s) in [(&mut self.push_m_per_s2, PUSH_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
@@ -76,17 +76,17 @@ impl MotionNoise {
         self.bias_m_per_s2
     }
 
-    /// Whether somebody or something pushes: shear that lasts and that no motion explains.
+    /// Whether an external horizontal force acts: persistent shear that no motion explains.
     pub(super) fn is_pushed(&self) -> bool {
         math::hypot(self.push_m_per_s2) > PUSH_M_PER_S2
     }
 
-    /// Whether a push cannot be ruled out: nothing is learnt then.
+    /// Whether an external horizontal force cannot be excluded; the filter is not updated then.
     pub(super) fn may_be_pushed(&self) -> bool {
         math::hypot(self.push_m_per_s2) > 0.5 * PUSH_M_PER_S2
     }
 
-    /// Takes in how much is compensated at a moment, `step_s` after the one before.
+    /// Ingests the size of the compensation at a snapshot, `step_s` after the previous one.
     pub(super) fn follow(&mut self, body: &BodyMotion, mass_kg: f64, step_s: f64) {
         self.vertical_activity_n.follow(mass_kg * body.suit_acceleration_m_per_s2[2], step_s);
         let [x, y, _] = body.suit_acceleration_m_per_s2;
@@ -98,22 +98,22 @@ impl MotionNoise {
     }
 }
 
-/// The body alone in its motion at one moment.
+/// Motion of the body without the load at one snapshot.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyMotion {
     /// Horizontal over vertical force of the ground on the body alone.
     pub(super) slope: [f64; 2],
-    /// Whether that is measured shear.
+    /// Whether the slope comes from measured shear.
     pub(super) slope_is_measured: bool,
-    /// Shift of the centre of pressure by the turning of the body, m.
+    /// Shift of the CoP by the rotation of the body, m.
     pub(super) turning_m: [f64; 2],
     /// Vertical force over mass, g + C̈_z, m/s².
     pub(super) specific_force_m_per_s2: f64,
-    /// C̈ as the suit shows it, m/s².
+    /// C̈ by the suit, m/s².
     pub(super) suit_acceleration_m_per_s2: [f64; 3],
-    /// How the hands move, left and right, m/s².
+    /// Accelerations of the hands, left and right, m/s².
     pub(super) hand_acceleration_m_per_s2: [[f64; 3]; 2],
-    /// What it takes to accelerate the body above L5/S1.
+    /// Inertial forces and moments of the body above L5/S1.
     pub(super) upper: UpperInertia,
     /// Height of the walking surface, and of the centre of mass above it, m.
     floor_m: f64,
@@ -121,7 +121,7 @@ pub(super) struct BodyMotion {
 }
 
 impl BodyMotion {
-    /// A body at rest: the paper's equations know no motion.
+    /// A body at rest, as in the paper's static equations.
     pub(super) const REST: BodyMotion = BodyMotion {
         slope: [0.0; 2],
         slope_is_measured: false,
@@ -134,7 +134,7 @@ impl BodyMotion {
         centre_height_m: 0.0,
     };
 
-    /// The motion that the suit shows.
+    /// The motion measured by the suit.
     pub(super) fn by_suit(inertia: &Inertia, centre_z_m: f64, floor_m: f64) -> BodyMotion {
         let specific_force = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
         let [x, y, _] = inertia.acceleration_m_per_s2;
@@ -151,8 +151,8 @@ impl BodyMotion {
         }
     }
 
-    /// The body's horizontal acceleration as measured shear tells it, less what accelerates the load in the hands; with
-    /// it, what the suit misses of it, m/s². `None` without shear: exactly zero was not measured.
+    /// The body's horizontal acceleration by measured shear, without the part that accelerates the load in the hands;
+    /// and its difference from the suit's, m/s². `None` without shear: exactly zero means not measured.
     pub(super) fn by_shear(
         &self,
         ground_force_n: [f64; 3],
@@ -169,23 +169,23 @@ impl BodyMotion {
         Some([shear, [shear[0] - suit[0], shear[1] - suit[1]]])
     }
 
-    /// Believes this horizontal acceleration of the body, m/s².
+    /// Uses this horizontal acceleration of the body, m/s².
     pub(super) fn believe(&mut self, acceleration_m_per_s2: [f64; 2]) {
         self.slope = acceleration_m_per_s2.map(|value| value / self.specific_force_m_per_s2);
         self.slope_is_measured = true;
     }
 
-    /// The horizontal acceleration that is believed, m/s².
+    /// The horizontal acceleration in use, m/s².
     pub(super) fn acceleration_m_per_s2(&self, axis: usize) -> f64 {
         self.slope[axis] * self.specific_force_m_per_s2
     }
 
-    /// Mass in the hands that a vertical force holds in this motion, kg; never negative.
+    /// Mass in the hands that a vertical force supports in this motion, kg; never negative.
     pub(super) fn load_kg(&self, delta_f_n: f64) -> f64 {
         (delta_f_n / self.load_weight_m_per_s2()).max(0.0)
     }
 
-    /// What a kilogram in the hands weighs in this motion, N/kg; not below half of what it weighs at rest.
+    /// Weight of one kilogram in the hands in this motion, N/kg; at least half of the weight at rest.
     pub(super) fn load_weight_m_per_s2(&self) -> f64 {
         let [_, _, up] = self.hands_acceleration_m_per_s2();
         (GRAVITY_M_PER_S2 + up).max(0.5 * GRAVITY_M_PER_S2)
@@ -197,17 +197,17 @@ impl BodyMotion {
         core::array::from_fn(|axis| 0.5 * (left[axis] + right[axis]))
     }
 
-    /// What the rows of the chain leave out of the centre of pressure, m: turning, and the height of the floor.
+    /// Part of the CoP that the rows of the chain omit, m: rotation of the body, and height of the floor.
     pub(super) fn beside_the_rows_m(&self, axis: usize) -> f64 {
         self.turning_m[axis] + self.slope[axis] * self.floor_m
     }
 
-    /// What a 1-σ of the horizontal acceleration does to the centre of pressure, m.
+    /// Effect of a 1-σ of the horizontal acceleration on the CoP, m.
     pub(super) fn leaning_sigma_m(&self, sigma_m_per_s2: f64) -> f64 {
         self.centre_height_m.abs() * sigma_m_per_s2 / self.specific_force_m_per_s2
     }
 
-    /// How far leaning and turning shift the centre of pressure on an axis, m.
+    /// Shift of the CoP on an axis by acceleration and rotation, m.
     pub(super) fn shift_m(&self, axis: usize) -> f64 {
         (self.centre_height_m * self.slope[axis]).abs() + self.turning_m[axis].abs()
     }
@@ -215,11 +215,11 @@ impl BodyMotion {
 
 /// 1-σ of a suit's acceleration at rest, m/s².
 pub(super) const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
-/// Shear that lasts and that no motion explains is a push from this on, m/s² …
+/// Persistent shear that no motion explains counts as an external horizontal force above this, m/s² …
 const PUSH_M_PER_S2: f64 = 0.35;
-/// … averaged over about this time, s: the noise of accelerations does not last.
+/// … averaged over about this time, s, since the noise of accelerations is not persistent.
 const PUSH_OVER_S: f64 = 0.5;
-/// What a plate shows for ever is averaged over about this time, s.
+/// Averaging time of the plate's constant shear, s.
 const BIAS_OVER_S: f64 = 8.0;
-/// No body is accelerated more; beyond it is noise, m/s².
+/// Limit of a body's horizontal acceleration, m/s²; larger values are noise.
 const SHEAR_MAX_M_PER_S2: f64 = 5.0;

@@ -1,7 +1,7 @@
-//! This worker's build as the suit tells it: believed once the suit's own poses agree with it.
+//! Body dimensions that the suit reports: accepted once the suit's own poses agree with them.
 //!
-//! The null pose says at once and exactly what many poses say on average. But it is another datagram, of another time:
-//! it may be of another character, of a session that has ended, or of a body that was entered wrongly.
+//! The null pose gives directly and exactly what many poses give on average. But it arrives in another datagram at
+//! another time: it may belong to another character, to a session that has ended, or to a body with wrong dimensions.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -14,33 +14,34 @@ use crate::message::state::SoleSource;
 use crate::message::{SuitBody, SuitSample};
 use crate::time::NS_PER_S;
 
-/// Poses and null pose of one suit have bones of one length; so far apart they are not of one body, m. (A recorded
-/// null pose and pose of one person: 2 mm, from rounding.)
+/// Poses and null pose of one suit have equal bone lengths; above this difference they belong to different bodies, m.
+/// (Recorded null pose and pose of one person: 2 mm, from rounding.)
 pub const BONES_AGREE_M: f64 = 0.03;
-/// What was learnt on other bones stays if they differ by no more than this, m.
+/// Identification results from other bone lengths are kept if the lengths differ by no more than this, m.
 const BONES_REFINED_M: f64 = 0.005;
-/// So many poses in a row must contradict before the null pose is dropped: one odd sample is no proof.
+/// Number of consecutive contradicting poses after which the null pose is rejected: a single sample may be an outlier.
 const CONTRADICTIONS: u64 = 20;
-/// A build is told once a second; one that was published longer ago was waiting somewhere, ns.
+/// The suit reports the body once per second; an older message was delayed in transit, ns.
 const STALE_AFTER_NS: u64 = 5 * NS_PER_S;
-/// A build dated farther ahead than this is of another clock, ns.
+/// A body message dated farther ahead than this uses another clock, ns.
 const AHEAD_MAX_NS: u64 = NS_PER_S;
 
-/// Why the build that the suit told last is not used.
+/// Why the last reported body is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum BodyRefusal {
-    /// It is used, or none was told.
+    /// It is used, or none was reported.
     None = 0,
-    /// No person is built like that.
+    /// The dimensions are anatomically impossible.
     Impossible = 1,
-    /// It is old: published long ago, or told in a session of the suit that has ended.
+    /// The message is old: published long ago, or in a session of the suit that has ended.
     Stale = 2,
-    /// It is another character's than the poses'.
+    /// It belongs to another character than the poses.
     OtherCharacter = 3,
-    /// The poses have bones of other lengths; the poses are believed.
+    /// The poses have other bone lengths; the poses take precedence.
     ContradictsPoses = 4,
-    /// The poses agree, but what was learnt of this worker has other bones, and is kept: is it the right profile?
+    /// The poses agree, but the identified subject has other bone lengths and is kept: the profile may be the wrong
+    /// one.
     ContradictsWorker = 5,
 }
 
@@ -54,7 +55,7 @@ impl BodyRefusal {
         BodyRefusal::ContradictsWorker,
     ];
 
-    /// The reason of a message's number, `None` for a number of a later version.
+    /// The variant of a message's number, `None` for a number of a later version.
     pub fn from_number(number: u32) -> Option<BodyRefusal> {
         Self::ALL.into_iter().nth(number as usize)
     }
@@ -72,32 +73,32 @@ impl BodyRefusal {
     }
 }
 
-/// What the suit says of this worker's build.
+/// Body dimensions reported by the suit, and their state of acceptance.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Build {
-    /// The last that could be; means something if it was published.
+    /// The last plausible message; valid if `published_ns` is not 0.
     told: SuitBody,
     /// 1 once a pose agreed.
     believed: u64,
-    /// Poses in a row that contradicted.
+    /// Number of consecutive poses that contradicted.
     contradicting: u64,
     /// A [`BodyRefusal`].
     refused: u64,
 }
 
 impl Build {
-    /// What is believed of the worker's build.
+    /// The accepted body dimensions.
     pub fn body(&self) -> Option<&SuitBody> {
         (self.believed == 1).then_some(&self.told)
     }
 
-    /// Why the last one told is not used; a [`BodyRefusal`]'s number.
+    /// Why the last message is not used; the number of a [`BodyRefusal`].
     pub(super) fn refused(&self) -> u32 {
         self.refused as u32
     }
 
-    /// Where the outline of the soles comes from.
+    /// Source of the foot outlines.
     pub(super) fn sole_source(&self) -> SoleSource {
         match self.body() {
             Some(body) if body.foot_points != [0; 2] => SoleSource::Suit,
@@ -109,7 +110,7 @@ impl Build {
         self.refused = refusal as u64;
     }
 
-    /// Takes in what the suit says at `now_ns`; `newest` is its newest sample.
+    /// Ingests a body message at `now_ns`; `newest` is the suit's newest sample.
     fn hear(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
         if !body.is_plausible() || body.published_ns > now_ns.saturating_add(AHEAD_MAX_NS) {
             return self.refuse(BodyRefusal::Impossible);
@@ -123,7 +124,7 @@ impl Build {
             return self.refuse(BodyRefusal::OtherCharacter);
         }
         if self.told.published_ns > 0 && self.told.is_same_build(body) {
-            // Said again; what the poses said of it holds.
+            // A repetition; the comparison with the poses stays valid.
             let of_this_one = [BodyRefusal::ContradictsPoses, BodyRefusal::ContradictsWorker];
             if !of_this_one.iter().any(|refusal| self.refused == *refusal as u64) {
                 self.refuse(BodyRefusal::None);
@@ -133,16 +134,16 @@ impl Build {
         *self = Build { told: *body, ..Zeroable::zeroed() };
     }
 
-    /// Holds one pose of the suit against it; whether it has just become believed.
+    /// Compares one suit pose with the body; returns whether the body has just been accepted.
     fn compare(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample) -> bool {
-        // The suit's software may tell of the wearer before the first pose of a session.
+        // The suit's software may send the body before the first pose of a session.
         let is_early = self.told.session > suit.session && self.believed == 0;
         if self.told.published_ns == 0 || is_early {
             return false;
         }
         if self.told.session != suit.session || self.told.avatar != suit.avatar {
-            // The suit was started anew, or its adapter, which counts sessions from zero: whoever wears it now is told of
-            // again.
+            // The suit restarted, or its adapter, which counts sessions from zero; the body of the present wearer will
+            // be sent again.
             *self = Zeroable::zeroed();
             self.refuse(BodyRefusal::Stale);
             return false;
@@ -175,14 +176,14 @@ impl Build {
 }
 
 impl Memory {
-    /// Takes in what the suit says of its wearer's build.
+    /// Ingests a body message of the suit.
     pub(super) fn hear_build(&mut self, body: &SuitBody, now_ns: u64) {
         let newest = self.alignment.newest_suit().copied();
         self.build.hear(body, newest.as_ref(), now_ns);
     }
 
-    /// Holds the build against one more pose. Bones that the poses showed become the null pose's; a stored profile's
-    /// stay.
+    /// Compares the body with one more pose. Bone lengths measured from poses are replaced by those of the null pose;
+    /// the bone lengths of a stored profile are kept.
     pub(super) fn follow_build(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample, settings: &Settings) {
         let was_believed = self.build.believed == 1;
         let newly = self.build.compare(pose, suit);
@@ -208,7 +209,7 @@ impl Memory {
         if shown_by_the_suit && (untaught || differs_by_m <= BONES_REFINED_M) {
             if worker.skeleton() != bones || worker.body_source() != BodySource::NullPose {
                 worker.adopt_bones(&bones, !untaught, settings);
-                // Another body from one moment to the next would look like a leap of its centre of mass.
+                // The change to another body model would otherwise look like a leap of the centre of mass.
                 self.history.clear();
             }
         } else if differs_by_m > BONES_AGREE_M {
@@ -216,7 +217,7 @@ impl Memory {
         }
     }
 
-    /// Whether nothing was learnt yet that rests on the bones.
+    /// Whether no identification result depends on the bone lengths yet.
     fn is_untaught(&self) -> bool {
         let worker = &self.identification;
         worker.poses_used == 0 && worker.identified == 0 && self.known.motion_samples_used == 0

@@ -1,4 +1,4 @@
-//! What an aligned sample says to ergonomists and cobots: load, back, fatigue, dose, advice.
+//! Exposure values of an aligned sample: load, back, fatigue, dose, advice.
 
 use nalgebra::Vector3;
 
@@ -20,7 +20,7 @@ use crate::sesc::suit_error::{EffectiveVectors, wander_variance_m2};
 const L5S1: Joint = Joint::ALL[0];
 
 impl Memory {
-    /// Works through what the sample's torques mean. Comes after them.
+    /// Computes the exposure from the sample's torques, which must be up to date.
     pub(super) fn expose(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -49,7 +49,7 @@ impl Memory {
         }
     }
 
-    /// What has added up over this worker's shift.
+    /// Publishes the exposure accumulated over the subject's shift.
     pub(super) fn tell_exposure(&mut self) {
         self.known.fatigue = self.exposure.fatigue.share;
         self.known.dose_damage = self.exposure.dose.damage;
@@ -57,7 +57,7 @@ impl Memory {
         self.known.lifts = self.exposure.dose.lifts.min(u64::from(u32::MAX)) as u32;
     }
 
-    /// The load by the validity flags of this sample and the state of the identification.
+    /// Load state by the validity flags of this sample and the state of the identification.
     fn load(
         &self,
         pose: &Pose<StationWorld>,
@@ -83,7 +83,7 @@ impl Memory {
         Load::Known { torque_nm: *magnitude_nm, carried }
     }
 
-    /// Mass of the load and its 1-σ, kg. Means something while there is one.
+    /// Mass of the load and its 1-σ, kg. Valid while a load is detected.
     fn carried_kg(&self, body_motion: &BodyMotion, settings: &Settings) -> [f64; 2] {
         let sigma_n = self.known.delta_f_sigma_n.max(settings.force_sigma_n);
         lift::lifted_mass_kg(self.known.delta_f_n[2], sigma_n, body_motion.load_weight_m_per_s2())
@@ -128,7 +128,7 @@ impl Memory {
         if !loaded {
             arms = self.given_the_plate(arms, share);
         }
-        // r × W ẑ = (r_y W, −r_x W, 0): what is along X comes of the arm along Y.
+        // r × W ẑ = (r_y W, −r_x W, 0): the X component results from the arm along Y.
         let [x, y] = arms;
         let body = UpperBody {
             moment_nm: [weight_n * y.arm_m, -weight_n * x.arm_m],
@@ -155,9 +155,9 @@ impl Memory {
         self.known.l5s1_compression_sigma_n = back.compression_sigma_n;
     }
 
-    /// The arms of what is above L5/S1 (world x and y), given the measured centre of pressure: without a load its distance
-    /// from the estimated one is the body's error, and that above the joint is part of it. Of what the model misses anywhere,
-    /// `share` is above the joint.
+    /// Arms of the body above L5/S1 (world x and y), conditional on the measured CoP: without a load, its distance from
+    /// the estimated CoP is the error of the body model, of which the error above the joint is a part. `share` is the
+    /// fraction of the model error above the joint.
     fn given_the_plate(&self, arms: [Arm; 2], share: f64) -> [Arm; 2] {
         let misfit_m2 = self.identification.misfit_variance_m2();
         core::array::from_fn(|axis| {
@@ -194,7 +194,8 @@ impl Memory {
     }
 }
 
-/// Nothing is known of load and back. What has added up stays: it is true however the sensors are.
+/// Resets the values of load and back. Accumulated values stay, because they do not depend on the sensors' present
+/// state.
 fn blank(state: &mut State) {
     blank_load(state);
     blank_advice(state);
@@ -220,7 +221,7 @@ fn blank_back(state: &mut State) {
     state.l5s1_compression_sigma_n = 0.0;
 }
 
-/// A spoilt value is zero.
+/// Sets invalid values to zero.
 pub(super) fn blank_spoilt(state: &mut State) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_LIFTED_MASS) {

@@ -1,4 +1,4 @@
-//! This worker: bones, mass, what the filter has learnt, which poses it has seen.
+//! State of the subject's identification: bone lengths, mass, filter, poses performed.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -29,16 +29,16 @@ use misfit::Misfit;
 use progress::{Progress, ROWS_PER_POSE};
 use weighing::Weighing;
 
-/// Suit samples averaged for the bones.
+/// Number of suit samples averaged for the bone lengths.
 const SKELETON_SAMPLES: u64 = 20;
-/// No pose is suggested.
+/// Value for "no pose is suggested".
 pub const NO_POSE: u64 = u64::MAX;
 
-/// Where a worker's bones come from.
+/// Source of the subject's bone lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum BodySource {
-    /// They are not known yet.
+    /// Unavailable.
     Unknown = 0,
     /// The mean over the suit's first poses.
     Poses = 1,
@@ -67,42 +67,43 @@ impl BodySource {
     }
 }
 
-/// Everything about this worker that outlives a window: what a profile stores.
+/// All data of the subject that outlive a window; a profile stores them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Identification {
-    /// Sum (while counting) or mean of the bones' offsets, parent axes, m.
+    /// Sum (while counting) or mean of the bone offsets, parent axes, m.
     skeleton_m: [[f64; 3]; SEGMENTS],
     skeleton_samples: u64,
     /// A [`BodySource`].
     bones_from: u64,
-    /// Body mass in use, kg; 0 while unknown.
+    /// Body mass in use, kg; 0 if unavailable.
     pub mass_kg: f64,
-    /// The table laid on the bones; all zero before they are known.
+    /// The table scaled to the bone lengths; all zero before they are available.
     anthropometry: Anthropometry,
-    /// Which parameters are free.
+    /// The free parameters.
     pub reduction: Reduction,
-    /// θ, the stance's offset, and P of both.
+    /// θ, the stance offset, and the covariance P of both.
     pub filter: Filter,
-    /// The stance that the filter's offset belongs to.
+    /// Stance of the filter's offset.
     stance: u64,
     performed: Performed,
     planner: Planner,
     consistency: Consistency,
-    /// Held poses that entered the filter.
+    /// Static poses that updated the filter.
     pub poses_used: u64,
-    /// 1 while held poses enter the filter.
+    /// 1 while static poses update the filter.
     pub learning: u64,
-    /// 1 once the stop rule was met, or a person stopped the learning.
+    /// 1 once the stop rule is met, or identification was stopped by command.
     pub identified: u64,
     last_pose_wxyz: [[f64; 4]; JOINTS],
     /// Index of the suggested pose, or [`NO_POSE`].
     pub suggested: u64,
-    /// Suit time since which the suggested pose was waited for, ns.
+    /// Suit time since which the suggested pose has been requested, ns.
     asked_ns: u64,
     /// Normalised innovation squared of the last pose, two degrees of freedom.
     pub nis: f64,
-    /// Predicted 1-σ of the CoP over the library in this stance, with what the model misses, m; 0 before it is known.
+    /// Predicted 1-σ of the CoP over the library in this stance, including the model error, m; 0 before it is
+    /// available.
     pub predicted_cop_sigma_m: f64,
     misfit: Misfit,
     weighing: Weighing,
@@ -110,7 +111,7 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// An unknown worker.
+    /// Initialises for a subject without data.
     pub fn start(&mut self, settings: &Settings) {
         *self = Zeroable::zeroed();
         self.mass_kg = settings.mass_kg.unwrap_or(0.0);
@@ -120,26 +121,26 @@ impl Identification {
         self.planner.start();
     }
 
-    /// Learns again, on top of what is known: for as many rows as one look takes, at least.
+    /// Continues identification from the present estimate, for at least as many rows as one evaluation needs.
     pub(super) fn go_on_learning(&mut self) {
         self.learning = 1;
         self.identified = 0;
         self.progress = Zeroable::zeroed();
     }
 
-    /// Whether the bones are known and with them the prior.
+    /// Whether the bone lengths, and with them the prior, are available.
     pub fn has_body(&self) -> bool {
         self.skeleton_samples >= SKELETON_SAMPLES
     }
 
-    /// Where the bones come from.
+    /// Source of the bone lengths.
     pub fn body_source(&self) -> BodySource {
         let source = BodySource::from_number(self.bones_from as u32).unwrap_or(BodySource::Unknown);
         if self.has_body() { source } else { BodySource::Unknown }
     }
 
-    /// Takes these bones, and lays the table on them. What was learnt on others of the same body `stays`: φ does not
-    /// follow millimetres, and θ holds what it needs of them.
+    /// Adopts these bone lengths and scales the table to them. With `stays`, results from slightly different bone
+    /// lengths of the same body are kept: φ hardly depends on millimetres, and θ contains what it needs of them.
     pub(super) fn adopt_bones(&mut self, bones: &Skeleton, stays: bool, settings: &Settings) {
         self.skeleton_m = bones.offset_m;
         self.skeleton_samples = SKELETON_SAMPLES;
@@ -151,23 +152,23 @@ impl Identification {
         }
     }
 
-    /// The bones are not known any more; the next poses show them.
+    /// Resets the bone lengths; the next poses determine them.
     pub(super) fn forget_bones(&mut self) {
         self.skeleton_m = [[0.0; 3]; SEGMENTS];
         self.skeleton_samples = 0;
     }
 
-    /// The bones.
+    /// The bone lengths.
     pub fn skeleton(&self) -> Skeleton {
         Skeleton { offset_m: self.skeleton_m }
     }
 
-    /// The table laid on these bones; all zero before they are known.
+    /// The table scaled to these bone lengths; all zero before they are available.
     pub fn anthropometry(&self) -> &Anthropometry {
         &self.anthropometry
     }
 
-    /// Takes in the bones of one more pose; after enough of them lays the table on their mean.
+    /// Ingests the bone lengths of one more pose; after enough poses, scales the table to their mean.
     pub fn learn_skeleton(&mut self, pose: &Pose<SuitWorld>, settings: &Settings) {
         if self.has_body() {
             return;
@@ -186,7 +187,7 @@ impl Identification {
         }
     }
 
-    /// Forgets every pose; the bones stay.
+    /// Discards all poses; the bone lengths are kept.
     pub fn return_to_prior(&mut self, settings: &Settings) {
         self.believe(settings);
         self.performed = Zeroable::zeroed();
@@ -208,8 +209,8 @@ impl Identification {
             })
     }
 
-    /// One update from a still window: mean rows, mean CoP (Eq. 6–10). Returns whether the filter took it.
-    /// `lasting_m` is what of the CoP's 1-σ the window does not average away, per axis, m.
+    /// Updates the filter from a static pose window: mean rows, mean CoP (Eq. 6–10). Returns whether the filter
+    /// accepted it. `lasting_m` is the part of the CoP's 1-σ that the window does not average out, per axis, m.
     pub fn learn_pose(
         &mut self,
         window: &Window,
@@ -229,7 +230,7 @@ impl Identification {
         true
     }
 
-    /// After a pose: is the worker known, and if not, which pose is next?
+    /// After a pose: checks the stop rule and, if it is not met, selects the next pose.
     pub(super) fn finish_pose(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
         self.performed.push(coordinates(pose));
         self.update_predicted_cop_sigma(settings);
@@ -238,7 +239,7 @@ impl Identification {
         self.ask_again();
     }
 
-    /// After a row in motion: the bound holds, as after poses, or more of the same work would teach little.
+    /// After a row in motion: stops if the bound holds, as after poses, or if more of the same work would add little.
     pub(super) fn finish_row(&mut self, settings: &Settings) {
         self.update_predicted_cop_sigma(settings);
         let enough = self.progress.has_looked() && self.meets(settings);
@@ -258,7 +259,7 @@ impl Identification {
         }
     }
 
-    /// The same from a pose's rows: the first ones test the prior, then the filter takes them in. Its NIS.
+    /// Updates the filter with a pose's rows; the first ones also test the prior. Returns the NIS.
     pub(super) fn learn_rows(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
         self.learn_misfit(rows, cop_m, variance_m2, ROWS_PER_INDEPENDENT);
         self.test_prior(rows, cop_m, variance_m2);
@@ -269,8 +270,8 @@ impl Identification {
         Some(nis)
     }
 
-    /// Whether the stop rule's bound holds now. It looks at P alone: what the model misses no further pose removes, and
-    /// [`Identification::predicted_cop_sigma_m`] says it.
+    /// Whether the stop rule's bound holds. It depends on P alone: no further pose reduces the model error, which
+    /// [`Identification::predicted_cop_sigma_m`] includes.
     pub fn meets(&self, settings: &Settings) -> bool {
         match settings.stop {
             StopRule::Paper { variance_m2 } => self.filter.variance_max_m2() < variance_m2,
@@ -280,13 +281,13 @@ impl Identification {
         }
     }
 
-    /// Whether every count and number is in range; a stored worker is checked before use.
+    /// Whether every count and number is in range; a stored subject is checked before use.
     pub fn is_sound(&self) -> bool {
         self.skeleton_m.iter().flatten().all(|value| value.is_finite())
             && self.mass_kg.is_finite()
             && (0.0..1000.0).contains(&self.mass_kg)
             && self.bones_from <= BodySource::Stored as u64
-            // Made with the bones; nobody looks at it before.
+            // Created with the bone lengths, and not used before.
             && (!self.has_body() || self.reduction.is_sound())
             && self.anthropometry.is_sound()
             && self.filter.is_sound()

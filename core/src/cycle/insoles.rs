@@ -1,8 +1,8 @@
-//! Insoles feel what presses on each sole, in the sole's own frame: where that is, only the suit knows.
+//! Insoles measure the pressure under each sole in the sole's own frame; the suit gives the position of that frame.
 //!
-//! What they cannot feel is left out, never taken for zero: shear and the moment about the vertical. Where the ground's
-//! wrench is not measured by a plate too, the moment about the horizontal axes follows from the feet: vertical forces
-//! at places that are known have one.
+//! Components that they cannot measure are unavailable and never replaced by zero: shear and the moment about the
+//! vertical. If no plate measures the ground's wrench too, the moment about the horizontal axes is computed from the
+//! feet's vertical forces and positions.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -13,20 +13,20 @@ use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::{Component, FootFrame, GroundSample};
 
-/// How well the ground's sample is known.
+/// Standard deviations of the ground sample.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub(super) struct GroundSigma {
-    /// 1-σ of the centre of pressure per axis, m.
+    /// 1-σ of the CoP per axis, m.
     pub(super) cop_m: f64,
-    /// What of it a held pose does not average away, m.
+    /// The part of it that a static pose does not average out, m.
     pub(super) lasting_cop_m: f64,
-    /// 1-σ of the vertical force and body weight together, N.
+    /// 1-σ of the difference between vertical force and body weight, N.
     pub(super) force_n: f64,
 }
 
 impl GroundSigma {
-    /// By what the sample is made of: a plate's, or that of insoles alone.
+    /// σ by the kind of the devices: a plate, or insoles alone.
     pub(super) fn of(ground: Option<&GroundSample>, settings: &Settings) -> GroundSigma {
         if ground.is_some_and(GroundSample::is_by_insoles_alone) {
             let cop_m = settings.insole_cop_sigma_m;
@@ -37,8 +37,8 @@ impl GroundSigma {
         }
     }
 
-    /// Adds the error of a sample whose time is uncertain by `time_sigma_s` while force and centre of pressure change at these
-    /// rates, N/s and m/s: to first order σ(t) times the rate.
+    /// Adds the error of a sample whose time is uncertain by `time_sigma_s` while force and CoP change at these rates,
+    /// N/s and m/s: to first order σ(t) times the rate.
     pub(super) fn add_time_error(&mut self, time_sigma_s: f64, [force_n_per_s, cop_m_per_s]: [f64; 2]) {
         self.force_n = math::hypot([self.force_n, time_sigma_s * force_n_per_s]);
         self.cop_m = math::hypot([self.cop_m, time_sigma_s * cop_m_per_s]);
@@ -49,8 +49,8 @@ impl GroundSigma {
     }
 }
 
-/// The sample with the feet's centres of pressure in the world, at the pose of the sample's time. One whose feet are in
-/// the world already, or that has none, is left as it is.
+/// The sample with the feet's CoPs transformed to the world, at the pose of the sample's time. A sample whose feet are
+/// in the world already, or that has none, is unchanged.
 pub(super) fn place(
     ground: &GroundSample,
     pose: &Pose<StationWorld>,
@@ -69,8 +69,8 @@ pub(super) fn place(
     let sum_n = pressing_n[0] + pressing_n[1];
     let share = |foot: usize| if sum_n > 0.0 { pressing_n[foot] / sum_n } else { 0.0 };
     let [x, y] = [0, 1].map(|axis| share(0) * foot_cop_m[0][axis] + share(1) * foot_cop_m[1][axis]);
-    // About the world's origin, by the equation that gives the centre back. Shear that was not measured is zero in the
-    // message and nowhere believed: at the surface it has no part in the centre of pressure.
+    // Moments about the world's origin, the inverse of the equation for the CoP. Unmeasured shear is zero in the
+    // message and not used elsewhere: at the surface it does not affect the CoP.
     let ([fx, fy, fz], z) = (ground.force_n, ground.surface_z_m);
     placed.moment_nm[0] = y * fz - z * fy;
     placed.moment_nm[1] = z * fx - x * fz;
@@ -131,7 +131,7 @@ mod tests {
                 let expected = (200.0 * at[0][axis] + 500.0 * at[1][axis]) / 700.0;
                 assert!((cop[axis] - expected).abs() < 1e-12, "{cop:?}");
             }
-            // Back in the foot's own axes it is what the insole said.
+            // Transformed back to the foot's axes, it equals the insole's measurement.
             for side in Side::BOTH {
                 let ankle = pose.origin_of(side.foot());
                 let away = Vector3::new(at[side as usize][0] - ankle.x, at[side as usize][1] - ankle.y, 0.0);

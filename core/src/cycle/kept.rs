@@ -1,7 +1,7 @@
-//! What of the loop's memory outlives the process: the worker, the shift, the tare, the registration.
+//! The part of the memory that outlives the process: subject, shift, tare, registration.
 //!
-//! Much less than a checkpoint, so that the loop can copy it again and again; and, unlike a checkpoint, understood by
-//! later versions, since whoever stores it writes it by its fields.
+//! It is much smaller than a checkpoint, so the loop can copy it often; unlike a checkpoint, later versions can read
+//! it, because it is stored by named fields.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -14,53 +14,53 @@ use crate::exposure::Shift;
 use crate::message::SuitSample;
 use crate::time::NS_PER_S;
 
-/// After a longer gap a shift is no better than the configured place, ns. Each step that the anchor does not see may
-/// put the body 5 mm off (`anchor::STANCE_SIGMA_M`); two steps a second over 20 s add up to 32 mm, and a place that is
-/// not known at all is believed within 30 mm.
+/// Maximum gap after which a stored anchor shift is better than the configured position, ns. Each step that the anchor
+/// misses may add 5 mm of error (`anchor::STANCE_SIGMA_M`); two steps per second over 20 s add up to 32 mm, and a new
+/// registration is accepted within 30 mm.
 pub const SHIFT_HOLDS_NS: u64 = 20 * NS_PER_S;
-/// The suit's counter must tell the length of the gap this well: a share of it …
+/// Tolerance of the gap's length by the suit's counter: a fraction of it …
 const COUNTER_TOLERANCE: f64 = 0.2;
-/// … and so much, s.
+/// … plus this constant, s.
 const COUNTER_SLACK_S: f64 = 0.5;
-/// No suit has drifted farther, m.
+/// Upper bound of a plausible drift of the suit, m.
 const SHIFT_MAX_M: f64 = 1e4;
 
-/// Where the suit's world lies in the station's, and by which suit sample this was known.
+/// Position of the suit world in the station world, and the suit sample to which it belongs.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Registration {
-    /// Turn about the vertical from the suit's to the station's world, rad …
+    /// Rotation about the vertical from the suit world to the station world, rad …
     pub station_from_suit_rad: f64,
-    /// … its 1-σ beyond what was configured, rad: π if place and heading were not known …
+    /// … its 1-σ beyond the configured uncertainty, rad: π if position and heading were unavailable …
     pub station_from_suit_sigma_rad: f64,
-    /// … and the shift after it, m.
+    /// … and the shift after the rotation, m.
     pub station_from_suit_m: [f64; 2],
-    /// Time of the suit sample, CLOCK_MONOTONIC; 0 before the first: then nothing is known.
+    /// Time of the suit sample, CLOCK_MONOTONIC; 0 before the first sample: the registration is unavailable then.
     pub suit_time_ns: u64,
-    /// The suit's own counter of it.
+    /// The suit's own counter in that sample.
     pub suit_counter: u64,
-    /// The suit's learnt period, ns.
+    /// The suit's measured period, ns.
     pub suit_period_ns: u64,
-    /// How much later than the ground's the suit's stamps are, s; 0 if that was not known.
+    /// Delay of the suit's stamps relative to the ground's, s; 0 if unavailable.
     pub suit_lag_s: f64,
 }
 
-/// What is kept, copied after one cycle. At most 78 kB.
+/// The stored data, copied after one cycle. At most 78 kB.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Kept {
-    /// The worker.
+    /// The subject.
     pub worker: KeptWorker,
-    /// What has added up over the worker's shift.
+    /// Exposure accumulated over the subject's shift.
     pub shift: Shift,
-    /// What an empty plate shows.
+    /// Readings of the empty plate.
     pub tare: Tare,
-    /// Where the suit's world lies.
+    /// Registration of the suit world.
     pub registration: Registration,
 }
 
 impl Kept {
-    /// Copies what is to be kept.
+    /// Copies the data to be stored from the memory.
     pub fn take(&mut self, memory: &Memory) {
         memory.identification.keep(&mut self.worker);
         self.shift = memory.exposure.shift();
@@ -78,7 +78,7 @@ impl Kept {
 }
 
 impl Memory {
-    /// Takes a stored tare as what the empty plate shows. Whether it is sound; if not, nothing is changed.
+    /// Restores a stored tare. Returns whether it is sound; if not, nothing changes.
     pub fn resume_tare(&mut self, tare: &Tare) -> bool {
         let sound = tare.is_sound();
         if sound {
@@ -87,9 +87,9 @@ impl Memory {
         sound
     }
 
-    /// Takes up a stored registration. The first suit sample decides whether it holds: if the suit was started anew
-    /// meanwhile or the gap is longer than [`SHIFT_HOLDS_NS`], it is dropped. Whether it is sound; if not, or if the
-    /// suit does not drift, nothing is changed.
+    /// Restores a stored registration. The first suit sample decides whether it is valid: it is dropped if the suit
+    /// restarted in the meantime or the gap is longer than [`SHIFT_HOLDS_NS`]. Returns whether the registration is
+    /// sound; if not, or if the suit does not drift, nothing changes.
     pub fn resume_registration(&mut self, registration: &Registration, settings: &Settings) -> bool {
         let shift_m = registration.station_from_suit_m;
         let sound = registration.suit_time_ns > 0
@@ -106,18 +106,19 @@ impl Memory {
         self.worked_ns = registration.suit_time_ns;
         self.suit_counter = registration.suit_counter;
         self.alignment.expect_suit_period(registration.suit_period_ns);
-        // Of the devices' own, most of it, and theirs whoever was started again; if not, the estimator notices.
+        // Most of the lag is a property of the devices and survives a restart of the daemon; otherwise the estimator
+        // detects the change.
         self.skew.resume(registration.suit_lag_s);
         self.shift_unconfirmed = 1;
         true
     }
 
-    /// Where the suit's world lies is not known: nothing that was kept says so, or the suit is another.
+    /// Marks the registration as lost: nothing stored provides it, or the suit is another one.
     pub fn lose_the_place(&mut self) {
         self.placing.lose(core::f64::consts::PI);
     }
 
-    /// Drops a shift from before the start unless this sample shows that the same suit went on, and not too long.
+    /// Drops a shift from before the start unless this sample shows that the same suit continued after a short gap.
     pub(super) fn confirm_shift(&mut self, suit: &SuitSample, settings: &Settings) {
         if self.shift_unconfirmed == 0 {
             return;
@@ -134,7 +135,7 @@ impl Memory {
         }
     }
 
-    /// Whether the suit's counter went on since the last sample as its time did.
+    /// Whether the suit's counter has advanced since the last sample in proportion to the time.
     fn went_on(&self, suit: &SuitSample) -> bool {
         let (gap_s, period_s) = self.since_last_s(suit);
         let counted = u64::from(suit.device_counter).checked_sub(self.suit_counter);
@@ -143,8 +144,8 @@ impl Memory {
         })
     }
 
-    /// Whether the suit was started anew since the last sample: it counts from the beginning, and no farther than it had
-    /// time for. A counter that leaps elsewhere is the same suit's.
+    /// Whether the suit restarted since the last sample: its counter started at zero and is not larger than the elapsed
+    /// time allows. A counter that jumps to another value is no restart.
     pub(super) fn started_anew(&self, suit: &SuitSample) -> bool {
         let (gap_s, period_s) = self.since_last_s(suit);
         let counted_s = f64::from(suit.device_counter) * period_s;

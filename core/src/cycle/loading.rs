@@ -1,4 +1,4 @@
-//! What is carried, and what it does to the joints (Eq. 14, 15).
+//! The carried load, and its torques at the joints (Eq. 14, 15).
 
 use nalgebra::Vector3;
 
@@ -18,10 +18,11 @@ use crate::overload::load_place::{ANOTHER_GRIP_SIGMAS, Measured};
 use crate::overload::sharing::{TOO_CLOSE_M, project};
 use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 
-/// 1-σ of where each foot presses, from the line that is common to both, forward and sideways in the foot's axes, m:
-/// measured on people who lift on two plates.
+/// 1-σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
+/// axes, m: measured on people who lift objects on two plates.
 const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
-/// 1-σ of where on the hand the load acts, per axis, beside its distance ahead, m: half the breadth of the palm's hollow.
+/// 1-σ of the point of action on the hand, per axis, in addition to the uncertainty ahead, m: half the width of the
+/// hollow of the palm.
 const GRIP_SIGMA_M: f64 = 0.01;
 
 impl Memory {
@@ -31,7 +32,7 @@ impl Memory {
         math::hypot([self.ground_sigma.force_n, by_motion_n])
     }
 
-    /// From which external force on something is carried, N.
+    /// External force above which a load is carried, N.
     pub(super) fn load_limit_n(&self, settings: &Settings) -> f64 {
         match settings.motion {
             Motion::Paper => settings.load_threshold_n,
@@ -41,7 +42,7 @@ impl Memory {
         }
     }
 
-    /// Whether something is carried: detected now, or detected before and not refuted since.
+    /// Whether a load is carried: detected now, or detected before and not refuted since.
     fn is_loaded(&mut self, delta_f_n: f64, time_ns: u64, settings: &Settings) -> bool {
         let threshold_n = settings.load_threshold_n;
         match settings.motion {
@@ -52,7 +53,7 @@ impl Memory {
         }
     }
 
-    /// Eq. 14 and 15, `step_s` after the instant before; the pose is the body's on the plate, the stance's offset applied.
+    /// Eq. 14 and 15, `step_s` after the previous instant; the pose is on the plate, with the stance offset applied.
     pub(super) fn overload(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -70,10 +71,10 @@ impl Memory {
         let loaded = self.is_loaded(delta_f_n, moment.time_ns, settings);
         let worker = &self.identification;
         found.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
-        // In quick motion a load may hide below what can be told: then nothing is known of it.
+        // In quick motion a load below the raised detection limit cannot be excluded.
         let is_hidden = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
         found.raise(Validity::LOAD_MAY_HIDE, !loaded && is_hidden);
-        // Nobody carries less than nothing. The paper's equations do not know that.
+        // A negative load is impossible; the paper's equations do not exclude it.
         let is_missing = loaded && delta_f_n < 0.0 && settings.motion != Motion::Paper;
         found.raise(Validity::WEIGHT_MISSING, is_missing);
         if !loaded || is_missing {
@@ -137,13 +138,14 @@ impl Memory {
         }
     }
 
-    /// Ĉ_wo, world x and y, m, given where the load is in the hands. The load's place by the two centres of pressure errs by
-    /// what Ĉ_wo errs times W/ΔF: what it misses the hands by is, in part, that (conditional normal distribution).
+    /// Ĉ_wo, world x and y, m, conditional on the position of the load in the hands. The load's position by the two
+    /// CoPs has the error of Ĉ_wo times W/ΔF: part of its distance from the hands is that error (conditional normal
+    /// distribution).
     fn given_the_load(&self, missed_m: [Measured; 2], weight_n: f64, delta_f_n: f64) -> [Measured; 2] {
         core::array::from_fn(|axis| {
             let (value, sigma) = (self.known.cop_estimated_m[axis], self.known.cop_sigma_m[axis]);
             let missed = missed_m[axis];
-            // So far from the hands, the load is held otherwise than it is thought to be.
+            // At this distance from the hands, the assumed grip is wrong.
             if missed.value.abs() > ANOTHER_GRIP_SIGMAS * missed.sigma {
                 return Measured { value, sigma };
             }
@@ -156,7 +158,7 @@ impl Memory {
         })
     }
 
-    /// How the feet share the ground reaction: measured, or from the ankles.
+    /// Distribution of the ground reaction between the feet: measured, or from the ankles.
     fn foot_loads(&self, pose: &Pose<StationWorld>, moment: &Moment, settings: &Settings) -> FootLoads {
         let cop_m = self.known.cop_measured_m;
         if let Some(feet) = moment.ground().and_then(GroundSample::feet) {
@@ -174,7 +176,7 @@ impl Memory {
         }
     }
 
-    /// Where the load is in the hands.
+    /// Position of the load in the hands.
     fn place_load(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -193,13 +195,13 @@ impl Memory {
         let is_paper = settings.motion == Motion::Paper;
         let eta = self.load_place.eta();
         let height_m = eta[0] * grip_m[0].z + eta[1] * grip_m[1].z - moment.ground.surface_z_m;
-        // Of the load: of the hands, each by its fraction of it.
+        // Acceleration of the load: of the hands, weighted by their load fractions.
         let acceleration = |axis: usize| {
             let [left, right] = body.hand_acceleration_m_per_s2;
             eta[0] * left[axis] + eta[1] * right[axis]
         };
         let swing = if is_paper { [0.0; 2] } else { [acceleration(0), acceleration(1)] };
-        // The centre of pressure of an accelerated load at x is x − z ẍ/(g + z̈).
+        // The CoP of an accelerated load at x is x − z ẍ/(g + z̈).
         let load_m: [f64; 2] = core::array::from_fn(|axis| {
             let by_cops_m =
                 (cop_measured_m[axis] * vertical_n - cop_estimated_m[axis] * weight_n) / delta_f_n;
@@ -207,7 +209,8 @@ impl Memory {
         });
         let between: [[f64; 2]; 2] = grip_m.map(|grip| [grip.x, grip.y]);
         let (right_hand, distance_m) = project(load_m, between);
-        // The load's place is known as well as the two centres of pressure, magnified by weight over load, and the hands.
+        // Uncertainty of the load's position: that of the two CoPs, magnified by weight over load, and that of the
+        // hands.
         let chain_m = self.orientation_sigma_rad(settings) * settings.height_m;
         let sigma_m: [f64; 2] = core::array::from_fn(|axis| {
             let by_estimate_m = self.known.cop_sigma_m[axis] * weight_n / delta_f_n;
@@ -235,7 +238,7 @@ impl Memory {
             };
         }
         let are_together = apart_m < TOO_CLOSE_M;
-        // From the left to the right hand; hands that are together have the direction of the pelvis.
+        // Direction from the left to the right hand; for hands close together, the direction of the pelvis.
         let aside = if are_together {
             let right = pose.world_from_segment[0] * -Vector3::y();
             [right.x, right.y].map(|part| part / math::hypot([right.x, right.y]).max(1e-9))
@@ -277,20 +280,20 @@ impl Memory {
     }
 }
 
-/// Where a load is in the hands.
+/// Position of a load in the hands.
 struct InHands {
-    /// Where each hand's fraction of the load acts, m.
+    /// Point of action of each hand's fraction of the load, m.
     grip_m: [Vector3<f64>; 2],
     /// Hand load fractions.
     eta: [f64; 2],
     eta_sigma: f64,
-    /// 1-σ of how far ahead of the grips the load is, a horizontal vector, m.
+    /// 1-σ of the load's distance ahead of the grips, a horizontal vector, m.
     ahead_sigma_m: [f64; 2],
-    /// Load's place by the two centres of pressure less that in the hands, world x and y, m.
+    /// Load position by the two CoPs minus the position in the hands, world x and y, m.
     missed_m: [Measured; 2],
-    /// Force that swings the load, N.
+    /// Horizontal force that accelerates the load, N.
     swing_n: [f64; 2],
-    /// From the load to the line between the grips, by the two centres of pressure, and the 1-σ of that, m.
+    /// Distance of the load from the line between the grips, by the two CoPs, and its 1-σ, m.
     distance_m: f64,
     distance_sigma_m: f64,
 }

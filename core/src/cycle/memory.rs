@@ -1,4 +1,4 @@
-//! Everything of a cycle that changes, as plain old data: a checkpoint is a copy of it.
+//! All mutable state of a cycle as plain old data: a checkpoint is a copy of it.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -22,97 +22,97 @@ use crate::motion::{Envelope, History, Load, Unloaded};
 use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
-/// Grows with every change of layout or meaning of [`Memory`]; a checkpoint of another version is refused.
+/// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
 pub const MEMORY_VERSION: u64 = 11;
 
-/// What the loop remembers from one step to the next. About 933 kB: keep it in a box.
+/// The loop's state between two steps. About 933 kB: allocate it in a `Box`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Memory {
-    /// [`MEMORY_VERSION`] of who wrote it.
+    /// [`MEMORY_VERSION`] of the writer.
     pub version: u64,
-    /// Both streams, waiting for each other.
+    /// Queues that pair the samples of both streams.
     pub alignment: Alignment,
-    /// What is held against each sample before it is aligned.
+    /// State of the plausibility checks of samples before alignment.
     pub(super) plausibility: Plausibility,
-    /// Where the feet stand.
+    /// Positions of the standing feet.
     pub anchor: Anchor,
-    /// How the suit's world lies on the plate.
+    /// Registration of the suit world on the plate.
     pub(super) placing: Placing,
-    /// The last suit samples with the wrench at their times; moments come out of it when their future is known.
+    /// The last suit samples with the ground wrench at their times; returns a snapshot once its window is complete.
     pub history: History,
-    /// The last moments.
+    /// The last snapshots, for static pose detection.
     pub window: Window,
-    /// How far the compensation of inertia can be trusted.
+    /// Estimated errors of the inertia compensation.
     pub(super) noise: MotionNoise,
-    /// Skew between both streams, and the lag by which it is corrected.
+    /// Skew between the streams, and the lag used to correct it.
     pub skew: SkewWatch,
-    /// How well the ground's sample of the moment is known.
+    /// Standard deviations of the snapshot's ground sample.
     pub(super) ground_sigma: GroundSigma,
-    /// Rates at which the vertical force, N/s, and the centre of pressure, m/s, changed in the recent past.
+    /// Recent rates of change of the vertical force, N/s, and of the CoP, m/s.
     pub(super) ground_rates: [Envelope; 2],
-    /// What the model has beside the body.
+    /// Model terms besides the body.
     pub(super) terms: ModelTerms,
-    /// Whether nothing is carried.
+    /// Detector of intervals without a load.
     pub(super) unloaded: Unloaded,
-    /// Where the load is in the hands.
+    /// Position of the load in the hands.
     pub(super) load_place: LoadPlace,
-    /// Horizontal place of the load, world, m. Means something while one is detected.
+    /// Horizontal position of the load, world, m. Valid while a load is detected.
     pub(super) load_point_m: [f64; 2],
-    /// How far the stance's offset is known at this instant.
+    /// Uncertainty of the stance offset at this instant.
     pub(super) stance_sigma: StanceSigma,
-    /// Covariance of the horizontal components of each joint's overload, (N m)²: xx, xy, yy. Means something while
-    /// torques are published.
+    /// Covariance of the horizontal components of each joint's overload torque, (N m)²: xx, xy, yy. Valid while torques
+    /// are published.
     pub torque_covariance_nm2: [[f64; 3]; JOINTS],
-    /// The load that was detected.
+    /// State of the load detector.
     pub(super) load: Load,
     /// Time of the newest suit sample in the history.
     pub(super) worked_ns: u64,
-    /// The suit's session of that sample.
+    /// The suit's session in that sample.
     pub(super) session: u64,
-    /// The suit's own counter of that sample.
+    /// The suit's own counter in that sample.
     pub(super) suit_counter: u64,
-    /// 1 while the anchor's shift is one from before the start, and no suit sample has said yet whether it still holds.
+    /// 1 while the anchor's shift stems from before the start and no suit sample has confirmed it.
     pub(super) shift_unconfirmed: u64,
-    /// Time of the last moment in motion that entered the filter.
+    /// Time of the last motion sample that updated the filter.
     pub(super) motion_learnt_ns: u64,
-    /// What the suit says of this worker's build.
+    /// Body dimensions reported by the suit.
     pub build: Build,
-    /// This worker.
+    /// The subject's identification.
     pub identification: Identification,
-    /// What adds up over this worker's shift.
+    /// Exposure accumulated over the subject's shift.
     pub exposure: Exposure,
-    /// What an empty plate shows.
+    /// Readings of the empty plate.
     pub(super) tare: Tare,
-    /// What the model file asks for.
+    /// State of the pose that the model file requests.
     pub(super) asked: AskedPose,
-    /// Reasons found with the newest aligned sample: [`Validity`] bits.
+    /// Invalid reasons of the newest aligned sample: [`Validity`] bits.
     pub(super) found: u64,
-    /// When the model was last changed from outside; 0 for never.
+    /// Time of the last external change of the model; 0 for never.
     pub(super) model_changed_ns: u64,
-    /// 1 once both streams and the worker were there together.
+    /// 1 once both streams and the subject were ready together.
     pub(super) was_ready: u64,
-    /// What is known, whether or not it may be used now.
+    /// All estimates, whether valid or not.
     pub(super) known: State,
-    /// The state last told: what is known less what must not be used.
+    /// The last published state: the estimates without the invalid values.
     pub state: State,
 }
 
-/// A worker who is put in place whole.
+/// The data replaced when another subject is loaded.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Worker {
-    /// Body, mass, what was learnt.
+    /// Body, mass, identification results.
     pub identification: Identification,
-    /// What has added up over this worker's shift.
+    /// Exposure accumulated over the subject's shift.
     pub exposure: Exposure,
 }
 
-/// With nobody on the plate, noise and drift stay below this, N.
+/// Maximum noise and drift of an empty plate, N.
 pub const EMPTY_PLATE_N: f64 = 150.0;
 
 impl Memory {
-    /// Before the first sample.
+    /// Initialises the memory before the first sample.
     pub fn start(&mut self, settings: &Settings) {
         bytemuck::bytes_of_mut(self).fill(0);
         self.version = MEMORY_VERSION;
@@ -120,29 +120,29 @@ impl Memory {
         self.found = Validity::MOVING.and(Validity::FEET_OFF_PLATE).0;
     }
 
-    /// Starts over with the streams, keeping only what an empty plate shows: a tare lasts until the next.
+    /// Restarts from the streams and keeps only the tare, which stays valid until the next one.
     pub fn start_over(&mut self, settings: &Settings) {
         let tare = self.tare;
         self.start(settings);
         self.tare = tare;
     }
 
-    /// Puts another worker in place whole; told to the cycle by [`crate::message::CommandKind::SubjectLoad`].
+    /// Replaces the subject as a whole; [`crate::message::CommandKind::SubjectLoad`] informs the cycle.
     pub fn put_in_place(&mut self, worker: &Worker) {
         self.identification = worker.identification;
         self.exposure = worker.exposure;
-        // Also while nothing is measured: what is told is never that of the worker before.
+        // Update the state even if nothing is measured, so that it never shows the previous subject's exposure.
         self.tell_exposure();
     }
 
-    /// Goes on with the worker's shift after a gap in which nothing is known.
+    /// Continues the subject's shift after a gap without data.
     pub fn resume_shift(&mut self, shift: &Shift) {
         self.exposure.resume(shift);
         self.tell_exposure();
     }
 
-    /// Whether every index and number is in range. A memory that was stored is checked before it is used: no file
-    /// may make the loop panic.
+    /// Whether every index and number is in range. A stored memory is checked before use, so that no file can make the
+    /// loop panic.
     pub fn is_sound(&self) -> bool {
         self.version == MEMORY_VERSION
             && self.alignment.is_sound()
@@ -170,12 +170,12 @@ impl Memory {
             && self.shift_unconfirmed <= 1
     }
 
-    /// The reasons found with the newest aligned sample.
+    /// The invalid reasons of the newest aligned sample.
     pub(super) fn findings(&self) -> Validity {
         Validity(self.found)
     }
 
-    /// Takes what the plate shows now as nothing, unless somebody stands on it or it reports a fault.
+    /// Tares the plate with its present readings, unless a person stands on it or it reports a fault.
     pub(super) fn tare(&mut self) -> bool {
         let Some(shown) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
         self.tare.add(&shown);

@@ -1,7 +1,7 @@
-//! What the model has beside the body, at the moment that is worked through ([`crate::effect`]).
+//! Model terms besides the body ([`crate::effect`]), applied to the current snapshot.
 //!
-//! The terms are taken off wherever measured and predicted meet: in what is told, and in every innovation, so that
-//! terms and φ do not fight over one error.
+//! The terms are subtracted in every comparison of measurement and prediction: in the published values and in every
+//! innovation, so that terms and φ do not both absorb one error.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -16,31 +16,31 @@ use crate::motion::{Inertia, Moment};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::static_pose::{Stillness, WINDOW};
 
-/// After a gap longer than this a filter of the plate has settled, s.
+/// After a longer gap the plate's filter has settled, s.
 const SETTLED_S: f64 = 0.5;
 
-/// What the terms change of the prediction at the moment that is worked through; zero with a model that has none.
+/// Change of the current snapshot's prediction by the terms; zero for a model without terms.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct ModelTerms {
-    /// Of the centre of pressure, m.
+    /// Change of the CoP, m.
     pub(super) cop_m: [f64; 2],
-    /// Of the ground's force on the body, N.
+    /// Change of the ground's force on the body, N.
     pub(super) force_n: [f64; 3],
-    /// The station's first moment; 0 before it. Spans count from it.
+    /// Time of the station's first snapshot, the origin of all spans; 0 before it.
     first_moment_ns: u64,
-    /// What the terms changed at the last moments, those of the still window: centre of pressure, m, vertical force, N.
+    /// Changes at the last snapshots, those of the static pose window: CoP, m, vertical force, N.
     recent: [[f64; 3]; WINDOW],
-    /// Where the next goes, in [0, WINDOW).
+    /// Index of the next entry, in [0, WINDOW).
     next: u64,
-    /// For how many moments in a row the terms could be told, up to WINDOW.
+    /// Number of consecutive snapshots for which the terms were available, up to WINDOW.
     told: u64,
-    /// The plate's filter, on what is predicted of the same three.
+    /// The plate's filter, applied to the predictions of the same three quantities.
     filter: [LowPass; 3],
 }
 
 impl ModelTerms {
-    /// Begins anew with another model; spans still count from the station's first moment.
+    /// Restarts with another model; spans still start at the station's first snapshot.
     pub(super) fn restart(&mut self) {
         *self = ModelTerms { first_moment_ns: self.first_moment_ns, ..Zeroable::zeroed() };
     }
@@ -54,7 +54,7 @@ impl ModelTerms {
             && self.filter.iter().all(LowPass::is_sound)
     }
 
-    /// Time since the station's first moment, s; 0 before it.
+    /// Time since the station's first snapshot, s; 0 before it.
     fn since_start_s(&self, time_ns: u64) -> f64 {
         if self.first_moment_ns == 0 {
             0.0
@@ -63,23 +63,24 @@ impl ModelTerms {
         }
     }
 
-    /// By how much the suit is late at a time, s.
+    /// Lag of the suit at a time, s.
     pub(super) fn suit_lag_s(&self, model: &Model, time_ns: u64) -> f64 {
         let lags = model.at(self.since_start_s(time_ns)).filter(|term| term.effect == Effect::SuitLag);
         lags.map(|term| term.shape).sum()
     }
 
-    /// The newest sample's time without the suit's lag, ns.
+    /// Time of the newest sample without the suit's lag, ns.
     pub(super) fn without_lag_ns(&self, model: &Model, time_ns: u64) -> u64 {
         suit_lag::without_lag_ns(time_ns, self.suit_lag_s(model, time_ns))
     }
 
-    /// The cutoff of the plate's filter at a time, Hz.
+    /// Cutoff of the plate's filter at a time, Hz.
     fn cutoff_hz(model: &Model, time_s: f64) -> Option<f64> {
         model.at(time_s).find(|term| term.effect == Effect::PlateLowpass).map(|term| term.shape)
     }
 
-    /// A filter of the plate shows late and rounded what the suit predicts: the change by it is one more term.
+    /// A low pass of the plate delays and smooths the measurement relative to the suit's prediction; the difference is
+    /// one more term.
     fn filter(&mut self, model: &Model, o: &Observation, step_s: f64) {
         let Some(cutoff_hz) = ModelTerms::cutoff_hz(model, o.time_s) else {
             self.filter.iter_mut().for_each(LowPass::forget);
@@ -88,7 +89,7 @@ impl ModelTerms {
         if step_s > SETTLED_S {
             self.filter.iter_mut().for_each(LowPass::forget);
         }
-        // Measured shear went through the same filter.
+        // Measured shear has passed the same filter, so the prediction by the suit is used.
         let by_suit_m = o.cop_by_suit_m();
         for (axis, by_suit_m) in by_suit_m.into_iter().enumerate() {
             let predicted_m = by_suit_m + self.cop_m[axis];
@@ -103,7 +104,8 @@ impl ModelTerms {
         self.next = (self.next + 1) % WINDOW as u64;
     }
 
-    /// A full still window without what the terms explain of it; `None` while that is not known of all of it.
+    /// A full static pose window without the contribution of the terms; `None` while that is unavailable for part of
+    /// the window.
     pub(super) fn off(&self, stillness: &Stillness, model: &Model) -> Option<Stillness> {
         if !model.is_empty() && self.told < WINDOW as u64 {
             return None;
@@ -119,8 +121,8 @@ impl ModelTerms {
 }
 
 impl Memory {
-    /// Everything of this moment that the terms are made of, as far as it is known before the ground's shear is looked
-    /// at: the slope is the suit's.
+    /// Data of this snapshot for the terms, as far as available before the ground's shear is evaluated; the slope is 0
+    /// until then.
     pub(super) fn observe(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -141,7 +143,7 @@ impl Memory {
         let specific = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
         let table = worker.anthropometry();
         let (origin_acceleration, rotation_acceleration) = self.accelerations(settings);
-        // Who was not weighed yet weighs what the plate shows.
+        // Before weighing, the mass is that of the measured vertical force.
         let mass_kg = if worker.mass_kg > 0.0 { worker.mass_kg } else { ground.force_n[2] / specific };
         let feet = Side::BOTH.map(|side| pose.origin_of(side.foot()) + pose.origin_of(side.toe()));
         Some(Observation {
@@ -170,7 +172,7 @@ impl Memory {
         })
     }
 
-    /// What the terms change of the force: that needs no slope, and the slope needs it.
+    /// Computes the change of the force by the terms, which needs no slope and on which the slope depends.
     pub(super) fn foresee_terms(&mut self, observation: Option<&mut Observation>, settings: &Settings) {
         (self.terms.cop_m, self.terms.force_n) = ([0.0; 2], [0.0; 3]);
         let Some(o) = observation else { return };
@@ -178,7 +180,7 @@ impl Memory {
         (_, self.terms.force_n) = settings.model.change(o);
     }
 
-    /// What the terms change of this moment's prediction, which is `body`'s.
+    /// Computes the change of this snapshot's prediction, which is that of `body`.
     pub(super) fn apply_terms(
         &mut self,
         observation: Option<&mut Observation>,
@@ -203,11 +205,11 @@ impl Memory {
         self.terms.remember();
     }
 
-    /// Second derivatives of origins, m/s², and rotations, 1/s², at the moment; zero where there is no window.
+    /// Second derivatives of origins, m/s², and rotations, 1/s², at the snapshot; zero without a window.
     fn accelerations(&self, settings: &Settings) -> ([[f64; 3]; SEGMENTS], [[[f64; 3]; 3]; SEGMENTS]) {
         let (mut origin, mut rotation) = ([[0.0; 3]; SEGMENTS], [[[0.0; 3]; 3]; SEGMENTS]);
         self.history.differentiate_twice(settings.half_window_ns(), |weight, near| {
-            // The anchor's steps are no motion.
+            // The anchor's shifts are no motion.
             let [x, y] = near.station_from_suit_m;
             for (sums, at) in origin.iter_mut().zip(&near.origin_m) {
                 for (sum, value) in sums.iter_mut().zip([at[0] - x, at[1] - y, at[2]]) {
@@ -223,7 +225,7 @@ impl Memory {
     }
 }
 
-/// What the model predicts of the force by the suit's motion; the paper's knows none.
+/// Force that the model predicts from the suit's motion; static for the paper's equations.
 fn predict_force(o: &mut Observation, settings: &Settings) {
     if settings.motion == Motion::Paper {
         o.force_predicted_n = [0.0, 0.0, o.mass_kg * GRAVITY_M_PER_S2];

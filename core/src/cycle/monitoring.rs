@@ -1,4 +1,4 @@
-//! What one moment says: where the body is, whether it holds still, what the load does to the joints.
+//! Evaluates one aligned sample: pose, static pose detection, and the torques of the load.
 
 use nalgebra::Vector3;
 
@@ -21,26 +21,26 @@ use crate::overload::{GRAVITY_M_PER_S2, Level, Levels};
 use crate::sesc::centre_of_mass;
 use crate::static_pose::{Held, Stillness};
 
-/// Within this multiple of the stillness thresholds the static equations are good enough to publish torques.
+/// Within this multiple of the static pose thresholds the static equations are accurate enough to publish torques.
 const NEARLY_STILL: f64 = 3.0;
-/// A body that was not seen for so long may stand elsewhere, ns.
+/// After a gap this long in the suit's samples the subject may stand elsewhere, ns.
 const SIGHT_LOST_NS: u64 = 300_000_000;
-/// A still body's shear over its weight: more means that it leans on something.
+/// Maximum shear of a static body, as a fraction of its weight; more means an external horizontal force.
 const SHEAR_SHARE_MAX: f64 = 0.02;
-/// The CoP may lie this far outside the modelled soles, m.
+/// Tolerance for a CoP outside the modelled foot outlines, m.
 pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
 
-/// Snapshots farther apart than this give no rate of change, s: two samples of the slowest suit, 30 Hz.
+/// Maximum interval between snapshots for a rate of change, s: two samples of the slowest suit, 30 Hz.
 const RATE_STEP_MAX_S: f64 = 0.07;
 
-/// Vertical force, N, and centre of pressure, m, of a body that stands on the plate.
+/// Vertical force, N, and centre of pressure, m, of a subject on the plate.
 struct Standing {
     vertical_n: f64,
     cop_m: [f64; 2],
 }
 
 impl Standing {
-    /// Change of force, N, and distance between the centres of pressure, m.
+    /// Change of the force, N, and distance between the centres of pressure, m.
     fn since(&self, before: &Standing) -> [f64; 2] {
         let apart_m = math::hypot([0, 1].map(|axis| self.cop_m[axis] - before.cop_m[axis]));
         [(self.vertical_n - before.vertical_n).abs(), apart_m]
@@ -48,7 +48,7 @@ impl Standing {
 }
 
 impl Memory {
-    /// Takes in one aligned sample and works through every moment whose window it fills.
+    /// Ingests one aligned sample and processes every snapshot whose window it completes.
     pub(super) fn take_in(&mut self, settings: &Settings, aligned: &Aligned) {
         self.confirm_shift(&aligned.suit, settings);
         self.lose_sight_after_a_gap(&aligned.suit, settings);
@@ -59,7 +59,7 @@ impl Memory {
         self.follow_build(&in_suit_world, suit, settings);
         self.identification.learn_skeleton(&in_suit_world, settings);
         if !had_body && self.identification.has_body() {
-            // Another body from one moment to the next would look like a leap of its centre of mass.
+            // The change to another body model would otherwise look like a leap of the centre of mass.
             self.history.clear();
         }
         let pose = if settings.suit_drifts {
@@ -89,14 +89,14 @@ impl Memory {
         let half_window_ns = settings.half_window_ns();
         let gyration_m2 = gyration_m2(&self.identification.skeleton(), settings.height_m);
         let build = Build { body: &body, gyration_m2: &gyration_m2 };
-        // Bounded: the history holds a fixed number of moments.
+        // Bounded: the history holds a fixed number of snapshots.
         while let Some((moment, inertia)) = self.history.next(half_window_ns, settings.accelerations, &build)
         {
             self.monitor(settings, &moment, inertia);
         }
     }
 
-    /// Who was out of sight for a while, or whose suit began anew, may stand elsewhere.
+    /// After a gap in the samples or a restart of the suit the subject may stand elsewhere.
     fn lose_sight_after_a_gap(&mut self, suit: &SuitSample, settings: &Settings) {
         let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
         let is_another = self.started_anew(suit) || self.plausibility.moved_ns == suit.sample_time_ns;
@@ -123,7 +123,7 @@ impl Memory {
         }
     }
 
-    /// Works through one moment: where the body is, whether it holds still, what the load does to the joints.
+    /// Processes one snapshot: pose, static pose detection, and the torques of the load.
     fn monitor(&mut self, settings: &Settings, moment: &Moment, inertia: Option<Inertia>) {
         let half_ns = settings.half_window_ns();
         let mut moment = *moment;
@@ -149,11 +149,11 @@ impl Memory {
         let mut found = Validity::default();
         let unsynchronised = moment.time_sigma_ns > CLOCK_SIGMA_MAX_NS || self.skew.is_off();
         found.raise(Validity::CLOCK_UNSYNCHRONISED, unsynchronised);
-        // Until the first moment with a body, what is told is of one without.
+        // The results belong to the snapshot, which may predate the body.
         found.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
         found.raise(Validity::PLACE_UNKNOWN, self.placing.is_lost());
 
-        // What a moment shows may lie between two samples.
+        // A snapshot's time may lie between two samples.
         let period_ns = self.alignment.ground_period_ns();
         let standing = moment
             .ground()
@@ -167,7 +167,8 @@ impl Memory {
         let standing = standing.filter(|_| !is_suspect);
         let now = standing.map(|cop_m| Standing { vertical_n: moment.ground.force_n[2], cop_m });
         self.add_time_error(moment, before, now, step_s);
-        // However fresh the plate is again: of this moment it said nothing, and what it said last is of another.
+        // The plate may have recovered since, but this snapshot has no ground sample, and the last values belong to an
+        // earlier one.
         found.raise(Validity::GROUND_STALE, moment.ground().is_none());
         match standing {
             Some(cop_m) => {
@@ -213,7 +214,7 @@ impl Memory {
             self.weigh(&pose, moment, &body, step_s, settings);
         }
         self.estimate(&pose, &body, settings);
-        // What the filter says about where the body stands holds for everything that is placed on the plate.
+        // The stance offset applies to everything that is placed on the plate.
         let offset_m = self.identification.stance_offset_m();
         let on_plate = pose.displaced(offset_m);
         self.known.segment_origin_m = on_plate.origin.map(Into::into);
@@ -238,7 +239,7 @@ impl Memory {
         self.found = found.0;
     }
 
-    /// What the plate measured at the snapshot before, `step_s` earlier, if both are close enough in time to give a rate.
+    /// Plate measurement at the previous snapshot, `step_s` earlier, if both are close enough in time to give a rate.
     fn standing_before(&self, step_s: f64) -> Option<Standing> {
         let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::IMPLAUSIBLE);
         let is_usable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && !self.findings().any_of(invalid);
@@ -246,8 +247,8 @@ impl Memory {
         is_usable.then_some(Standing { vertical_n, cop_m })
     }
 
-    /// Adds to σ of the ground's sample what its uncertain time contributes: σ(t) times the recent rate of change. The lag in
-    /// use between the streams is part of that time.
+    /// Adds to σ of the ground sample the contribution of its uncertain time: σ(t) times the recent rate of change. The
+    /// uncertainty of the lag between the streams is part of that time.
     fn add_time_error(
         &mut self,
         moment: &Moment,
@@ -268,10 +269,11 @@ impl Memory {
         self.known.cop_measured_sigma_m = [self.ground_sigma.cop_m; 2];
     }
 
-    /// How the body alone moves.
+    /// Motion of the body without the load.
     ///
-    /// Where the plate measures shear, that tells the horizontal acceleration better than positions differentiated
-    /// twice do. But shear that lasts and that no motion explains is a push; then the suit is believed.
+    /// If the plate measures shear, the shear gives the horizontal acceleration more accurately than positions
+    /// differentiated twice. Persistent shear that no motion explains is an external horizontal force; the suit's
+    /// acceleration is used then.
     fn body_motion(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -291,7 +293,7 @@ impl Memory {
             let [terms_x_n, terms_y_n, terms_z_n] = self.terms.force_n;
             let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2 - terms_z_n;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
-            // Shear of an unknown heading tells nothing.
+            // Shear is unusable while the heading of the suit is unavailable.
             let has_shear = ground.measures(Component::Shear) && !self.placing.is_lost() && !is_suspect;
             if !has_shear && !is_suspect {
                 self.noise.forget_push();
@@ -302,7 +304,7 @@ impl Memory {
                 let missed = [0, 1].map(|axis| missed[axis] - explained[axis]);
                 let bias = self.noise.follow_shear(missed, step_s);
                 if !self.noise.is_pushed() {
-                    // A plate that is not level shows shear that is no motion.
+                    // A plate that is not level measures shear without motion.
                     body.believe([0, 1].map(|axis| shear[axis] - bias[axis]));
                 }
             }
@@ -310,7 +312,7 @@ impl Memory {
         body
     }
 
-    /// Whether a plate that is not believed shows this worker and nothing else.
+    /// Whether the readings of an implausible plate match this subject alone, without a load.
     fn compare_weight(&mut self, moment: &Moment, body: &BodyMotion, step_s: f64, settings: &Settings) {
         let worker = &self.identification;
         let is_known = worker.identified == 1 && worker.mass_kg > 0.0 && !self.placing.is_lost();
@@ -325,7 +327,7 @@ impl Memory {
         self.plausibility.hear_of_weight(agrees, step_s);
     }
 
-    /// Centre of mass, and the centre of pressure that the body alone would have in this motion, each with its σ.
+    /// Computes the centre of mass and the estimated unloaded CoP in this motion, each with its σ.
     fn estimate(&mut self, pose: &Pose<StationWorld>, body: &BodyMotion, settings: &Settings) {
         if !self.identification.has_body() {
             return;
@@ -338,7 +340,7 @@ impl Memory {
         self.known.com_m =
             (centre_of_mass(pose, &self.identification.phi()) + Vector3::new(x, y, 0.0)).into();
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
-        // Where shear is not measured, the suit alone tells how the body accelerates; at rest that is nothing.
+        // Without measured shear, only the suit measures the body's acceleration; the contribution vanishes at rest.
         let unfelt_m = if self.known.not_given & NotGiven::Shear as u32 == 0 {
             0.0
         } else {
@@ -356,7 +358,7 @@ impl Memory {
         self.stance_sigma = self.identification.stance_sigma(&rows, variance_m2);
     }
 
-    /// One more pose, if it is held without a load.
+    /// Updates the filter with one more static pose if no load is carried.
     fn learn_from_stillness(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -372,7 +374,7 @@ impl Memory {
             return;
         }
         let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
-        // The paper has no threshold of the load.
+        // The paper has no load threshold.
         let nothing_n = match settings.motion {
             Motion::Paper => settings.still.weight_share * weight_n,
             Motion::Compensated { .. } => {
@@ -380,7 +382,7 @@ impl Memory {
             }
         };
         let [x, y] = [0, 1].map(|axis| moment.ground.force_n[axis] - self.terms.force_n[axis]);
-        // Who leans on something is told by shear alone: where it is not measured, nobody knows.
+        // Only shear reveals an external horizontal force; without shear it stays undetected.
         let leans = moment.ground.measures(Component::Shear)
             && (math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.is_pushed());
         let unloaded = (stillness.vertical_n - weight_n).abs() < nothing_n && !leans;
@@ -392,7 +394,7 @@ impl Memory {
         }
     }
 
-    /// Force and centre of pressure of a ground sample; no centre while nobody stands there or the plate is faulty.
+    /// Force and centre of pressure of a ground sample; no CoP if nothing stands on the plate or the plate is faulty.
     fn stand_on(&mut self, ground: &GroundSample, around_ns: u64, found: &mut Validity) -> Option<[f64; 2]> {
         let cop = ground.cop_m();
         found.raise(Validity::PLATE_FAULT, matches!(cop, Err(NoCop::DeviceStatus(_))));
@@ -407,13 +409,13 @@ impl Memory {
         cop.ok()
     }
 
-    /// Notes whether the station's sensors do not give something.
+    /// Records whether the station's sensors provide a quantity.
     fn does_not_give(&mut self, what: NotGiven, missing: bool) {
         let others = self.known.not_given & !(what as u32);
         self.known.not_given = others | if missing { what as u32 } else { 0 };
     }
 
-    /// While the suit is silent the ground is still measured.
+    /// Reports the ground measurement while the suit is silent.
     pub(super) fn measure_ground_alone(&mut self) {
         let Some(ground) = self.alignment.newest_ground().copied() else { return };
         let mut found = Validity::MOVING;
@@ -426,7 +428,7 @@ impl Memory {
     }
 }
 
-/// No torque, no shares, no colours.
+/// Resets torques, load fractions and levels.
 pub(super) fn blank_torques(state: &mut State) {
     state.zeta = [0.0; 2];
     state.sharing_source = SharingSource::Geometry as u32;
@@ -437,7 +439,7 @@ pub(super) fn blank_torques(state: &mut State) {
     state.joint_level = [Level::None as u32; JOINTS];
 }
 
-/// Table I, without flicker.
+/// Sets the levels of Table I with hysteresis.
 pub(super) fn colour(state: &mut State, settings: &Settings, levels: &mut Levels) {
     for joint in 0..JOINTS {
         let (limit_nm, margin_share) = (state.torque_limit_nm[joint], settings.level_margin_share);

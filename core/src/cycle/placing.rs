@@ -1,13 +1,14 @@
-//! Where the suit's world lies on the plate, found anew when it is lost.
+//! Registration of the suit world on the plate: a search that starts again when the registration is lost.
 //!
-//! A suit that is started anew has another origin and another heading; one that was silent for long has drifted. The body
-//! is the same: while nothing is carried, the centre of pressure that the suit lets expect and the measured one are the
-//! same point, and measured shear over the mass is the acceleration that the suit shows. Pairs of them tell place and heading
-//! ([`PlanarFit`]), the heading by what the worker moves. Until both are known, nothing that needs them is told or learnt.
-//! After that the fit goes on until the heading is known as well as a segment's orientation.
+//! A restarted suit has another origin and another heading; a suit that was silent for long has drifted. The body is
+//! unchanged: while nothing is carried, the CoP predicted from the suit and the measured CoP are the same point, and
+//! measured shear divided by the mass is the acceleration that the suit measures. Pairs of them determine position and
+//! heading ([`PlanarFit`]), the heading from the subject's movements. Until both are determined, no result that needs
+//! them is published and no measurement that needs them updates the filter. After that the fit continues until the
+//! heading is as accurate as a segment's orientation.
 //!
-//! Most suits keep their heading, for they find north. So a heading that is the old one is believed sooner: beforehand it is
-//! as likely as all others together.
+//! Most suits keep their heading, because they measure magnetic north. So the previous heading is accepted earlier: its
+//! prior probability equals that of all others together.
 
 use core::array;
 
@@ -27,88 +28,88 @@ use crate::motion::Moment;
 use crate::registration::PlanarFit;
 use crate::sesc::PARAMETERS;
 
-/// While the feet stand, the centre of pressure stays within this of where it was most of the time, m: half a foot's length forth
-/// and back, half a pace aside.
+/// While the feet stand, the CoP stays within this distance of its usual position, m: half a foot's length forwards and
+/// backwards, half a pace sideways.
 const STANCE_REACH_M: f64 = 0.10;
 
-/// The centres of pressure may be so far apart, m: three σ of a place that is known at all …
+/// Maximum distance between measured and predicted CoP, m: three σ of a registration that counts as determined …
 const APART_MAX_M: f64 = 3.0 * REGISTRATION_SIGMA_M;
-/// … for so many rows in a row: two seconds.
+/// … and the number of consecutive rows beyond it: two seconds.
 const ROWS_APART_MAX: u64 = 20;
 
-/// What is wrong with the model in a pose stays wrong while that lasts: pairs of one squat or one reach, of two seconds, say as
-/// much of it as one.
+/// Model errors of a pose last as long as the pose: pairs within the two seconds of a squat or a reach carry the
+/// information of one pair.
 const ROWS_PER_POSE: f64 = 20.0;
 
-/// From these odds on the heading is the old one.
+/// Odds above which the previous heading is accepted.
 const SURE_ODDS: f64 = 20.0;
 
-/// How far the suit's place and heading are known.
+/// Quality of the suit's registration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
 enum Known {
-    /// As well as they will be.
+    /// Converged.
     Well = 0,
-    /// Well enough to be used; the heading becomes better.
+    /// Usable; the heading is still being refined.
     Roughly = 1,
-    /// They are sought.
+    /// Unavailable; the search is running.
     Not = 2,
 }
 
-/// The suit's heading, and the search for it and for the suit's place.
+/// The suit's heading, and the search for heading and position.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Placing {
-    /// From the suit's world to the station's, about the vertical, rad.
+    /// Rotation from the suit world to the station world, about the vertical, rad.
     station_from_suit_rad: f64,
-    /// 1-σ of it beyond what was configured, rad.
+    /// Its 1-σ beyond the configured uncertainty, rad.
     sigma_rad: f64,
     /// A [`Known`].
     known: u64,
-    /// What the search began with: 1-σ of the heading, rad.
+    /// 1-σ of the heading at the start of the search, rad.
     begun_sigma_rad: f64,
     /// 1-σ of the heading before the search, rad.
     old_sigma_rad: f64,
-    /// By how much the heading was changed since the search began, rad.
+    /// Change of the heading since the search began, rad.
     turned_rad: f64,
     fit: PlanarFit,
     /// Time of the last pair, ns.
     paired_ns: u64,
     /// Stance of the last pair.
     stance: u64,
-    /// What θ's errors do to the expected centre of pressure of the first pair, as the suit is turned now: rows x and y.
+    /// Sensitivity of the first pair's predicted CoP to θ, with the suit in its present heading: rows x and y.
     first_rows: [[f64; PARAMETERS]; 2],
-    /// Pairs that contradicted those before them, in a row.
+    /// Number of consecutive pairs that contradicted the earlier ones.
     contradictions: u64,
-    /// Rows in a row whose centres of pressure were too far apart for this place.
+    /// Number of consecutive rows in which the distance between the CoPs was too large for this registration.
     apart: u64,
 }
 
 impl Placing {
-    /// Whether place or heading are not known.
+    /// Whether position or heading are unavailable.
     pub(super) fn is_lost(&self) -> bool {
         self.known == Known::Not as u64
     }
 
-    /// From the suit's world to the station's, about the vertical, rad.
+    /// Rotation from the suit world to the station world, about the vertical, rad.
     pub(super) fn station_from_suit_rad(&self) -> f64 {
         self.station_from_suit_rad
     }
 
-    /// 1-σ of the heading, rad: 0 while it is the one that was configured, π while it is not known.
+    /// 1-σ of the heading, rad: 0 for the configured heading, π while the heading is unavailable.
     pub(super) fn sigma_rad(&self) -> f64 {
         if self.is_lost() { core::f64::consts::PI } else { self.sigma_rad }
     }
 
-    /// 1-σ of a centre of pressure by the heading's, m: the stance's offset holds between the feet, and an error of the heading
-    /// turns about there.
+    /// 1-σ of a CoP caused by the heading, m: the stance offset applies between the feet, so an error of the heading
+    /// rotates about that point.
     pub(super) fn heading_sigma_m(&self, pose: &Pose<StationWorld>, cop_m: [f64; 2]) -> [f64; 2] {
         let between = 0.5 * (pose.origin_of(Side::Left.foot()) + pose.origin_of(Side::Right.foot()));
         let [ahead_m, beside_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
         [beside_m, ahead_m].map(|lever_m| lever_m.abs() * self.sigma_rad())
     }
 
-    /// The place is not known any more, and the heading is known to `sigma_rad`.
+    /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`.
     pub(super) fn lose(&mut self, sigma_rad: f64) {
         if !self.is_lost() {
             self.old_sigma_rad = self.sigma_rad;
@@ -120,16 +121,17 @@ impl Placing {
         self.fit.start(sigma_rad);
     }
 
-    /// If the heading is the one before the search, which is as likely beforehand as all others together: takes it as that,
-    /// give or take what it was known to and `orientation_sigma_rad`. Only where all others were possible.
+    /// If the fit agrees with the heading before the search, whose prior probability equals that of all others
+    /// together: fuses the fit with that heading, with its previous uncertainty and `orientation_sigma_rad` combined.
+    /// Applies only if the search covers all headings.
     fn believe_the_old_heading(&mut self, orientation_sigma_rad: f64) {
-        // The fit is from the plate's axes to the suit's, as they are turned now.
+        // The fit maps the plate's axes to the suit's, in their present rotation.
         let off_rad = math::wrapped(self.fit.heading_rad() - self.turned_rad);
         let old_sigma_rad = math::hypot([self.old_sigma_rad, orientation_sigma_rad]);
         let sigma_rad = self.fit.heading_sigma_rad();
         let off_sigma_rad = math::hypot([sigma_rad, old_sigma_rad]);
         let deviation = off_rad / off_sigma_rad;
-        // The normal density over the uniform one, 1/2π.
+        // Ratio of the normal density to the uniform one, 1/2π.
         let odds =
             math::sqrt(core::f64::consts::TAU) / off_sigma_rad * math::exp(-0.5 * deviation * deviation);
         let is_open = self.begun_sigma_rad >= core::f64::consts::PI && sigma_rad > old_sigma_rad;
@@ -138,7 +140,8 @@ impl Placing {
         }
     }
 
-    /// Takes in how far measured and expected centre of pressure are apart, m. Apart for long, the place is another.
+    /// Ingests the distance between measured and predicted CoP, m. A persistently large distance means that the
+    /// registration is lost.
     fn watch(&mut self, apart_m: f64) {
         self.apart = if apart_m > APART_MAX_M { self.apart + 1 } else { 0 };
         if self.apart >= ROWS_APART_MAX {
@@ -147,7 +150,7 @@ impl Placing {
         }
     }
 
-    /// Takes up a heading that was found before, with its σ.
+    /// Resumes with a stored heading and its σ.
     pub(super) fn resume(&mut self, station_from_suit_rad: f64, sigma_rad: f64) {
         *self = Placing { station_from_suit_rad, sigma_rad, ..Zeroable::zeroed() };
         if sigma_rad >= core::f64::consts::PI {
@@ -159,7 +162,7 @@ impl Placing {
         }
     }
 
-    /// The sample with the station's heading.
+    /// Rotates the sample to the heading of the station world.
     pub(super) fn headed(&self, suit: &SuitSample) -> SuitSample {
         if self.station_from_suit_rad == 0.0 {
             *suit
@@ -178,8 +181,8 @@ impl Placing {
             && self.fit.is_sound()
     }
 
-    /// Takes in where the body's centre of pressure is and where it is expected. Contradictions that last begin the search
-    /// anew: what was paired before was of another place.
+    /// Ingests a measured and a predicted CoP. Persistent contradictions restart the search, because the earlier pairs
+    /// belong to another registration.
     fn pair(&mut self, measured_m: [f64; 2], expected_m: [f64; 2], variance_m2: [f64; 2]) {
         if self.fit.take_in(measured_m, expected_m, variance_m2) {
             self.contradictions = 0;
@@ -194,12 +197,13 @@ impl Placing {
 }
 
 impl Memory {
-    /// 1-σ of a segment's orientation in the station's world, rad.
+    /// 1-σ of a segment's orientation in the station world, rad.
     pub(super) fn orientation_sigma_rad(&self, settings: &Settings) -> f64 {
         math::hypot([settings.suit_orientation_sigma_rad(), self.placing.sigma_rad()])
     }
 
-    /// One moment without a load: pairs the two centres of pressure, and puts the suit's world in place once it is known.
+    /// Processes one snapshot without a load: pairs the two CoPs, and updates the registration once the fit has
+    /// converged.
     pub(super) fn seek_the_place(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -208,7 +212,7 @@ impl Memory {
         settings: &Settings,
     ) {
         if moment.ground().is_some_and(GroundSample::is_by_insoles_alone) {
-            // Their place is the suit's, wherever that is.
+            // Insoles measure in the suit world, so no registration is needed.
             self.placing.known = Known::Well as u64;
             return;
         }
@@ -234,7 +238,8 @@ impl Memory {
         if !self.placing.fit.has_begun() {
             self.placing.first_rows = rows.h;
         }
-        // An error of θ moves the first pair as well: it is one of the place. What it changes with the pose is one of the pair.
+        // An error of θ also shifts the first pair, which makes it an error of the position. Only its change with the
+        // pose is an error of the pair.
         let first = &self.placing.first_rows;
         let since_first =
             [0, 1].map(|axis: usize| array::from_fn(|index| rows.h[axis][index] - first[axis][index]));
@@ -273,10 +278,10 @@ impl Memory {
         }
     }
 
-    /// Turns and moves the suit's world to where the fit has it; where the body is now comes to lie at `measured_m`.
+    /// Rotates and shifts the suit world to the fitted registration; the body's present CoP becomes `measured_m`.
     fn move_into_place(&mut self, measured_m: [f64; 2], at_m2: [f64; 2], settings: &Settings) {
         let placing = &mut self.placing;
-        // The fit is from the plate's axes to the suit's.
+        // The fit maps the plate's axes to the suit's.
         let heading_rad = -placing.fit.heading_rad();
         let turn = Turn::by(heading_rad);
         let turned_m = turn.of(placing.fit.image_m(measured_m));
@@ -293,7 +298,7 @@ impl Memory {
         placing.known = if is_well { Known::Well } else { Known::Roughly } as u64;
         self.anchor.move_world(turn, by_m);
         self.identification.stand_within(at_m2);
-        // What they hold is of another heading.
+        // Their content uses the previous heading.
         self.history.clear();
         self.window.clear();
     }

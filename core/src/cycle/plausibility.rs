@@ -1,9 +1,9 @@
-//! Samples that no body and no working sensor gives.
+//! Rejects samples that no body and no working sensor produces.
 //!
-//! A device that fails seldom says so: it repeats what it said last, stops at the end of its range, loses a sign, or doubles
-//! a reading for some milliseconds. Each sample is held against those before it, before it is aligned. What fails
-//! makes a [`Span`] of time suspect, and no moment that touches the span is told, learnt from or counted. Torques are told
-//! about half a window late, so most spans are known before the first of their moments is due.
+//! A failing device seldom reports it: it repeats its last value, saturates, inverts a sign, or doubles a reading for
+//! some milliseconds. Each sample is compared with the previous ones before alignment. A failed check marks a [`Span`]
+//! of time as suspect, and no snapshot that overlaps the span is published, updates the filter or is counted. Torques
+//! are published about half a window late, so most spans are detected before the first of their snapshots is due.
 
 mod leaps;
 
@@ -16,40 +16,42 @@ use crate::body::{JOINTS, Segment, Skeleton};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
 
-/// Channels of a plate are coarse, and recorded poses may be rounded: both repeat themselves now and then. A run that a stream
-/// shows less often than once in so many samples is none of its own: 3 hours at 1 kHz.
+/// The channels of a plate have a coarse resolution, and recorded poses may be rounded: both contain occasional
+/// repetitions. A run with a probability below this per sample (one in 3 hours at 1 kHz) is a fault.
 const RUN_CHANCE: f64 = 1e-7;
-/// A suit that seldom repeats a pose, less than once in so many samples, does so when it lost one or froze: such a pose is left out
-/// like a lost one, which costs nothing.
+/// A suit that repeats poses with a probability below this per sample does so because it lost a pose or froze: such a
+/// pose is dropped like a lost one, which costs nothing.
 const REPEAT_CHANCE: f64 = 1e-2;
-/// A plate that changes by more, N, shows that somebody moves: the heart of one who stands still gives the plate some 2 N.
+/// A change of the plate's force above this, N, shows that the body moves: the heartbeat of a person who stands still
+/// causes about 2 N.
 const BODY_MOVES_N: f64 = 1.0;
-/// For so long after a pose the suit shows that the body moves, ns: three samples of the slowest suit, 30 Hz.
+/// For this time after a pose the suit counts as evidence of motion, ns: three samples of the slowest suit, 30 Hz.
 const POSE_TELLS_NS: u64 = 100_000_000;
-/// A segment that moved farther than this from the pose before, m, does not stop within one sample: 60 mm/s at 60 Hz. Recorded
-/// positions are rounded to a millimetre at most.
+/// A segment that moved farther than this from the previous pose, m, does not stop within one sample: 60 mm/s at 60 Hz.
+/// Recorded positions are rounded to a millimetre at most.
 const POSE_MOVES_M: f64 = 1e-3;
-/// Runs are judged by about so many readings.
+/// Number of readings from which the probability of repetitions is estimated.
 const READINGS_KEPT: f64 = 4096.0;
 
-/// Shoulder blades slide and soft tissue gives by centimetres; a segment that is farther from where its parent's orientation
-/// puts it is turned otherwise, m …
+/// Maximum distance of a segment from the position that its parent's orientation implies, m; beyond it, the orientation
+/// is wrong. Shoulder blades slide and soft tissue yields by centimetres …
 const JOINT_GAP_MAX_M: f64 = 0.1;
-/// … and so is a body whose segments are that far off on the whole, RMS, m: soft tissue of a lifting body makes 0.009.
+/// … and its RMS over all segments, m: soft tissue of a lifting body causes 0.009 …
 const GAPS_RMS_MAX_M: f64 = 0.03;
-/// … and where the worker's own bones are not known yet, but a person's of that stature, m.
+/// … and the maximum while the subject's own bone lengths are unavailable and those of an average person of that
+/// stature are used, m.
 const NOMINAL_GAP_MAX_M: f64 = 0.2;
 
-/// No pelvis moves faster, m/s: a sprint is at 10 m/s, a fall from a metre ends at 4.4 m/s.
+/// Maximum speed of a pelvis, m/s: a sprint reaches 10 m/s, a fall from one metre 4.4 m/s.
 const PELVIS_SPEED_MAX_M_PER_S: f64 = 5.0;
-/// A suit corrects its drift by steps smaller than this, m …
+/// Maximum step by which a suit corrects its drift, m …
 const PELVIS_STEP_MAX_M: f64 = 0.1;
 /// … and its heading, rad.
 const PELVIS_TURN_MAX_RAD: f64 = 0.3;
-/// No pelvis turns faster, rad/s: a figure skater spins at 30, a worker who whirls round at 8.
+/// Maximum rate of rotation of a pelvis, rad/s: a figure skater reaches 30, a worker who turns quickly 8.
 const PELVIS_RATE_MAX_RAD_PER_S: f64 = 15.0;
 
-/// A time in which a sensor is not to be believed; all zero for none.
+/// Interval in which a sensor is implausible; all zero for none.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Span {
@@ -58,7 +60,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// Adds a time; two that are a jump's aftermath apart, or less, become one.
+    /// Adds an interval; merges it if the gap is at most the time for which a leap stays suspect.
     fn add(&mut self, from_ns: u64, to_ns: u64) {
         if self.to_ns > 0 && from_ns <= self.to_ns.saturating_add(LEAP_HOLDS_NS) {
             *self = Span { from_ns: self.from_ns.min(from_ns), to_ns: self.to_ns.max(to_ns) };
@@ -67,7 +69,7 @@ impl Span {
         }
     }
 
-    /// Whether any of the time from `from_ns` to `to_ns` is in it.
+    /// Whether the interval from `from_ns` to `to_ns` overlaps the span.
     pub(super) fn touches(&self, from_ns: u64, to_ns: u64) -> bool {
         self.to_ns > 0 && self.from_ns <= to_ns && from_ns <= self.to_ns
     }
@@ -77,21 +79,21 @@ impl Span {
     }
 }
 
-/// How often a reading is the same as the one before, and for how long it is now.
+/// Frequency of repeated readings, and the length of the present run.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Repeats {
-    /// Readings and repetitions among them, of runs that have ended; weighted, the newest most.
+    /// Readings, and repetitions among them, in completed runs; exponentially weighted.
     readings: f64,
     repetitions: f64,
-    /// Repetitions in the run that goes on, and the time of its first reading, ns.
+    /// Repetitions in the current run, and the time of its first reading, ns.
     run: u64,
     begun_ns: u64,
 }
 
 impl Repeats {
-    /// Takes in whether a reading is the same as the one before, which was at `before_ns`. Returns whether its run is one that a
-    /// working sensor shows with less than `chance`.
+    /// Ingests whether a reading equals the previous one, of `before_ns`. Returns whether the probability of such a run
+    /// from a working sensor is below `chance`.
     fn take_in(&mut self, is_same: bool, before_ns: u64, chance: f64) -> bool {
         if is_same {
             if self.run == 0 {
@@ -100,7 +102,8 @@ impl Repeats {
             self.run += 1;
             return self.is_beyond(chance);
         }
-        // One that was not believed tells of the sensor's failure, not of its habits, but habits may change, too.
+        // A rejected run results from a fault and counts as one repetition only, so that the estimate still adapts if
+        // the sensor's behaviour changes.
         let repetitions = if self.is_beyond(chance) { 1.0 } else { self.run as f64 };
         self.readings += 1.0 + repetitions;
         self.repetitions += repetitions;
@@ -112,12 +115,12 @@ impl Repeats {
         false
     }
 
-    /// Probability that a reading is the one before: mean of its Beta distribution.
+    /// Probability that a reading repeats the previous one: mean of its Beta distribution.
     fn probability(&self) -> f64 {
         (self.repetitions + 1.0) / (self.readings + 2.0)
     }
 
-    /// Whether a run is as long as the one that goes on with less than `chance`.
+    /// Whether the probability of a run as long as the current one is below `chance`.
     fn is_beyond(&self, chance: f64) -> bool {
         self.run as f64 * math::ln(self.probability()) < math::ln(chance)
     }
@@ -129,17 +132,17 @@ impl Repeats {
     }
 }
 
-/// Bones that a pose is held against.
+/// Bone lengths against which a pose is checked.
 struct Bones {
     skeleton: Skeleton,
-    /// Where a suit divides spine and shoulders is its own; arms and legs are where everybody has them.
+    /// Whether to check arms and legs only: suits divide spine and shoulders differently.
     limbs_alone: bool,
-    /// No joint may be farther apart, and not all of them together (RMS), m.
+    /// Maximum distance at a joint, and maximum RMS over all joints, m.
     gap_max_m: f64,
     rms_max_m: f64,
 }
 
-/// Where the pelvis is.
+/// Pose of the pelvis.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Whereabouts {
@@ -158,7 +161,7 @@ impl Whereabouts {
         }
     }
 
-    /// Whether no body comes here from there.
+    /// Whether no body can move from `there` to here in the elapsed time.
     fn is_beyond(&self, there: &Whereabouts) -> bool {
         let span_s = self.time_ns.saturating_sub(there.time_ns) as f64 * 1e-9;
         let by_m = length([0, 1, 2].map(|axis| self.position_m[axis] - there.position_m[axis]));
@@ -170,31 +173,31 @@ impl Whereabouts {
     }
 }
 
-/// What is held against the samples to come, and what was found.
+/// State of the checks, and their results.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Plausibility {
-    /// When the plate's samples are suspect, by the ground's stamps.
+    /// Interval in which the plate's samples are suspect, by the ground's stamps.
     pub(super) ground: Span,
-    /// When the suit's are, by the suit's.
+    /// Interval in which the suit's samples are suspect, by the suit's stamps.
     pub(super) suit: Span,
     channels: [Repeats; 6],
     poses: Repeats,
     leaps: Leaps,
-    /// What the plate showed when the pose was another one.
+    /// Reading of the plate when the pose last changed.
     shown_at_pose: Reading,
-    /// How far a segment moved at most to the newest pose that was another one, m.
+    /// Largest distance that a segment moved to the newest distinct pose, m.
     pose_step_m: f64,
-    /// The plate's newest stamp when the newest pose came, ns.
+    /// The plate's newest stamp when the newest pose arrived, ns.
     shown_newest_ns: u64,
-    /// A pelvis that leapt; a time of 0 for none.
+    /// Pelvis pose of a sample rejected for a leap; a time of 0 for none.
     leapt: Whereabouts,
-    /// The sample with which the suit's world was another one than before, ns; 0 for none.
+    /// Time of the sample from which on the suit world is another one, ns; 0 for none.
     pub(super) moved_ns: u64,
 }
 
 impl Plausibility {
-    /// Holds a ground sample against the one `before`. Returns whether it may be believed.
+    /// Compares a ground sample with the previous one. Returns whether it is plausible.
     fn watch_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
@@ -214,7 +217,7 @@ impl Plausibility {
         is_plausible
     }
 
-    /// Since when a channel shows one and the same number while the suit shows that the body moves, ns.
+    /// Time since when a channel has been constant while the suit shows that the body moves, ns.
     fn stuck_since_ns(&mut self, sample: &GroundSample, before: &GroundSample) -> Option<u64> {
         let numbers = |sample: &GroundSample| {
             let ([fx, fy, fz], [mx, my, mz]) = (sample.force_n, sample.moment_nm);
@@ -224,7 +227,7 @@ impl Plausibility {
         let suit_moves = self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_TELLS_NS;
         let mut since_ns = None;
         for (channel, (now, then)) in numbers(sample).into_iter().zip(numbers(before)).enumerate() {
-            // Exactly nothing is what an empty plate shows, and one that does not measure it.
+            // Exactly zero is the reading of an empty plate, or of a channel that is not measured.
             let is_same = now == then && now != 0.0;
             let is_stuck =
                 self.channels[channel].take_in(is_same, before.sample_time_ns, RUN_CHANCE) && suit_moves;
@@ -236,7 +239,7 @@ impl Plausibility {
         since_ns
     }
 
-    /// Holds a suit sample against the one `before`, and against bones. Returns whether it may be used.
+    /// Compares a suit sample with the previous one and with the bone lengths. Returns whether it may be used.
     fn watch_suit(&mut self, sample: &SuitSample, before: Option<&SuitSample>, bones: &Bones) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
@@ -265,7 +268,7 @@ impl Plausibility {
         if !is_same {
             self.pose_step_m = largest_step_m(before, sample);
         }
-        // Only at first: a body that really stopped is static from then on.
+        // Only at the start of the run: a body that really stopped is static from then on.
         let has_just_moved =
             self.pose_step_m > POSE_MOVES_M && time_ns.saturating_sub(self.poses.begun_ns) < POSE_TELLS_NS;
         if is_same && (plate_moves || has_just_moved) && self.poses.probability() < REPEAT_CHANCE {
@@ -300,13 +303,14 @@ impl Plausibility {
 }
 
 impl Memory {
-    /// Holds a ground sample against those before it. Returns whether it may be believed; one that may not is aligned all
-    /// the same: it is told as suspect.
+    /// Compares a ground sample with the previous ones. Returns whether it is plausible; an implausible sample is
+    /// aligned nevertheless, and published as suspect.
     pub(super) fn believes_ground(&mut self, sample: &GroundSample) -> bool {
         self.plausibility.watch_ground(sample, self.alignment.newest_ground())
     }
 
-    /// Holds a suit sample against those before it and against the worker's bones. Returns whether it may be used.
+    /// Compares a suit sample with the previous ones and with the subject's bone lengths. Returns whether it may be
+    /// used.
     pub(super) fn believes_suit(&mut self, sample: &SuitSample, settings: &Settings) -> bool {
         let bones = if self.identification.has_body() {
             let skeleton = self.identification.skeleton();
@@ -323,7 +327,7 @@ fn length([x, y, z]: [f64; 3]) -> f64 {
     math::hypot([math::hypot([x, y]), z])
 }
 
-/// How far the segment moved that moved farthest, m.
+/// Largest distance that any segment moved, m.
 fn largest_step_m(from: &SuitSample, to: &SuitSample) -> f64 {
     let pairs = from.position_m.iter().zip(&to.position_m);
     pairs.map(|(from, to)| length([0, 1, 2].map(|axis| to[axis] - from[axis]))).fold(0.0, f64::max)
@@ -347,7 +351,7 @@ fn is_long_bone(segment: Segment) -> bool {
     )
 }
 
-/// Whether a segment is not where its parent's orientation puts it.
+/// Whether a segment is not at the position that its parent's orientation implies.
 fn is_apart(sample: &SuitSample, bones: &Bones) -> bool {
     let pose = sample.pose();
     let (mut largest_m, mut sum_m2) = (0.0_f64, 0.0);

@@ -1,5 +1,5 @@
-//! What is left over while nothing is carried: it says how good the compensation is, how far the clocks are apart, and
-//! teaches the filter.
+//! Residual while no load is carried: it measures the error of the compensation and the lag of the clocks, and updates
+//! the filter.
 
 use super::body_motion::{ACCELERATION_AT_REST_M_PER_S2, BodyMotion};
 use super::memory::Memory;
@@ -13,17 +13,18 @@ use crate::motion::{ForceSigma, Moment};
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
 
-/// Moments in motion enter the filter at most so often, ns …
+/// Minimum interval between motion samples that update the filter, ns …
 pub(super) const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
-/// … and so many of them say as much as one: errors of a motion last about half a second.
+/// … and the number of them that carry the information of one: errors of a motion last about half a second.
 pub(super) const ROWS_PER_INDEPENDENT: f64 = 5.0;
-/// After a gap longer than this nothing is known of the hands, s.
+/// After a longer gap, whether the hands are empty is unknown, s.
 const GAP_MAX_S: f64 = 0.2;
-/// Two degrees of freedom exceed this once in a thousand times.
+/// Exceeded with a probability of 0.001 for two degrees of freedom.
 const NIS_OF_A_BLUNDER: f64 = 13.8;
 
 impl Memory {
-    /// While nothing is carried, what is left over says how good the compensation is; and motion teaches the filter.
+    /// While no load is carried, estimates the error of the compensation from the residual, and updates the filter with
+    /// motion.
     pub(super) fn watch_the_residual(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -62,7 +63,7 @@ impl Memory {
         }
     }
 
-    /// Weighs the body, unless its mass is known from elsewhere.
+    /// Weighs the body, unless its mass comes from another source.
     pub(super) fn weigh(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -79,7 +80,7 @@ impl Memory {
         let loaded = worker.mass_kg > 0.0
             && (vertical_n - worker.mass_kg * body.specific_force_m_per_s2).abs()
                 > self.load_limit_n(settings);
-        // A mass that was forgotten after the learning is needed still.
+        // A mass discarded after the identification is still needed.
         let is_wanted = worker.learning == 1 || worker.mass_kg <= 0.0;
         if loaded || !supported || moment.both_feet_stand != 1 || !is_wanted {
             return;
@@ -89,12 +90,12 @@ impl Memory {
         self.identification.weigh(vertical_n, body.specific_force_m_per_s2, sigma_n, step_s, settings);
     }
 
-    /// The body's own horizontal acceleration as believed: without what the model's terms push, m/s².
+    /// The body's own horizontal acceleration in use: without the forces of the model's terms, m/s².
     fn body_acceleration_m_per_s2(&self, body: &BodyMotion, axis: usize) -> f64 {
         body.acceleration_m_per_s2(axis) - self.terms.force_n[axis] / self.identification.mass_kg
     }
 
-    /// How wrong the compensation is, while nothing but the body is there to explain.
+    /// Estimates the error of the compensation while the body alone explains the measurement.
     fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion) {
         let by_plate = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
         let noise = &mut self.noise;
@@ -102,7 +103,7 @@ impl Memory {
         noise.vertical.learn(self.known.delta_f_n[2], activity_n, self.ground_sigma.force_n);
         let [force_x_n, force_y_n, _] = moment.ground.force_n;
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
-            // A device that does not say so, and shows exactly zero, did not measure it either.
+            // A device that reports exactly zero without declaring shear unavailable does not measure it either.
             if moment.ground.measures(Component::Shear) && shear_n != 0.0 {
                 let error = by_plate[axis] - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
@@ -116,8 +117,7 @@ impl Memory {
         }
     }
 
-    /// Whether motion may teach the filter about the body: asked for, taken out by compensation, and not a pose that
-    /// is held.
+    /// Whether motion may update the filter: requested, compensated, and no static pose.
     fn wants_motion(&self, settings: &Settings) -> bool {
         let worker = &self.identification;
         let asked = worker.learning == 1 || (settings.passive && worker.identified == 1);
@@ -127,7 +127,8 @@ impl Memory {
             && self.known.static_pose == 0
     }
 
-    /// The moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4), with R grown by the motion.
+    /// Updates with the moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4); R increases with
+    /// the motion.
     fn learn_motion(
         &mut self,
         pose: &Pose<StationWorld>,
@@ -135,7 +136,7 @@ impl Memory {
         body: &BodyMotion,
         settings: &Settings,
     ) {
-        // The static equation says nothing of a body that moves, not even of where it stands.
+        // The static equation does not apply to a moving body, not even for its position.
         if settings.motion == Motion::Paper && self.known.static_pose == 0 {
             return;
         }
@@ -161,12 +162,12 @@ impl Memory {
             })
             .sum();
         self.identification.learn_misfit(&rows, cop_m, one_m2, 1.0);
-        // A touch or a stumble is no news about this body.
+        // Reject outliers: contacts and stumbles violate the model.
         if nis >= NIS_OF_A_BLUNDER {
             return;
         }
         if !self.wants_motion(settings) {
-            // Who is known well enough still steps about: the stance's offset is followed, the body is left alone.
+            // After identification the subject still steps about: update the stance offset and keep θ.
             self.identification.follow_offset(&rows, cop_m, variance_m2);
         } else if self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
             self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
@@ -178,7 +179,7 @@ impl Memory {
         self.identification.update_predicted_cop_sigma(settings);
     }
 
-    /// The force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), where shear is measured.
+    /// Updates with the force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), if shear is measured.
     fn learn_shear(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
         let Motion::Compensated { half_window_ns } = settings.motion else { return };
         let [x_n, y_n, _] = moment.ground.force_n;

@@ -1,4 +1,4 @@
-//! What a cycle is told once: the worker, the method, the thresholds.
+//! Constant settings of a cycle: subject, method, thresholds.
 
 use crate::body::Sex;
 use crate::effect::Model;
@@ -10,163 +10,164 @@ use crate::sesc::ReductionKind;
 pub use crate::sesc::Similar;
 use crate::static_pose::Thresholds;
 
-/// What is believed before the first pose.
+/// Distribution of the parameters before the first pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PriorKind {
-    /// Nothing.
+    /// No prior information.
     None,
-    /// The anthropometric table with its spread.
+    /// The anthropometric table and its spread.
     Table,
-    /// A stored worker of similar build: [`Settings::similar`]; the table while there is none.
+    /// A stored subject of similar build, [`Settings::similar`]; the table if there is none.
     SimilarSubject,
 }
 
-/// What is learnt from.
+/// Measurements that update the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// Held poses, as in the paper.
+    /// Static poses, as in the paper.
     Static,
-    /// Held poses, and natural motion without a load by the moment and force rows.
+    /// Static poses, and natural motion without a load through the moment and force rows.
     StaticAndDynamic,
 }
 
-/// How the next pose is chosen.
+/// Criterion for the next suggested pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PoseChoice {
-    /// Eq. 11: farthest from the poses performed, weighted by P_jj.
+    /// Eq. 11: largest distance from the poses performed, weighted by P_jj.
     Paper,
-    /// The largest drop of `log det P`.
+    /// Largest decrease of `log det P`.
     DOptimal,
-    /// The largest drop of `tr P`.
+    /// Largest decrease of `tr P`.
     AOptimal,
-    /// The largest drop of the predicted CoP variance over the poses of the work.
+    /// Largest decrease of the predicted CoP variance over the poses of the work.
     IOptimal,
 }
 
-/// How overload is told while the worker moves.
+/// How overload is estimated in motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Motion {
-    /// The body's own inertia is taken out, by accelerations over a window of suit samples around each sample.
+    /// Compensates the body's own inertia with accelerations over a window of suit samples around each sample.
     Compensated {
-        /// Half the window, ns: everything told lies this far behind the newest suit sample.
+        /// Half the window, ns: the group delay of all results.
         half_window_ns: u64,
     },
-    /// The paper's static equations, told in motion too, where they are wrong.
+    /// The paper's static equations, applied in motion too, where they do not hold.
     Paper,
 }
 
-/// When identification is finished.
+/// When identification is complete.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StopRule {
-    /// The paper's: every P_jj below this, m². The paper uses 0.002, which is 45 mm as a standard deviation.
+    /// The paper's criterion: every P_jj below this, m². The paper uses 0.002, a standard deviation of 45 mm.
     Paper {
         /// Bound on every variance, m².
         variance_m2: f64,
     },
-    /// The predicted 1-σ of the CoP, root mean square over the poses of the library in this stance, below this, m.
+    /// Predicted 1-σ of the CoP, root mean square over the poses of the library in this stance, below this, m.
     PredictedCop {
         /// Bound, m.
         sigma_m: f64,
     },
 }
 
-/// A pose that a model file asks for.
+/// A pose that the model file requests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asked {
     /// Index into [`Settings::library`].
     pub pose: usize,
-    /// How far to turn for it, rad to the left.
+    /// Turn of the body for this pose, rad to the left.
     pub turn_rad: f64,
 }
 
-/// Half the window over which motion is looked at unless told otherwise, ns.
+/// Default half window of the motion, ns.
 const HALF_WINDOW_NS: u64 = 70_000_000;
 
-/// Everything constant of a cycle.
+/// All constants of a cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
     /// Stature, m.
     pub height_m: f64,
-    /// Which column of the table.
+    /// Column of the anthropometric table.
     pub sex: Sex,
-    /// Body mass, kg; measured from the plate in the first still window if not given.
+    /// Body mass, kg; measured by the plate in the first static window if `None`.
     pub mass_kg: Option<f64>,
-    /// Which parameters are identified. `Merged` by default: under a prior with its whole covariance more parameters
-    /// cost no poses, and a worker who is not symmetric is not promised too much, as under `Symmetric`; `Full` finds
-    /// nothing more and its updates take two and a half times as long (`cycle/tests/planning.rs`).
+    /// Parameters to identify. Default `Merged`: with a prior that has a full covariance, more parameters need no more
+    /// poses, and the covariance of an asymmetric subject is not underestimated as under `Symmetric`; `Full` improves
+    /// no result, and its updates take 2.5 times as long (`cycle/tests/planning.rs`).
     pub reduction: ReductionKind,
-    /// What is believed before the first pose.
+    /// Distribution of the parameters before the first pose.
     pub prior: PriorKind,
-    /// The similar worker of [`PriorKind::SimilarSubject`].
+    /// The similar subject of [`PriorKind::SimilarSubject`].
     pub similar: Option<Similar>,
-    /// What is learnt from.
+    /// Measurements that update the filter.
     pub method: Method,
-    /// Whether natural motion without a load goes on teaching after identification is finished.
+    /// Whether natural motion without a load continues to update the filter after identification is complete.
     pub passive: bool,
-    /// Soft constraint: 1-σ of how much a left limb's parameter differs from its mirror image, m.
+    /// Soft constraint: 1-σ of the difference between a left limb's parameter and its mirror image, m.
     pub symmetry_sigma_m: f64,
-    /// Soft constraint: 1-σ of how far a limb's centre lies off its long axis, m.
+    /// Soft constraint: 1-σ of the distance of a limb's centre of mass from its long axis, m.
     pub long_axis_sigma_m: f64,
-    /// How the next pose is chosen. I-optimal by default: it and A-optimal err least after few poses
-    /// (docs/identification.md).
+    /// Criterion for the next suggested pose. Default I-optimal: it and A-optimal have the smallest errors after few
+    /// poses (docs/identification.md).
     pub pose_choice: PoseChoice,
-    /// When identification is finished.
+    /// When identification is complete.
     pub stop: StopRule,
-    /// Never finished before this many poses.
+    /// Minimum number of poses before identification is complete.
     pub poses_min: u64,
-    /// Q: growth of each parameter's variance per pose, m² (Eq. 7).
+    /// Q: increase of each parameter's variance per pose, m² (Eq. 7).
     pub process_variance_m2: f64,
-    /// 1-σ of a held pose's measurement beside the suit's and the plate's, m: sway, whose centre of pressure leaves
-    /// the centre of mass by a millimetre or two, and the breath, which moves masses that the chain holds fixed.
+    /// 1-σ of the measurement in a static pose in addition to the errors of suit and plate, m: sway, in which the CoP
+    /// deviates from the CoM by one or two millimetres, and breathing, which moves masses that the chain treats as
+    /// fixed.
     pub measurement_sigma_m: f64,
     /// 1-σ of one measured CoP in a cycle, m.
     pub cop_sigma_m: f64,
-    /// 1-σ of the vertical force and body weight together, N.
+    /// 1-σ of the difference between vertical force and body weight, N.
     pub force_sigma_n: f64,
-    /// 1-σ of one CoP by insoles alone, m. Assumed: what a pair of insoles errs by is its maker's affair. Where in the shoe
-    /// they lie is not in it, for that is the stance's offset.
+    /// 1-σ of one CoP measured by insoles alone, m. Assumed, because insole makers do not publish the error of a pair.
+    /// Excludes the position of the insoles in the shoes, which is part of the stance offset.
     pub insole_cop_sigma_m: f64,
-    /// 1-σ of the vertical force by insoles alone and body weight together, N. Assumed, likewise.
+    /// 1-σ of the difference between the vertical force by insoles alone and body weight, N. Assumed as well.
     pub insole_force_sigma_n: f64,
-    /// What counts as still.
+    /// Thresholds of a static pose.
     pub still: Thresholds,
     /// External forces below this are not a load, N.
     pub load_threshold_n: f64,
-    /// A load farther than this from the line between the hands is not in the hands, m.
+    /// A load farther than this from the line between the hands is not at the hands, m.
     pub load_distance_max_m: f64,
-    /// 1-σ per axis of how each segment's orientation is off for good (sensor to segment), rad.
+    /// 1-σ per axis of the constant error of each segment's orientation (sensor to segment), rad.
     pub suit_misalignment_rad: f64,
-    /// 1-σ per axis of how each segment's orientation wanders, rad.
+    /// 1-σ per axis of the varying error (drift) of each segment's orientation, rad.
     pub suit_wander_rad: f64,
-    /// How overload is told while the worker moves.
+    /// How overload is estimated in motion.
     pub motion: Motion,
-    /// Where the body's accelerations come from, if the suit sends its own (docs/motion.md says how this was chosen).
+    /// Source of the body's accelerations if the suit sends its own (docs/motion.md explains the choice).
     pub accelerations: Accelerations,
-    /// What the suit's adapter takes off its sample times, ns: so much older a sample is when it comes.
+    /// Latency that the suit adapter subtracts from its sample times, ns: samples arrive this much older.
     pub suit_latency_ns: u64,
-    /// The same of the ground's adapter, ns.
+    /// Likewise for the ground adapter, ns.
     pub ground_latency_ns: u64,
-    /// Whether the skew between both streams is corrected where the motion shows it.
+    /// Whether the skew between the streams is corrected when the motion reveals it.
     pub align_streams: bool,
-    /// Whether the suit's position drifts, so that the standing feet must be held; optical markers do not.
+    /// Whether the suit's position drifts, so that the anchor must hold the standing feet; false for optical markers.
     pub suit_drifts: bool,
-    /// Whether identification starts by itself.
+    /// Whether identification starts automatically.
     pub start_identifying: bool,
-    /// A level is left downwards only this far below its bound, as a share of τ_max.
+    /// Hysteresis: a level decreases only when the torque is this far below the level's bound, as a fraction of τ_max.
     pub level_margin_share: f64,
     /// τ_max per joint.
     pub limits: TorqueLimits,
-    /// What the model has beside the body: effects that were found and named.
+    /// Model terms besides the body: effects that were identified and named.
     pub model: Model,
-    /// What to ask for once the worker is known, to tell explanations of the model's data apart.
+    /// Pose requested after identification, which discriminates between explanations of the model's data.
     pub asked: Option<Asked>,
     /// Poses that may be suggested, at most [`crate::pose_suggestion::LIBRARY_MAX`].
     pub library: &'static [Posture],
 }
 
 impl Settings {
-    /// Half the window over which motion is looked at, ns; 0 where it is not. Terms of a model look at motion even where
-    /// the paper's equations do not.
+    /// Half the motion window, ns; 0 without a window. Terms of a model need the window even if the paper's equations
+    /// do not.
     pub fn half_window_ns(&self) -> u64 {
         match self.motion {
             Motion::Compensated { half_window_ns } => half_window_ns,
@@ -175,12 +176,12 @@ impl Settings {
         }
     }
 
-    /// 1-σ of a segment's orientation: what is constant and what wanders, rad.
+    /// 1-σ of a segment's orientation, rad: constant and varying error combined.
     pub(crate) fn suit_orientation_sigma_rad(&self) -> f64 {
         math::hypot([self.suit_misalignment_rad, self.suit_wander_rad])
     }
 
-    /// Defaults for a worker of this stature.
+    /// Defaults for a subject of this stature.
     pub fn for_height(height_m: f64) -> Settings {
         Settings {
             height_m,

@@ -10,31 +10,32 @@ use crate::message::{GroundSample, SuitSample};
 use crate::static_pose::WINDOW;
 use crate::time::skew::{Skew, SkewEstimator};
 
-/// An estimate with a larger 1-σ is not published, and does not set the first lag, s: beyond it the alignment would be invalid.
+/// An estimate with a larger 1-σ is not published and does not set the first lag, s: beyond it the alignment would be
+/// invalid.
 const SURE_SIGMA_S: f64 = OFF_MIN_S;
-/// The lag is set again where it is off by this much, s: half a sample of the fastest suit.
+/// Deviation at which the lag is set again, s: half a sample of the fastest suit.
 const RESET_MIN_S: f64 = 0.002;
-/// The alignment is invalid where the lag is off by this many σ …
+/// The alignment is invalid if the lag is off by this many σ …
 const OFF_SIGMAS: f64 = 3.0;
 /// … and by this much, s: at 0.3 m/s, a brisk shift of the weight, 10 ms move the centre of pressure by 3 mm.
 const OFF_MIN_S: f64 = 0.010;
-/// No lag is larger, s.
+/// Upper bound of the lag, s.
 pub(super) const LAG_MAX_S: f64 = 1.0;
 /// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting suit
 /// samples for each that arrives.
 const SLEW: f64 = 0.5;
 
-/// The estimator and the lag that is in use.
+/// The estimator and the lag in use.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewWatch {
     estimator: SkewEstimator,
-    /// The lag that the alignment is to use, and the one that it uses, s: positive where the suit is late.
+    /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
     applied_s: f64,
     /// Time of the newest suit sample, ns.
     time_ns: u64,
-    /// 1 while the evidence is against the lag in use.
+    /// 1 while the data contradict the lag in use.
     is_off: u64,
 }
 
@@ -46,8 +47,8 @@ impl SkewWatch {
         }
     }
 
-    /// Ingests the height of the centre of mass, m, and sets the lag if that `is_wanted`. Returns whether this is the
-    /// first lag of the session and a large one: all motion so far was aligned wrongly.
+    /// Ingests the height of the CoM, m, and sets the lag if `is_wanted`. Returns whether this is the first lag of the
+    /// session and a large one: all motion so far was aligned wrongly.
     fn ingest_suit(&mut self, time_ns: u64, height_m: f64, is_wanted: bool) -> bool {
         self.estimator.push_height(time_ns, height_m);
         let step_s = if self.time_ns == 0 { 0.0 } else { time_ns.saturating_sub(self.time_ns) as f64 * 1e-9 };
@@ -58,7 +59,7 @@ impl SkewWatch {
         }
         let tracked = self.estimator.at(time_ns);
         let is_first = self.target_s == 0.0;
-        // The lag in use is an older estimate, and clocks drift apart: the newest is the better one, however uncertain.
+        // The lag in use is an older estimate, and clocks drift: the newest estimate is better, however uncertain.
         if let Some(Skew { skew_s, .. }) = tracked.filter(|skew| skew.is_sure() || !is_first)
             && (skew_s - self.target_s).abs() > RESET_MIN_S
         {
@@ -75,7 +76,7 @@ impl SkewWatch {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// Takes up a lag that was found before, s.
+    /// Restores a stored lag, s.
     pub(super) fn resume(&mut self, lag_s: f64) {
         (self.target_s, self.applied_s) = (lag_s, lag_s);
     }
@@ -90,17 +91,17 @@ impl SkewWatch {
         self.applied_s
     }
 
-    /// The same, ns.
+    /// The lag in use, ns.
     pub(super) fn lag_ns(&self) -> i64 {
         (self.applied_s * 1e9) as i64
     }
 
-    /// Whether the evidence is against the lag in use: what depends on both streams is invalid.
+    /// Whether the data contradict the lag in use: all values that depend on both streams are invalid.
     pub fn is_off(&self) -> bool {
         self.is_off == 1
     }
 
-    /// 1-σ of the lag in use, s; 0 where no lag is estimated or applied.
+    /// 1-σ of the lag in use, s; 0 if no lag is estimated or applied.
     pub(super) fn lag_sigma_s(&self) -> f64 {
         self.estimate()
             .filter(|_| self.target_s != 0.0)
@@ -131,7 +132,8 @@ impl Memory {
         if self.skew.ingest_suit(suit.sample_time_ns, self.height_m(suit), is_wanted) {
             self.noise = Zeroable::zeroed();
             self.identification.forget_weighing();
-            // Beyond the window of a static pose, a static body was paired with the ground of another pose.
+            // With a lag longer than the static pose window, a static body was paired with the ground samples of
+            // another pose.
             let window_s = WINDOW as f64 * self.alignment.suit_period_ns() as f64 * 1e-9;
             if self.identification.identified == 0 && self.skew.target_s.abs() > window_s {
                 self.identification.return_to_prior(settings);
@@ -144,7 +146,7 @@ impl Memory {
             sure.map_or((0.0, 0.0), |skew| (skew.skew_s, skew.sigma_s));
     }
 
-    /// Height of the centre of mass with the table's masses and centres, suit's world, m.
+    /// Height of the CoM by the table's masses and centres, suit world, m.
     fn height_m(&self, suit: &SuitSample) -> f64 {
         let body = self.identification.anthropometry();
         (0..SEGMENTS)
@@ -167,7 +169,7 @@ mod tests {
 
     const MS_NS: u64 = 1_000_000;
 
-    /// A body that moves up and down irregularly: height, m, and its second derivative, m/s².
+    /// Test signal of an irregular vertical motion: height, m, and its second derivative, m/s².
     fn height(time_s: f64) -> [f64; 2] {
         let mut sum = [1.0, 0.0];
         for (amplitude_m, hertz) in [(0.10, 0.41), (0.05, 0.67), (0.02, 1.13)] {
@@ -179,7 +181,7 @@ mod tests {
         sum
     }
 
-    /// A second of both streams at a time; the suit's stamps are late by `late_ms(t)`.
+    /// One second of both streams; the suit's stamps are late by `late_ms(t)`.
     fn second(watch: &mut SkewWatch, from_ms: u64, is_wanted: bool, late_ms: impl Fn(u64) -> i64) {
         for ms in from_ms..from_ms + 1000 {
             let time_s = ms as f64 * 1e-3;

@@ -1,4 +1,4 @@
-//! The outline of each sole, seen from its foot segment: where the ground can push, and where an insole lies.
+//! Outline of each sole relative to its foot segment: contact area with the ground, and position of an insole.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
@@ -13,14 +13,14 @@ use crate::message::suit_body::FootPoint;
 const HALF_WIDTH: f64 = 0.028;
 const HEEL_BACK: f64 = 0.04;
 const TIP_FORWARD: f64 = 0.05;
-/// Ankle to ball where the skeleton does not have them apart, over stature.
+/// Ankle to ball for a skeleton in which they coincide, over stature.
 const BALL_FORWARD: f64 = 0.10;
 /// Ankle above the sole, over stature.
 const ANKLE_HEIGHT: f64 = 0.054;
-/// A sole shorter or narrower than this is none, m.
+/// Minimum length and width of a plausible sole, m.
 const LENGTH_MIN_M: f64 = 0.12;
 const WIDTH_MIN_M: f64 = 0.03;
-/// A ball nearer to the ankle than this is no joint of its own, m.
+/// A ball nearer to the ankle is no separate joint, m.
 const BALL_MIN_M: f64 = 0.01;
 
 /// A sole in the axes of its foot segment (X forward, Y left, Z up, from the ankle), m.
@@ -31,11 +31,11 @@ pub struct FootShape {
     pub along_m: [f64; 2],
     /// The right and the left border.
     pub across_m: [f64; 2],
-    /// Height of the sole; negative, for the ankle is above it.
+    /// Height of the sole; negative, because the ankle is above it.
     pub sole_z_m: f64,
 }
 
-/// Both soles, left first: the suit's points where it sent them, shares of stature else.
+/// Both soles, left first: the suit's points if available, else fractions of the stature.
 pub fn both<W>(pose: &Pose<W>, body: Option<&SuitBody>, height_m: f64) -> [FootShape; 2] {
     Side::BOTH.map(|side| {
         let nominal = FootShape::by_stature(pose, side, height_m);
@@ -44,7 +44,7 @@ pub fn both<W>(pose: &Pose<W>, body: Option<&SuitBody>, height_m: f64) -> [FootS
 }
 
 impl FootShape {
-    /// Shares of stature, with the ball where the pose has it.
+    /// Fractions of the stature, with the ball at the position of the pose.
     pub fn by_stature<W>(pose: &Pose<W>, side: Side, height_m: f64) -> FootShape {
         let ball_m = pose.offset_in(side.foot(), side.toe()).x.max(BALL_FORWARD * height_m);
         FootShape {
@@ -54,7 +54,7 @@ impl FootShape {
         }
     }
 
-    /// What the suit says of it; what it does not say, or says of no foot, stays as it is.
+    /// Overrides the outline with the suit's foot points; missing or implausible ones change nothing.
     #[must_use]
     pub fn with(mut self, body: &SuitBody, side: Side) -> FootShape {
         let point = |point: FootPoint| body.foot_point_m(side, point);
@@ -70,7 +70,7 @@ impl FootShape {
         if let (Some(first), Some(fifth)) = balls {
             self.across_m = [first.y.min(fifth.y), first.y.max(fifth.y)];
         }
-        // The ball rests on the ground even where the suit has the heel's point on its back.
+        // The ball rests on the ground even if the suit's heel point is on the back of the heel.
         let lowest = [heel, tip, balls.0, balls.1].into_iter().flatten().map(|point| point.z);
         self.sole_z_m = lowest.fold(f64::INFINITY, f64::min);
         if !self.sole_z_m.is_finite() || self.sole_z_m >= 0.0 {
@@ -83,7 +83,7 @@ impl FootShape {
         self.along_m[1] - self.along_m[0] > LENGTH_MIN_M && self.across_m[1] - self.across_m[0] > WIDTH_MIN_M
     }
 
-    /// The middle of the sole: where the sole's own frame begins, m.
+    /// The middle of the sole: origin of the sole's own frame, m.
     pub fn middle_m(&self) -> [f64; 2] {
         [0.5 * (self.along_m[0] + self.along_m[1]), 0.5 * (self.across_m[0] + self.across_m[1])]
     }
@@ -100,9 +100,9 @@ impl FootShape {
         [at(back, left), at(back, right), at(front, left), at(front, right)]
     }
 
-    /// Where a point of the sole's own frame is on the floor, world x and y, m.
+    /// Position on the floor of a point of the sole's own frame, world x and y, m.
     ///
-    /// In front of the ball the toes carry it: they stay flat when the heel rises.
+    /// In front of the ball the point belongs to the toes, which stay flat when the heel rises.
     pub fn on_the_floor_m<W>(&self, pose: &Pose<W>, side: Side, [forward, left]: [f64; 2]) -> [f64; 2] {
         let [middle_x, middle_y] = self.middle_m();
         let on_foot = Vector3::new(middle_x + forward, middle_y + left, self.sole_z_m);
@@ -187,7 +187,7 @@ mod tests {
         let shape = FootShape::by_stature(&pose, Side::Left, 1.77);
         let front = [0.11, 0.0];
         let flat = shape.on_the_floor_m(&pose, Side::Left, front);
-        // The heel rises about the ball; the toes stay.
+        // The heel rises about the ball; the toes stay on the floor.
         let (foot, toe) = (Segment::LeftFoot.index(), Segment::LeftToe.index());
         let rise = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.6);
         pose.origin[foot] = pose.origin[toe] + rise * (pose.origin[foot] - pose.origin[toe]);

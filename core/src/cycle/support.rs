@@ -1,4 +1,4 @@
-//! Where the ground can push: the support polygon of the standing feet.
+//! Support polygon of the standing feet.
 
 use super::sole::FootShape;
 use crate::anchor::LIFTED_M;
@@ -8,8 +8,8 @@ use crate::math;
 
 /// Whether a point of the floor lies in the convex hull of the left and the right sole, widened by `margin_m`.
 ///
-/// A point is inside if no direction separates it from all corners; 32 directions tell it to about 2 % of the feet's
-/// distance, on the generous side.
+/// A point is inside if no direction separates it from all corners; 32 directions are accurate to about 2 % of the
+/// feet's distance and never reject a point inside.
 pub fn is_supported(
     pose: &Pose<StationWorld>,
     point_m: [f64; 2],
@@ -20,10 +20,10 @@ pub fn is_supported(
     is_in_hull(point_m, left.iter().chain(&right), margin_m)
 }
 
-/// Which feet bear weight while the ground pushes at `cop_m`, world x and y: left, right.
+/// Which feet are loaded while the CoP is `cop_m`, world x and y: left, right.
 ///
-/// A foot whose ankle is higher than the other's may still press with its ball. It surely does where the centre of pressure
-/// lies outside the lower foot's sole, widened by `margin_m`.
+/// A foot whose ankle is higher than the other's may still be loaded at its ball. This is certain if the CoP lies
+/// outside the lower foot's sole, widened by `margin_m`.
 pub fn bearing_feet(
     pose: &Pose<StationWorld>,
     cop_m: [f64; 2],

@@ -1,18 +1,18 @@
-//! What an empty plate shows, taken off all that it shows.
+//! Readings of the empty plate, subtracted from all its readings.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::message::ground::COP_MIN_VERTICAL_N;
 use crate::message::{FootFrame, GroundDevice, GroundSample};
 
-/// Mean wrench of the empty plate, and of each foot's plate where there are two.
+/// Mean wrench of the empty plate, and of each foot's plate if there are two.
 ///
-/// Each foot loses what its own plate showed: its vertical force, and the moment that goes with its centre of pressure.
-/// A tare that was taken before feet were measured has no parts for them: then the feet contradict the whole, and are
-/// not believed until the next tare.
+/// From each foot, the readings of its own plate are subtracted: its vertical force, and the moment that belongs to its
+/// CoP. A tare from before the feet were measured has no parts for them: the feet then contradict the total, and are
+/// not used until the next tare.
 ///
-/// Insoles that lie on a plate have no zero of their own here: they say how the feet share what the plate weighs, and
-/// share what is left of it after the tare.
+/// Insoles on a plate have no zero of their own here: they give the foot load fractions, which apply to the plate's
+/// force after the tare.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Tare {
@@ -22,17 +22,17 @@ pub struct Tare {
     pub moment_nm: [f64; 3],
     /// Vertical force of the left and the right foot's plate, N; zero if feet are not measured.
     pub foot_vertical_n: [f64; 2],
-    /// That force times its centre of pressure in the world, of each foot, N m.
+    /// That force times its CoP in the world, of each foot, N m.
     pub foot_lever_nm: [[f64; 2]; 2],
 }
 
-/// Whether the feet's forces are shares of what a plate weighs.
+/// Whether the feet's forces are fractions of a plate's force.
 fn are_shares(sample: &GroundSample) -> bool {
     let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
     sample.devices & GroundDevice::Insoles as u32 != 0 && sample.devices & plates != 0
 }
 
-/// Force times centre of pressure, by foot and axis; nothing for soles, which are not in the world.
+/// Force times CoP, by foot and axis; zero for soles, which are not in world coordinates.
 fn levers_nm(sample: &GroundSample) -> [[f64; 2]; 2] {
     if sample.foot_frame != FootFrame::World as u32 {
         return [[0.0; 2]; 2];
@@ -41,7 +41,7 @@ fn levers_nm(sample: &GroundSample) -> [[f64; 2]; 2] {
 }
 
 impl Tare {
-    /// The mean of what an empty plate shows in these samples.
+    /// Mean reading of an empty plate over these samples.
     pub(super) fn shown_by<'a>(samples: impl Iterator<Item = &'a GroundSample> + Clone) -> Tare {
         let mut mean = Tare::zeroed();
         let count = samples.clone().count().max(1) as f64;
@@ -60,14 +60,14 @@ impl Tare {
         mean
     }
 
-    /// Adds what was found after this one was taken off already.
+    /// Adds a tare measured on readings from which this one was already subtracted.
     pub(super) fn add(&mut self, more: &Tare) {
         for (mine, more) in self.numbers_mut().zip(more.numbers()) {
             *mine += more;
         }
     }
 
-    /// A ground sample less this.
+    /// A ground sample minus the tare.
     pub(super) fn off(&self, sample: &GroundSample) -> GroundSample {
         let whole = GroundSample {
             force_n: core::array::from_fn(|axis| sample.force_n[axis] - self.force_n[axis]),
@@ -81,13 +81,13 @@ impl Tare {
         }
     }
 
-    /// Insoles share what is left of the plate's force.
+    /// Scales insole forces to the plate's force after the tare.
     fn shares_of(&self, whole: GroundSample, before_n: f64) -> GroundSample {
         let left = if before_n.abs() > 1e-9 { whole.force_n[2] / before_n } else { 0.0 };
         GroundSample { foot_vertical_n: whole.foot_vertical_n.map(|newtons| newtons * left), ..whole }
     }
 
-    /// Each foot's plate has a zero of its own.
+    /// Subtracts the tare of each foot's plate.
     fn feet_of(&self, whole: GroundSample) -> GroundSample {
         let foot_vertical_n = [0, 1].map(|foot| whole.foot_vertical_n[foot] - self.foot_vertical_n[foot]);
         if whole.foot_frame != FootFrame::World as u32 || self.foot_lever_nm == [[0.0; 2]; 2] {
@@ -144,7 +144,8 @@ mod tests {
 
     #[test]
     fn each_foot_s_centre_is_put_right_however_much_its_empty_plate_shows() {
-        // Each plate bears 100 N of its own at a place of its own, and the left one pulls by 30 N besides.
+        // Each plate has its own offset of 70 or 100 N at its own position, and the left one is pulled by 30 N in
+        // addition.
         let own = [(70.0, [0.3, 0.2]), (100.0, [-0.2, -0.3])];
         let with = |feet: [(f64, [f64; 2]); 2]| {
             let told = [0, 1].map(|foot| {

@@ -1,4 +1,5 @@
-//! Whole cycles on a bench: what is learnt, told, withheld, refused, and repeated byte for byte.
+//! Whole cycles on a bench: identification, published and withheld values, rejected samples, and byte-identical
+//! repetition.
 
 extern crate std;
 use std::boxed::Box;
@@ -69,7 +70,7 @@ fn a_box_overloads_the_joints_that_carry_it() {
     for (name, share) in [("LeftElbow", 0.5), ("RightShoulder", 0.5)] {
         let joint = Joint::named(name).unwrap();
         let arm = at - pose.origin_of(joint.segment());
-        // The true torque about the lateral axis; the load's place along it is what the two CoPs say.
+        // The true torque about the lateral axis; the load's position along it is determined by the two CoPs.
         let truth = -arm.x * share * 4.0 * GRAVITY_M_PER_S2;
         let told = state.torque_nm[joint.index()][1];
         assert!((told - truth).abs() < 0.15 * truth.abs() + 0.2, "{name}: {told} {truth}");
@@ -209,14 +210,14 @@ fn the_mass_is_measured_where_it_is_not_configured() {
 
 #[test]
 fn the_papers_rule_is_met_by_the_table_and_not_by_ignorance() {
-    // 0.002 m² is 45 mm as a standard deviation: the table alone is surer than that.
+    // 0.002 m² is a standard deviation of 45 mm: the table alone is more accurate.
     let paper = StopRule::Paper { variance_m2: 0.002 };
     let person = Person::real();
     let mut believing = Bench::new(|settings| settings.stop = paper);
     believing.identify(&person);
     assert_eq!(u64::from(believing.state().poses_used), believing.settings.poses_min);
 
-    // These poses never move the legs apart, so their parameters stay unknown.
+    // These poses never move the legs apart, so their parameters stay undetermined.
     let mut ignorant = Bench::new(|settings| {
         settings.stop = paper;
         settings.prior = PriorKind::None;
@@ -290,7 +291,7 @@ fn a_damaged_checkpoint_is_refused() {
     };
     assert!(!is_sound(&crooked), "a covariance that is not symmetric");
 
-    // Whatever word is damaged: refused, or run without a panic.
+    // After damage to any word, the checkpoint is rejected or runs without a panic.
     let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
     checkpoint.take(1, &bench.memory);
     for word in (0..checkpoint.words.len()).step_by(97) {

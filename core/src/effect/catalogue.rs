@@ -1,4 +1,4 @@
-//! What there is to know of each effect without any data: names, parameters, places, and how small is too small.
+//! Static properties of each effect: names, parameters, places, and the smallest size of interest.
 
 use super::{
     Effect, PARAMETERS_MAX, Parameter, Place, force_gain, hand_contact, hand_load, inertia, periodic_sway,
@@ -14,7 +14,7 @@ const fn on(segment: Segment) -> Place {
 const WHOLE: &[Place] = &[Place::Whole];
 const HAND_LOAD: &[Place] = &[Place::Hand(Side::Right), Place::Hand(Side::Left), Place::BothHands];
 const HAND_CONTACT: &[Place] = &[Place::Hand(Side::Right), Place::Hand(Side::Left)];
-/// Where something is worn, or a body changes.
+/// Places of worn masses and of body changes.
 const BODY: &[Place] = &[
     on(Segment::Pelvis),
     on(Segment::T8),
@@ -28,7 +28,7 @@ const BODY: &[Place] = &[
     on(Segment::RightLowerLeg),
     on(Segment::LeftLowerLeg),
 ];
-/// Segments that bear a sensor and whose arm is long enough to show its errors.
+/// Segments with a sensor whose lever arm is long enough to reveal its errors.
 const SENSED: &[Place] = &[
     on(Segment::Pelvis),
     on(Segment::T8),
@@ -44,7 +44,7 @@ const SENSED: &[Place] = &[
 
 const DEGREE_RAD: f64 = core::f64::consts::PI / 180.0;
 const MINUTE_S: f64 = 60.0;
-/// An even drift that is just of interest leads as far as an offset that is just of interest, 4 mm, in this time, s.
+/// Time in which the smallest constant drift of interest accumulates the smallest offset of interest, 4 mm, s.
 const DRIFT_S: f64 = 160.0;
 
 impl Effect {
@@ -99,7 +99,7 @@ impl Effect {
         Effect::ALL.into_iter().find(|effect| effect.name() == name)
     }
 
-    /// Its parameters in the order of columns and [`super::Term::value`]; of a drift, those of an even one.
+    /// Its parameters in the order of columns and [`super::Term::value`]; for a drift, those of a constant drift.
     pub const fn parameters(self) -> &'static [Parameter] {
         match self {
             Effect::HandLoad => &hand_load::PARAMETERS,
@@ -123,14 +123,14 @@ impl Effect {
         }
     }
 
-    /// Its parameters for a shape ([`super::Term::shape`]): a drift that has a time constant ends somewhere, and its
-    /// parameters are where.
+    /// Its parameters for a shape ([`super::Term::shape`]): the parameters of a drift with a time constant are its end
+    /// point.
     pub fn parameters_of(self, shape: f64) -> &'static [Parameter] {
         if self == Effect::PlateDrift && shape > 0.0 { &plate_drift::ENDING } else { self.parameters() }
     }
 
-    /// Name with unit of what is not linear ([`super::Term::shape`]); `None` where everything is. Of the lag and the low
-    /// pass it is the parameter itself.
+    /// Name with unit of the nonlinear parameter ([`super::Term::shape`]); `None` if all parameters are linear. For the
+    /// lag and the low pass it is the parameter itself.
     pub const fn shape_name(self) -> Option<&'static str> {
         match self {
             Effect::PlateDrift | Effect::SuitLag => Some("tau_s"),
@@ -140,8 +140,8 @@ impl Effect {
         }
     }
 
-    /// What is believed of its parameters at a place before any data, 1-σ each in their units. A first moment is
-    /// believed to be the mass that is believed times [`Effect::arm_sigma_m`].
+    /// Prior 1-σ of its parameters at a place, in their units. The prior of a first moment is the prior mass times
+    /// [`Effect::arm_sigma_m`].
     pub fn prior_sigma(self, place: Place, shape: f64) -> [f64; PARAMETERS_MAX] {
         let mut sigma = [0.0; PARAMETERS_MAX];
         for (sigma, parameter) in sigma.iter_mut().zip(self.parameters_of(shape)) {
@@ -159,7 +159,7 @@ impl Effect {
         sigma
     }
 
-    /// 1-σ of how far on each axis a mass's centre lies from where the effect puts it, m; `None` of what is no mass.
+    /// 1-σ per axis of the distance of a mass's centre from the nominal position, m; `None` if the effect is no mass.
     pub fn arm_sigma_m(self, place: Place) -> Option<f64> {
         match (self, place) {
             (Effect::HandLoad, _) => Some(hand_load::ARM_SIGMA_M),
@@ -168,7 +168,7 @@ impl Effect {
         }
     }
 
-    /// The places that are worth asking about.
+    /// Places that are tested.
     pub const fn places(self) -> &'static [Place] {
         match self {
             Effect::HandLoad => HAND_LOAD,
@@ -179,16 +179,16 @@ impl Effect {
         }
     }
 
-    /// Whether it can be there at all: any segment will do where [`Effect::places`] lists segments.
+    /// Whether the effect can act at a place: any segment is accepted if [`Effect::places`] lists segments.
     pub fn accepts(self, place: Place) -> bool {
         let any_segment = matches!(self.places(), [Place::Segment(_), ..]);
         self.places().contains(&place) || (any_segment && matches!(place, Place::Segment(_)))
     }
 
-    /// Below this [`Effect::size`] it does not matter to anybody, and noise often looks like it: kg of a mass, N of a
-    /// contact, m of an offset, of a height, of a sway, of a changed φ and of a drift's end, rad of a turn, rad/s of a
-    /// turning suit, 1 of gains and of a share of the inertia, s of a lag and of a filter's time constant; m/s of an
-    /// even drift.
+    /// Below this [`Effect::size`] an effect is irrelevant, and noise often resembles it: kg of a mass, N of a contact,
+    /// m of an offset, of a height, of a sway, of a changed φ and of a drift's end, rad of a rotation, rad/s of a
+    /// rotating suit, 1 of gains and of a fraction of the inertia, s of a lag and of a filter's time constant; m/s of a
+    /// constant drift.
     pub fn smallest_of_interest(self) -> f64 {
         match self {
             Effect::HandLoad => 0.12,
@@ -200,7 +200,7 @@ impl Effect {
             Effect::PlateHeight => 0.020,
             Effect::ForceGain => 0.002,
             Effect::PlateDrift => 0.0015 / MINUTE_S,
-            // The prototype saw 5 Hz, 32 ms, in every session.
+            // The prototype showed 5 Hz, 32 ms, in every session.
             Effect::PlateLowpass => 0.015,
             Effect::SuitLag => 0.003,
             Effect::SuitHeadingDrift => 0.6 * DEGREE_RAD / MINUTE_S,
@@ -211,8 +211,8 @@ impl Effect {
         }
     }
 
-    /// How large it is with these parameters, in the unit of [`Effect::smallest_of_interest`]. A drift that ends is told
-    /// by the even drift that leads as far in 160 s: its end is of interest from 4 mm on, as an offset is.
+    /// Size for these parameters, in the unit of [`Effect::smallest_of_interest`]. A drift with an end is measured by
+    /// the constant drift that reaches the end in 160 s: it is of interest from 4 mm on, as an offset is.
     pub fn size(self, shape: f64, value: &[f64; PARAMETERS_MAX]) -> f64 {
         use crate::math::{hypot, sqrt};
         let [a, b, c, d] = *value;

@@ -1,4 +1,4 @@
-//! Which effects data cannot tell apart, or only some poses and motions can (`equipoise reconcile` asks for those).
+//! Effects that data cannot distinguish, or only in some poses and motions (`equipoise reconcile` requests those).
 
 use super::{Effect, Place};
 use crate::body::{Segment, Side};
@@ -17,38 +17,40 @@ const fn hand(effect: Effect, side: Side) -> Member {
     (effect, Place::Hand(side))
 }
 
-/// Explanations that stand for each other; all of a row at any pair of its places.
+/// Explanations that can replace each other; in each row, any two of its entries.
 const FAMILIES: [&[Member]; 8] = [
-    // Until the feet turn, a shifted plate is a pelvis whose centre lies elsewhere.
+    // Until the feet turn, a shift of the plate is equivalent to another centre of mass of the pelvis.
     &[whole(Effect::PlateOffset), on(Effect::UnbalancedParameters, Segment::Pelvis)],
-    // Only time tells a turned plate from a suit that turns, and only another place on the plate from one that turned.
+    // Only time distinguishes a rotated plate from a rotating suit, and only another position on the plate from a suit
+    // that has rotated.
     &[whole(Effect::PlateYaw), whole(Effect::SuitHeadingDrift)],
-    // Two legs that move alike bear what the pelvis bears.
+    // The mass on two legs that move alike is equivalent to a mass on the pelvis.
     &[
         on(Effect::WornMass, Segment::Pelvis),
         on(Effect::WornMass, Segment::RightUpperLeg),
         on(Effect::WornMass, Segment::LeftUpperLeg),
     ],
-    // The centre of pressure of a backpack is that of a crooked sensor; the weight on the plate is not.
+    // A backpack and a misaligned sensor have the same effect on the CoP; only the backpack changes the weight on the
+    // plate.
     &[on(Effect::WornMass, Segment::T8), on(Effect::SegmentMisalignment, Segment::T8)],
-    // Elbow and wrist must move apart.
+    // To distinguish them, elbow and wrist must move separately.
     &[hand(Effect::HandLoad, Side::Right), on(Effect::WornMass, Segment::RightForearm)],
     &[hand(Effect::HandLoad, Side::Left), on(Effect::WornMass, Segment::LeftForearm)],
-    // Only fast motion tells one delay from another.
+    // Only fast motion distinguishes one delay from another.
     &[whole(Effect::SuitLag), whole(Effect::PlateLowpass), whole(Effect::Inertia)],
-    // An upright trunk turned about the upright is one turned about its own axis.
+    // For an upright trunk, rotation about the vertical equals rotation about its own axis.
     &[on(Effect::SegmentHeading, Segment::T8), on(Effect::SegmentMisalignment, Segment::T8)],
 ];
 
 impl Effect {
-    /// Whether this effect here and that one there are declared as one family.
+    /// Whether the two effects at their places are listed as one family.
     pub fn is_family_of(self, place: Place, other: Effect, there: Place) -> bool {
         let (one, two) = ((self, place), (other, there));
         let listed = FAMILIES.iter().any(|family| family.contains(&one) && family.contains(&two));
         one != two && (listed || by_rule(one, two) || by_rule(two, one))
     }
 
-    /// All that these data may not tell from this effect at this place, of the places that are asked about.
+    /// All effects at listed places that the data may not distinguish from this effect at this place.
     pub fn family(self, place: Place) -> impl Iterator<Item = (Effect, Place)> {
         let everywhere = |effect: Effect| effect.places().iter().map(move |place| (effect, *place));
         Effect::ALL
@@ -58,14 +60,14 @@ impl Effect {
     }
 }
 
-/// Families of every place alike.
+/// Families that apply at every place.
 fn by_rule((one, here): Member, (two, there): Member) -> bool {
     match (one, two) {
-        // The vertical force alone does not say whether a plate reads too much or a body weighs more.
+        // The vertical force alone does not distinguish a plate with too high readings from a heavier body.
         (Effect::ForceGain, Effect::WornMass) => true,
-        // `R (δ × φ)` is a changed φ: one and the same column.
+        // `R (δ × φ)` is equivalent to a changed φ: the same column.
         (Effect::SegmentMisalignment, Effect::UnbalancedParameters) => here == there,
-        // A hand that is held up is a load that lifts, as long as its height stays.
+        // A supported hand is equivalent to a lifting load as long as its height is constant.
         (Effect::HandContact, Effect::HandLoad) => here == there,
         _ => false,
     }

@@ -1,9 +1,9 @@
-//! What forces on the body, and errors of where its centre is, do to the ground's reaction.
+//! Effect on the ground reaction of forces on the body, and of errors in the position of its CoM.
 //!
-//! The moments about the point `P` on the floor where the reaction acts (Newton and Euler; `h` the centre's height over
-//! the floor, `f = g + C̈_z`, `L̇` the rate of angular momentum, `p` and `F'` place and force of what acts beside the
-//! ground): `F_z P = M f C_xy − M C̈_xy h + (−L̇_y, L̇_x) − F'_z p_xy + F'_xy p_z`, and the ground's force is
-//! `F = M (g + C̈) − F'`. Every column here is the derivative of this `P` less the one that was predicted.
+//! From the moments about the point `P` on the floor where the reaction acts (Newton and Euler; `h` the height of the
+//! CoM over the floor, `f = g + C̈_z`, `L̇` the rate of angular momentum, `p` and `F'` point and force of the other
+//! contacts): `F_z P = M f C_xy − M C̈_xy h + (−L̇_y, L̇_x) − F'_z p_xy + F'_xy p_z`, and the ground's force is `F = M
+//! (g + C̈) − F'`. Every column here is the derivative of this `P` relative to the predicted one.
 
 use super::Observation;
 use crate::body::{Segment, Side};
@@ -12,22 +12,22 @@ use crate::math;
 /// Standard gravity as the paper rounds it, m/s².
 pub(super) const GRAVITY_M_PER_S2: f64 = 9.81;
 
-/// What one parameter changes, per unit.
+/// Change by one parameter, per unit.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Column {
-    /// Of the centre of pressure, m per unit.
+    /// Change of the CoP, m per unit.
     pub(super) cop_m: [f64; 2],
-    /// Of the ground's force on the body, N per unit.
+    /// Change of the ground's force on the body, N per unit.
     pub(super) force_n: [f64; 3],
 }
 
 impl Column {
-    /// Of the centre of pressure alone.
+    /// A column that changes the CoP alone.
     pub(super) fn of_cop(cop_m: [f64; 2]) -> Column {
         Column { cop_m, force_n: [0.0; 3] }
     }
 
-    /// Both together.
+    /// Sum of two columns.
     pub(super) fn plus(self, other: Column) -> Column {
         Column {
             cop_m: core::array::from_fn(|axis| self.cop_m[axis] + other.cop_m[axis]),
@@ -35,7 +35,7 @@ impl Column {
         }
     }
 
-    /// So much of it.
+    /// The column times a factor.
     pub(super) fn times(self, factor: f64) -> Column {
         Column {
             cop_m: self.cop_m.map(|part| factor * part),
@@ -44,29 +44,29 @@ impl Column {
     }
 }
 
-/// A place and how it accelerates, m and m/s²; or a direction and how it turns, 1 and 1/s².
+/// A point and its acceleration, m and m/s²; or a direction and its second derivative, 1 and 1/s².
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moving {
-    /// Where.
+    /// Position or direction.
     pub(super) at: [f64; 3],
     /// Its second derivative.
     pub(super) acceleration: [f64; 3],
 }
 
 impl Moving {
-    /// From one to the other.
+    /// Sum of the two.
     pub(super) fn plus(self, other: Moving) -> Moving {
         Moving { at: sum(self.at, other.at), acceleration: sum(self.acceleration, other.acceleration) }
     }
 
-    /// So much of it.
+    /// Product with a factor.
     pub(super) fn times(self, factor: f64) -> Moving {
         Moving { at: self.at.map(|x| factor * x), acceleration: self.acceleration.map(|x| factor * x) }
     }
 }
 
 impl Observation {
-    /// Vertical force over mass that the body alone needs, g + C̈_z, m/s².
+    /// Vertical force over mass that the body alone requires, g + C̈_z, m/s².
     pub(super) fn specific_force_m_per_s2(&self) -> f64 {
         self.force_predicted_n[2] / self.mass_kg
     }
@@ -76,14 +76,14 @@ impl Observation {
         self.com_m[2] - self.floor_m
     }
 
-    /// Where the reaction on the body alone meets the floor by the chain, m. The prediction may be shifted from it by
-    /// how the stance was placed; what hangs on the body is shifted likewise, so arms are seen from here.
+    /// CoP of the body alone by the chain, m. The prediction may be shifted from it by the stance offset, which shifts
+    /// everything attached to the body likewise, so arms are relative to this point.
     fn chain_cop_m(&self) -> [f64; 2] {
         let height_m = self.centre_height_m();
         [0, 1].map(|axis| self.com_m[axis] - self.slope[axis] * height_m + self.turning_m[axis])
     }
 
-    /// What of the predicted centre of pressure the suit alone says, m: without the slope where that was measured.
+    /// The part of the predicted CoP that comes from the suit alone, m: without the slope if that was measured.
     pub(crate) fn cop_by_suit_m(&self) -> [f64; 2] {
         let height_m = if self.slope_is_measured { self.centre_height_m() } else { 0.0 };
         [0, 1].map(|axis| self.cop_predicted_m[axis] + self.slope[axis] * height_m)
@@ -94,7 +94,7 @@ impl Observation {
         self.origin(segment).plus(self.turned(segment, from_origin_m))
     }
 
-    /// Where a hand grips.
+    /// Grip point of a hand.
     pub(super) fn grip(&self, side: Side) -> Moving {
         let from_origin_m = match side {
             Side::Left => self.grip_m[0],
@@ -103,7 +103,7 @@ impl Observation {
         self.point_on(side.hand(), from_origin_m)
     }
 
-    /// A vector fixed in a segment's axes, seen from the world.
+    /// A vector fixed in a segment's axes, in world axes.
     pub(super) fn turned(&self, segment: Segment, vector: [f64; 3]) -> Moving {
         let index = segment.index();
         Moving {
@@ -117,11 +117,10 @@ impl Observation {
         Moving { at: self.origin_m[index], acceleration: self.origin_acceleration_m_per_s2[index] }
     }
 
-    /// How far the predicted centre of mass follows a turn of one segment: a small turn ε of it, world axes, moves the
-    /// centre by `ε × arm`.
+    /// Lever arm of a segment's rotation: a small rotation ε, world axes, moves the predicted CoM by `ε × arm`.
     ///
-    /// The arm is `R_s φ_s`; where the feet hold the body, less the leg's bones below the pelvis, each by the share with
-    /// which it carries the pelvis (as in `sesc::suit_error`).
+    /// The arm is `R_s φ_s`; if the anchor holds the feet, minus the leg's bones below the pelvis, each by the fraction
+    /// with which it carries the pelvis (as in `sesc::suit_error`).
     pub(super) fn arm(&self, segment: Segment) -> Moving {
         let mut arm = self.turned(segment, self.phi_m[segment.index()]);
         if !self.feet_hold {
@@ -145,7 +144,7 @@ impl Observation {
         Column { cop_m: self.of_moved_force(arm_m, force_n).cop_m, force_n: force_n.map(|part| -part) }
     }
 
-    /// What it changes that a force acts so far from where it did, m; the force itself is counted already.
+    /// Column of a displacement of a force's point of action, m; the force itself is already included.
     pub(super) fn of_moved_force(&self, moved_m: [f64; 3], force_n: [f64; 3]) -> Column {
         let vertical_n = self.force_measured_n[2];
         Column::of_cop(
@@ -153,19 +152,19 @@ impl Observation {
         )
     }
 
-    /// Measured shear knows of horizontal forces, as if they acted at the centre of mass; the suit's motion does not.
+    /// Measured shear contains horizontal forces as if they acted at the CoM; the suit's motion does not contain them.
     fn arm_of_shear_m(&self, height_m: f64) -> f64 {
         if self.slope_is_measured { height_m - self.com_m[2] } else { height_m - self.floor_m }
     }
 
-    /// The centre of mass lies elsewhere than the chain says, m, and accelerates accordingly, m/s².
+    /// Column of a displacement of the CoM from the chain's, m, with its acceleration, m/s².
     pub(super) fn of_shift(&self, shift: Moving) -> Column {
         let (height_m, specific) = (self.centre_height_m(), self.specific_force_m_per_s2());
         let Moving { at, acceleration } = shift;
         let cop_m = [0, 1].map(|axis| {
             let leant = at[axis] - self.slope[axis] * at[2];
             let lightened = (self.slope[axis] * height_m - self.turning_m[axis]) * acceleration[2] / specific;
-            // Measured shear has it already.
+            // Measured shear already contains it.
             let pushed = if self.slope_is_measured { 0.0 } else { height_m * acceleration[axis] / specific };
             leant + lightened - pushed
         });
@@ -173,12 +172,12 @@ impl Observation {
     }
 }
 
-/// A horizontal vector turned left by a right angle.
+/// A horizontal vector rotated left by a right angle.
 pub(super) fn leftward([x, y]: [f64; 2]) -> [f64; 2] {
     [-y, x]
 }
 
-/// A vector turned by a matrix, row by row.
+/// A vector rotated by a matrix, row by row.
 fn rotated(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
 }
@@ -187,7 +186,7 @@ pub(super) fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     core::array::from_fn(|axis| a[axis] + b[axis])
 }
 
-/// `sin θ/θ` and `(1 − cos θ)/θ²`, of which a turn by a rotation vector of length θ is made (Rodrigues).
+/// `sin θ/θ` and `(1 − cos θ)/θ²`, the factors of Rodrigues' rotation formula for a rotation vector of length θ.
 pub(super) fn chord(angle_rad: f64) -> (f64, f64) {
     if angle_rad.abs() < 1e-4 {
         return (1.0, 0.5);

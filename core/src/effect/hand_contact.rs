@@ -1,4 +1,4 @@
-//! `hand_contact`: something pushes or holds a hand; the force is constant in the station's world.
+//! `hand_contact`: a contact pushes or supports a hand; the force is constant in the station world.
 
 use super::geometry::AXES;
 use super::{Columns, Observation, Parameter, Place};

@@ -1,12 +1,12 @@
-//! `inertia`: what the body's own motion does to the ground's reaction, for models run without it.
+//! `inertia`: effect of the body's own motion on the ground reaction, for models that omit it.
 
 use super::geometry::Column;
 use super::{Columns, Observation, Parameter};
 
 pub(super) const PARAMETERS: [Parameter; 1] = [Parameter { name: "share", unit: "1", prior_sigma: 1.0 }];
 
-/// Column: the centre's acceleration times its height, `−h C̈_xy/(g + C̈_z)`, unless measured shear tells it already; the
-/// turning; and the force `M C̈`.
+/// Column: the CoM's acceleration times its height, `−h C̈_xy/(g + C̈_z)`, unless measured shear already contains it;
+/// the rotation of the body; and the force `M C̈`.
 pub(super) fn columns(o: &Observation) -> Columns {
     let [x, y, z] = o.com_acceleration_m_per_s2;
     let specific = super::geometry::GRAVITY_M_PER_S2 + z;

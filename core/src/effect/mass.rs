@@ -1,11 +1,10 @@
-//! A mass that is carried along by a segment: its weight and its inertia are a force on the body.
+//! A mass carried along by a segment: its weight and its inertia are a force on the body.
 
 use super::geometry::{AXES, Column, GRAVITY_M_PER_S2, Moving};
 use super::{Observation, Parameter};
 use crate::body::Segment;
 
-/// The parameters of a carried mass, and what is believed of them before any data: 1-σ of the mass, kg, and of its first
-/// moment on each axis, kg m.
+/// The parameters of a carried mass with their prior: 1-σ of the mass, kg, and of its first moment on each axis, kg m.
 pub(super) const fn parameters(mass_kg: f64, moment_kg_m: f64) -> [Parameter; 4] {
     [
         Parameter { name: "mass_kg", unit: "kg", prior_sigma: mass_kg },
@@ -15,9 +14,10 @@ pub(super) const fn parameters(mass_kg: f64, moment_kg_m: f64) -> [Parameter; 4]
     ]
 }
 
-/// A kilogram at a point of a segment, and a kilogram metre of first moment about it on each of the segment's axes.
+/// Columns of one kilogram at a point of a segment, and of one kilogram metre of first moment about it on each of the
+/// segment's axes.
 ///
-/// Exact for a mass at the point. Its spread (kg m²) is left out: it only enters by turning.
+/// Exact for a point mass. Its moment of inertia (kg m²), which acts only in rotation, is neglected.
 pub(super) fn carried(o: &Observation, segment: Segment, point: Moving) -> [Column; 4] {
     let force = |Moving { acceleration: [x, y, z], .. }: Moving| [-x, -y, -z];
     let [x, y, z] = force(point);

@@ -1,4 +1,4 @@
-//! `periodic_sway`: breath, or a sway, that the suit does not show.
+//! `periodic_sway`: breathing or sway that the suit does not measure.
 
 use super::geometry::Column;
 use super::{Columns, Observation, Parameter};

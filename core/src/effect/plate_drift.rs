@@ -1,15 +1,15 @@
-//! `plate_drift`: the centre of pressure drifts, evenly, or as a warming amplifier does towards an end.
+//! `plate_drift`: the CoP drifts, linearly, or exponentially towards an end as with a warming amplifier.
 
 use super::geometry::Column;
 use super::{Columns, Observation, Parameter};
 use crate::math;
 
-/// An even drift: 1-σ 5 mm a minute.
+/// Parameters of a linear drift: 1-σ 5 mm per minute.
 pub(super) const PARAMETERS: [Parameter; 2] = [
     Parameter { name: "vx_m_per_s", unit: "m/s", prior_sigma: 0.005 / 60.0 },
     Parameter { name: "vy_m_per_s", unit: "m/s", prior_sigma: 0.005 / 60.0 },
 ];
-/// A drift that ends.
+/// Parameters of a drift towards an end.
 pub(super) const ENDING: [Parameter; 2] = [
     Parameter { name: "ax_m", unit: "m", prior_sigma: 0.012 },
     Parameter { name: "ay_m", unit: "m", prior_sigma: 0.012 },

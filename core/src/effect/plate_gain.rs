@@ -1,4 +1,4 @@
-//! `plate_gain`: the centre of pressure is stretched about the world's origin, each axis by itself.
+//! `plate_gain`: gain error of the CoP about the world's origin, separately for each axis.
 
 use super::geometry::Column;
 use super::{Columns, Observation, Parameter};
@@ -8,7 +8,7 @@ pub(super) const PARAMETERS: [Parameter; 2] = [
     Parameter { name: "ky", unit: "1", prior_sigma: 0.05 },
 ];
 
-/// Columns: measured is `1 + k` times true.
+/// Columns: measured = `1 + k` times true.
 pub(super) fn columns(o: &Observation) -> Columns {
     let [x, y] = o.cop_predicted_m;
     Columns::of(&[Column::of_cop([x, 0.0]), Column::of_cop([0.0, y])])

@@ -1,6 +1,6 @@
-//! `plate_lowpass`: the plate's own filter, of first order: what it shows follows late and rounded.
+//! `plate_lowpass`: first-order low pass of the plate, which delays and smooths its readings.
 //!
-//! No column of a moment, since it remembers: the loop filters what it predicts.
+//! It is not a column of an instant, because it has a state: the loop filters its prediction.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,12 +9,12 @@ use crate::math;
 
 pub(super) const PARAMETERS: [Parameter; 1] = [Parameter { name: "cutoff_hz", unit: "Hz", prior_sigma: 2.0 }];
 
-/// A filter of first order for signals whose samples may lie unevenly: between two of them the signal is a line, and
-/// the filter's answer to it is exact.
+/// First-order filter for signals sampled at irregular times: the signal is linear between two samples, and the
+/// response to it is exact.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct LowPass {
-    /// The newest sample, and the filter's answer there.
+    /// The newest sample, and the filter's output there.
     newest: f64,
     shown: f64,
     /// 1 once there was a sample.
@@ -22,16 +22,16 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// Takes in a sample, `step_s` after the one before; gives back what a filter with this cutoff shows then. The
-    /// first sample is taken as if it had always been so.
+    /// Ingests a sample, `step_s` after the previous one; returns the output of a filter with this cutoff. Initialised
+    /// as if the first sample had been constant before.
     pub fn step(&mut self, cutoff_hz: f64, step_s: f64, value: f64) -> f64 {
         let per_s = core::f64::consts::TAU * cutoff_hz;
         let turned = per_s * step_s;
-        // The comparison is false for a number that is none.
+        // The comparison is false for NaN.
         let usable = turned > 0.0 && self.started == 1;
         self.shown = match usable {
             true => {
-                // A line of this slope is shown late by one time constant once the start is forgotten.
+                // In steady state the response to a line lags by one time constant.
                 let late = (value - self.newest) / turned;
                 value - late + (self.shown - self.newest + late) * math::exp(-turned)
             }
@@ -43,7 +43,7 @@ impl LowPass {
         self.shown
     }
 
-    /// Forgets everything: the next sample is the first.
+    /// Resets the filter: the next sample is the first.
     pub fn forget(&mut self) {
         *self = Zeroable::zeroed();
     }
@@ -60,7 +60,7 @@ mod tests {
 
     const CUTOFF_HZ: f64 = 2.0;
 
-    /// At the cutoff a filter of first order shows 1/√2 of an oscillation, an eighth of a turn late.
+    /// At the cutoff, a first-order filter outputs 1/√2 of an oscillation, delayed by an eighth of a period.
     #[test]
     fn at_its_cutoff_it_shows_the_root_of_a_half_an_eighth_late() {
         let mut filter: LowPass = Zeroable::zeroed();
@@ -89,7 +89,7 @@ mod tests {
         };
         let (even, uneven) = (show(&[0.01; 30]), show(&[0.05, 0.01, 0.2, 0.04]));
         assert!((even - uneven).abs() < 1e-12, "{even} {uneven}");
-        // Nearly settled: late by one time constant.
+        // Nearly in steady state: late by one time constant.
         let late_s = 0.3 - show(&[0.3]) / 3.0;
         assert!((late_s - 0.0796).abs() < 0.003, "{late_s}");
     }

@@ -1,4 +1,4 @@
-//! `plate_yaw`: the plate is turned left of how it was configured, about the world's origin.
+//! `plate_yaw`: rotation of the plate to the left of its configured orientation, about the world's origin.
 
 use super::geometry::{Column, leftward};
 use super::{Columns, Observation, Parameter};
@@ -6,8 +6,8 @@ use super::{Columns, Observation, Parameter};
 pub(super) const PARAMETERS: [Parameter; 1] =
     [Parameter { name: "psi_rad", unit: "rad", prior_sigma: 4.0 * core::f64::consts::PI / 180.0 }];
 
-/// Column: what a plate turned left reads lies turned right. Measured shear is turned along, so of the prediction only
-/// what the suit says is not.
+/// Column: readings of a plate rotated left are rotated right. Measured shear is rotated alike, so only the part of the
+/// prediction from the suit is not.
 pub(super) fn columns(o: &Observation) -> Columns {
     let [x, y, _] = o.force_predicted_n;
     let [push_x, push_y] = leftward([x, y]);

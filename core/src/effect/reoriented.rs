@@ -1,15 +1,15 @@
-//! What a wrong orientation of one segment does to the turning of the body: all that hangs on the segment is seen in
-//! another place, and accelerates otherwise, so the angular momentum's rate is another one.
+//! Effect of one segment's wrong orientation on the rotation of the body: all distal segments have another position and
+//! acceleration, which changes the rate of angular momentum.
 
 use super::Observation;
 use super::geometry::{Moving, cross, sum};
 use crate::body::Segment;
 
-/// Where the centre of pressure goes by the turning of the body, m, if every arm from the segment's origin to what hangs
-/// on it is lengthened by `moved(arm)`; per unit of it, beside all that is lengthened by `all(arm)` together.
+/// Shift of the CoP by the rotation of the body, m, if every arm from the segment's origin to a distal part is changed
+/// by `moved(arm)`; per unit, in addition to a common change of all of them by `all(arm)`.
 ///
-/// `L̇ = Σ m (r − c) × (r̈ − c̈)` with `Δr`, `Δr̈` of every distal centre; where the body as a whole goes does not matter.
-/// How segments turn about their own centres is left as it is.
+/// `L̇ = Σ m (r − c) × (r̈ − c̈)` with `Δr`, `Δr̈` of every distal centre; a motion of the whole body has no effect.
+/// The rotation of segments about their own centres is unchanged.
 pub(super) fn turning_m(
     o: &Observation,
     segment: Segment,
@@ -42,8 +42,8 @@ fn moment(share: f64, at: [f64; 3], acceleration: [f64; 3]) -> [f64; 3] {
 }
 
 impl Observation {
-    /// From a segment's origin to what moves a distal segment's centre when the first one turns: its own centre, or the
-    /// joint that the distal one hangs on.
+    /// Arm from a segment's origin to the point that moves a distal segment's centre when the first one rotates: its
+    /// own centre, or the joint at which the distal one is attached.
     fn arm_to(&self, segment: Segment, distal: Segment) -> Moving {
         let mut child = distal;
         if child == segment {

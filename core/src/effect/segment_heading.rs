@@ -1,4 +1,5 @@
-//! `segment_heading`: the suit shows one segment turned too far left about the upright: iron near its sensor.
+//! `segment_heading`: heading error of one segment, about the vertical, too far left if positive; caused by iron near
+//! its sensor.
 
 use super::geometry::{AXES, Column, Moving, chord, cross, sum};
 use super::reoriented::turning_m;
@@ -7,8 +8,8 @@ use super::{Columns, Observation, Parameter, Place};
 pub(super) const PARAMETERS: [Parameter; 1] =
     [Parameter { name: "psi_rad", unit: "rad", prior_sigma: 12.0 * core::f64::consts::PI / 180.0 }];
 
-/// Column: the segment's arm, turned back: `(R_z(−ψ) − 1) arm / ψ` for a ψ (`about_rad`) that may be large,
-/// `arm × e_z` for a small one.
+/// Column: the segment's arm, rotated back: `(R_z(−ψ) − 1) arm / ψ` for a ψ (`about_rad`) that may be large, `arm ×
+/// e_z` for a small one.
 pub(super) fn columns(place: Place, about_rad: f64, o: &Observation) -> Columns {
     let Place::Segment(segment) = place else { return Columns::zero(PARAMETERS.len()) };
     let arm = o.arm(segment);

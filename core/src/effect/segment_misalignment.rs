@@ -1,4 +1,4 @@
-//! `segment_misalignment`: one segment's sensor sits crooked, or has slipped: the suit shows `R_s exp(δ)` for `R_s`.
+//! `segment_misalignment`: one segment's sensor is misaligned or has slipped: the suit reports `R_s exp(δ)` for `R_s`.
 
 use super::geometry::{AXES, Column, Moving, chord, cross, sum};
 use super::reoriented::turning_m;
@@ -13,11 +13,11 @@ pub(super) const PARAMETERS: [Parameter; 3] = [
     Parameter { name: "rz_rad", unit: "rad", prior_sigma: SIGMA_RAD },
 ];
 
-/// Columns: the segment's arm ψ_s, turned back about each of the segment's axes `e`: `−R_s (e × ψ_s)` for a small turn; for
-/// one that may be large (`about_rad`, δ) what sums up to `R_s (exp(−δ) − 1) ψ_s` (Rodrigues).
+/// Columns: the segment's arm ψ_s, rotated back about each of the segment's axes `e`: `−R_s (e × ψ_s)` for a small
+/// rotation; for one that may be large (`about_rad`, δ), terms with the sum `R_s (exp(−δ) − 1) ψ_s` (Rodrigues).
 pub(super) fn columns(place: Place, about_rad: [f64; 3], o: &Observation) -> Columns {
     let Place::Segment(segment) = place else { return Columns::zero(PARAMETERS.len()) };
-    // Bones are stiff: in the segment's axes what hangs on it does not move.
+    // Bones are rigid: in the segment's axes the attached parts do not move.
     let rows = &o.rotation[segment.index()];
     let (straight, aside) = chord(math::sqrt(about_rad.iter().map(|part| part * part).sum()));
     let moved = |arm: Moving, axis: [f64; 3]| {

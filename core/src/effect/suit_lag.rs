@@ -1,16 +1,16 @@
-//! `suit_lag`: the suit's samples are dated later than the motion they show.
+//! `suit_lag`: the suit's samples are dated later than the motion that they contain.
 //!
-//! No column: the loop dates samples back as they come in, so that everything after it is about the right time.
+//! No column: the loop corrects the time of samples on arrival, so that all later stages use the right time.
 
 use super::Parameter;
 
 pub(super) const PARAMETERS: [Parameter; 1] = [Parameter { name: "tau_s", unit: "s", prior_sigma: 0.06 }];
 
-/// A suit's sample time without the lag, ns: so much earlier, s; later where the suit is early. A lag that is not a
-/// number, or larger than time itself, changes nothing or stops at zero.
+/// A suit's sample time without the lag, ns: earlier by `tau_s`, or later if it is negative. A lag that is NaN changes
+/// nothing; one larger than the time itself gives zero.
 pub fn without_lag_ns(sample_time_ns: u64, tau_s: f64) -> u64 {
     let shift_ns = tau_s.abs() * 1e9;
-    // The conversion of a float saturates, and takes what is not a number for zero.
+    // The conversion of a float saturates, and maps NaN to zero.
     let shift_ns = (shift_ns + 0.5) as u64;
     if tau_s < 0.0 {
         sample_time_ns.saturating_add(shift_ns)

@@ -1,4 +1,4 @@
-//! Every column against physics of another kind: point masses that are moved, summed up by Newton and Euler.
+//! Tests every column against an independent computation: moving point masses, summed up by Newton and Euler.
 
 mod body;
 mod laws;

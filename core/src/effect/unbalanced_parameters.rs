@@ -1,4 +1,4 @@
-//! `unbalanced_parameters`: the person is no longer the identified one: one segment's φ has changed.
+//! `unbalanced_parameters`: the person is no longer the identified subject: one segment's φ has changed.
 
 use super::geometry::AXES;
 use super::{Columns, Observation, Parameter, Place};

@@ -12,7 +12,7 @@ pub(super) fn columns(place: Place, o: &Observation) -> Columns {
     Columns::of(&mass::carried(o, segment, centre))
 }
 
-/// 1-σ of the mass worn on a segment, kg: trunks bear more than limbs.
+/// 1-σ of the mass worn on a segment, kg: larger for the trunk than for limbs.
 pub(super) fn mass_sigma_kg(segment: Segment) -> f64 {
     match segment {
         Segment::T8 => 8.0,
@@ -21,7 +21,7 @@ pub(super) fn mass_sigma_kg(segment: Segment) -> f64 {
     }
 }
 
-/// 1-σ of how far from the segment's centre it is worn, on each axis, m.
+/// 1-σ of its distance from the segment's centre, on each axis, m.
 pub(super) fn arm_sigma_m(segment: Segment) -> f64 {
     match segment {
         Segment::T8 => 0.22,

@@ -1,25 +1,25 @@
-//! Where the load should move to relieve the joint that comes closest to its limit.
+//! Direction in which to move the load to relieve the joint closest to its limit.
 //!
-//! From Eq. 15, posture and shares as they are: with the load moved rigidly with the hands by a horizontal δ, the
-//! ground reaction follows it (C_wt moves by δ ΔF/(W + ΔF)), and the arm of joint j, `(−Δτ_y, Δτ_x)`, grows by
-//! `(Σ η_h − Σ ζ_k) ΔF δ` (`leverage`). So |Δτ_j| falls fastest along that arm, by the leverage times |ΔF| per metre:
-//! an arm's or the trunk's joint wants the load above itself, a leg's wants the ground reaction below itself. ΔF is
-//! vertical, so moving the load up or down changes no torque: the direction is horizontal.
+//! From Eq. 15, with constant posture and load fractions: if the load moves rigidly with the hands by a horizontal δ,
+//! the ground reaction follows (C_wt moves by δ ΔF/(W + ΔF)), and the arm of joint j, `(−Δτ_y, Δτ_x)`, grows by `(Σ η_h
+//! − Σ ζ_k) ΔF δ` (`leverage`). So |Δτ_j| decreases fastest along that arm, by the leverage times |ΔF| per metre:
+//! joints of arms and trunk are relieved with the load above them, joints of legs with the ground reaction below them.
+//! ΔF is vertical, so vertical movements of the load change no torque: the direction is horizontal.
 
 use crate::body::Joint;
 use crate::math;
 
-/// What would relieve a joint.
+/// Advice for one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Advice {
     /// Unit vector, world; zero if no motion of the load helps, or if the overload is within 1-σ of zero.
     pub direction: [f64; 3],
-    /// By how much |Δτ| of the joint falls, N m per centimetre.
+    /// Decrease of the joint's |Δτ|, N m per centimetre.
     pub gain_nm_per_cm: f64,
 }
 
 impl Advice {
-    /// Nothing to say.
+    /// No advice.
     pub const NONE: Advice = Advice { direction: [0.0; 3], gain_nm_per_cm: 0.0 };
 
     /// The advice for a joint with this overload and its 1-σ, N m; `leverage` is the joint's, `delta_f_n` the load's ΔF.
@@ -35,7 +35,7 @@ impl Advice {
     }
 }
 
-/// The joint whose overload takes the largest share of its limit.
+/// The joint whose overload is the largest fraction of its limit.
 pub fn worst_joint(magnitude_nm: &[f64], limit_nm: &[f64]) -> Option<Joint> {
     let share = |joint: &Joint| magnitude_nm[joint.index()] / limit_nm[joint.index()];
     Joint::ALL.into_iter().max_by(|a, b| share(a).total_cmp(&share(b)))
@@ -58,7 +58,7 @@ mod tests {
         Pose::new(origin.map(Vector3::from), [UnitQuaternion::identity(); SEGMENTS])
     }
 
-    /// A load in front and to the left, moved by a vector with the hands; the ground reaction follows.
+    /// A load in front and to the left, moved with the hands by a vector; the ground reaction follows.
     fn loaded(pose: &Pose<StationWorld>, load_n: f64, moved: Vector3<f64>) -> Loading {
         let (weight_n, body) = (700.0, [0.05, 0.01]);
         let grip_m = Side::BOTH.map(|side| pose.origin_of(side.hand()) + Vector3::new(0.3, 0.1, 0.2) + moved);
@@ -107,7 +107,7 @@ mod tests {
                     assert!((along + steepest).abs() < 1e-3, "{}: {along} {steepest}", joint.name());
                 }
             }
-            // Neck and balls of the feet carry nothing; all others do.
+            // Neck and balls of the feet carry no overload; all others do.
             assert_eq!(advised, JOINTS - 4);
         }
     }

@@ -9,16 +9,16 @@
 //!   anthropometric table ([`crate::motion::UpperInertia`]). Zero in a static pose and with `motion = "paper"`.
 //! - Load: Eq. 15 at L5/S1.
 //!
-//! Its σ has the covariance of the chain's parameters, the random walk of the suit's orientations, the share by which
-//! compensated inertia is wrong, the place of the joint ([`JOINT_SIGMA_M`] times the vertical force on it), and the load's
-//! own σ.
+//! Its σ combines the covariance of the chain's parameters, the random walk of the suit's orientations, the relative
+//! error of the compensated inertia, the position of the joint ([`JOINT_SIGMA_M`] times the vertical force on it), and
+//! the load's own σ.
 //!
-//! **Compression**: one equivalent extensor muscle on a lever of 60 mm balances the moment and presses on the disc, and
-//! so does the part of the joint's force along the lumbar axis: `F = M / 0.06 + u · Σ m_i (c̈_i + g ẑ)`, load included
-//! (the cantilever model of Chaffin, Andersson & Martin, *Occupational Biomechanics*; levers of 50 to 75 mm in McGill &
-//! Norman 1986 and Jorgensen et al. 2001; the figures quoted from memory). Its 1-σ has the moment's, 10 % of the lever,
-//! and 15 % of the whole for what one muscle leaves out: muscles that work against each other, sideways bending, the
-//! pressure of the belly. NIOSH's action limit for this compression is 3400 N (Waters et al., 1993).
+//! **Compression**: one equivalent extensor muscle with a lever of 60 mm balances the moment and compresses the disc,
+//! in addition to the joint force along the lumbar axis: `F = M / 0.06 + u · Σ m_i (c̈_i + g ẑ)`, load included (the
+//! cantilever model of Chaffin, Andersson & Martin, *Occupational Biomechanics*; levers of 50 to 75 mm in McGill &
+//! Norman 1986 and Jorgensen et al. 2001; the figures quoted from memory). Its 1-σ combines that of the moment, 10 % of
+//! the lever, and 15 % of the total for effects omitted by the single muscle: antagonistic muscles, lateral bending,
+//! intra-abdominal pressure. NIOSH's action limit for this compression is 3400 N (Waters et al., 1993).
 
 use nalgebra::Vector3;
 
@@ -27,23 +27,23 @@ use crate::overload::sigma_of_length;
 
 /// Lever of the back's extensors about L5/S1, m.
 pub const EXTENSOR_LEVER_M: f64 = 0.06;
-/// 1-σ of the lever between people, as a share.
+/// 1-σ of the lever between people, as a fraction.
 const LEVER_SIGMA_SHARE: f64 = 0.10;
-/// 1-σ of what the model leaves out, as a share of the compression.
+/// 1-σ of the model error, as a fraction of the compression.
 const MODEL_SIGMA_SHARE: f64 = 0.15;
 
-/// 1-σ per axis of where the joint is, as seen from the body above it, m: measured segments change their length with
-/// posture by 3 to 19 mm (soft tissue, sensors that shift), and the null pose places L5/S1 by proportions.
+/// 1-σ per axis of the joint's position relative to the body above it, m: measured segments change their length with
+/// posture by 3 to 19 mm (soft tissue, shifting sensors), and the null pose places L5/S1 by proportions.
 pub const JOINT_SIGMA_M: f64 = 0.010;
 
 /// The body above L5/S1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpperBody {
-    /// Moment of its weight and its inertia about L5/S1, world's X and Y axes, N m.
+    /// Moment of its weight and inertia about L5/S1, world X and Y axes, N m.
     pub moment_nm: [f64; 2],
-    /// Variance of that per axis, without the joint's place, (N m)².
+    /// Its variance per axis, without the uncertainty of the joint's position, (N m)².
     pub variance_nm2: [f64; 2],
-    /// Force that carries and accelerates it, world axes, N.
+    /// Force that supports and accelerates it, world axes, N.
     pub force_n: Vector3<f64>,
     /// Unit vector along the lumbar axis, upwards in standing, world axes.
     pub lumbar_axis: Vector3<f64>,
@@ -56,12 +56,12 @@ pub struct LoadAtBack {
     pub torque_nm: Vector3<f64>,
     /// 1-σ of its magnitude, N m.
     pub torque_sigma_nm: f64,
-    /// Force that carries and accelerates it, world axes, N.
+    /// Force that supports and accelerates it, world axes, N.
     pub force_n: Vector3<f64>,
 }
 
 impl LoadAtBack {
-    /// Nothing is carried.
+    /// No load.
     pub const NONE: LoadAtBack = LoadAtBack {
         torque_nm: Vector3::new(0.0, 0.0, 0.0),
         torque_sigma_nm: 0.0,
@@ -74,15 +74,15 @@ impl LoadAtBack {
 pub struct Back {
     /// Net moment about the horizontal axes, N m.
     pub moment_nm: f64,
-    /// 1-σ of it, N m.
+    /// Its 1-σ, N m.
     pub moment_sigma_nm: f64,
     /// Compression of the disc, N.
     pub compression_n: f64,
-    /// 1-σ of it, N.
+    /// Its 1-σ, N.
     pub compression_sigma_n: f64,
 }
 
-/// A horizontal arm, from L5/S1, at which the whole body's weight would make the moment of what is above the joint.
+/// Horizontal arm from L5/S1 at which the weight of the whole body has the moment of the body above the joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arm {
     /// Along one axis, m.
@@ -92,8 +92,8 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Given that a quantity with an error of this variance was missed by `missed_m`, whose error has the covariance
-    /// `common_m2` with the arm's: the conditional normal distribution.
+    /// Conditional normal distribution of the arm: a quantity with an error of this variance deviates by `missed_m`,
+    /// and its error has the covariance `common_m2` with the arm's.
     #[must_use]
     pub fn given(self, missed_m: f64, variance_m2: f64, common_m2: f64) -> Arm {
         let gain = common_m2 / variance_m2.max(f64::MIN_POSITIVE);
@@ -105,7 +105,7 @@ impl Arm {
 }
 
 impl Back {
-    /// Body and load together. Their errors are taken to be independent.
+    /// Combines body and load, whose errors are assumed to be independent.
     pub fn of(body: &UpperBody, load: &LoadAtBack) -> Back {
         let axes_nm = [body.moment_nm[0] + load.torque_nm.x, body.moment_nm[1] + load.torque_nm.y];
         let moment_nm = math::hypot(axes_nm);
@@ -116,7 +116,7 @@ impl Back {
         let moment_sigma_nm = math::hypot([body_sigma_nm, load.torque_sigma_nm]);
 
         let muscle_n = moment_nm / EXTENSOR_LEVER_M;
-        // A trunk below the level hangs on its joint: the axial force is negative then, and relieves the disc.
+        // A trunk below the horizontal hangs from the joint: the axial force is then negative and relieves the disc.
         let compression_n = (muscle_n + body.lumbar_axis.dot(&force_n)).max(0.0);
         let by_lever_n = LEVER_SIGMA_SHARE * muscle_n;
         let by_model_n = MODEL_SIGMA_SHARE * compression_n;
@@ -159,7 +159,8 @@ mod tests {
         };
         let back = Back::of(&leaning(0.15), &load);
         assert!((back.moment_nm - 100.0).abs() < 1e-12);
-        // Parameters 2 N m, the joint's place 10 mm of 500 N, the load's own; across the moment they count at second order.
+        // Parameters 2 N m, the joint's position 10 mm of 500 N, the load's own σ; errors across the moment count at
+        // second order.
         let expected_nm = (2.0f64.powi(2) + 5.0f64.powi(2) + 1.5f64.powi(2)).sqrt();
         assert!((back.moment_sigma_nm / expected_nm - 1.0).abs() < 2e-3);
         assert!((back.compression_n - (100.0 / 0.06 + 250.0)).abs() < 1e-9);
@@ -170,7 +171,7 @@ mod tests {
     #[test]
     fn an_arm_takes_of_what_was_missed_its_own_part() {
         let arm = Arm { arm_m: 0.1, variance_m2: 16e-6 };
-        // A whole of 25 mm², of which the arm's error is 16: a gain of 0.64.
+        // Total variance 25 mm², of which 16 is the arm's error: a gain of 0.64.
         let known = arm.given(0.010, 25e-6, 16e-6);
         assert!(
             (known.arm_m - 0.1064).abs() < 1e-12 && (known.variance_m2 - 5.76e-6).abs() < 1e-15,

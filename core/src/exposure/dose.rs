@@ -7,22 +7,22 @@
 //! of the day add up to D, and a job is a high-risk one (12 or more injuries in 200 000 hours) with the probability
 //! `1 / (1 + e^−(1.72 + 1.03 log10 D))`.
 //!
-//! **M** is what the tool's users enter: the weight of the load times "the greatest horizontal distance from the hip
-//! joint to the center of the load during the lift", taken with a measuring tape (the authors' guidance, version 1.4.1 of
-//! 2019-08-26, lifft.pythonanywhere.com/instruction). So M has no dynamics and no weight of the body. Here it is the
-//! lifted mass times g times the horizontal distance from the middle of the hip joints to the load; of its course in a
-//! lift, the largest value that was reached for [`super::held_peak::PEAK_SPAN_S`] in total, so that no single sample
-//! decides. The tool's authors advise care beyond 100 N m.
+//! **M** is the tool's input: the weight of the load times "the greatest horizontal distance from the hip joint to the
+//! center of the load during the lift", measured with a tape (the authors' guidance, version 1.4.1 of 2019-08-26,
+//! lifft.pythonanywhere.com/instruction). So M includes neither dynamics nor the weight of the body. Here it is the
+//! lifted mass times g times the horizontal distance from the middle of the hip joints to the load; over a lift, the
+//! largest value that was reached for [`super::held_peak::PEAK_SPAN_S`] in total, so that no single sample decides. The
+//! tool's authors advise caution beyond 100 N m.
 //!
-//! Not verified: the paper itself was not at hand (its abstract says "from the spine to the load"). The curve, 0.162 and
-//! 10 kN stand so in the published package pyergo; 0.038, 0.32 and the logistic in another implementation that quotes
+//! Not verified: the paper itself was unavailable (its abstract has "from the spine to the load"). The curve, 0.162 and
+//! 10 kN are from the published package pyergo; 0.038, 0.32 and the logistic from another implementation that quotes
 //! Zelik et al. (Applied Ergonomics 99, 2022), where 30 N m of relief save 70 % of the damage, as they do here. That
-//! second one prints the divisor as 1 902 416; if it were right, damages would be half of ours and probabilities up to
+//! implementation has the divisor 1 902 416; if it were right, damages would be half of ours and probabilities up to
 //! 0.08 lower.
 //!
-//! A **lift** is an episode of at least half a second in which a load is known to be carried. It ends, and counts, when
-//! nothing has been known to be carried for half a second too, or when a gap hides what happened. Where the torques are
-//! withheld between, as in an impact, it goes on; a peak that falls into such a time is missed.
+//! A **lift** is an episode of at least half a second in which a load is established to be carried. It ends, and
+//! counts, after half a second in which no load is established to be carried, or at a gap in the data. Intervals with
+//! withheld torques, as in an impact, do not end it; a peak within such an interval is missed.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -31,53 +31,54 @@ use super::{Carried, Load};
 use crate::math;
 use crate::overload::GRAVITY_M_PER_S2;
 
-/// Shorter episodes are touches, not lifts, and shorter rests do not end one, s.
+/// Minimum duration of a lift, and of a rest that ends one, s: shorter episodes are mere contacts.
 pub const LIFT_MIN_S: f64 = 0.5;
 
-/// How many lifts are remembered one by one: what may be taken back, and what a reader twice a second must not miss.
+/// Number of lifts stored individually: they can be undone, and a consumer that reads twice per second receives all of
+/// them.
 pub const LATEST_LIFTS: usize = 16;
 
-/// One lift that has ended.
+/// One completed lift.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Lift {
-    /// The first of a shift is 1; 0 for none.
+    /// Number, from 1 in each shift; 0 for none.
     pub number: u64,
     /// Time of the last sample with the load, CLOCK_MONOTONIC, ns.
     pub ended_ns: u64,
-    /// How long the load was known to be carried, s.
+    /// Total time with the load, s.
     pub carried_s: f64,
-    /// Mean of the mass over that time, and of its 1-σ, whose errors are those of one lift together, kg.
+    /// Mean of the mass over that time, and of its 1-σ, kg; the errors within one lift are fully correlated.
     pub mass_kg: [f64; 2],
     /// Peak moment of the load over the mean weight: its distance from the hip joints at the peak, m.
     pub distance_m: f64,
-    /// What it added to the damage.
+    /// Its contribution to the damage.
     pub damage: f64,
-    /// 1 if it was taken back.
+    /// 1 if it was undone.
     pub undone: u64,
 }
 
-/// The dose since this worker began.
+/// The dose since the start of this subject's shift.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Dose {
     /// D; 1 is failure.
     pub damage: f64,
-    /// Lifts that entered it.
+    /// Number of lifts that count.
     pub lifts: u64,
-    /// Lifts that have ended, those that were taken back included.
+    /// Number of completed lifts, including those that were undone.
     pub ended: u64,
-    /// The last of them: that of number n is at (n − 1) mod [`LATEST_LIFTS`].
+    /// The last lifts: that of number n is at (n − 1) mod [`LATEST_LIFTS`].
     pub latest: [Lift; LATEST_LIFTS],
-    /// How long a load has been known to be carried in the episode under way, s; 0 between episodes.
+    /// Time with the load in the current episode, s; 0 between episodes.
     carried_s: f64,
-    /// Largest load moment of that episode, N m.
+    /// Peak load moment of that episode, N m.
     peak_nm: HeldPeak,
     /// Integral of mass and 1-σ over that time, kg s.
     mass_kg_s: [f64; 2],
-    /// When the load was last known to be carried, ns.
+    /// Time of the last sample with the load, ns.
     seen_ns: u64,
-    /// How long nothing has been known to be carried since, s.
+    /// Time without a load since then, s.
     empty_s: f64,
 }
 
@@ -97,7 +98,7 @@ pub fn damage_of_lift(peak_moment_nm: f64) -> f64 {
     (math::exp(0.038 * peak_moment_nm + 0.32) / 902_416.0).min(1.0)
 }
 
-/// Probability of a high-risk job with this damage a day, in [0, 1]; 0 without any.
+/// Probability of a high-risk job with this daily damage, in [0, 1]; 0 without any.
 pub fn probability(damage: f64) -> f64 {
     if damage <= 0.0 {
         return 0.0;
@@ -107,7 +108,7 @@ pub fn probability(damage: f64) -> f64 {
 }
 
 impl Dose {
-    /// One step of time under a load, up to `time_ns`.
+    /// Advances by one time step under a load, up to `time_ns`.
     pub(super) fn advance(&mut self, load: &Load, step_s: f64, time_ns: u64) {
         match *load {
             Load::Unknown => {}
@@ -130,7 +131,7 @@ impl Dose {
         }
     }
 
-    /// The episode is over; a lift counts.
+    /// Ends the episode; counts it if it was a lift.
     pub(super) fn end_lift(&mut self) {
         let carried_s = self.carried_s;
         if carried_s >= LIFT_MIN_S {
@@ -153,13 +154,13 @@ impl Dose {
         *self = Dose::resumed(damage, lifts, ended, latest);
     }
 
-    /// With this so far, and no lift under way.
+    /// Restores accumulated values, without a lift in progress.
     pub(super) fn resumed(damage: f64, lifts: u64, ended: u64, latest: [Lift; LATEST_LIFTS]) -> Dose {
         Dose { damage, lifts, ended, latest, ..Zeroable::zeroed() }
     }
 
-    /// Takes the last lift back that was not taken back yet: it is no part of damage and count any more. Whether there was one
-    /// among the latest.
+    /// Undoes the last lift that was not undone yet, and removes it from damage and count. Returns whether there was
+    /// one among the latest lifts.
     pub fn undo_lift(&mut self) -> bool {
         let is_counted = |lift: &&mut Lift| lift.number > 0 && lift.undone == 0;
         let Some(lift) = self.latest.iter_mut().filter(is_counted).max_by_key(|lift| lift.number) else {
@@ -167,7 +168,7 @@ impl Dose {
         };
         lift.undone = 1;
         self.lifts = self.lifts.saturating_sub(1);
-        // Rounding of a sum must leave nothing of the last one.
+        // After the last lift is undone, the rounding error of the sum must not remain.
         self.damage = if self.lifts == 0 { 0.0 } else { (self.damage - lift.damage).max(0.0) };
         true
     }
@@ -195,7 +196,7 @@ mod tests {
     #[test]
     fn the_damage_is_that_of_the_cycles_to_failure() {
         for moment_nm in [0.0, 40.0, 90.0] {
-            // S in per cent, and the curve as it is published.
+            // S in per cent, and the curve as published.
             let share = (0.038 * moment_nm + 0.32) / 0.162;
             let cycles = 902_416.0 * f64::exp(-0.162 * share);
             assert!((damage_of_lift(moment_nm) * cycles - 1.0).abs() < 1e-12);
@@ -222,7 +223,7 @@ mod tests {
                 dose.advance(&Load::Unknown, 0.01, 0);
             }
         }
-        // A moment below the threshold does not make two lifts of one.
+        // A moment below the threshold does not split a lift in two.
         dose.advance(&Load::None, 0.4, 0);
         dose.advance(&lift(30.0), 0.6, 0);
         assert_eq!((dose.lifts, dose.damage), (0, 0.0));
@@ -291,7 +292,7 @@ mod tests {
         assert!(dose.undo_lift());
         assert_eq!((dose.lifts, dose.ended), (2, 3));
         assert!((dose.damage - damage_of_lift(40.0) - damage_of_lift(50.0)).abs() < 1e-18);
-        // One that comes then has a number of its own.
+        // A subsequent lift has a new number.
         dose.advance(&lift(70.0), 0.8, 300);
         dose.advance(&Load::None, 1.0, 400);
         assert_eq!((dose.latest[3].number, dose.latest[2].undone), (4, 1));

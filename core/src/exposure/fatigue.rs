@@ -2,25 +2,26 @@
 //!
 //! The model is the charging and discharging capacitor of Lorenzini, Kim, De Momi & Ajoudani, "A new overloading
 //! fatigue model for ergonomic risk assessment with application to human-robot collaboration" (ICRA 2019), which
-//! carries the muscle fatigue of Peternel et al. (2018) over to the overload torques of the joints:
+//! applies the muscle fatigue of Peternel et al. (2018) to the overload torques of the joints:
 //!
 //! `dV/dt = (1 − V) |Δτ_j| / C_j` under load, `dV/dt = −r V` at rest,
 //!
 //! so over a step with a constant torque, exactly, `1 − V' = (1 − V) e^(−|Δτ_j| Δt / C_j)` and `V' = V e^(−r Δt)`. (The
-//! form is quoted from memory.) That paper's parameters are found on each subject; ours follow from the joint's limit:
+//! form is quoted from memory.) That paper determines its parameters on each subject; here they follow from the joint's
+//! limit:
 //!
 //! - **C_j**: an overload of 0.3 τ_max, the end of green, held for its endurance time fills V to 0.993 (five time
-//!   constants, as in Peternel et al.; from memory). Endurance is `−ln(s)/(s k)` with k = 1/min for a share s of the
-//!   maximal strength (Ma, Chablat, Bennis & Zhang, 2009; close to Rohmert's curve, 1960): 241 s at s = 0.3, hence
-//!   C_j = 14.6 s · τ_max. The limit stands for the strength, which is larger: that tires too soon rather than too
-//!   late. The model's rate is linear in s where endurance is not: at 0.1 τ_max it takes half of Ma's time, at 0.6 twice.
+//!   constants, as in Peternel et al.; from memory). Endurance is `−ln(s)/(s k)` with k = 1/min for a fraction s of the
+//!   maximal strength (Ma, Chablat, Bennis & Zhang, 2009; close to Rohmert's curve, 1960): 241 s at s = 0.3, hence C_j
+//!   = 14.6 s · τ_max. The limit replaces the strength, which is larger: the error is on the safe side. The model's
+//!   rate is linear in s where endurance is not: at 0.1 τ_max it takes half of Ma's time, at 0.6 twice.
 //! - **r** = 0.0137/s, half of the fatigue gone in 51 s: the recovery rate of the three-compartment model, 0.00091/s
 //!   for joints in general (Frey-Law, Looft & Heitsman, 2012, whose abstract gives 0.00058 to 0.00168), times 15 at
 //!   rest (Looft, Herkert & Frey-Law, 2018); 0.00091 and 15 quoted from memory.
 //! - **Rest** of a joint while others are loaded: an overload of up to 0.05 τ_max, since static work below 5 % of
-//!   strength can go on for hours (Jonsson, 1982).
+//!   strength is sustainable for hours (Jonsson, 1982).
 //!
-//! Where the torques are withheld, V stays as it is: neither fatigue nor rest may be invented.
+//! While the torques are withheld, V is constant: neither fatigue nor rest is assumed.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -28,15 +29,15 @@ use super::Load;
 use crate::body::JOINTS;
 use crate::math;
 
-/// The share of τ_max for which the endurance is matched.
+/// Fraction of τ_max at which the endurance is matched.
 const MATCHED_SHARE: f64 = 0.3;
 /// Ma's fatigability k, 1/s.
 const FATIGABILITY_PER_S: f64 = 1.0 / 60.0;
-/// V after the endurance time: 1 − 0.993 is left.
+/// 1 − V after the endurance time.
 const LEFT_AT_ENDURANCE: f64 = 1.0 - 0.993;
 /// r, 1/s.
 pub const RECOVERY_PER_S: f64 = 0.00091 * 15.0;
-/// Overloads up to this share of τ_max are rest.
+/// Overloads up to this fraction of τ_max count as rest.
 pub const REST_SHARE: f64 = 0.05;
 
 /// The fatigue of every joint.
@@ -47,7 +48,7 @@ pub struct Fatigue {
     pub share: [f64; JOINTS],
 }
 
-/// How long a share of the maximal strength can be held, s (Ma et al. 2009).
+/// Time for which a fraction of the maximal strength can be held, s (Ma et al. 2009).
 fn endurance_s(share: f64) -> f64 {
     -math::ln(share) / (share * FATIGABILITY_PER_S)
 }
@@ -58,7 +59,7 @@ pub fn capacity_s() -> f64 {
 }
 
 impl Fatigue {
-    /// One step of time under a load.
+    /// Advances by one time step under a load.
     pub(super) fn advance(&mut self, load: &Load, limit_nm: &[f64; JOINTS], step_s: f64) {
         let rested = math::exp(-RECOVERY_PER_S * step_s);
         match load {
@@ -78,7 +79,7 @@ impl Fatigue {
         }
     }
 
-    /// Whether every share is one.
+    /// Whether every value is in [0, 1].
     pub fn is_sound(&self) -> bool {
         self.share.iter().all(|share| (0.0..=1.0).contains(share))
     }

@@ -1,15 +1,15 @@
-//! The largest value that a quantity had for a total time: a peak that no single sample decides.
+//! The largest value that a quantity exceeded for a total time: a peak that does not depend on a single sample.
 
 use bytemuck::{Pod, Zeroable};
 
-/// For how long in total a value must have been reached to count as a peak, s: half a period of a motion of 5 Hz, above
-/// which people hardly move a load, and five times a fault of 20 ms (20 samples of a plate at 1 kHz), which spans at
-/// most two samples of a suit. A swing at 1 Hz loses 1 − cos(π · 1 Hz · 0.1 s) = 5 % of its amplitude.
+/// Total time for which a value must be reached to count as a peak, s: half a period of a motion of 5 Hz, above which
+/// people hardly move a load, and five times a fault of 20 ms (20 samples of a plate at 1 kHz), which spans at most two
+/// samples of a suit. A swing at 1 Hz loses 1 − cos(π · 1 Hz · 0.1 s) = 5 % of its amplitude.
 pub const PEAK_SPAN_S: f64 = 0.1;
-/// Samples kept: [`PEAK_SPAN_S`] at 240 Hz needs 24. With shorter steps the span is that of so many samples.
+/// Samples stored: [`PEAK_SPAN_S`] at 240 Hz needs 24. With shorter steps the span is that of this many samples.
 const CAPACITY: usize = 32;
 
-/// The largest values with the time that each stands for, in descending order; unused entries are zero.
+/// The largest values with the duration of each, in descending order; unused entries are zero.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct HeldPeak {
@@ -18,14 +18,14 @@ pub struct HeldPeak {
 }
 
 impl HeldPeak {
-    /// Takes in a positive value that stands for `step_s`; others count as 0.
+    /// Adds a positive value with the duration `step_s`; others count as 0.
     pub fn add(&mut self, value: f64, step_s: f64) {
         let place = (0..CAPACITY).find(|&place| self.time_s[place] == 0.0 || self.value[place] < value);
         let Some(place) = place.filter(|_| value > 0.0 && step_s > 0.0) else { return };
         self.value.copy_within(place..CAPACITY - 1, place + 1);
         self.time_s.copy_within(place..CAPACITY - 1, place + 1);
         (self.value[place], self.time_s[place]) = (value, step_s);
-        // What lies beyond the span can never count again.
+        // Entries beyond the span cannot become relevant again.
         let used = self.used();
         self.value[used..].fill(0.0);
         self.time_s[used..].fill(0.0);
@@ -39,7 +39,7 @@ impl HeldPeak {
         if total_s >= PEAK_SPAN_S || is_full { self.value[used - 1] } else { 0.0 }
     }
 
-    /// How many entries fill the span.
+    /// Number of entries that fill the span.
     fn used(&self) -> usize {
         let mut total_s = 0.0;
         let full = self.time_s.iter().position(|time_s| {
@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn it_is_the_value_that_was_exceeded_for_the_span() {
-        // Any order, any steps: sorted descending, the span of 0.1 s ends within the third value.
+        // In any order and with any steps: sorted in descending order, the span of 0.1 s ends within the third value.
         let samples = [(3.0, 0.5), (9.0, 0.04), (5.0, 0.03), (4.0, 0.2), (7.0, 0.05)];
         assert_eq!(peak_of(samples), 5.0);
         assert_eq!(peak_of(samples.into_iter().rev()), 5.0);
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(peak_of([]), 0.0);
         assert_eq!(peak_of([(9.0, 0.05)]), 0.0);
         assert_eq!(peak_of([(-4.0, 1.0), (f64::NAN, 1.0), (3.0, 0.0)]), 0.0);
-        // Quicker than any suit: as many samples as there is room for.
+        // Faster than any suit: the number of samples is limited by the capacity.
         assert_eq!(peak_of((0..64).map(|index| (f64::from(index), 0.001))), 32.0);
     }
 }

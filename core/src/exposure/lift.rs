@@ -1,7 +1,7 @@
 //! The mass in the hands.
 
 /// Mass of an external force and its 1-σ, kg: `ΔF_z / (g + a)`, a being the hands' vertical acceleration and
-/// `weight_m_per_s2` the sum. Negative if the force holds the worker up.
+/// `weight_m_per_s2` the sum. Negative if the force supports the subject.
 pub fn lifted_mass_kg(delta_f_n: f64, sigma_n: f64, weight_m_per_s2: f64) -> [f64; 2] {
     [delta_f_n / weight_m_per_s2, sigma_n / weight_m_per_s2]
 }

@@ -3,7 +3,7 @@ use nalgebra::{SMatrix, SVector};
 
 const N: usize = 7;
 
-/// A small generator, so that the tests need no crate: xorshift mapped to (−1, 1).
+/// A small generator without a crate: xorshift mapped to (−1, 1).
 struct Noise(u64);
 
 impl Noise {
@@ -32,7 +32,7 @@ fn unsure_filter() -> Filter {
 }
 
 /// Bierman's UD update (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, ch. V):
-/// another algorithm for the same answer, which cannot lose positivity.
+/// another algorithm for the same result, which cannot lose positive definiteness.
 struct UdFilter {
     theta: SVector<f64, N>,
     u: SMatrix<f64, N, N>,
@@ -201,7 +201,7 @@ fn no_measurement_is_so_sharp_that_the_covariance_collapses() {
 
 #[test]
 fn every_count_of_parameters_is_updated_like_a_dense_filter() {
-    // Counts on both sides of the four rows and lanes taken together, up to all there are.
+    // Counts on both sides of the blocks of four rows and four lanes, up to the maximum.
     for count in [0, 1, 2, 3, 4, 5, 16, 18, 42, PARAMETERS] {
         let mut noise = Noise(31);
         let mut prior = Prior { theta_m: [0.0; PARAMETERS], covariance_m2: [[0.0; PARAMETERS]; PARAMETERS] };
@@ -339,6 +339,6 @@ fn the_spread_given_the_nuisance_is_that_after_measuring_it_exactly() {
     for (told, after) in told.iter().zip(measured.times_covariance(&row)).take(N) {
         assert!((told - after).abs() < 1e-9, "{told} {after}");
     }
-    // Where they are known, nothing is taken off.
+    // For known nuisance states nothing is subtracted.
     assert_eq!(known.spread_given_nuisance_m2(&h), known.times_covariance(&row));
 }

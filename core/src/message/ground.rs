@@ -209,7 +209,7 @@ impl GroundSample {
         }
         let [fx, fy, fz] = self.force_n;
         let [mx, my, _] = self.moment_nm;
-        // The comparison is false for NaN, which then is no centre of pressure either.
+        // The comparison is false for NaN, which gives no CoP either.
         if fz >= COP_MIN_VERTICAL_N {
             Ok([(self.surface_z_m * fx - my) / fz, (mx + self.surface_z_m * fy) / fz])
         } else {

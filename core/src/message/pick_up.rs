@@ -78,7 +78,7 @@ impl PickUp {
         let histograms =
             [&mut self.published_to_consumer, &mut self.due_to_consumer, &mut self.suit_to_consumer];
         for ((from_ns, histogram), max_ns) in froms.into_iter().zip(histograms).zip(&mut self.max_ns) {
-            // A stamp of 0 was never taken, and a later one than now belongs to another clock.
+            // A stamp of 0 was not taken, and a stamp in the future belongs to another clock.
             if let Some(time_ns) = from_ns.filter(|from| *from > 0).and_then(|from| now_ns.checked_sub(from))
             {
                 histogram[bucket(time_ns)] += 1;
@@ -98,7 +98,7 @@ mod tests {
             let (from, before) = (shortest_ns(index), shortest_ns(index - 1));
             assert!(from > before);
             assert_eq!((bucket(from), bucket(from - 1)), (index, index - 1));
-            // 16 sub-buckets an octave.
+            // 16 sub-buckets per octave.
             assert!(from - before <= 1.max(before / 16));
         }
         assert_eq!(bucket(u64::MAX), BUCKETS - 1);

@@ -1,14 +1,14 @@
-//! Text of devices and other programs, made fit for logs and terminals.
+//! Escapes text of devices and other programs for logs and terminals.
 
 use core::fmt::{Display, Formatter, Result, Write};
 
-/// Shows a text in one line of at most so many characters; control characters and those that change the direction or
-/// position of what follows are escaped, so that a peer forges no line and sends no command to a terminal.
+/// Displays a text in one line of limited length; control characters and those that change the direction or position of
+/// the subsequent text are escaped, so that a peer can neither forge a line nor send commands to a terminal.
 #[derive(Debug, Clone, Copy)]
 pub struct Printable<'a> {
     /// The peer's text.
     pub text: &'a str,
-    /// Characters of it that are shown; `…` stands for the rest.
+    /// Maximum number of characters displayed; `…` replaces the rest.
     pub chars_max: usize,
 }
 

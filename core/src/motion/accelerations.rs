@@ -1,10 +1,10 @@
 //! Accelerations of the segments: from positions alone, or with what the suit itself sends of them (MVN type 21).
 //!
-//! Positions differentiated twice are flattened where motion is quick, and shake where positions do. A suit's own
-//! accelerations come from its inertial sensors: right in quick motion, but a sensor that is tilted by half a degree
-//! shows 0.09 m/s² that is not there, for ever. The blend takes from each what it is good at: a parabola through the
-//! positions less the suit's accelerations integrated twice, and those accelerations on top of it. What is constant in
-//! their error drops out; what the parabola would flatten does not.
+//! Double differentiation of positions attenuates quick motion and amplifies jitter. A suit's own accelerations come
+//! from its inertial sensors: accurate in quick motion, but a sensor tilted by half a degree has a constant error of
+//! 0.09 m/s². The blend combines the advantages: a parabola through the positions minus the suit's accelerations
+//! integrated twice, plus those accelerations. Constant errors of the suit's accelerations cancel, and motion that the
+//! parabola attenuates is preserved.
 
 use nalgebra::Vector3;
 
@@ -12,26 +12,27 @@ use super::history::{CAPACITY, Moment, Motion};
 use super::weights::Weights;
 use crate::body::SEGMENTS;
 
-/// Where accelerations come from, if the suit sends its own.
+/// Source of the accelerations if the suit sends its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accelerations {
     /// The positions alone.
     Positions,
-    /// The suit's own, with what turning adds to each centre.
+    /// The suit's own accelerations, with the contribution of rotation at each CoM.
     Suit,
-    /// Quick motion from the suit's own, slow from the positions.
+    /// Quick motion from the suit, slow motion from the positions.
     Blend,
 }
 
-/// The times, weights and number of a window's moments.
+/// The times, weights and number of a window's snapshots.
 pub(super) struct Window<'a> {
     pub(super) times_s: &'a [f64; CAPACITY],
     pub(super) count: usize,
     pub(super) weights: &'a Weights,
 }
 
-/// Puts the suit's accelerations into a motion that was made of positions. `at` is the moment of the window's own time;
-/// `moment` gives the window's moments in order. Whether all of them have accelerations; if not, nothing is changed.
+/// Replaces the accelerations in a motion computed from positions. `at` is the snapshot at the window's own time;
+/// `moment` returns the window's snapshots in order. Returns whether all of them have accelerations; if not, nothing
+/// changes.
 pub(super) fn take_in<'a>(
     motion: &mut Motion,
     how: Accelerations,
@@ -59,15 +60,15 @@ pub(super) fn take_in<'a>(
 
 /// The suit's accelerations of a window, m/s².
 struct Seen {
-    /// By the parabola through them, at the window's own time.
+    /// Smoothed by a parabola, at the window's own time.
     smoothed: [Vector3<f64>; SEGMENTS],
-    /// What the parabola through positions makes of them: integrated twice over the window's times, and differentiated
-    /// twice by its weights. Where integration begins does not matter: the weights take no heed of a straight line.
+    /// As attenuated by the parabola through positions: integrated twice over the window's times, and differentiated
+    /// twice by its weights. The integration constants do not matter, because the weights cancel a straight line.
     flattened: [Vector3<f64>; SEGMENTS],
 }
 
 impl Seen {
-    /// In one pass: moments are large.
+    /// Computed in one pass, because snapshots are large.
     fn over<'a>(window: &Window<'_>, moment: impl Fn(usize) -> &'a Moment) -> Seen {
         let nothing = [Vector3::zeros(); SEGMENTS];
         let mut seen = Seen { smoothed: nothing, flattened: nothing };
@@ -80,7 +81,7 @@ impl Seen {
             };
             for (segment, now) in moment(place).acceleration_m_per_s2.iter().enumerate() {
                 let now = Vector3::from(*now);
-                // Straight between two samples.
+                // Linear between two samples.
                 position[segment] +=
                     step_s * velocity[segment] + step_s * step_s * (before[segment] / 3.0 + now / 6.0);
                 velocity[segment] += 0.5 * step_s * (before[segment] + now);
@@ -106,12 +107,12 @@ mod tests {
 
     const PERIOD_NS: u64 = 1_000_000_000 / 60;
     const HALF_NS: u64 = 70_000_000;
-    /// A shake that a parabola over 140 ms flattens.
+    /// An oscillation that a parabola over 140 ms attenuates.
     const HZ: f64 = 3.0;
     const AMPLITUDE_M: f64 = 0.01;
 
-    /// A stiff body that is shaken forward and back while it turns slowly about the vertical; its suit's accelerations are
-    /// off by `bias` for ever. The true and the told acceleration of the centre of mass, m/s².
+    /// A rigid body that oscillates forward and back while it rotates slowly about the vertical; its suit's
+    /// accelerations have the constant error `bias`. Returns the true and the computed acceleration of the CoM, m/s².
     fn shaken(how: Accelerations, bias: f64, sends: bool) -> (f64, f64, bool) {
         let skeleton = Skeleton::nominal(1.77);
         let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
@@ -142,7 +143,7 @@ mod tests {
                 let time_s = moment.time_ns as f64 * 1e-9;
                 let truth = -AMPLITUDE_M * omega * omega * (omega * time_s).sin();
                 largest = largest.max(truth.abs());
-                // The table's centre lies a little off the axis, and goes round it: 2 mm/s².
+                // The table's CoM lies slightly off the axis and revolves around it: 2 mm/s².
                 worst = worst.max((x - truth).abs());
                 by_suit = is_by_suit;
             }

@@ -1,39 +1,39 @@
-//! How far the compensation of inertia can be trusted, learnt from motion without a load.
+//! Error of the inertia compensation, estimated from motion without a load.
 //!
-//! Accelerations from positions are wrong by some share of themselves: samples are late, bones are not rigid, the
-//! suit smooths. So the error of what is compensated grows with how much is compensated, its *activity*, and the
-//! ratio of the two is learnt while the worker is known to carry nothing.
+//! Accelerations from positions have an error proportional to their size: samples are late, bones are not rigid, the
+//! suit smooths. So the error of the compensation grows with its size, the *activity*, and the ratio of the two is
+//! estimated while no load is carried.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::math;
 
-/// Believed before anything was seen: an eighth of what is compensated is wrong.
+/// Prior of the ratio: an eighth of the compensation is wrong.
 const RATIO_AT_FIRST: f64 = 0.125;
-/// That belief counts as much as this many samples.
+/// Weight of the prior, in samples.
 const SAMPLES_AT_FIRST: f64 = 60.0;
-/// The past is forgotten over about this many samples.
+/// Averaging length, in samples.
 const SAMPLES_KEPT: f64 = 6000.0;
-/// No compensation is better than this.
+/// Lower bound of the ratio.
 const RATIO_MIN: f64 = 0.02;
 
 /// Error over activity of one quantity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Confidence {
-    /// Mean of error² over activity², and how many samples it stands on.
+    /// Mean of error² over activity², and the number of samples in it.
     ratio_square: f64,
     samples: f64,
 }
 
 impl Confidence {
-    /// Takes in an error that nothing else explains, with the activity at that time; both in one unit.
+    /// Ingests an error without another explanation, with the activity at that time; both in the same unit.
     pub fn learn(&mut self, error: f64, activity: f64, error_at_rest: f64) {
-        // Little motion says nothing about motion.
+        // Small motion has no information on the ratio.
         if activity * activity <= error_at_rest * error_at_rest || !error.is_finite() {
             return;
         }
-        // One blunder must not shake the belief for minutes.
+        // Limit the influence of a single outlier, which would otherwise last for minutes.
         let square =
             ((error * error - error_at_rest * error_at_rest) / (activity * activity)).clamp(0.0, 1.0);
         self.samples = (self.samples + 1.0).min(SAMPLES_KEPT);
@@ -54,10 +54,10 @@ impl Confidence {
     }
 }
 
-/// Motion does not end where its acceleration crosses zero: the largest of the recent past, fading, s.
+/// Decay time of the envelope, s: motion continues while its acceleration crosses zero.
 const FADING_S: f64 = 0.25;
 
-/// The recent largest value of something that comes and goes.
+/// Decaying maximum of a varying quantity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Envelope {
@@ -65,7 +65,7 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// Takes in a value `step_s` after the one before.
+    /// Ingests a value `step_s` after the previous one.
     pub fn follow(&mut self, value: f64, step_s: f64) -> f64 {
         // 1/(1 + x) for e^(−x): close for the short steps of a sample, and never negative.
         let faded = self.height / (1.0 + step_s.max(0.0) / FADING_S);
@@ -73,7 +73,7 @@ impl Envelope {
         self.height
     }
 
-    /// The value now.
+    /// The present value.
     pub fn height(&self) -> f64 {
         self.height
     }

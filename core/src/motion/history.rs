@@ -1,4 +1,5 @@
-//! The last suit samples, each with the wrench at its time: a moment is looked at once its future is known too.
+//! The last suit samples, each with the wrench at its time: a snapshot is processed once the samples after it have
+//! arrived.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
@@ -10,20 +11,20 @@ use crate::body::{Anthropometry, SEGMENTS};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation, wxyz};
 use crate::message::GroundSample;
 
-/// Samples kept: a window of a quarter of a second at 240 Hz.
+/// Samples stored: a window of a quarter of a second at 240 Hz.
 pub const CAPACITY: usize = 64;
-/// A moment waits for at most so many samples after it, whatever time they take.
+/// Maximum number of samples after a snapshot for which it waits, whatever their duration.
 const AHEAD_MAX: usize = CAPACITY / 2 - 1;
-/// Samples farther apart than this are not differentiated over, ns.
+/// Maximum interval between samples for differentiation, ns.
 const GAP_MAX_NS: u64 = 120_000_000;
-/// A parabola needs so many samples on each side.
+/// Number of samples that a parabola needs on each side.
 const SIDE_MIN: usize = 2;
 
-/// One suit sample with all that belongs to its time.
+/// One suit sample with all data of its time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Moment {
-    /// When the suit sampled it.
+    /// Sample time of the suit.
     pub time_ns: u64,
     /// The anchor's stance.
     pub stance: u64,
@@ -31,30 +32,31 @@ pub struct Moment {
     pub both_feet_stand: u64,
     /// 1-σ of the sample's time, ns.
     pub time_sigma_ns: u64,
-    /// Segment origins, station's world, m.
+    /// Segment origins, station world, m.
     pub origin_m: [[f64; 3]; SEGMENTS],
     /// `world_from_segment`, scalar first.
     pub orientation_wxyz: [[f64; 4]; SEGMENTS],
-    /// What the anchor shifted the suit's world by, m.
+    /// The anchor's shift of the suit world, m.
     pub station_from_suit_m: [f64; 2],
-    /// The suit maker's own centre of mass, station's world, m; means something if `has_suit_com`.
+    /// CoM by the suit's maker, station world, m; valid if `has_suit_com`.
     pub suit_com_m: [f64; 3],
     /// 1 if the suit sent its centre of mass.
     pub has_suit_com: u64,
-    /// Accelerations of the segment origins as the suit sends them, m/s²; mean something if `has_acceleration`.
+    /// Accelerations of the segment origins from the suit, m/s²; valid if `has_acceleration`.
     pub acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
     /// 1 if the suit sent them.
     pub has_acceleration: u64,
-    /// Centres of mass of the segments by the table, in the suit's own world: the anchor's shifts are no motion, m.
+    /// Centres of mass of the segments by the table, in the suit world, m: there the anchor's shifts do not appear as
+    /// motion.
     centre_m: [[f64; 3]; SEGMENTS],
-    /// The wrench at that time; means something if `has_ground`.
+    /// The wrench at that time; valid if `has_ground`.
     pub ground: GroundSample,
-    /// 1 if the ground was not silent then.
+    /// 1 if the ground was not silent at that time.
     pub has_ground: u64,
 }
 
 impl Moment {
-    /// Body and ground at one time.
+    /// Combines body and ground at one time.
     pub fn new(
         time_ns: u64,
         in_suit_world: &Pose<SuitWorld>,
@@ -75,7 +77,7 @@ impl Moment {
         }
     }
 
-    /// Where the body is.
+    /// Pose of the body.
     pub fn pose(&self) -> Pose<StationWorld> {
         Pose::new(self.origin_m.map(Into::into), self.orientation_wxyz.map(rotation))
     }
@@ -105,28 +107,28 @@ impl Moment {
     }
 }
 
-/// A ring of moments. Each comes out once, when the window around it is full.
+/// A ring of snapshots. Each is released once, when the window around it is full.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct History {
     moments: [Moment; CAPACITY],
-    /// How many moments have come in, and how many have come out.
+    /// Numbers of snapshots pushed and released.
     count_in: u64,
     count_out: u64,
 }
 
-/// More samples than a century brings.
+/// More samples than arrive in a century.
 const COUNT_MAX: u64 = 1 << 48;
 
 impl History {
-    /// Takes in the newest moment.
+    /// Appends the newest snapshot.
     pub fn push(&mut self, mut moment: Moment) {
         if self.newest().is_some_and(|newest| moment.time_ns.saturating_sub(newest.time_ns) > GAP_MAX_NS) {
-            // What still waited for its future will not have one, and is no news any more.
+            // The windows of the waiting snapshots stay incomplete, and the snapshots are outdated.
             self.count_out = self.count_in;
         }
         if let Some(newest) = self.newest() {
-            // q and −q are one rotation; a jump between them would look like motion.
+            // q and −q are the same rotation; a jump between them would appear as motion.
             for (now, before) in moment.orientation_wxyz.iter_mut().zip(&newest.orientation_wxyz) {
                 if now.iter().zip(before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
                     *now = now.map(|part| -part);
@@ -137,18 +139,18 @@ impl History {
         self.count_in += 1;
     }
 
-    /// Forgets everything.
+    /// Clears the history.
     pub fn clear(&mut self) {
         self.count_in = 0;
         self.count_out = 0;
     }
 
-    /// The newest moment.
+    /// The newest snapshot.
     pub fn newest(&self) -> Option<&Moment> {
         Some(self.at(self.count_in.checked_sub(1)?))
     }
 
-    /// The moments that came in after a time and are still kept, oldest first, whether or not they have come out.
+    /// The stored snapshots after a time, oldest first, whether released or not.
     pub fn since(&self, time_ns: u64) -> impl Iterator<Item = &Moment> {
         let oldest = self.count_in.saturating_sub(CAPACITY as u64);
         let mut first = self.count_in;
@@ -158,7 +160,7 @@ impl History {
         (first..self.count_in).map(|index| self.at(index))
     }
 
-    /// The next moment that has `half_window_ns` of motion after it, with its inertia if the window carries it.
+    /// The next snapshot that has `half_window_ns` of motion after it, with its inertia if the window is sufficient.
     pub fn next(
         &mut self,
         half_window_ns: u64,
@@ -179,7 +181,7 @@ impl History {
         Some((moment, inertia))
     }
 
-    /// How the body accelerates at a moment; `None` with too few samples on either side, or a gap between them.
+    /// Acceleration of the body at a snapshot; `None` with too few samples on either side, or a gap between them.
     fn inertia_at(
         &self,
         index: u64,
@@ -198,8 +200,8 @@ impl History {
         Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, worker) })
     }
 
-    /// Shows every moment of the window around the one that came out last, with its weight in a second derivative
-    /// there, 1/s². Whether there is such a window.
+    /// Passes every snapshot of the window around the last released one to `show`, with its weight in a second
+    /// derivative there, 1/s². Returns whether there is such a window.
     pub fn differentiate_twice(&self, half_window_ns: u64, mut show: impl FnMut(f64, &Moment)) -> bool {
         let Some(index) = self.count_out.checked_sub(1) else { return false };
         let Some((first, count, _, weights)) = self.window_at(index, half_window_ns) else { return false };
@@ -209,7 +211,7 @@ impl History {
         true
     }
 
-    /// The first moment of the window around one, how many there are, their times, and their weights.
+    /// First snapshot of the window around one, number of snapshots, their times, and their weights.
     fn window_at(&self, index: u64, half_window_ns: u64) -> Option<(u64, usize, [f64; CAPACITY], Weights)> {
         let centre = self.at(index);
         let oldest = self.count_in.saturating_sub(CAPACITY as u64);
@@ -249,7 +251,7 @@ impl History {
     }
 }
 
-/// Derivatives at a moment: sums over the moments of the window around it.
+/// Derivatives at a snapshot: sums over the snapshots of the window around it.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     /// Second derivative of each segment's centre, m/s².
@@ -259,7 +261,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// No moment was added yet.
+    /// The empty sum.
     pub fn zeroed() -> Motion {
         Motion { acceleration_m_per_s2: [[0.0; 3]; SEGMENTS], turning: [[[0.0; 4]; 2]; SEGMENTS] }
     }
@@ -269,7 +271,7 @@ impl Motion {
         angular(orientation, &self.turning[segment])
     }
 
-    /// Adds one moment of the window with its weights in the first and the second derivative, 1/s and 1/s².
+    /// Adds one snapshot of the window with its weights in the first and the second derivative, 1/s and 1/s².
     pub fn add(&mut self, moment: &Moment, first: f64, second: f64) {
         for (sum, value) in
             self.acceleration_m_per_s2.iter_mut().flatten().zip(moment.centre_m.iter().flatten())
@@ -292,7 +294,7 @@ impl Moment {
         self.centre(segment) + Vector3::new(x, y, 0.0) - Vector3::from(self.origin_m[segment])
     }
 
-    /// Centre of mass of a segment by the table, suit's world, m.
+    /// Centre of mass of a segment by the table, suit world, m.
     pub(super) fn centre(&self, segment: usize) -> Vector3<f64> {
         Vector3::from(self.centre_m[segment])
     }
@@ -316,7 +318,7 @@ mod tests {
         Skeleton::nominal(1.77)
     }
 
-    /// A stiff body that is thrown forward and turned about its upright axis.
+    /// A rigid body that is thrown forward while it rotates about its vertical axis.
     fn moment(index: u64, body: &Anthropometry) -> Moment {
         let time_s = (index * PERIOD_NS) as f64 * 1e-9;
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 1.5 * time_s);
@@ -355,7 +357,7 @@ mod tests {
 
     #[test]
     fn a_step_of_the_anchor_is_no_acceleration() {
-        // On the upright axis the throw is all; the table's centre lies a little off it and turns along.
+        // On the vertical axis only the throw accelerates; the table's CoM lies slightly off it and rotates.
         let (_, out) = released(60);
         for (_, inertia) in out.into_iter().skip(8) {
             let [x, _, z] = inertia.unwrap().acceleration_m_per_s2;
@@ -393,7 +395,7 @@ mod tests {
                 without += u32::from(inertia.is_none());
             }
         }
-        // Two at the start, two after the gap; the seven before it that waited for their future never came out.
+        // Two at the start, two after the gap; the seven before the gap with incomplete windows are never released.
         assert_eq!(without, 4);
         assert!(history.is_sound());
     }

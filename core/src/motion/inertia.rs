@@ -1,4 +1,4 @@
-//! What a moving body asks of the ground beyond its weight (Newton and Euler), per kilogram of body.
+//! Ground reaction of a moving body in addition to its weight (Newton and Euler), per kilogram of body.
 
 use nalgebra::{Quaternion, Vector3};
 
@@ -8,15 +8,15 @@ use crate::frame::rotation;
 
 /// Standard gravity as the paper rounds it, m/s².
 const GRAVITY_M_PER_S2: f64 = 9.81;
-/// Below this share of its weight a body leaps, and its centre of pressure means nothing.
+/// Below this fraction of its weight the body leaps, and its CoP is meaningless.
 const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
 
-/// A body that is accelerated more than this is struck or leaps.
+/// Larger accelerations of a body are impacts or leaps.
 const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
-/// A body that turns so that its centre of pressure were this far off would fall over its feet, m: a leap of sample times.
+/// Larger shifts of the CoP by rotation, m, would make the body fall: they result from a jump of sample times.
 const TURNING_SHIFT_MAX_M: f64 = 0.3;
 
-/// How this worker's mass is spread, by the table.
+/// Mass distribution of this subject, by the table.
 #[derive(Debug, Clone, Copy)]
 pub struct Build<'a> {
     /// Masses and centres.
@@ -25,7 +25,7 @@ pub struct Build<'a> {
     pub gyration_m2: &'a [[f64; 3]; SEGMENTS],
 }
 
-/// What it takes to accelerate the body above L5/S1, by the table's masses, over the mass of the whole body.
+/// Inertial force and moment of the body above L5/S1, by the table's masses, over the mass of the whole body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpperInertia {
     /// `Σ μ_i c̈_i` over the segments above the joint, m/s².
@@ -54,7 +54,7 @@ impl UpperInertia {
     }
 }
 
-/// The motion of the whole body at one moment.
+/// Motion of the whole body at one snapshot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia {
     /// Acceleration of the centre of mass C̈, m/s².
@@ -63,9 +63,9 @@ pub struct Inertia {
     pub momentum_rate_m2_per_s2: [f64; 3],
     /// Acceleration of the left and the right hand's centre, m/s².
     pub hand_acceleration_m_per_s2: [[f64; 3]; 2],
-    /// What it takes to accelerate the body above L5/S1.
+    /// Inertia of the body above L5/S1.
     pub upper: UpperInertia,
-    /// Whether the suit's own accelerations are in it.
+    /// Whether the suit's own accelerations are included.
     pub is_by_suit: bool,
 }
 
@@ -79,7 +79,7 @@ impl Inertia {
         is_by_suit: false,
     };
 
-    /// Sums over the segments: masses and centres by the table laid on this worker's bones.
+    /// Sums over the segments: masses and centres by the table, scaled to this subject's bone lengths.
     pub(super) fn of(moment: &Moment, motion: &Motion, worker: &Build) -> Inertia {
         let rates = momentum_rate_by_segment(moment, motion, worker);
         let momentum_rate: Vector3<f64> = rates.iter().map(|rate| Vector3::from(*rate)).sum();
@@ -97,7 +97,7 @@ impl Inertia {
         }
     }
 
-    /// Whether the motion is one of work: no leap, no impact, for which a parabola would not do.
+    /// Whether the motion is one of work: no leap and no impact, to which a parabola does not apply.
     pub fn is_moderate(&self) -> bool {
         let square: f64 = self.acceleration_m_per_s2.iter().map(|value| value * value).sum();
         square < ACCELERATION_MAX_M_PER_S2 * ACCELERATION_MAX_M_PER_S2
@@ -106,22 +106,22 @@ impl Inertia {
             })
     }
 
-    /// Vertical force over mass that this motion needs, g + C̈_z, m/s²; `None` of a body that leaps.
+    /// Vertical force over mass that this motion requires, g + C̈_z, m/s²; `None` for a leaping body.
     pub fn specific_force_m_per_s2(&self) -> Option<f64> {
         let force = GRAVITY_M_PER_S2 + self.acceleration_m_per_s2[2];
         (force > SPECIFIC_FORCE_MIN_M_PER_S2).then_some(force)
     }
 
-    /// `(−L̇_y, L̇_x)/(M (g + C̈_z))`: where the turning body shifts the centre of pressure to, m.
+    /// `(−L̇_y, L̇_x)/(M (g + C̈_z))`: shift of the CoP by the rotation of the body, m.
     pub fn turning_shift_m(&self, specific_force_m_per_s2: f64) -> [f64; 2] {
         let [x, y, _] = self.momentum_rate_m2_per_s2;
         [-y / specific_force_m_per_s2, x / specific_force_m_per_s2]
     }
 }
 
-/// What each segment adds to the rate of the angular momentum about the centre of mass over the body's mass, m²/s²:
-/// `μ_i (c_i − C) × c̈_i + μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion, `ω = 2 q̇ q̄`,
-/// `α = 2 q̈ q̄` (vector parts).
+/// Contribution of each segment to the rate of the angular momentum about the CoM over the body's mass, m²/s²: `μ_i
+/// (c_i − C) × c̈_i + μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion, `ω = 2 q̇ q̄`, `α =
+/// 2 q̈ q̄` (vector parts).
 pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build) -> [[f64; 3]; SEGMENTS] {
     let mass = &worker.body.mass_fraction;
     let centre = centre_of_mass(moment, worker);
@@ -137,7 +137,7 @@ pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build
     })
 }
 
-/// Centre of mass by the table, suit's world, m.
+/// Centre of mass by the table, suit world, m.
 fn centre_of_mass(moment: &Moment, worker: &Build) -> Vector3<f64> {
     let weighed = worker.body.mass_fraction.iter().enumerate();
     weighed.map(|(segment, mass)| *mass * moment.centre(segment)).sum()
@@ -211,14 +211,14 @@ mod tests {
                     |segment| if above(segment) { turn } else { UnitQuaternion::identity() },
                 );
             let pose = Pose::<SuitWorld>::new(origin, rotation);
-            // The anchor's shift must not matter.
+            // The result must not depend on the anchor's shift.
             let shifted = pose.shifted(Vector3::new(0.4, -0.3, 0.0));
             history.push(Moment::new(time_ns, &pose, &shifted, &body));
             while let Some((moment, inertia)) = history.next(40_000_000, Accelerations::Positions, &build) {
                 let Some(Inertia { upper, .. }) = inertia else { continue };
                 let time_s = moment.time_ns as f64 * 1e-9;
                 if time_s < 0.05 {
-                    // A window that lies to one side.
+                    // A one-sided window.
                     continue;
                 }
                 let (sin, cos) = (omega * time_s).sin_cos();
@@ -248,7 +248,7 @@ mod tests {
         assert!(!moving([0.0, 6.1, 0.0], [0.0; 3]).is_moderate());
         assert!(!moving([0.0, 0.0, -9.0], [0.0; 3]).is_moderate());
         assert!(!moving([0.0; 3], [0.0, -3.1, 0.0]).is_moderate());
-        // About the vertical a body may turn as it likes: that moves no centre of pressure.
+        // Rotation about the vertical is not limited, because it shifts no CoP.
         assert!(moving([0.0; 3], [0.0, 0.0, 9.0]).is_moderate());
     }
 }

@@ -1,53 +1,53 @@
-//! Whether the subject carries nothing, and whether a load that was detected is still there.
+//! Detects whether the subject carries no load, and whether a detected load is still present.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::math;
 
-/// The external force must have averaged to nothing over the last 2 s: a period of natural work, so that errors of the
-/// compensation, which go with the acceleration, cancel. Blocks of the window …
+/// The external force must average to zero over the last 2 s: a period of natural work, so that errors of the
+/// compensation, which are proportional to the acceleration, cancel. Blocks of the window …
 const BLOCKS: usize = 8;
 /// … and the length of one, s.
 const BLOCK_S: f64 = 0.25;
-/// A mean within so many σ is none.
+/// A mean below this many σ counts as zero.
 const SIGMAS: f64 = 2.0;
-/// A force that swings with the motion averages out as an acceleration does: to a difference of velocities over the
-/// length of the window. For `a sin ωt` that is at most `2/(ω T)` of its amplitude, 1/4 at 0.5 Hz and 2 s.
+/// A force that swings with the motion averages out like an acceleration: to a difference of velocities over the length
+/// of the window. For `a sin ωt` that is at most `2/(ω T)` of its amplitude, 1/4 at 0.5 Hz and 2 s.
 const SWING_LEFT: f64 = 0.25;
-/// A load is detected so many σ from nothing.
+/// Detection limit of a load, in σ.
 pub const SIGMAS_OF_A_LOAD: f64 = 2.5;
-/// Errors of a motion last about so long: samples within it are one, s.
+/// Correlation time of errors of a motion, s: samples within it count as one.
 pub const CORRELATION_S: f64 = 0.5;
 
 /// 1-σ of the external force, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForceSigma {
-    /// Of the plate and the body weight.
+    /// σ of plate and body weight.
     pub at_rest_n: f64,
-    /// Of the compensated inertia in this motion.
+    /// σ of the compensated inertia in this motion.
     pub by_motion_n: f64,
 }
 
-/// The mean external force over a window of 2 s. A force that swings with the motion averages out; a load stays.
+/// Mean external force over a window of 2 s. A force that swings with the motion averages out; a load does not.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Unloaded {
     /// Impulses of the last complete blocks, N s, the oldest at `next` once all are filled.
     block_n_s: [f64; BLOCKS],
     next: u64,
-    /// Blocks that are filled, in [0, 8].
+    /// Filled blocks, in [0, 8].
     filled: u64,
-    /// Impulse of the block under way, N s, and its length so far, s.
+    /// Impulse of the current block, N s, and its length so far, s.
     impulse_n_s: f64,
     length_s: f64,
-    /// 1 while nothing is carried.
+    /// 1 while no load is carried.
     quiet: u64,
 }
 
 impl Unloaded {
-    /// Takes in the external vertical force, N, `step_s` after the one before; whether nothing is carried.
+    /// Ingests the external vertical force, N, `step_s` after the previous one; returns whether no load is carried.
     ///
-    /// `threshold_n`: a load from this on; a mean of half of it is none of a compensation's errors.
+    /// `threshold_n`: force above which a load counts; a mean of half of it exceeds the errors of the compensation.
     pub fn watch(&mut self, delta_f_n: f64, step_s: f64, threshold_n: f64, sigma: ForceSigma) -> bool {
         let sudden_n = threshold_n + 3.0 * math::hypot([sigma.at_rest_n, sigma.by_motion_n]);
         if !delta_f_n.is_finite() || delta_f_n.abs() > sudden_n {
@@ -58,7 +58,7 @@ impl Unloaded {
         self.impulse_n_s += delta_f_n * step_s;
         self.length_s += step_s;
         if self.length_s >= BLOCK_S * (1.0 - 1e-9) {
-            // Scaled to the length of a block: samples do not end where it does.
+            // Scaled to the length of a block, because samples do not end at its boundary.
             self.block_n_s[self.next as usize % BLOCKS] = self.impulse_n_s * BLOCK_S / self.length_s;
             self.next = (self.next + 1) % BLOCKS as u64;
             self.filled = (self.filled + 1).min(BLOCKS as u64);
@@ -71,12 +71,12 @@ impl Unloaded {
         self.is_quiet()
     }
 
-    /// Whether nothing was carried over the window, by the last moment watched.
+    /// Whether no load was carried over the window, at the last snapshot ingested.
     pub fn is_quiet(&self) -> bool {
         self.quiet == 1
     }
 
-    /// Empties the window.
+    /// Clears the window.
     pub fn forget(&mut self) {
         *self = Zeroable::zeroed();
     }
@@ -91,31 +91,32 @@ impl Unloaded {
     }
 }
 
-/// A load that was detected stays detected until the evidence is against it (Page 1954, cumulative sum of log-likelihood
-/// ratios): the force is that of the load, by its mean since detection but at least the threshold, or nothing. Evidence is bounded by what a single
-/// force at the limit of detection would be worth, so that as much speaks against a load as is asked for one.
+/// A detected load stays detected until the data contradict it (Page 1954, cumulative sum of log-likelihood ratios):
+/// the hypotheses are the force of the load, by its mean since detection but at least the threshold, and zero. The
+/// evidence is limited to that of a single force at the detection limit, so that as much evidence is needed against a
+/// load as for it.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Load {
-    /// Log-likelihood ratio of the load against nothing; 0 while none is detected.
+    /// Log-likelihood ratio of the load against zero; 0 while none is detected.
     evidence: f64,
-    /// Mean force since detection, N, over so long, s: of samples that are nearer to it than to nothing.
+    /// Mean force since detection, N, over the time `length_s`, s: of samples that are closer to it than to zero.
     mean_n: f64,
     length_s: f64,
-    /// Time of the sample before, ns.
+    /// Time of the previous sample, ns.
     last_ns: u64,
 }
 
-/// Evidence that a force [`SIGMAS_OF_A_LOAD`] from nothing gives for a load of that size.
+/// Evidence of a force [`SIGMAS_OF_A_LOAD`] from zero for a load of that size.
 const EVIDENCE_MAX: f64 = 0.5 * SIGMAS_OF_A_LOAD * SIGMAS_OF_A_LOAD;
-/// The mean of a load looks back on about so long, s; only after it a load is kept. Errors of a motion turn over sooner.
+/// Averaging time of the mean load, s, and minimum time after which a load is kept. Errors of a motion vary faster.
 const MEAN_OVER_S: f64 = 1.0;
-/// Longer gaps say nothing of the time in them, s.
+/// Longer steps are limited to this, s, because the force in a gap is unavailable.
 const STEP_MAX_S: f64 = 0.1;
 
 impl Load {
-    /// Takes in the external vertical force, N, with its 1-σ; whether a load is there. One is detected beyond
-    /// `threshold_n` and [`SIGMAS_OF_A_LOAD`] σ, whatever was before.
+    /// Ingests the external vertical force, N, with its 1-σ; returns whether a load is present. Above `threshold_n` and
+    /// [`SIGMAS_OF_A_LOAD`] σ a load is always detected.
     pub fn follow(&mut self, delta_f_n: f64, sigma_n: f64, threshold_n: f64, time_ns: u64) -> bool {
         let step_s = (time_ns.saturating_sub(self.last_ns) as f64 * 1e-9).min(STEP_MAX_S);
         let detected = delta_f_n.abs() >= threshold_n.max(SIGMAS_OF_A_LOAD * sigma_n);
@@ -225,7 +226,7 @@ mod tests {
     fn a_load_does_not_vanish_because_sigma_rises_and_is_gone_when_it_is_put_down() {
         let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
         assert!(follow(&mut load, &mut now_ns, 1.0, 10.0, |_| 110.0).iter().all(|loaded| *loaded));
-        // The limit of detection is 150 N now.
+        // The detection limit is 150 N now.
         let swinging = |time_s: f64| 110.0 + 60.0 * (4.0 * time_s).sin();
         assert!(follow(&mut load, &mut now_ns, 5.0, 60.0, swinging).iter().all(|loaded| *loaded));
         assert!(follow(&mut load, &mut now_ns, 0.05, 2.0, |_| 0.0).iter().skip(1).all(|loaded| !*loaded));

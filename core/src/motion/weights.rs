@@ -1,21 +1,21 @@
-//! Derivatives of sampled motion: the parabola of least squares through samples at any times (Savitzky and Golay).
+//! Derivatives of sampled motion: the least-squares parabola through samples at irregular times (Savitzky and Golay).
 
 use super::history::CAPACITY;
 
 /// Weights of a window's samples: `derivative = Σ weight · value`.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights {
-    /// Of the value itself, smoothed.
+    /// Weights of the smoothed value.
     pub value: [f64; CAPACITY],
-    /// Of the first derivative, 1/s.
+    /// Weights of the first derivative, 1/s.
     pub first: [f64; CAPACITY],
-    /// Of the second derivative, 1/s².
+    /// Weights of the second derivative, 1/s².
     pub second: [f64; CAPACITY],
 }
 
-/// The weights for samples at `times_s`, seen from the moment 0, at which the derivatives are taken.
+/// The weights for samples at `times_s`, relative to the instant 0, at which the derivatives are taken.
 ///
-/// `None` if the times cannot carry a parabola: fewer than three distinct ones. Times beyond the first [`CAPACITY`]
+/// `None` if the times do not determine a parabola: fewer than three distinct ones. Times beyond the first [`CAPACITY`]
 /// are not used.
 pub fn weights(times_s: &[f64]) -> Option<Weights> {
     let times_s = &times_s[..times_s.len().min(CAPACITY)];
@@ -23,7 +23,7 @@ pub fn weights(times_s: &[f64]) -> Option<Weights> {
     if scale_s <= 0.0 {
         return None;
     }
-    // Powers of times in [−1, 1], so that the sums are of one size.
+    // Powers of times in [−1, 1], so that the sums have similar magnitudes.
     let mut sums = [0.0; 5];
     for time in times_s {
         let mut power = 1.0;

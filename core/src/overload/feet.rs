@@ -1,42 +1,43 @@
-//! Vertical ground reaction on each foot, with the load and as it would be without it.
+//! Vertical ground reaction on each foot, with the load and without it.
 //!
-//! Each foot's force acts under that foot. With one plate only the common centre of pressure is known: each foot then
-//! presses at its ankle, both moved alike so that their forces act together at the centre of pressure,
-//! `c_k = ankle_k + (C − Σ ζ ankle)`, and ζ is the projection of the centre of pressure on the line between the ankles.
+//! Each foot's force acts under that foot. With one plate only the common CoP is measured: each foot is then assumed to
+//! press at its ankle, with both points shifted equally so that the resultant acts at the CoP, `c_k = ankle_k + (C − Σ
+//! ζ ankle)`, and ζ is the projection of the CoP on the line between the ankles.
 //!
-//! The forces *without* the load cannot be measured, but their sums are known: weight W, acting at Ĉ_wo. Of the
-//! displacement from C_wt back to Ĉ_wo the part along the line between the two centres shifts weight from foot to foot;
-//! the rest (across that line, or once a foot is empty) moves both feet's centres alike. So Σ f_k = W and
-//! Σ f_k c_k = W Ĉ_wo hold by construction, and with both centres in one place the rule is Eq. 15.
+//! The forces *without* the load cannot be measured, but their resultant is determined: weight W, acting at Ĉ_wo. Of
+//! the displacement from C_wt back to Ĉ_wo, the part along the line between the two centres shifts weight between the
+//! feet; the rest (across that line, or beyond the point at which a foot is unloaded) shifts both feet's centres
+//! equally. So Σ f_k = W and Σ f_k c_k = W Ĉ_wo hold by construction, and with both centres in one position the rule is
+//! Eq. 15.
 
 use super::Loading;
 use super::sharing::{TOO_CLOSE_M, project};
 use crate::math;
 
-/// What is known of how the feet share the ground reaction.
+/// Available information on the distribution of the ground reaction between the feet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FootLoads {
-    /// Foot load fractions ζ that hold with and without the load, and both forces at the common centre of pressure: Eq. 15
-    /// as published.
+    /// Foot load fractions ζ that apply with and without the load, and both forces at the common CoP: Eq. 15 as
+    /// published.
     Common {
         /// ζ: left, right.
         zeta: [f64; 2],
     },
-    /// Only the common centre of pressure is known.
+    /// Only the common CoP is measured.
     Geometry {
-        /// Where each foot presses, from its ankle, world x and y, m.
+        /// Point of action under each foot, from its ankle, world x and y, m.
         press_m: [[f64; 2]; 2],
         /// Which feet are on the floor: left, right.
         stands: [bool; 2],
     },
-    /// ζ was measured, the centres of pressure of the feet were not.
+    /// ζ is measured, the CoPs of the feet are not.
     Fractions {
         /// ζ: left, right.
         zeta: [f64; 2],
         /// As in [`FootLoads::Geometry`], m.
         press_m: [[f64; 2]; 2],
     },
-    /// Both were measured.
+    /// ζ and the CoPs of the feet are measured.
     Measured {
         /// ζ: left, right.
         zeta: [f64; 2],
@@ -45,14 +46,14 @@ pub enum FootLoads {
     },
 }
 
-/// Feet's centres of pressure that miss the common one by more than this are not of this plate, m.
+/// Maximum deviation of the feet's CoPs from the common one, m; beyond it they belong to another plate.
 const FEET_OFF_MAX_M: f64 = 0.03;
 
 impl FootLoads {
-    /// Fractions and centres of pressure that were measured under each foot.
+    /// Fractions and CoPs measured under each foot.
     ///
-    /// Both centres are moved alike until their sum is the common one, which a tare may have moved; if they miss it by more
-    /// than 30 mm only the fractions are used.
+    /// Both CoPs are shifted equally until their resultant is the common one, which a tare may have shifted; if they
+    /// deviate from it by more than 30 mm, only the fractions are used.
     pub fn measured(feet: &crate::message::ground::Feet, cop_measured_m: [f64; 2]) -> FootLoads {
         let zeta = feet.shares();
         let moved = feet.cop_m.and_then(|cop_m| {
@@ -66,7 +67,7 @@ impl FootLoads {
         }
     }
 
-    /// The same seen from a body that is moved by `by_m`: what is fixed to the plate moves the other way.
+    /// The same relative to a body that is moved by `by_m`: points fixed to the plate move the other way.
     pub(super) fn seen_from(self, by_m: [f64; 2]) -> FootLoads {
         match self {
             FootLoads::Measured { zeta, cop_m } => FootLoads::Measured {
@@ -83,16 +84,16 @@ impl FootLoads {
 pub struct FootReaction {
     /// Force with the load, N.
     pub with_n: f64,
-    /// Where it acts, m.
+    /// Its point of action, m.
     pub with_m: [f64; 2],
     /// Force without the load, N.
     pub without_n: f64,
-    /// Where it acts, m.
+    /// Its point of action, m.
     pub without_m: [f64; 2],
 }
 
 impl FootReaction {
-    /// Moment arm times force that the load adds about a point, along one axis, N m.
+    /// Difference of moment arm times force with and without the load about a point, along one axis, N m.
     pub(super) fn added_nm(&self, axis: usize, origin_m: f64) -> f64 {
         self.with_n * (self.with_m[axis] - origin_m) - self.without_n * (self.without_m[axis] - origin_m)
     }
@@ -134,7 +135,7 @@ pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2]
     }
 }
 
-/// From the centre of both feet's forces to a point, m.
+/// Vector from the resultant of both feet's forces to a point, m.
 fn rest_of(point_m: [f64; 2], zeta: [f64; 2], [left, right]: [[f64; 2]; 2]) -> [f64; 2] {
     [0, 1].map(|axis| point_m[axis] - zeta[0] * left[axis] - zeta[1] * right[axis])
 }
@@ -228,7 +229,7 @@ mod tests {
     #[test]
     fn weight_that_shifts_sideways_changes_fractions_and_not_the_places_of_the_feet() {
         let side_by_side = [[0.04, 0.13], [0.04, -0.13]];
-        // With the load 0.6 on the right; without it even, and 2 cm farther back.
+        // With the load 0.6 on the right; without it equal, and 2 cm farther back.
         let feet = reactions(&measured([0.4, 0.6], side_by_side, [0.02, 0.0]), ANKLE_M);
         for (foot, y) in feet.iter().zip([0.13, -0.13]) {
             assert!((foot.without_n - 350.0).abs() < 1e-9);

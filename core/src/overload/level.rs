@@ -1,28 +1,28 @@
-//! How bad an overload is: the colours of Table I, told without flicker, and only as far as the torque is known.
+//! Level of an overload torque: the colours of Table I, with hysteresis, and only as far as σ allows.
 //!
 //! # The rule
 //!
-//! A torque t ± σ on a joint with the limit τ_max, where the level H was told before:
+//! For a torque t ± σ at a joint with the limit τ_max and the previous level H:
 //!
 //! 1. If t − σ and t + σ lie two or more levels apart, the level is [`Level::Undecided`].
 //! 2. H is left upwards as soon as t passes its upper bound. It is left downwards only when t falls below its lower
 //!    bound by the margin, the larger of `margin_share · τ_max` and σ/2.
-//! 3. Left or never held, the level is t's own by Table I if t − σ and t + σ have it too, or if H is one of the two
-//!    that they have; else it is undecided. An undecided joint holds no level.
+//! 3. If H was left, or there is no H, the level is that of t in Table I, provided that t − σ and t + σ have the same
+//!    level or that H is the level of one of them; else it is undecided. An undecided joint holds no level.
 //!
-//! So a torque that swings by less than the margin changes the level at most once; without σ and margin the level is
-//! Table I's; and a joint that was told nothing before is told nothing until ±σ fits into one level. A torque that is
-//! withheld holds no level.
+//! So a torque that varies by less than the margin changes the level at most once; without σ and margin the level is
+//! that of Table I; and a joint without a previous level has none until ±σ fits into one level. A withheld torque holds
+//! no level.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::body::JOINTS;
 
-/// Overload level of a joint (Fortini et al., Table I; above τ_max is ours).
+/// Overload level of a joint (Fortini et al., Table I; the level above τ_max is an extension).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Level {
-    /// No value: something spoils the torque.
+    /// No value: the torque is invalid.
     None = 0,
     /// Up to 0.3 τ_max.
     Green = 1,
@@ -32,7 +32,7 @@ pub enum Level {
     Red = 3,
     /// Beyond τ_max.
     AboveMax = 4,
-    /// The torque is known, but not well enough to say which of two levels it has.
+    /// The torque is valid, but its σ covers two levels.
     Undecided = 5,
 }
 
@@ -54,7 +54,7 @@ impl Level {
         }
     }
 
-    /// The lower bound over τ_max of a level of the table; `None` for what is no level.
+    /// Lower bound of a level of the table, over τ_max; `None` if there is no level.
     fn lower_bound(self) -> Option<f64> {
         match self {
             Level::None | Level::Undecided => None,
@@ -65,8 +65,8 @@ impl Level {
         }
     }
 
-    /// The level after `self` of a torque's magnitude and its σ against the joint's limit, all N m, by the rule at the
-    /// head of this file. `margin_share` is a share of the limit.
+    /// The level that follows `self` for a torque's magnitude and its σ, given the joint's limit, all N m, by the rule
+    /// above. `margin_share` is a fraction of the limit.
     #[must_use]
     pub fn after(self, torque_nm: f64, sigma_nm: f64, limit_nm: f64, margin_share: f64) -> Level {
         let [low, own, high] =
@@ -103,16 +103,16 @@ impl Level {
     }
 }
 
-/// The level that every joint was told last.
+/// The last published level of every joint.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Levels {
-    /// Numbers of [`Level`]; 0 where nothing is held.
+    /// Numbers of [`Level`]; 0 if none is held.
     held: [u64; JOINTS],
 }
 
 impl Levels {
-    /// The next level of a joint, which is then held.
+    /// Computes and stores the next level of a joint.
     pub fn next(
         &mut self,
         joint: usize,
@@ -127,12 +127,12 @@ impl Levels {
         level
     }
 
-    /// Holds no level any more: the torques are withheld.
+    /// Clears all levels: the torques are withheld.
     pub fn forget(&mut self) {
         self.held = [Level::None as u64; JOINTS];
     }
 
-    /// Whether every number is a level's.
+    /// Whether every number is that of a level.
     pub fn is_sound(&self) -> bool {
         self.held.iter().all(|&held| held <= Level::Undecided as u64)
     }

@@ -1,17 +1,18 @@
-//! What each joint is allowed: τ_max, by default a share of published strength, by direction where it is published.
+//! Torque limit τ_max of each joint: by default a fraction of published strength, per direction where published.
 //!
-//! The paper finds τ_max by experiment on each subject, compares it with the literature (Snook & Ciriello, 1991) and
-//! publishes no numbers. Until a worker's own limits are configured (`[subject] tau_max_nm`), these tables stand in.
-//! They set colours, the worst joint and the fatigue; no torque depends on them.
+//! The paper determines τ_max by experiment on each subject, compares it with the literature (Snook & Ciriello, 1991)
+//! and publishes no numbers. These tables apply until a subject's own limits are configured (`[subject] tau_max_nm`).
+//! They determine levels, the worst joint and the fatigue; no torque depends on them.
 //!
-//! **Direction.** Muscles of one side extend, those of the other flex, and they are not equally strong. With the
-//! components τ_a of a torque along the axes of the parent segment (T-pose: X forward, Y left, Z up) and the limit L of each
-//! axis and sign, the share of the limits that it takes is `√Σ (τ_a / L_a)²`: of one component its own, and with equal
-//! limits `|τ| / L`. What is published as the joint's limit is `|τ|` over that share: the limit in the direction of this
-//! torque. A configured limit holds for all directions.
+//! **Direction.** Extensors and flexors differ in strength. With the components τ_a of a torque along the axes of the
+//! parent segment (T-pose: X forward, Y left, Z up) and the limit L of each axis and sign, the fraction of the limits
+//! in use is `√Σ (τ_a / L_a)²`: for a single component its own fraction, and with equal limits `|τ| / L`. The published
+//! limit of the joint is `|τ|` over that fraction: the limit in the direction of this torque. A configured limit
+//! applies to all directions.
 //!
-//! The sign is that of the overload, not of the whole torque: where a load relieves the muscles that hold the body, as it
-//! can the extensors of a squatting knee, it is compared with the strength of their antagonists, which is on the safe side.
+//! The sign is that of the overload torque, not of the total torque: if a load relieves the muscles that hold the body,
+//! as it can the extensors of a squatting knee, it is compared with the strength of their antagonists, which is
+//! conservative.
 
 use nalgebra::Vector3;
 
@@ -24,18 +25,19 @@ type ByDirection = [[f64; 2]; 3];
 /// τ_max of every joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TorqueLimits {
-    /// One number per joint, N m: against a load that pulls down in front, and wherever no strength is published.
+    /// Limit per joint, N m: against a load that pulls down in front, and in directions without published strength.
     nm: [f64; JOINTS],
     /// The limit of each direction over that number.
     by_direction: [ByDirection; JOINTS],
 }
 
-/// Three workers in four reach this share of the mean strength: 1 − 0.674 · 0.25, since strengths spread by a
-/// quarter of their mean (Anderson et al. 2007, table 3: 21 to 33 %; Benfica et al. 2018: 20 to 30 %).
+/// Fraction of the mean strength that three in four workers reach: 1 − 0.674 · 0.25, since the standard deviation of
+/// strengths is a quarter of their mean (Anderson et al. 2007, table 3: 21 to 33 %; Benfica et al. 2018: 20 to 30 %).
 const THREE_IN_FOUR: f64 = 0.83;
-/// An overload comes on top of the body's own weight. An arm held out without a load takes 22 to 25 % of a man's and
-/// 34 % of a woman's strength at the shoulder ("Isometric strength in flexors, abductors and external rotators of the
-/// shoulder", 186 people of Stockholm, where women's flexors have 55 % of men's); this share is left for the load.
+/// Fraction of the strength that remains for the load: an overload adds to the body's own weight. An arm held out
+/// without a load takes 22 to 25 % of a man's and 34 % of a woman's strength at the shoulder ("Isometric strength in
+/// flexors, abductors and external rotators of the shoulder", 186 people of Stockholm, where women's flexors have 55 %
+/// of men's).
 const LEFT_FOR_THE_LOAD: f64 = 0.7;
 /// τ_max over the mean static strength of the joint, 0.58.
 pub const STRENGTH_SHARE: f64 = THREE_IN_FOUR * LEFT_FOR_THE_LOAD;
@@ -55,8 +57,8 @@ const BODY_NM: [f64; 2] = [62.0 * 9.81 * 1.63, 75.0 * 9.81 * 1.76];
 ///   from memory; women by the 55 % of the shoulder.
 /// - Neck: Vasavada, Li & Delp, Spine 26 (2001) 1904–1909, extension; quoted from memory. Nothing held in the hands
 ///   acts there.
-/// - Ours, since nobody measured them: every level of the trunk has the strength of the lowest, the collarbone one
-///   and a half times the shoulder's, the ball of the foot (where Eq. 15 finds nothing) a third of the ankle's.
+/// - Assumed, for lack of published measurements: every level of the trunk has the strength of the lowest, the
+///   collarbone 1.5 times the shoulder's, the ball of the foot (where Eq. 15 gives zero) a third of the ankle's.
 const STRENGTH_NM: [(&str, [f64; 2]); 14] = [
     ("L5S1", TRUNK_NM),
     ("L4L3", TRUNK_NM),
@@ -86,13 +88,13 @@ const fn of_body([female, male]: [f64; 2]) -> [f64; 2] {
 const X: usize = 0;
 const Y: usize = 1;
 const Z: usize = 2;
-/// Signs of a torque.
+/// Sign of a torque.
 const NEGATIVE: usize = 0;
 const POSITIVE: usize = 1;
 
-/// Mean maximal static strengths of women and men in the other directions, N m, of the trunk and of the left side: the
-/// right side's are about the mirrored axes (X and Z change their sign). A torque is the one that the parent exerts on the
-/// segment.
+/// Mean maximal static strengths of women and men in the other directions, N m, of the trunk and of the left side;
+/// those of the right side are about the mirrored axes (X and Z change their sign). A torque is the one that the parent
+/// exerts on the segment.
 ///
 /// - Hip and knee flexion, dorsiflexion: Anderson et al. 2007 as above.
 /// - Trunk flexion and lateral flexion, vertical ab- and adduction of the shoulder, elbow extension: Chaffin, Andersson &
@@ -135,7 +137,7 @@ fn without_side(joint: Joint) -> (&'static str, bool) {
 }
 
 impl TorqueLimits {
-    /// The tables' limits: [`STRENGTH_SHARE`] of the mean strength; the mean of both sexes where it is not stated.
+    /// Limits by the tables: [`STRENGTH_SHARE`] of the mean strength; the mean of both sexes if unstated.
     pub fn of(sex: Sex) -> TorqueLimits {
         let of_sex = |[female, male]: [f64; 2]| match sex {
             Sex::Female => female,
@@ -144,7 +146,7 @@ impl TorqueLimits {
         };
         let main_nm = |joint: Joint| {
             let (name, _) = without_side(joint);
-            // Every joint has a row, as a test holds; the weakest stands for one that had none.
+            // Every joint has a row (verified by a test); the weakest row is the fallback.
             let row = STRENGTH_NM.iter().find(|(row, _)| *row == name);
             of_sex(row.map_or([STRENGTH_NM[9].1[0]; 2], |(_, strength_nm)| *strength_nm))
         };
@@ -174,7 +176,7 @@ impl TorqueLimits {
         self.by_direction[joint.index()] = [[1.0; 2]; 3];
     }
 
-    /// One number per joint, N m, while there is no torque: against a load that pulls down in front.
+    /// Limit per joint without a torque, N m: against a load that pulls down in front.
     pub fn without_torque_nm(&self) -> &[f64; JOINTS] {
         &self.nm
     }

@@ -1,29 +1,29 @@
-//! Where a load is in the hands: the hand load fraction η, and how far ahead of the line between the grips it lies.
+//! Position of a load in the hands: the hand load fraction η, and its distance ahead of the line between the grips.
 //!
-//! The two centres of pressure give the load's place at every instant, `p = (C_wt (W + ΔF) − Ĉ_wo W)/ΔF`, with an error of
-//! σ_CoP W/ΔF that lasts as long as the posture does, since it is the body model's. The place in the hands stays for a
-//! whole carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`. Of an error that lasts for τ the
-//! mean has the variance `(T/Σw)/(1 + T/2τ)`, T being the time that the weights cover, `(Σw)²/Σ(w²/dt)`: that of one
-//! instant at first, `2τ/Σw` in the end. It is combined with a prior.
+//! The two CoPs give the load's position at every instant, `p = (C_wt (W + ΔF) − Ĉ_wo W)/ΔF`, with an error of σ_CoP
+//! W/ΔF that lasts as long as the posture, because it results from the body model. The position in the hands is
+//! constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`. For an error with
+//! the correlation time τ the mean has the variance `(T/Σw)/(1 + T/2τ)`, T being the time that the weights cover,
+//! `(Σw)²/Σ(w²/dt)`: that of one instant at first, `2τ/Σw` in the end. It is combined with a prior.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::math;
 
-/// 1-σ of how far from even people share a load between their hands.
+/// 1-σ of the hand load fraction between people, around equal shares.
 const EVEN_SIGMA: f64 = 0.2;
-/// How far ahead of the grips a load's centre lies before it is measured, and its 1-σ, m: anywhere between a handle, 0, and
-/// the centre of a box, 50 mm; the variance of a uniform distribution is the square of its width over 12.
+/// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for
+/// the centre of a box; the variance of a uniform distribution is the square of its width over 12.
 const AHEAD_M: f64 = 0.025;
 const AHEAD_SIGMA_M: f64 = 0.0144;
-/// Over this time the error of the centres of pressure changes: from one posture of work to the next, s.
+/// Correlation time of the CoPs' errors: from one posture of work to the next, s.
 const POSTURE_S: f64 = 2.0;
-/// Grips change: what was measured longer ago than this counts for less, s.
+/// Averaging time, because grips change, s: older measurements have less weight.
 const GRIP_S: f64 = 15.0;
-/// A place so many σ from the mean is another grip: the mean starts over.
+/// A position this many σ from the mean is another grip: the mean restarts.
 pub const ANOTHER_GRIP_SIGMAS: f64 = 3.0;
 
-/// One coordinate as the centres of pressure give it.
+/// One coordinate as computed from the CoPs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// The value.
@@ -85,7 +85,7 @@ impl Coordinate {
     }
 }
 
-/// The place of a load in the hands, from the first to the last instant of a carry.
+/// Estimate of the load's position in the hands during one carry.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct LoadPlace {
@@ -94,13 +94,13 @@ pub struct LoadPlace {
 }
 
 impl LoadPlace {
-    /// Nothing is carried.
+    /// Resets the estimate: no load is carried.
     pub fn reset(&mut self) {
         *self = Zeroable::zeroed();
     }
 
-    /// Takes in what the centres of pressure give `step_s` after the instant before: η of the right hand (`None` for hands
-    /// that are together), and how far ahead of the line between the grips the load is, m.
+    /// Ingests the position by the CoPs, `step_s` after the previous instant: η of the right hand (`None` for hands
+    /// close together), and the distance of the load ahead of the line between the grips, m.
     pub fn update(&mut self, right: Option<Measured>, ahead_m: Measured, step_s: f64) {
         if let Some(right) = right {
             self.right.update(right, step_s);
@@ -108,7 +108,7 @@ impl LoadPlace {
         self.ahead.update(ahead_m, step_s);
     }
 
-    /// η: hand load fractions, left and right; even before anything is carried.
+    /// η: hand load fractions, left and right; equal before a load is carried.
     pub fn eta(&self) -> [f64; 2] {
         let [right, _] = self.right.posterior(0.5, EVEN_SIGMA);
         let right = right.clamp(0.0, 1.0);
@@ -120,7 +120,7 @@ impl LoadPlace {
         math::sqrt(self.right.posterior(0.5, EVEN_SIGMA)[1])
     }
 
-    /// How far ahead of the line between the grips the load is, and its 1-σ, m.
+    /// Distance of the load ahead of the line between the grips, and its 1-σ, m.
     pub fn ahead_m(&self) -> [f64; 2] {
         let [ahead_m, variance_m2] = self.ahead.posterior(AHEAD_M, AHEAD_SIGMA_M);
         [ahead_m, math::sqrt(variance_m2)]
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_long_carry_in_many_postures_says_more_than_a_short_one() {
-        // An error that turns over every two seconds, as large as its σ.
+        // An error that changes every two seconds, as large as its σ.
         let error = |time_s: f64| if ((time_s * 0.5) as u32).is_multiple_of(2) { 0.3 } else { -0.3 };
         let (short, long) = (carry(0.5, error, 0.3), carry(30.0, error, 0.3));
         assert!(long.eta_sigma() < 0.8 * short.eta_sigma(), "{} {}", long.eta_sigma(), short.eta_sigma());

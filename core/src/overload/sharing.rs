@@ -1,12 +1,12 @@
-//! Projections that share a force between two points: ζ between the feet, η between the hands.
+//! Projections that distribute a force between two points: ζ between the feet, η between the hands.
 
 use crate::math;
 
-/// Points closer than this are one point; a line between them has no direction, m.
+/// Points closer than this count as one point; the line between them has no direction, m.
 pub const TOO_CLOSE_M: f64 = 0.05;
 
-/// Where a point projects on the line from `from` to `to`, clamped to [0, 1], and its distance from that place, m. The
-/// middle between points that are [`TOO_CLOSE_M`].
+/// Projection of a point on the line from `from` to `to`, clamped to [0, 1], and the distance of the point from it, m.
+/// The middle for points closer than [`TOO_CLOSE_M`].
 pub fn project(point: [f64; 2], [from, to]: [[f64; 2]; 2]) -> (f64, f64) {
     let along = [to[0] - from[0], to[1] - from[1]];
     let square = along[0] * along[0] + along[1] * along[1];

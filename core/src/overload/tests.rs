@@ -1,4 +1,4 @@
-//! Laws of the overload torques and their covariance.
+//! Properties of the overload torques and their covariance.
 
 extern crate std;
 
@@ -56,8 +56,8 @@ fn a_wrist_carries_its_share_of_the_load_on_its_arm() {
 
 #[test]
 fn the_pelvis_is_in_balance() {
-    // Seen from the pelvis, the moments of trunk and both legs must cancel about any one point: shift the three
-    // joints' torques to the pelvis' origin and add them.
+    // About any common point, the moments of trunk and both legs on the pelvis must cancel: shift the three joints'
+    // torques to the pelvis' origin and add them.
     let pose = t_pose();
     let loading = loaded(&pose, 60.0);
     let torque = torques(&pose, &loading, &NO_SIGMA);
@@ -147,10 +147,10 @@ fn a_body_that_stands_elsewhere_than_thought_has_other_legs_and_the_same_arms() 
     loading.feet = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
     let sigma = LoadingSigma { place_m: [0.01, 0.0], ..NO_SIGMA };
     let at = |name: &str| spread_nm(&torques(&pose, &loading, &sigma), name);
-    // Half of the load's 60 N on each foot, one centimetre aside.
+    // Half of the load's 60 N on each foot, one centimetre sideways.
     assert!((at("LeftKnee") - 0.3).abs() < 1e-9, "{}", at("LeftKnee"));
     assert_eq!((at("RightElbow"), at("L5S1")), (0.0, 0.0));
-    // A stance that is off moves the estimate with the body: then only the measured force acts elsewhere.
+    // An error of the stance moves the estimate with the body: then only the measured force acts at another point.
     let along = LoadingSigma { cop_estimated_m: [0.01, 0.0], place_by_estimate: [1.0, 0.0], ..NO_SIGMA };
     let knee_nm = spread_nm(&torques(&pose, &loading, &along), "LeftKnee");
     assert!((knee_nm - 0.5 * 760.0 * 0.01).abs() < 1e-9, "{knee_nm}");
@@ -169,8 +169,8 @@ fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvi
         length_m(Segment::LeftLowerLeg, Segment::LeftFoot),
     ]);
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
-    // Half of the load's 60 N, a hundredth of each length across the segment: one horizontal axis of a level arm, both of a
-    // vertical leg.
+    // Half of the load's 60 N, one hundredth of each length across the segment: one horizontal axis of a level arm,
+    // both of a vertical leg.
     assert_eq!((at("RightWrist"), at("RightAnkle")), (0.0, 0.0));
     near(at("RightElbow"), 0.3 * forearm_m);
     near(at("RightShoulder"), 0.3 * math::hypot([forearm_m, upper_arm_m]));
@@ -194,7 +194,7 @@ fn sigma_is_the_spread_of_the_magnitude() {
 
 #[test]
 fn sigma_of_a_length_is_the_spread_of_many_lengths() {
-    // Evenly spaced quantiles of a normal error, by its distribution's inverse on both axes of an ellipse.
+    // Evenly spaced quantiles of a normal error, by its inverse distribution function, on both axes of an ellipse.
     let quantiles: std::vec::Vec<f64> =
         (0..200).map(|index| normal_quantile((f64::from(index) + 0.5) / 200.0)).collect();
     let [along_nm, across_nm] = [2.0, 12.0];
@@ -212,7 +212,7 @@ fn sigma_of_a_length_is_the_spread_of_many_lengths() {
     assert_eq!(sigma_of_length([0.0; 2], [0.0; 3]), 0.0);
 }
 
-/// By bisection of the distribution, which is summed in steps of a thousandth.
+/// By bisection of the distribution function, which is integrated in steps of 0.001.
 fn normal_quantile(share: f64) -> f64 {
     let (mut value, mut below) = (-6.0_f64, 0.0);
     while below < share {

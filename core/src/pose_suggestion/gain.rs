@@ -1,8 +1,8 @@
-//! What a pose would teach: optimal design on the covariance update (Eq. 10), without making the update.
+//! Information gain of a pose: optimal design on the covariance update (Eq. 10), without performing the update.
 //!
-//! A row h measured with variance r takes `v vᵀ / (h P hᵀ + r)` off P, with `v = P hᵀ`. All of it is counted as if the
-//! stance's offset were known, since no pose of one stance can tell it from the body. For two rows the gains are
-//! added, each against the P from before.
+//! A row h measured with variance r subtracts `v vᵀ / (h P hᵀ + r)` from P, with `v = P hᵀ`. All terms are computed for
+//! a known stance offset, because no pose of one stance can distinguish it from the body. For two rows the gains are
+//! added, each relative to the P before.
 
 use crate::kalman::{Filter, STATES};
 use crate::sesc::PARAMETERS;
@@ -11,21 +11,21 @@ use crate::sesc::reduction::Rows;
 /// Mean over the poses of the work of `h hᵀ`: `tr(P W)` is the CoP's variance there.
 pub type Weight = [[f64; PARAMETERS]; PARAMETERS];
 
-/// The drop of `log det P`.
+/// Decrease of `log det P`.
 pub fn d_gain(filter: &Filter, rows: &Rows, variance_m2: [f64; 2]) -> f64 {
     over_rows(filter, rows, |axis, projected_m2, _| {
         nalgebra::ComplexField::ln_1p(projected_m2 / variance_m2[axis])
     })
 }
 
-/// The drop of `tr P`, m².
+/// Decrease of `tr P`, m².
 pub fn a_gain(filter: &Filter, rows: &Rows, variance_m2: [f64; 2]) -> f64 {
     over_rows(filter, rows, |axis, projected_m2, spread| {
         spread.iter().map(|value| value * value).sum::<f64>() / (projected_m2 + variance_m2[axis])
     })
 }
 
-/// The drop of `tr(P W)`, the CoP's variance over the poses of the work, m².
+/// Decrease of `tr(P W)`, the CoP's variance over the poses of the work, m².
 pub fn i_gain(filter: &Filter, weight: &Weight, rows: &Rows, variance_m2: [f64; 2]) -> f64 {
     let count = filter.count();
     over_rows(filter, rows, |axis, projected_m2, spread| {
@@ -59,7 +59,7 @@ mod tests {
 
     const N: usize = 5;
 
-    /// A filter with a stance that hides part of θ, and a row on x alone.
+    /// A filter with a stance offset correlated with θ, and a row on x alone.
     fn filter() -> Filter {
         let mut filter: Filter = Zeroable::zeroed();
         let mut covariance = vec![0.0; N * N];
@@ -91,7 +91,7 @@ mod tests {
         weight
     }
 
-    /// P of θ were the stance known.
+    /// P of θ for a known stance offset.
     fn known(filter: &Filter) -> nalgebra::SMatrix<f64, N, N> {
         let column = |column: usize| {
             let mut unit = [0.0; PARAMETERS];
@@ -105,7 +105,7 @@ mod tests {
     fn every_gain_is_the_drop_that_the_update_makes() {
         let (before, rows, r_m2) = (filter(), rows(), 0.03);
         let mut after = before;
-        // The stance is known: measured exactly, then the row.
+        // Measure the stance offset exactly, then the row.
         for axis in 0..2 {
             let mut nuisance = [0.0; STATES];
             nuisance[N + axis] = 1.0;

@@ -1,7 +1,7 @@
-//! Which pose of the library to ask for: one candidate is looked at per cycle, so that no cycle is a long one.
+//! Selects the next pose of the library: evaluates one candidate per cycle, so that no cycle is long.
 //!
-//! A suggestion is never repeated before all others were asked for. A pose that a worker could not hold is not asked
-//! for again; nor, while there are others, one over which this worker would lose balance.
+//! A suggestion is not repeated before all other poses were suggested. A pose that the subject could not hold is not
+//! suggested again, and neither, while there are others, one in which this subject would lose balance.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -10,51 +10,51 @@ use super::gain::Weight;
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
 
-/// Nothing found yet.
+/// Value for "none found yet".
 const NONE: u64 = u64::MAX;
 
-/// What is remembered from one candidate to the next. Library positions are in [0, [`LIBRARY_MAX`]).
+/// State between candidates. Indices into the library are in [0, [`LIBRARY_MAX`]).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Planner {
-    /// W, the mean of `h hᵀ` over the library, as far as it is made.
+    /// W, the mean of `h hᵀ` over the library, as far as it is computed.
     weight: Weight,
     /// Sum of h over the rows of each axis, over the number of all rows.
     mean_row: [[f64; PARAMETERS]; 2],
-    /// How many poses of the library are in W.
+    /// Number of poses of the library included in W.
     weighed: u64,
-    /// The next candidate to look at.
+    /// The next candidate.
     next: u64,
     /// Best candidate so far: in balance, and any. `NONE` or an index.
     best: [u64; 2],
     /// Their gains.
     best_gain: [f64; 2],
-    /// One bit per pose that was already asked for.
+    /// One bit per pose that was already suggested.
     asked: u64,
-    /// One bit per pose that this worker could not hold.
+    /// One bit per pose that this subject could not hold.
     unholdable: u64,
 }
 
 impl Planner {
-    /// Begins for another body.
+    /// Restarts for another body.
     pub fn start(&mut self) {
         *self = Zeroable::zeroed();
         self.begin_sweep();
     }
 
-    /// Looks for the next pose from the first candidate on.
+    /// Restarts the search at the first candidate.
     pub fn begin_sweep(&mut self) {
         self.next = 0;
         self.best = [NONE; 2];
         self.best_gain = [0.0; 2];
     }
 
-    /// The next pose of a library of `size` whose rows W needs; `None` once it is whole.
+    /// The next pose of a library of `size` whose rows W lacks; `None` once it is complete.
     pub fn to_weigh(&self, size: usize) -> Option<usize> {
         (self.weighed < size.min(LIBRARY_MAX) as u64).then_some(self.weighed as usize)
     }
 
-    /// Takes the rows of one more pose of a library of `size` into W.
+    /// Adds the rows of one more pose of a library of `size` to W.
     pub fn weigh(&mut self, rows: &Rows, size: usize) {
         let share = 1.0 / (2.0 * size.clamp(1, LIBRARY_MAX) as f64);
         for (h, mean) in rows.h.iter().zip(&mut self.mean_row) {
@@ -62,7 +62,7 @@ impl Planner {
                 *mean += share * value;
             }
             for (row, own) in self.weight.iter_mut().zip(h) {
-                // Rows are mostly zero beyond the parameters there are.
+                // Rows are mostly zero beyond the parameters in use.
                 if *own != 0.0 {
                     for (entry, other) in row.iter_mut().zip(h) {
                         *entry += share * own * other;
@@ -73,21 +73,21 @@ impl Planner {
         self.weighed += 1;
     }
 
-    /// W; whole once [`Planner::to_weigh`] says so.
+    /// W; complete once [`Planner::to_weigh`] returns `None`.
     pub fn weight(&self) -> &Weight {
         &self.weight
     }
 
-    /// What [`crate::kalman::Filter::mean_variance_m2`] asks for beside W.
+    /// The other input of [`crate::kalman::Filter::mean_variance_m2`] besides W.
     pub fn mean_row(&self) -> &[[f64; PARAMETERS]; 2] {
         &self.mean_row
     }
 
-    /// The next candidate of a library of `size`, without those that are out; `None` once all were looked at.
+    /// The next candidate of a library of `size`, without excluded ones; `None` once all were evaluated.
     pub fn candidate(&mut self, size: usize) -> Option<usize> {
         let size = size.min(LIBRARY_MAX);
         let all = if size == LIBRARY_MAX { u64::MAX } else { (1 << size) - 1 };
-        // Better asked twice, or of somebody who failed once, than not at all.
+        // Repeating a pose, even a failed one, is better than suggesting none.
         if (self.asked | self.unholdable) & all == all {
             self.asked = 0;
         }
@@ -100,7 +100,7 @@ impl Planner {
         next
     }
 
-    /// What the candidate is worth.
+    /// Ingests the gain of a candidate.
     pub fn judge(&mut self, index: usize, gain: f64, balanced: bool) {
         for (slot, counts) in [balanced, true].into_iter().enumerate() {
             let first = self.best[slot] == NONE;
@@ -111,24 +111,24 @@ impl Planner {
         }
     }
 
-    /// The choice after the last candidate: the best in balance, else the best. From now on it counts as asked for.
+    /// Selects after the last candidate: the best in balance, else the best. It counts as suggested from then on.
     pub fn choose(&mut self) -> Option<usize> {
         let index = self.best.into_iter().find(|index| *index != NONE)? as usize;
         self.asked |= 1 << index;
         Some(index)
     }
 
-    /// One bit per pose of the library that was asked for already, and that this worker could not hold.
+    /// One bit per pose of the library that was suggested already, and one per pose that this subject could not hold.
     pub fn history(&self) -> [u64; 2] {
         [self.asked, self.unholdable]
     }
 
-    /// Puts a stored history back.
+    /// Restores a stored history.
     pub fn remember(&mut self, [asked, unholdable]: [u64; 2]) {
         (self.asked, self.unholdable) = (asked, unholdable);
     }
 
-    /// The worker cannot hold this pose of the library.
+    /// Marks a pose of the library that the subject cannot hold.
     pub fn mark_unholdable(&mut self, index: u64) {
         if index < LIBRARY_MAX as u64 {
             self.unholdable |= 1 << index;
@@ -153,7 +153,7 @@ const _: () = assert!(size_of::<Weight>() == 8 * PARAMETERS * PARAMETERS);
 mod tests {
     use super::*;
 
-    /// Asks once, with these gains; all but the listed ones are in balance.
+    /// Runs one search with these gains; all but the listed poses are in balance.
     fn ask(planner: &mut Planner, gains: &[f64], unbalanced: &[usize]) -> Option<usize> {
         planner.begin_sweep();
         while let Some(index) = planner.candidate(gains.len()) {

@@ -1,4 +1,4 @@
-//! A pose to hold, independent of who holds it: joint rotations and a name for people.
+//! A pose to hold, independent of the body: joint rotations and a name for people.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -8,7 +8,7 @@ use crate::frame::{Pose, StationWorld};
 /// A feasible, balanced pose of the library, facing X.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posture {
-    /// What to tell the worker, for example "lean forward, right arm up".
+    /// Instruction for the worker, for example "lean forward, right arm up".
     pub name: &'static str,
     /// Rotation vectors (axis times angle), whole degrees: `world_from_pelvis` first, then `parent_from_segment`.
     pub rotation_deg: [[i16; 3]; SEGMENTS],
@@ -40,7 +40,7 @@ fn rotation_of(rotation_deg: [i16; 3]) -> UnitQuaternion<f64> {
     ))
 }
 
-/// The pose of a posture taken by a body with this skeleton, the pelvis' origin at `pelvis_m`.
+/// The pose of a posture for a body with this skeleton, with the origin of the pelvis at `pelvis_m`.
 pub fn pose_of(posture: &Posture, skeleton: &Skeleton, pelvis_m: [f64; 3]) -> Pose<StationWorld> {
     let world_from_segment = posture.world_from_segment();
     let mut origin = [Vector3::from(pelvis_m); SEGMENTS];

@@ -1,15 +1,15 @@
-//! What is believed about θ before the first pose: the anthropometric table with its spread, a similar worker, or
-//! nothing; and what is believed of any body, whatever else is known of it ([`soft_constraints`]).
+//! Prior of θ before the first pose: the anthropometric table with its spread, a similar subject, or none; and soft
+//! constraints that apply to any body ([`soft_constraints`]).
 //!
-//! The spread of the table is pushed through Eq. 2, which is linear in the centres and, to first order, in the
-//! masses: a heavier segment moves φ of itself and of every segment it hangs on.
+//! The spread of the table is propagated through Eq. 2, which is linear in the centres and, to first order, in the
+//! masses: a heavier segment changes φ of itself and of every ancestor.
 //!
 //! Masses: V. Zatsiorsky and V. Seluyanov, "The mass and inertia characteristics of the main segments of the human
-//! body", Biomechanics VIII-B (1983) 1152–1159, give for 100 young men the standard error of each part's mass about
-//! its regression on body mass and stature, which we take over the part's mean mass. Ours are: `WIDER`, because the
-//! table is scaled in proportion, without that regression, and workers differ more than students of sports; that
-//! the slices of one part are heavy together; how much alike both sides are; and the spread of the centres, for which
-//! we know no table in three axes.
+//! body", Biomechanics VIII-B (1983) 1152–1159, give for 100 young men the standard error of each part's mass about its
+//! regression on body mass and stature, which is divided by the part's mean mass here. Assumptions: `WIDER`, because
+//! the table is scaled in proportion, without that regression, and workers differ more than students of sports; full
+//! correlation of the slices of one part; the correlation between both sides; and the spread of the centres, for which
+//! no table in three axes was found.
 
 use super::suit_error::{EffectiveVectors, misalignment_m};
 use super::{PARAMETERS, Phi, Reduction};
@@ -30,7 +30,7 @@ const PARTS: [(&[Segment], f64); 10] = [
     (&[Segment::LeftLowerLeg], 0.219 / 3.16),
     (&[Segment::LeftFoot, Segment::LeftToe], 0.101 / 0.997),
 ];
-/// Workers under a table in proportion differ more than students about their regression, by this factor.
+/// Factor by which workers deviate from a proportional table more than students from their regression.
 const WIDER: f64 = 1.5;
 /// Correlation between both sides' deviations from the table.
 const ALIKE: f64 = 0.95;
@@ -38,12 +38,12 @@ const ALIKE: f64 = 0.95;
 const TRUNK_CENTRE_SPREAD_M: [f64; 3] = [0.03, 0.015, 0.03];
 /// Standard deviation of a limb segment's centre on each axis, m.
 const LIMB_CENTRE_SPREAD_M: f64 = 0.015;
-/// Standard deviation of the whole body's lean to one side, m: plates are not placed to the millimetre.
+/// Standard deviation of the sideways position of the whole body, m: plates are not placed to the millimetre.
 const SIDEWAYS_SPREAD_M: f64 = 0.01;
-/// Standard deviation of each parameter when nothing is believed, m: the whole body is within a metre.
+/// Standard deviation of each parameter without a prior, m: the whole body is within a metre.
 const IGNORANCE_M: f64 = 1.0;
 
-/// Mean and covariance of θ; only the first `count` entries mean anything.
+/// Mean and covariance of θ; only the first `count` entries are used.
 #[derive(Debug, Clone, Copy)]
 pub struct Prior {
     /// Mean, m.
@@ -52,19 +52,19 @@ pub struct Prior {
     pub covariance_m2: [[f64; PARAMETERS]; PARAMETERS],
 }
 
-/// How far this worker's Φ may be from a similar worker's.
+/// Prior information from a similar subject's Φ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Similar {
-    /// What the similar worker's Φ had more than the table on that worker's bones, segment axes, m.
+    /// Deviation of the similar subject's Φ from the table scaled to that subject's bone lengths, segment axes, m.
     pub deviation_m: [f64; PARAMETERS],
-    /// Variance of `deviation_m` as it was identified, m².
+    /// Variance of `deviation_m` by the identification, m².
     pub variance_m2: [f64; PARAMETERS],
-    /// How much of a deviation two so similar people share, in [0, 1].
+    /// Fraction of a deviation that two subjects of such similarity share, in [0, 1].
     pub likeness: f64,
 }
 
 impl Prior {
-    /// Nothing is believed: zero, give or take a metre.
+    /// No prior information: zero, with a standard deviation of one metre.
     pub fn none(reduction: &Reduction) -> Prior {
         let mut prior = Prior { theta_m: [0.0; PARAMETERS], covariance_m2: [[0.0; PARAMETERS]; PARAMETERS] };
         for index in 0..reduction.count() {
@@ -101,12 +101,12 @@ impl Prior {
         prior
     }
 
-    /// The table, and a worker of similar build on top of it: `likeness` of that worker's deviation is this one's
-    /// too, and what the two do not share is as wide as the table.
+    /// The table combined with a subject of similar build: this subject shares the fraction `likeness` of that
+    /// subject's deviation, and the rest has the spread of the table.
     pub fn similar(mut self, reduction: &Reduction, similar: &Similar) -> Prior {
         let likeness = similar.likeness.clamp(0.0, 1.0);
         let deviation_m = reduction.pseudo_inverse(&similar.deviation_m);
-        // Raw parameters of one group have one error, so their standard deviations combine, not their variances.
+        // Raw parameters of one group have a common error, so their standard deviations combine, not their variances.
         let sigma_m = reduction.pseudo_inverse_of_sizes(&similar.variance_m2.map(math::sqrt));
         for row in 0..reduction.count() {
             self.theta_m[row] += likeness * deviation_m[row];
@@ -118,7 +118,7 @@ impl Prior {
         self
     }
 
-    /// Where a segment's centre may be, and its mirror image's.
+    /// Adds the spread of a segment's centre, and that of its mirror image.
     fn add_centre(&mut self, reduction: &Reduction, body: &Anthropometry, segment: Segment) {
         for axis in 0..3 {
             let spread_m =
@@ -134,7 +134,7 @@ impl Prior {
         }
     }
 
-    /// A deviation of one part, or of a part and its mirror image, which are [`ALIKE`].
+    /// Adds a deviation of one part, or of a part and its mirror image, with the correlation [`ALIKE`].
     fn add_sides(
         &mut self,
         reduction: &Reduction,
@@ -166,8 +166,8 @@ fn add(sum: &mut [f64; PARAMETERS], scale: f64, vector: &[f64; PARAMETERS]) {
     }
 }
 
-/// How θ moves, m, with a suit whose sensors sit on the segments by `sigma_rad` about each axis wrongly: it shows
-/// every φ rotated, for good. Independent of each other, three of each segment.
+/// Changes of θ, m, by constant misalignments of the suit's sensors of `sigma_rad` about each axis: they appear as a
+/// constant rotation of every φ. Independent of each other, three per segment.
 pub fn misalignments_m(
     reduction: &Reduction,
     psi: &EffectiveVectors,
@@ -182,33 +182,33 @@ pub fn misalignments_m(
     })
 }
 
-/// One thing that is believed of any body: `h θ = value`, give or take `sigma_m`.
+/// One soft constraint on any body: `h θ = value`, with the 1-σ `sigma_m`.
 #[derive(Debug, Clone, Copy)]
 pub struct SoftConstraint {
     /// Row over θ.
     pub h: [f64; PARAMETERS],
-    /// What it should be, m.
+    /// Expected value, m.
     pub value_m: f64,
     /// 1-σ, m.
     pub sigma_m: f64,
 }
 
-/// Long axis of each limb segment, left side, and the axes across it that should hold nothing.
+/// Long axis of each limb segment, left side, and the axes across it, whose parameters should be zero.
 const ACROSS: [(Segment, &[usize]); 7] = [
     (Segment::LeftUpperArm, &[0, 2]),
     (Segment::LeftForearm, &[0, 2]),
     (Segment::LeftHand, &[0, 2]),
     (Segment::LeftUpperLeg, &[0, 1]),
     (Segment::LeftLowerLeg, &[0, 1]),
-    // A foot is not a rod: what lies below the ankle stays the table's.
+    // A foot is not a rod: its parameter below the ankle is that of the table.
     (Segment::LeftFoot, &[1]),
     (Segment::LeftToe, &[1]),
 ];
 
-/// Both sides are alike, and limbs have their centres near their long axes: what [`super::ReductionKind::Symmetric`]
-/// holds exactly, believed to within `symmetry_sigma_m` and `long_axis_sigma_m`.
+/// Symmetry of both sides, and centres of limbs near their long axes: what [`super::ReductionKind::Symmetric`] enforces
+/// exactly, here within `symmetry_sigma_m` and `long_axis_sigma_m`.
 ///
-/// A reduction that holds a thing exactly leaves no constraint of it.
+/// Omits constraints that the reduction enforces exactly.
 pub fn soft_constraints(
     reduction: &Reduction,
     symmetry_sigma_m: f64,
@@ -219,7 +219,7 @@ pub fn soft_constraints(
         (0..3).filter_map(move |axis| {
             let (row, known_m) = reduction.raw_row(one, axis);
             let (other_row, other_known_m) = reduction.raw_row(one.mirrored(), axis);
-            // Sides that share a parameter are alike already.
+            // Sides with a common parameter are symmetric already.
             let share = row.iter().zip(&other_row).any(|(a, b)| *a != 0.0 && *b != 0.0);
             let sign = if axis == 1 { -1.0 } else { 1.0 };
             (!share).then(|| SoftConstraint {
@@ -232,7 +232,7 @@ pub fn soft_constraints(
     let on_axis = ACROSS.into_iter().flat_map(move |(left, axes)| {
         axes.iter().flat_map(move |&axis| {
             let sides = [left, left.mirrored()].map(|segment| reduction.raw_row(segment, axis));
-            // One parameter for both sides is constrained once.
+            // A common parameter of both sides is constrained once.
             let same = sides[0].0.iter().zip(&sides[1].0).all(|(a, b)| a.abs() == b.abs());
             sides.into_iter().take(if same { 1 } else { 2 }).map(move |(h, known_m)| SoftConstraint {
                 h,
@@ -244,7 +244,7 @@ pub fn soft_constraints(
     symmetric.chain(on_axis).filter(|constraint| constraint.h.iter().any(|entry| *entry != 0.0))
 }
 
-/// `dΦ/dμ_s` with the other masses shrinking in proportion, so that the shares stay whole.
+/// `dΦ/dμ_s` with the other masses decreasing in proportion, so that the fractions still sum to 1.
 fn mass_direction(of: Segment, skeleton: &Skeleton, body: &Anthropometry, phi: &Phi) -> [f64; PARAMETERS] {
     let mut direction = core::array::from_fn(|raw| -phi.0[raw / 3][raw % 3]);
     let mut add = |segment: Segment, vector: [f64; 3]| {

@@ -1,8 +1,8 @@
-//! Fewer parameters than the suit has segments: `Φ = T θ + Φ_fixed`.
+//! Reduces the number of parameters: `Φ = T θ + Φ_fixed`.
 //!
-//! The suit interpolates the spine, and hands and toes hardly move apart from forearms and feet, so many of the 69
-//! raw parameters cannot be told apart. A group of segments shares one vector, split in the proportions of the
-//! anthropometric table; what the group leaves free of the table stays fixed at the table's value.
+//! The suit interpolates the spine, and hands and toes hardly move separately from forearms and feet, so many of the 69
+//! raw parameters are indistinguishable. A group of segments shares one vector, split in the proportions of the
+//! anthropometric table; the components that are not free are fixed at the table's values.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -14,18 +14,18 @@ use crate::math;
 /// Raw parameters: three per segment.
 pub const PARAMETERS: usize = 3 * SEGMENTS;
 
-/// How many and which parameters are identified.
+/// Number and choice of the parameters to identify.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReductionKind {
     /// All 69.
     Full,
-    /// 42: segments that move as one share a vector.
+    /// 42: segments that move together share a vector.
     Merged,
     /// 16: merged, left mirrors right, limbs along their long axes (González et al., 2013).
     Symmetric,
 }
 
-/// Segments that share one vector; the axes of it that are free; whether the other side mirrors it.
+/// Segments that share one vector; its free axes; whether the other side mirrors it.
 struct Group {
     segments: &'static [Segment],
     axes: &'static [usize],
@@ -59,7 +59,7 @@ const MERGED: [Group; 14] = [
     group(&[Segment::LeftFoot, Segment::LeftToe], &[X, Y, Z], false),
 ];
 
-// The pelvis keeps its sideways parameter: an offset of the plate or a longer leg lands there, not in the limbs.
+// The pelvis keeps its sideways parameter, which absorbs an offset of the plate or a longer leg instead of the limbs.
 const SYMMETRIC: [Group; 9] = [
     group(&[Segment::Pelvis], &[X, Y, Z], false),
     group(&[Segment::L5, Segment::L3], &[X, Z], false),
@@ -75,17 +75,17 @@ const SYMMETRIC: [Group; 9] = [
 /// No parameter: the raw one is fixed.
 const FIXED: u64 = u64::MAX;
 
-/// The matrix T, which has at most one entry a row, and Φ_fixed.
+/// The matrix T, which has at most one entry per row, and Φ_fixed.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Reduction {
-    /// How many parameters θ has, in [0, 69]; 0 before a body was seen.
+    /// Number of parameters of θ, in [0, 69]; 0 before a body is available.
     pub count: u64,
-    /// Which θ each raw parameter follows, in [0, count) or `FIXED`.
+    /// Index of the θ on which each raw parameter depends, in [0, count) or `FIXED`.
     parameter: [u64; PARAMETERS],
-    /// How much of it.
+    /// Its factor.
     weight: [f64; PARAMETERS],
-    /// What is not free, m.
+    /// The fixed part, m.
     fixed_m: [f64; PARAMETERS],
 }
 
@@ -94,12 +94,12 @@ pub struct Reduction {
 pub struct Rows {
     /// The rows of B_red, x and y.
     pub h: [[f64; PARAMETERS]; 2],
-    /// The known part: pelvis and fixed parameters, m.
+    /// The constant part: pelvis and fixed parameters, m.
     pub offset_m: [f64; 2],
 }
 
 impl Reduction {
-    /// The reduction of a kind around a table's Φ.
+    /// The reduction of a kind, based on a table's Φ.
     pub fn new(kind: ReductionKind, table: &Phi) -> Reduction {
         let mut reduction: Reduction = Zeroable::zeroed();
         reduction.parameter = [FIXED; PARAMETERS];
@@ -153,7 +153,7 @@ impl Reduction {
         }
     }
 
-    /// How many parameters θ has.
+    /// Number of parameters of θ.
     pub fn count(&self) -> usize {
         self.count as usize
     }
@@ -178,14 +178,14 @@ impl Reduction {
         core::array::from_fn(|index| if square[index] > 0.0 { dot[index] / square[index] } else { 0.0 })
     }
 
-    /// The same for sizes without a sign, such as standard deviations: every weight counts as positive.
+    /// Likewise for magnitudes, such as standard deviations: every weight counts as positive.
     pub fn pseudo_inverse_of_sizes(&self, raw_sizes: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
         let signed =
             core::array::from_fn(|raw| raw_sizes[raw] * if self.weight[raw] < 0.0 { -1.0 } else { 1.0 });
         self.pseudo_inverse(&signed)
     }
 
-    /// One raw parameter as `h θ + known`: its row of T, and its part of Φ_fixed, m.
+    /// One raw parameter as `h θ + constant`: its row of T, and its part of Φ_fixed, m.
     pub fn raw_row(&self, segment: Segment, axis: usize) -> ([f64; PARAMETERS], f64) {
         let (raw, mut row) = (3 * segment.index() + axis, [0.0; PARAMETERS]);
         if self.parameter[raw] != FIXED {
@@ -199,7 +199,7 @@ impl Reduction {
         self.pseudo_inverse(&core::array::from_fn(|raw| phi.0[raw / 3][raw % 3]))
     }
 
-    /// `Φ = T θ + Φ_fixed`; of `theta` at least the first `count` entries.
+    /// `Φ = T θ + Φ_fixed`; `theta` must have at least the first `count` entries.
     pub fn phi(&self, theta: &[f64]) -> Phi {
         Phi(core::array::from_fn(|segment| {
             core::array::from_fn(|axis| {
@@ -219,8 +219,8 @@ impl Reduction {
 
     /// The rows `B_xy − slope ⊗ B_z` of `C_M = x0 + B(Tθ + Φ_fixed)` for a pose, without forming B (Eq. 3, 6).
     ///
-    /// `slope` is the horizontal over the vertical specific force: the line of the ground's push through the centre
-    /// of mass meets the floor at `C_xy − slope C_z` while the angular momentum stands still. `[0, 0]` for a still body.
+    /// `slope` is the horizontal over the vertical specific force: the line of the ground reaction through the CoM
+    /// meets the floor at `C_xy − slope C_z` if the angular momentum is constant. `[0, 0]` for a static body.
     pub fn rows(&self, pose: &Pose<StationWorld>, slope: [f64; 2]) -> Rows {
         let mut rows = self.rows_over(pose, slope, |_| true);
         let pelvis = pose.origin_of(Segment::Pelvis);
@@ -229,7 +229,7 @@ impl Reduction {
         rows
     }
 
-    /// The same rows of `Σ_i R_i φ_i` over some of the segments, without the pelvis' place.
+    /// The same rows of `Σ_i R_i φ_i` over some of the segments, without the pelvis' position.
     pub fn rows_over(
         &self,
         pose: &Pose<StationWorld>,

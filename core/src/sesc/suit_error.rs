@@ -1,12 +1,12 @@
-//! What the suit's own errors of orientation do to the centre of mass, and so to θ and to a measurement.
+//! Effect of the suit's orientation errors on the CoM, and hence on θ and on a measurement.
 //!
-//! The suit's body is rigid: where its orientations are wrong, its joints are in the wrong places too. With the feet
-//! held on the floor, an error δ of a leg segment also carries the pelvis, and all above it, along. So an error δ_s
-//! (a small rotation, world axes) of segment s moves the predicted centre by `δ_s × R_s ψ_s`, where the effective
-//! vector ψ_s is φ_s less what the segment puts between the feet and the pelvis.
+//! The suit's body is rigid: wrong orientations also give wrong joint positions. With the feet held on the floor, an
+//! error δ of a leg segment also moves the pelvis and all segments above. So an error δ_s (a small rotation, world
+//! axes) of segment s moves the predicted CoM by `δ_s × R_s ψ_s`, where the effective vector ψ_s is φ_s minus the
+//! segment's contribution between the feet and the pelvis.
 //!
-//! An error that is always the same (sensor to segment) is a rotated φ_s and nothing else: it belongs to the prior
-//! of φ_s, and the filter learns it. An error that wanders belongs to the measurement.
+//! A constant error (sensor to segment) is equivalent to a rotated φ_s: it belongs to the prior of φ_s, and the filter
+//! estimates it. A varying error (drift) belongs to the measurement.
 
 use nalgebra::Vector3;
 
@@ -20,9 +20,9 @@ pub struct EffectiveVectors(pub [[f64; 3]; SEGMENTS]);
 
 /// ψ from φ.
 ///
-/// `tied_to_feet`: the position is the feet's, as [`crate::anchor`] holds it: the mean over both feet of the middle
-/// between ankle and ball. Each leg's bones then carry the pelvis by half, the foot's by a quarter. Otherwise the
-/// position is measured for itself, and ψ = φ.
+/// `tied_to_feet`: the position is that of the feet, as [`crate::anchor`] holds it: the mean over both feet of the
+/// middle between ankle and ball. Each leg's bones then contribute one half to the pelvis' position, the foot's one
+/// quarter. Otherwise the position is measured independently, and ψ = φ.
 pub fn effective_vectors(phi: &Phi, skeleton: &Skeleton, tied_to_feet: bool) -> EffectiveVectors {
     let mut psi = phi.0;
     if tied_to_feet {
@@ -38,8 +38,8 @@ pub fn effective_vectors(phi: &Phi, skeleton: &Skeleton, tied_to_feet: bool) -> 
     EffectiveVectors(psi)
 }
 
-/// Variance of the predicted centre, x and y, m², when every segment's orientation wanders by `sigma_rad` about each
-/// axis, independently of the others: `σ² Σ (v_y² + v_z²)` and `σ² Σ (v_x² + v_z²)` with `v = R_s ψ_s`.
+/// Variance of the predicted CoM, x and y, m², if every segment's orientation drifts by `sigma_rad` about each axis,
+/// independently of the others: `σ² Σ (v_y² + v_z²)` and `σ² Σ (v_x² + v_z²)` with `v = R_s ψ_s`.
 pub fn wander_variance_m2(pose: &Pose<StationWorld>, psi: &EffectiveVectors, sigma_rad: f64) -> [f64; 2] {
     let (mut x, mut y) = (0.0, 0.0);
     for (rotation, psi) in pose.world_from_segment.iter().zip(psi.0) {
@@ -50,8 +50,8 @@ pub fn wander_variance_m2(pose: &Pose<StationWorld>, psi: &EffectiveVectors, sig
     [x, y].map(|squares| sigma_rad * sigma_rad * squares)
 }
 
-/// How φ_s moves, segment axes, m, when the segment is misaligned for good by `sigma_rad` about each of its axes:
-/// `ε × ψ`, one vector an axis. Their outer products add up to φ_s's covariance `σ² (|ψ|² I − ψ ψᵀ)`.
+/// Changes of φ_s, segment axes, m, by a constant misalignment of the segment of `sigma_rad` about each of its axes: `ε
+/// × ψ`, one vector per axis. Their outer products add up to φ_s's covariance `σ² (|ψ|² I − ψ ψᵀ)`.
 pub fn misalignment_m([x, y, z]: [f64; 3], sigma_rad: f64) -> [[f64; 3]; 3] {
     [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]].map(|moved| moved.map(|metres| sigma_rad * metres))
 }
@@ -70,8 +70,8 @@ mod tests {
         (skeleton, phi)
     }
 
-    /// A crooked pose with its orientations off, segment axes, and the joints where a rigid body then has them;
-    /// the feet's mean is held, as the anchor does, if `tied`.
+    /// An asymmetric pose with errors of its orientations, segment axes, and the resulting joint positions of a rigid
+    /// body; the feet's mean is held, as by the anchor, if `tied`.
     fn pose_with(skeleton: &Skeleton, off: &[Vector3<f64>; SEGMENTS], tied: bool) -> Pose<StationWorld> {
         let mut rotation_deg = [[0; 3]; SEGMENTS];
         for (index, degrees) in rotation_deg.iter_mut().enumerate() {

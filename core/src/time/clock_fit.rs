@@ -1,37 +1,37 @@
-//! Ties a device's counter to the host's clock, without letting the network's jitter in.
+//! Maps a device's counter to the host's clock, independently of the network's jitter.
 //!
 //! A datagram can be late but never early. So the true line `host = offset + period · counter` runs *below* all
-//! arrivals and touches those that were delayed least. [`ClockFit`] keeps the earliest arrival of each block of time
-//! and lays a support line under them: the edge of their lower convex hull at the middle of the window, which is the
-//! line below all points with the least sum of distances. The constant part of the delay cannot be seen from one side
-//! and stays in the offset.
+//! arrivals and touches those with the least delay. [`ClockFit`] stores the earliest arrival of each block of time and
+//! fits a support line below them: the edge of their lower convex hull at the middle of the window, which is the line
+//! below all points with the least sum of distances. The constant part of the delay is not observable from one side and
+//! stays in the offset.
 
-/// How many blocks are kept.
+/// Number of blocks stored.
 const BLOCKS: usize = 128;
-/// A block begins this short, so that a line exists at once, and doubles whenever the blocks fill up …
+/// Initial block length, short, so that a line exists soon; it doubles whenever all blocks are in use …
 const FIRST_BLOCK_NS: f64 = 2e6;
-/// … until it is this long. With [`BLOCKS`] of them the window spans 64 s.
+/// … up to this length. With [`BLOCKS`] blocks the window spans 64 s.
 const LAST_BLOCK_NS: f64 = 0.5e9;
 const WINDOW_NS: f64 = LAST_BLOCK_NS * BLOCKS as f64;
-/// Fewer samples than this make no estimate.
+/// Minimum number of samples for an estimate.
 const MIN_SAMPLES: u64 = 8;
-/// No estimate claims to be better than this.
+/// Lower bound of an estimate's σ.
 const SIGMA_FLOOR_NS: f64 = 1e3;
-/// Off the line by more than this is no jitter: the counter paused or leapt.
+/// Larger deviations from the line are no jitter: the counter paused or jumped.
 const BREAK_NS: f64 = 50e6;
-/// A counter that stays behind the line for so long has paused: the line starts anew.
+/// A counter that stays behind the line for this long has paused: the fit restarts.
 const BREAK_LASTS_NS: f64 = 1e9;
 
-/// When a sample was taken.
+/// Time at which a sample was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Estimate {
-    /// On the host's clock. Never later than the sample's arrival, never earlier than the estimate before.
+    /// Time on the host's clock. Never later than the sample's arrival, never earlier than the previous estimate.
     pub host_ns: u64,
     /// 1-σ, without the constant part of the delay.
     pub sigma_ns: u64,
 }
 
-/// Counter and arrival, both from the first observation on.
+/// Counter and arrival, relative to the first observation.
 #[derive(Debug, Clone, Copy, Default)]
 struct Point {
     counts: f64,
@@ -49,13 +49,13 @@ impl Line {
         self.offset_ns + self.period_ns * counts
     }
 
-    /// How much later than the line.
+    /// Distance above the line, ns.
     fn excess(self, point: Point) -> f64 {
         point.ns - self.at(point.counts)
     }
 }
 
-/// The running fit of one stream.
+/// Recursive fit of one stream.
 #[derive(Debug, Clone)]
 pub struct ClockFit {
     /// Counter and arrival of the first observation.
@@ -66,15 +66,15 @@ pub struct ClockFit {
     blocks: [Point; BLOCKS],
     block_count: usize,
     block_ns: f64,
-    /// Earliest arrival of the open block, and when that block began.
+    /// Earliest arrival of the open block, and the start of that block.
     open: Point,
     open_since_ns: f64,
     line: Line,
     /// Mean distance of the blocks from the line.
     spread_ns: f64,
-    /// Since when every sample has been off the line.
+    /// Start of the interval in which every sample is off the line.
     off_since_ns: Option<f64>,
-    /// The last estimate given; later ones are not earlier.
+    /// The last estimate returned; later estimates are not earlier.
     given_ns: u64,
 }
 
@@ -85,7 +85,7 @@ impl Default for ClockFit {
 }
 
 impl ClockFit {
-    /// A fit that knows nothing yet.
+    /// A fit without observations.
     pub const fn new() -> ClockFit {
         const ZERO: Point = Point { counts: 0.0, ns: 0.0 };
         ClockFit {
@@ -104,14 +104,14 @@ impl ClockFit {
         }
     }
 
-    /// Forgets the line: the device's counter started anew. Estimates stay monotone.
+    /// Clears the line: the device's counter restarted. Estimates stay monotone.
     pub fn restart(&mut self) {
         *self = ClockFit { given_ns: self.given_ns, ..ClockFit::new() };
     }
 
-    /// Takes in that the sample with this counter arrived at `arrival_ns`.
+    /// Ingests the arrival of the sample with this counter at `arrival_ns`.
     ///
-    /// The caller unwraps the counter. A counter that does not grow is ignored.
+    /// The caller unwraps the counter. A counter that does not increase is ignored.
     pub fn observe(&mut self, counter: u64, arrival_ns: u64) {
         let Some(point) = self.relative(counter, arrival_ns) else {
             self.begin(counter, arrival_ns);
@@ -132,7 +132,7 @@ impl ClockFit {
             self.open = point;
             self.open_since_ns = point.ns;
             self.fit();
-            // The pace has changed: one line under both paces is true of neither.
+            // The counter's rate has changed: a line below both rates fits neither.
             if self.spread_ns > BREAK_NS && point.ns > BREAK_LASTS_NS {
                 self.restart();
                 self.begin(counter, arrival_ns);
@@ -141,13 +141,13 @@ impl ClockFit {
         } else if self.line.excess(point) < self.line.excess(self.open) {
             self.open = point;
         }
-        // Between two fits only the offset follows, and at once: no sample may seem to arrive before it was taken.
+        // Between two fits only the offset follows, and at once: no sample may appear to arrive before it was taken.
         self.line.offset_ns += self.line.excess(point).min(0.0);
     }
 
-    /// When the sample with this counter was taken; `None` before there are a few observations.
+    /// Time at which the sample with this counter was taken; `None` before there are enough observations.
     ///
-    /// Ask for counters in rising order: an estimate is never earlier than the one before.
+    /// Call it with increasing counters: an estimate is never earlier than the previous one.
     pub fn estimate(&mut self, counter: u64) -> Option<Estimate> {
         let (first_counter, first_arrival_ns) = self.origin?;
         if self.samples < MIN_SAMPLES {
@@ -162,7 +162,7 @@ impl ClockFit {
         Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
     }
 
-    /// Host time from one count to the next, ns; `None` before there are a few observations.
+    /// Host time per count, ns; `None` before there are enough observations.
     pub fn period_ns(&self) -> Option<f64> {
         (self.samples >= MIN_SAMPLES).then_some(self.line.period_ns)
     }
@@ -180,22 +180,22 @@ impl ClockFit {
         })
     }
 
-    /// Whether the counter is no longer the one the line was laid for.
+    /// Whether the counter no longer matches the line.
     fn is_broken_by(&mut self, point: Point) -> bool {
-        // A line over less than this may be that wrong by itself.
+        // A line fitted to less than this may have such an error itself.
         if self.newest.ns < BREAK_LASTS_NS {
             return false;
         }
         let excess_ns = self.line.excess(point);
         if excess_ns <= BREAK_NS {
             self.off_since_ns = None;
-            // The counter leapt ahead of time; nothing can arrive early.
+            // The counter jumped ahead of time; no arrival can be early.
             return excess_ns < -BREAK_NS;
         }
         point.ns - *self.off_since_ns.get_or_insert(point.ns) > BREAK_LASTS_NS
     }
 
-    /// Files the open block, making room by pairing blocks or by forgetting the oldest.
+    /// Stores the open block; makes room by merging pairs of blocks or by dropping the oldest.
     fn close_block(&mut self) {
         if self.block_count == BLOCKS && self.block_ns < LAST_BLOCK_NS {
             for pair in 0..BLOCKS / 2 {
@@ -216,7 +216,7 @@ impl ClockFit {
         self.block_count += 1;
     }
 
-    /// Lays the line under the closed blocks and the open one.
+    /// Fits the line below the closed blocks and the open one.
     fn fit(&mut self) {
         let points = || self.blocks[..self.block_count].iter().copied().chain([self.open]);
         let count = (self.block_count + 1) as f64;
@@ -240,7 +240,7 @@ impl ClockFit {
     }
 }
 
-/// Whether the way a → b → c bends upwards, as the lower hull must.
+/// Whether the path a → b → c bends upwards, as the lower hull must.
 fn turns_up(a: Point, b: Point, c: Point) -> bool {
     (b.counts - a.counts) * (c.ns - a.ns) > (c.counts - a.counts) * (b.ns - a.ns)
 }

@@ -34,7 +34,8 @@ const HALF: u64 = 6;
 const SPAN: u64 = 15;
 /// Cells on each side of a filtered one.
 const AROUND: u64 = HALF + SPAN;
-/// Cells kept of each stream: twice the filter's width and the lags, and over a second for a stream that arrives late.
+/// Cells stored of each stream: twice the filter's width and the lags, and over a second for a stream that arrives
+/// late.
 const RING: usize = 192;
 /// Lags from −0.5 to 0.5 s.
 const LAGS: usize = 51;
@@ -44,21 +45,21 @@ const BLOCK: u64 = 64;
 const BLOCKS: usize = 4;
 /// Length of a window, s.
 pub const WINDOW_S: f64 = (BLOCK * BLOCKS as u64) as f64 * CELL_S;
-/// Samples farther apart than this are not interpolated between, ns.
+/// Maximum interval between samples for interpolation, ns.
 const GAP_MAX_NS: u64 = 120_000_000;
-/// Blocks that suffice to contradict the track.
+/// Number of blocks that suffice to contradict the track.
 const BLOCKS_AGAINST: usize = 2;
 /// Independent samples of noise in a block: its length over the integral of the squared autocorrelation (0.246 s) of white
 /// noise after the filter.
 const INDEPENDENT: f64 = 5.21;
 /// Difference of −2 ln L that excludes another lag.
 const EVIDENCE: f64 = 12.0;
-/// A correlation of 1 would be no noise at all.
+/// Lower bound of 1 − r²: a correlation of 1 would mean no noise.
 const UNEXPLAINED_MIN: f64 = 1e-4;
 /// A window this far from the prediction, in σ and in s, contradicts it: the delay has changed.
 const CONTRADICTION: (f64, f64) = (4.0, 3.0 * CELL_S);
 
-/// What a stream's samples are: both sides of the model take the same filter by different sums.
+/// Quantity of a stream: both sides of the model pass the same filter, computed by different sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     /// Height of the centre of mass, m.
@@ -88,7 +89,7 @@ struct Stream {
 }
 
 impl Stream {
-    /// Integrates the line from the newest sample to this one into cells: at most seven, for longer gaps restart.
+    /// Integrates the line from the newest sample to this one into cells: at most seven, because longer gaps restart.
     fn push(&mut self, time_ns: u64, value: f64, kind: Kind) {
         let span_ns = time_ns.saturating_sub(self.newest_ns);
         if self.newest_ns == 0 || span_ns > GAP_MAX_NS {
@@ -113,7 +114,7 @@ impl Stream {
         (self.newest_ns, self.newest) = (time_ns, value);
     }
 
-    /// Ends the cell that is being filled, and filters as far as cells reach.
+    /// Completes the cell that is being filled, and filters as far as cells are available.
     fn complete(&mut self, kind: Kind) {
         let slot = |cell: u64| (cell % RING as u64) as usize;
         self.mean[slot(self.cell)] = self.partial / CELL_NS as f64;
@@ -139,7 +140,7 @@ impl Stream {
         }
     }
 
-    /// The filtered cells that can be read: from the first, up to but without the second.
+    /// The available filtered cells: from the first, up to but without the second.
     fn range(&self) -> [u64; 2] {
         let end = self.cell.saturating_sub(AROUND);
         [(self.first + AROUND).max(end.saturating_sub(RING as u64)), end]
@@ -169,7 +170,7 @@ struct Block {
     ground_square: f64,
 }
 
-/// What a window shows.
+/// Result of a window.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Window {
@@ -182,7 +183,7 @@ struct Window {
 /// The lag at a time, and its drift.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Skew {
-    /// How much later than the ground's the suit's stamps are, s.
+    /// Delay of the suit's stamps relative to the ground's, s.
     pub skew_s: f64,
     /// Its 1-σ, s.
     pub sigma_s: f64,
@@ -198,14 +199,14 @@ pub struct Skew {
 pub struct SkewEstimator {
     suit: Stream,
     ground: Stream,
-    /// The ground's cell that is correlated next.
+    /// The next cell of the ground to correlate.
     next: u64,
     /// Cells in the block that is being filled; complete blocks since the last gap.
     cells: u64,
     complete: u64,
     blocks: [Block; BLOCKS],
     track: Track,
-    /// A window that awaits a second that agrees; a time of 0 for none.
+    /// A window that awaits a second one that agrees; a time of 0 for none.
     candidate: Window,
 }
 
@@ -257,7 +258,7 @@ impl SkewEstimator {
             && (0.0..1.0).contains(&self.candidate.variance_s2)
     }
 
-    /// Correlates every cell that both streams reach; bounded by the ring.
+    /// Correlates every cell available in both streams; bounded by the ring.
     fn correlate(&mut self) {
         let ([suit_from, suit_end], [ground_from, ground_end]) = (self.suit.range(), self.ground.range());
         let first = ground_from.max(suit_from + LAG_MAX);
@@ -293,7 +294,7 @@ impl SkewEstimator {
         }
     }
 
-    /// The newest blocks as a window; `None` if it leaves more than one lag possible.
+    /// The newest blocks as a window; `None` if more than one lag remains possible.
     fn window(&self, blocks: usize) -> Option<Window> {
         let newest = (self.complete.saturating_sub(blocks as u64)..self.complete)
             .map(|block| &self.blocks[(block % BLOCKS as u64) as usize]);
@@ -309,7 +310,7 @@ impl SkewEstimator {
             }
         }
         let best = (1..LAGS - 1).max_by(|a, b| explained[*a].total_cmp(&explained[*b]))?;
-        // The valley of the likelihood: as far as it falls on both sides.
+        // The valley of the likelihood: as far as it decreases monotonically towards the minimum on both sides.
         let (mut from, mut to) = (best, best);
         while from > 0 && explained[from - 1] <= explained[from] {
             from -= 1;
@@ -342,7 +343,7 @@ impl SkewEstimator {
             return;
         }
         let tracked = self.track.time_ns > 0;
-        // Two short windows that agree begin a track, as they end one.
+        // Two short windows that agree start a track, and likewise end one.
         let blocks = if tracked { BLOCKS } else { BLOCKS_AGAINST };
         let Some(window) = self.window(blocks).filter(|_| self.complete >= blocks as u64) else { return };
         let before = match (tracked, self.candidate.time_ns) {
@@ -364,9 +365,10 @@ impl SkewEstimator {
         }
     }
 
-    /// Whether the newest short window contradicts the track. Two in a row without a common sample, which agree on another
-    /// lag, end the track: a load that is taken up changes the force without any motion, but not twice alike. Such a window
-    /// still fits some lag, badly; only one that knows its lag to half of the least contradiction counts.
+    /// Whether the newest short window contradicts the track. Two consecutive ones without a common sample, which agree
+    /// on another lag, end the track: lifting a load changes the force without any motion, but not twice in the same
+    /// way. Such a window still fits some lag, but poorly; it counts only if its σ is less than half of the smallest
+    /// contradiction.
     fn is_contradicted_now(&mut self) -> bool {
         let sure = |short: &Window| math::sqrt(short.variance_s2) < 0.5 * CONTRADICTION.1;
         let Some(short) = self.window(BLOCKS_AGAINST).filter(sure) else { return false };

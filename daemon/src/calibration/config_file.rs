@@ -1,4 +1,4 @@
-//! Changes single values of a configuration file: comments, order and everything else stay as they are.
+//! Changes single values of a configuration file and preserves comments, order and everything else.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, chown};
@@ -14,22 +14,22 @@ use crate::whole_file::write_whole;
 /// A dotted key and its new value.
 pub type Change = (String, Value);
 
-/// A number that is written with so many digits after the point.
+/// A number rounded to this many decimal digits.
 pub fn number(value: f64, digits: i32) -> Value {
     let scale = 10_f64.powi(digits);
-    // Never −0.
+    // Adding 0.0 replaces −0 by 0.
     Value::from((value * scale).round() / scale + 0.0)
 }
 
-/// Likewise several.
+/// An array of numbers rounded to this many decimal digits.
 pub fn numbers(values: &[f64], digits: i32) -> Value {
     Value::from(values.iter().map(|value| number(*value, digits)).collect::<Array>())
 }
 
-/// The text with the changes made.
+/// Returns the text with the changes.
 ///
 /// # Errors
-/// It is no TOML, or a part of a key is no table.
+/// The text is not TOML, or a part of a key is not a table.
 pub fn changed(text: &str, changes: &[Change]) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse()?;
     for (key, value) in changes {
@@ -42,7 +42,7 @@ pub fn changed(text: &str, changes: &[Change]) -> anyhow::Result<String> {
         let Some(table) = table.as_table_like_mut() else { bail!("[{path}] is no table") };
         let mut value = value.clone();
         if let Some(before) = table.get(last).and_then(Item::as_value) {
-            // Its comment stays with it.
+            // Keeps the value's comment.
             *value.decor_mut() = before.decor().clone();
         }
         match table.get_mut(last) {
@@ -55,21 +55,21 @@ pub fn changed(text: &str, changes: &[Change]) -> anyhow::Result<String> {
     Ok(document.to_string())
 }
 
-/// That a file is a configuration, before anybody works to change it.
+/// Checks that a file is a configuration, before a calibration begins.
 ///
 /// # Errors
-/// It cannot be read, or is none.
+/// The file cannot be read or is not a configuration.
 pub fn look(path: &Path) -> anyhow::Result<()> {
     let text = read_text(path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(Config::parse(&text, &path.display().to_string()).map(drop)?)
 }
 
-/// Changes a file, whole or not at all; what comes out must be a configuration that the daemon takes.
+/// Changes a file atomically; the result must be a valid configuration.
 ///
 /// # Errors
-/// It cannot be read or written, or would not be one.
+/// The file cannot be read or written, or the result would be invalid.
 pub fn write(path: &Path, changes: &[Change]) -> anyhow::Result<()> {
-    // A link stays a link.
+    // Write to the target of a link, so that the link remains.
     let path = fs::canonicalize(path).with_context(|| format!("cannot find {}", path.display()))?;
     let text = read_text(&path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
     Config::parse(&text, &path.display().to_string())?;
@@ -78,7 +78,7 @@ pub fn write(path: &Path, changes: &[Change]) -> anyhow::Result<()> {
     let before = fs::metadata(&path)?;
     write_whole(&path, after.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     fs::set_permissions(&path, before.permissions())?;
-    // Only root may give a file away, and it was the owner's that it found.
+    // Restore the owner, which requires root; without root the file was already this user's.
     let _not_root = chown(&path, Some(before.uid()), Some(before.gid()));
     Ok(())
 }

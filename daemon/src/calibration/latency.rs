@@ -1,4 +1,4 @@
-//! A skew between suit and ground, as latencies to configure.
+//! Converts a skew between suit and ground to latencies in the configuration.
 
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 
@@ -7,14 +7,15 @@ use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 pub struct Latencies {
     /// `[suit] latency_ms`.
     pub suit_ms: f64,
-    /// `[ground] latency_ms`, and of a second device as much more as it had.
+    /// `[ground] latency_ms`; a second device keeps its difference to it.
     pub ground_ms: f64,
 }
 
 impl Latencies {
-    /// Those that end a skew: positive where the suit's sample times are later than the ground's, ms.
+    /// Latencies that remove a skew; `suit_later_ms` is positive if suit sample times are later than ground sample
+    /// times.
     ///
-    /// What was taken off the suit was too much where it is earlier; only beyond that it is the ground that is late.
+    /// A negative skew means that the suit's latency is too large; the ground is late only by the part that exceeds it.
     #[must_use]
     pub fn without_skew(self, suit_later_ms: f64) -> Latencies {
         let suit_ms = self.suit_ms + suit_later_ms;
@@ -24,7 +25,7 @@ impl Latencies {
         Latencies { ground_ms: self.ground_ms - suit_later_ms, ..self }
     }
 
-    /// The one that is another than before, as a table and its value, ms.
+    /// The latency that differs from `before`, as table and value, ms.
     pub fn changed(self, before: Latencies) -> Option<(&'static str, f64)> {
         if self.suit_ms != before.suit_ms {
             return Some(("suit", self.suit_ms));
@@ -33,7 +34,7 @@ impl Latencies {
     }
 }
 
-/// The keys to change, with their new values, ms: of two ground devices both, so that they stay together.
+/// The keys to change with their new values, ms; for two ground devices both keys, so that their difference remains.
 pub fn to_set(config: &Config, before: Latencies, after: Latencies) -> Vec<(&'static str, f64)> {
     let Some((table, ms)) = after.changed(before) else { return Vec::new() };
     match (&config.ground.second, table) {
@@ -46,7 +47,7 @@ pub fn to_set(config: &Config, before: Latencies, after: Latencies) -> Vec<(&'st
     }
 }
 
-/// What to do where another process reads the sensor that is late: it has a file of its own, and only that one counts.
+/// Advice if another process reads the late sensor: only that process's configuration file counts.
 pub fn elsewhere(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     let (table, ms) = after.changed(before)?;
     let (external, more_ms) = match table {
@@ -58,7 +59,7 @@ pub fn elsewhere(config: &Config, before: Latencies, after: Latencies) -> Option
     })
 }
 
-/// The same in one line; `None` where nothing is to change.
+/// The change in one line; `None` without a change.
 pub fn told(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     after.changed(before)?;
     Some(elsewhere(config, before, after).unwrap_or_else(|| {
@@ -82,7 +83,7 @@ mod tests {
                 for later_ms in [-30.0, -12.0, 0.0, 12.0] {
                     let before = Latencies { suit_ms, ground_ms };
                     let after = before.without_skew(later_ms);
-                    // Sample times are the fit's less the latency.
+                    // Sample time = clock fit − latency.
                     let left_ms = later_ms - (after.suit_ms - suit_ms) + (after.ground_ms - ground_ms);
                     assert!(left_ms.abs() < 1e-12, "{before:?} {later_ms} → {after:?}");
                     assert!(after.suit_ms >= 0.0 && after.ground_ms >= 0.0);

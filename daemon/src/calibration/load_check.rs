@@ -1,34 +1,35 @@
-//! Published joint torques against those of a known mass that is held above known points of the floor.
+//! Compares published joint torques with those of a known mass held above known points of the floor.
 //!
-//! A mass m held at rest above the point a asks of L5/S1 for `(a − o) × m g ẑ`, o being the joint. Both shoulders together, and
-//! both elbows together, carry the same about the middle between them if the hands hold it symmetrically, whatever the hand
-//! load fractions; both hips together carry the opposite, whatever the split between the feet. So four expected moments follow
-//! from mass and tape alone; the joints' places are the suit's on both sides.
+//! A mass m at rest above the point a requires the moment `(a − o) × m g ẑ` at L5/S1, with o the position of the joint.
+//! Both shoulders together, and both elbows together, carry the same moment about the midpoint between them if the
+//! hands hold the mass symmetrically, whatever the hand load fractions; both hips together carry the opposite moment,
+//! whatever the foot load fractions. So four expected moments follow from the mass and tape measurements alone; the
+//! joint positions are the suit's on both sides.
 
 use equipoise_core::body::Joint;
 use equipoise_core::message::{State, Validity};
 use nalgebra::Vector3;
 
-/// Empty hands last so long before a trial begins, s.
+/// Duration of empty hands before a trial begins, s.
 const EMPTY_S: f64 = 1.0;
-/// A load is held so long before it is measured, s: averages over a carry take errors to be correlated over 2 s.
+/// Duration of holding before the measurement begins, s: averages over a carry assume errors correlated over 2 s.
 const SETTLE_S: f64 = 2.0;
-/// A longer gap between two states begins the interval again, s.
+/// A longer gap between two states restarts the interval, s.
 const GAP_S: f64 = 0.2;
-/// Less than this share of the mass in the hands is not the mass.
+/// A lifted mass below this fraction of the mass does not count as the mass.
 const LIFTED_SHARE: f64 = 0.5;
 
 /// Joints that carry the load together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Group {
-    /// Public name.
+    /// Published name.
     pub name: &'static str,
     joints: &'static [&'static str],
     /// 1 for joints between the load and the pelvis, −1 for those below.
     sign: f64,
 }
 
-/// The groups that are compared.
+/// The groups compared.
 pub const GROUPS: [Group; 4] = [
     Group { name: "L5S1", joints: &["L5S1"], sign: 1.0 },
     Group { name: "shoulders", joints: &["LeftShoulder", "RightShoulder"], sign: 1.0 },
@@ -36,24 +37,24 @@ pub const GROUPS: [Group; 4] = [
     Group { name: "hips", joints: &["LeftHip", "RightHip"], sign: -1.0 },
 ];
 
-/// Means over a trial: along the direction of the expected moment, N m.
+/// Means over a trial, along the direction of the expected moment, N m.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Compared {
-    /// By mass and place.
+    /// Expected from mass and position.
     pub expected_nm: f64,
-    /// As published, left and right added.
+    /// Published; left and right added.
     pub published_nm: f64,
     /// Sum of the published 1-σ: an upper bound for a sum.
     pub sigma_nm: f64,
 }
 
 impl Compared {
-    /// Published less expected, N m.
+    /// Published minus expected, N m.
     pub fn error_nm(&self) -> f64 {
         self.published_nm - self.expected_nm
     }
 
-    /// The same over its 1-σ.
+    /// Error divided by its 1-σ.
     pub fn sigmas(&self) -> f64 {
         self.error_nm() / self.sigma_nm
     }
@@ -76,7 +77,7 @@ impl Compared {
 }
 
 impl Group {
-    /// Published torque of a state beside that of the mass above `at_m`, world x and y, m.
+    /// Published torque of a state and the expected torque of the mass above `at_m` (world x and y, m).
     fn compare(&self, state: &State, at_m: [f64; 2], weight_n: f64) -> Option<Compared> {
         let count = self.joints.len() as f64;
         let (mut middle_m, mut torque_nm, mut sigma_nm) = (Vector3::zeros(), Vector3::zeros(), 0.0);
@@ -92,36 +93,36 @@ impl Group {
     }
 }
 
-/// What to check.
+/// Settings of the load check.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadCheckSettings {
-    /// The mass, kg.
+    /// Mass, kg.
     pub mass_kg: f64,
     /// Gravity on site, m/s².
     pub gravity_m_per_s2: f64,
-    /// How long to average, s.
+    /// Averaging time, s.
     pub seconds: f64,
-    /// The points of the floor below the mass, world x and y, m; a trial each.
+    /// Points of the floor below the mass, world x and y, m; one trial for each.
     pub at_m: Vec<[f64; 2]>,
 }
 
 /// One trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
-    /// The point below the mass, world x and y, m.
+    /// Point below the mass, world x and y, m.
     pub at_m: [f64; 2],
-    /// Mean of the published mass, kg.
+    /// Mean of the published lifted mass, kg.
     pub mass_kg: f64,
     /// Mean of its 1-σ, kg.
     pub mass_sigma_kg: f64,
-    /// By [`GROUPS`]; `None` for joints right above the point.
+    /// In the order of [`GROUPS`]; `None` for joints directly above the point.
     pub groups: [Option<Compared>; GROUPS.len()],
 }
 
-/// What happens next.
+/// Progress of the check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// The hands are empty: the mass can be taken for the trial of this number.
+    /// The hands are empty: the mass can be lifted for the trial with this number.
     Ready(usize),
     /// The mass is held and measured.
     Measuring,
@@ -135,7 +136,7 @@ enum Phase {
     Held { for_s: f64 },
 }
 
-/// The guided comparison.
+/// The guided load check.
 #[derive(Debug)]
 pub struct LoadCheck {
     settings: LoadCheckSettings,
@@ -147,24 +148,24 @@ pub struct LoadCheck {
 }
 
 impl LoadCheck {
-    /// Begins with empty hands.
+    /// Begins with the hands empty.
     pub fn new(settings: LoadCheckSettings) -> LoadCheck {
         let trial = Trial { at_m: [0.0; 2], mass_kg: 0.0, mass_sigma_kg: 0.0, groups: [None; GROUPS.len()] };
         let phase = Phase::Empty { for_s: 0.0 };
         LoadCheck { settings, phase, newest_ns: 0, trial, averaged_s: 0.0, trials: Vec::new() }
     }
 
-    /// The trials so far.
+    /// The trials completed so far.
     pub fn trials(&self) -> &[Trial] {
         &self.trials
     }
 
-    /// Whether every trial was measured.
+    /// Whether all trials are complete.
     pub fn is_done(&self) -> bool {
         self.trials.len() >= self.settings.at_m.len()
     }
 
-    /// Ingests a state; one of a suit sample that was seen before changes nothing.
+    /// Ingests a state; repeated suit samples are ignored.
     pub fn ingest(&mut self, state: &State) -> Option<Event> {
         if state.suit_sample_time_ns <= self.newest_ns || self.is_done() {
             return None;
@@ -296,7 +297,7 @@ mod tests {
         for tick in 0..2000 {
             let time_s = f64::from(tick) * 0.01;
             let is_gap = (12.0..12.5).contains(&time_s);
-            // Held for 2.5 s at a time: settled, and never measured to the end.
+            // Each hold lasts 2.5 s: long enough to settle, too short to complete the measurement.
             let load_kg = if (time_s % 3.5) > 1.0 { 10.0 } else { 0.0 };
             if !is_gap && check.ingest(&state(time_s, load_kg)) == Some(Event::Measured) {
                 measured += 1;

@@ -1,8 +1,8 @@
-//! States and suit samples to moments of somebody on a plate.
+//! Converts states and suit samples to observations of a person standing on a plate.
 //!
-//! Where the body's centre of mass is comes from the suit's own world and the table of an average body, and not from the
-//! daemon's estimate: the daemon may be learning this worker right now, and from a plate in a wrong frame it learns that
-//! frame's error; and the feet that it holds to the floor lose a part of every step.
+//! The centre of mass comes from the suit's own world frame and the table of an average body, not from the daemon's
+//! estimate: the daemon may be identifying this subject at the same time, and with a wrong plate frame its estimate
+//! absorbs the frame's error; holding the feet to the floor also removes a part of every step.
 
 use std::collections::VecDeque;
 
@@ -12,12 +12,12 @@ use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton
 use equipoise_core::message::{State, SuitSample, Validity};
 use nalgebra::Vector3;
 
-/// Suit samples kept until the state that is about them has come: a second at 240 Hz.
+/// Suit samples kept until the matching state arrives: one second at 240 Hz.
 const KEPT: usize = 256;
-/// The slowest suit has a sample every 17 ms.
+/// The slowest suit sends a sample every 17 ms, so the nearest sample is at most this far away.
 const BESIDE_NS: u64 = 10_000_000;
 
-/// What a suit sample says of where somebody stands, in the suit's own world.
+/// Position of a person according to a suit sample, in the suit's own world frame.
 #[derive(Debug, Clone, Copy)]
 struct Body {
     time_ns: u64,
@@ -25,7 +25,7 @@ struct Body {
     heading_rad: f64,
 }
 
-/// Joins both streams.
+/// Matches states with suit samples.
 #[derive(Debug)]
 pub struct Standing {
     height_m: f64,
@@ -35,12 +35,12 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// For a body of that stature (m) and sex.
+    /// For a body of the given stature (m) and sex.
     pub fn new(height_m: f64, sex: Sex) -> Standing {
         Standing { height_m, sex, bodies: VecDeque::new(), told_ns: 0 }
     }
 
-    /// Takes in a suit sample.
+    /// Ingests a suit sample.
     pub fn suit(&mut self, sample: &SuitSample) {
         let pose = sample.pose();
         let table = Anthropometry::de_leva(&Skeleton::of(&pose), self.height_m, self.sex);
@@ -59,14 +59,15 @@ impl Standing {
         });
     }
 
-    /// The moment that a state is about; `None` if it was told already, or nothing is known of it.
+    /// The observation that belongs to a state; `None` if it was returned before or no matching suit sample is
+    /// available.
     pub fn state(&mut self, state: &State) -> Option<Moment> {
         let time_ns = state.suit_sample_time_ns;
         if time_ns <= self.told_ns {
             return None;
         }
-        // The loop may have dated the sample by a model's lag, so no time need be equal; who stands still is the same in
-        // the sample beside it.
+        // The loop may have corrected the sample's time by a model's lag, so exact equality is not required; the
+        // position of a person standing still is the same in the nearest sample.
         let off_ns = |body: &&Body| body.time_ns.abs_diff(time_ns);
         let body = self.bodies.iter().min_by_key(off_ns).filter(|body| off_ns(body) <= BESIDE_NS)?;
         self.told_ns = time_ns;
@@ -109,14 +110,14 @@ mod tests {
         assert!(moment.still && moment.stance == 3);
         assert_eq!(moment.seen.measured_m, [0.1, 0.2]);
         assert!((moment.seen.heading_rad - 0.5).abs() < 1e-9);
-        // A model's lag has dated the next one back.
+        // A model's lag has moved the next state's time back.
         sample.sample_time_ns += 1_000_000_000;
         standing.suit(&sample);
         state.suit_sample_time_ns = sample.sample_time_ns - 8_000_000;
         assert!(standing.state(&state).is_some());
         state.suit_sample_time_ns = sample.sample_time_ns - 500_000_000;
         assert!(standing.state(&state).is_none(), "nothing is known of that time");
-        // The centre lies a little in front of the pelvis, in the body's own heading.
+        // The centre of mass lies slightly in front of the pelvis, along the body's heading.
         let [x, y] = moment.seen.expected_m;
         let forward = (turn.inverse() * (Vector3::new(x, y, 0.0) - turn * Vector3::from(t_pose[0]))).xy();
         assert!(forward.y.abs() < 1e-3 && forward.x.abs() < 0.05, "{forward}");

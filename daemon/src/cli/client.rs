@@ -1,4 +1,4 @@
-//! What the commands that talk to a running daemon have in common.
+//! Common functions of the commands that communicate with a running daemon.
 
 use std::time::Duration;
 
@@ -13,15 +13,15 @@ use crate::config::{Config, GroundSourceKind};
 use crate::pipeline::DAEMON_ROLE;
 use crate::process_state::is_stopped;
 
-/// How long a daemon may take to answer or to publish a state.
+/// Timeout of a daemon's reply, and of its next state.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Joins a station as a client.
+/// Joins a station's bus as a client.
 pub(super) fn join(station: &str, role: &str) -> anyhow::Result<Bus> {
     Ok(Bus::join(&BusSettings::new(station, role))?)
 }
 
-/// Asks a running daemon; its answer is one sentence.
+/// Sends a command to a running daemon; returns the reply, one sentence.
 pub(crate) fn ask(station: &str, kind: CommandKind, subject: &str) -> anyhow::Result<String> {
     let mut command = Command { kind: kind as u32, ..Command::zeroed() };
     if subject.len() > command.subject.len() {
@@ -60,7 +60,7 @@ pub(super) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
     )
 }
 
-/// What is wrong with a daemon whose process exists and does not answer; `None` if there is none.
+/// Description of a daemon whose process exists but does not respond; `None` if there is none.
 fn silent_daemon(bus: &Bus) -> Option<String> {
     let participants = bus.participants().ok()?;
     let daemon = participants.iter().find(|one| one.role == DAEMON_ROLE)?.process_id;
@@ -77,10 +77,10 @@ fn silent_daemon(bus: &Bus) -> Option<String> {
     })
 }
 
-/// How long a stream may be silent that somebody waits for.
+/// Maximum silence of a stream that a command waits for.
 const SILENCE_MAX: Duration = Duration::from_secs(3);
 
-/// When something was last heard of a stream; a command that waits for it ends if that is too long ago.
+/// Time of the last message of a stream; ends a waiting command after too long a silence.
 pub(super) struct Heard {
     what: &'static str,
     station: String,
@@ -88,17 +88,17 @@ pub(super) struct Heard {
 }
 
 impl Heard {
-    /// `what` is how people call the stream.
+    /// `what` is the display name of the stream.
     pub(super) fn new(what: &'static str, station: &str) -> Heard {
         Heard { what, station: station.to_owned(), at: std::time::Instant::now() }
     }
 
-    /// It was heard just now.
+    /// Records a message at this instant.
     pub(super) fn now(&mut self) {
         self.at = std::time::Instant::now();
     }
 
-    /// Fails once it has been silent for too long.
+    /// Fails after too long a silence.
     pub(super) fn check(&self) -> anyhow::Result<()> {
         if self.at.elapsed() > SILENCE_MAX {
             bail!(
@@ -111,7 +111,7 @@ impl Heard {
     }
 }
 
-/// That the daemon reads the plate itself, so that its file is the one that `key` stands in.
+/// Checks that the daemon reads the plate itself, so that `key` is in the daemon's own file.
 pub(super) fn own_ground(config: &Config, key: &str) -> anyhow::Result<()> {
     if config.ground.source == GroundSourceKind::External {
         bail!(
@@ -122,7 +122,7 @@ pub(super) fn own_ground(config: &Config, key: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The configuration that a station's daemon runs with.
+/// The active configuration of a station's daemon.
 pub(super) fn configuration_in_force(station: &str) -> anyhow::Result<Config> {
     let Some(facts) = crate::status::read(station) else {
         bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");

@@ -113,7 +113,7 @@ fn run_all(arguments: &Place) -> anyhow::Result<Outcome> {
     let config = read_config(arguments)?;
     let name = config.as_ref().map_or(&arguments.station.station, |config| &config.station);
     let facts = Facts::gather(StateDirectory::of_station(name));
-    // Without a bus there is no station to look at; that the bus cannot be joined is a check of its own.
+    // Without a bus the station cannot be examined; a separate check reports the failure to join.
     let (station, no_bus) = match config.as_ref().map(StationFacts::gather) {
         Some(Ok(station)) => (Some(station), None),
         Some(Err(error)) => (None, Some(error.to_string())),

@@ -81,7 +81,7 @@ fn replayed(input: &Input, arguments: &Arguments) -> anyhow::Result<Outcome> {
     states.push(format!(".{}.mcap", std::process::id()));
     let states = PathBuf::from(states);
     let outcome = compute(input, arguments, &states);
-    // Whatever has become of the table, nobody asked for this one.
+    // The recording is only an intermediate result; remove it even if the export failed.
     let _ = std::fs::remove_file(&states);
     outcome
 }

@@ -48,7 +48,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let stop = super::run::stop_on_signals()?;
-    // Before the measurement: who has waited for a minute does not want to hear then that the disk is full.
+    // Create the file first, so that an error appears before a measurement of a minute.
     let hlog = arguments.hlog.as_deref().map(create).transpose()?;
     let bus = client::join(&arguments.station.station, "latency")?;
     client::newest_state(&bus)?;

@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let stop = super::run::stop_on_signals()?;
     let (ready, listens) = mpsc::channel();
     let pinged = Cell::new(None::<Instant>);
-    // Asked after each read of the bus, so that the watchdog's pings are tied to reads.
+    // Evaluated after each read of the bus, so that watchdog pings depend on reads.
     let stopping = || {
         if let Ok(address) = listens.try_recv() {
             info!("station {}: metrics at http://{address}/metrics", config.station);

@@ -58,7 +58,7 @@ impl Kind {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    // The whole file is checked: an outlet reads its own part of it only.
+    // Check the complete configuration: an outlet reads only its own section.
     let config = Config::read(&arguments.config.config)?;
     drop(config);
     if let Some(make) = arguments.kind.of_our_own() {

@@ -100,7 +100,7 @@ fn serve(path: &Path) -> anyhow::Result<Outcome> {
     let summary = service::serve(&config.station, recording, base, &|| stop.load(Ordering::Relaxed), &alive)?;
     let _ = sd_notify::notify(&[NotifyState::Stopping]);
     println!("{summary}");
-    // What was lost stands in the journal; a service that was told to stop has not failed.
+    // Losses are in the journal; a service that stops on request has not failed.
     Ok(Outcome::Done)
 }
 

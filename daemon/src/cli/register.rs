@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     client::own_ground(&config, "[ground.frame]")?;
     if let Some(path) = &arguments.write {
-        // Before the worker has walked about for it.
+        // Check the file before the worker walks to the places.
         config_file::look(path)?;
     }
     if arguments.places < HOLDS_MIN {

@@ -89,7 +89,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         eprint!("{text}");
         text = json;
     }
-    // Results on standard output stand alone.
+    // Keep the summary out of standard output if it carries the results.
     if arguments.out.as_deref().is_some_and(|out| out.as_os_str() == "-") {
         eprint!("{text}");
     } else {

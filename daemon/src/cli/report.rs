@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         _ => None,
     };
-    // First: of a damaged recording there may be no page.
+    // Printed first, because a damaged recording may give no page.
     if let Some(authenticity) = &authenticity {
         println!("{}: {authenticity}", file.display());
     }

@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
     let pipeline = Pipeline::start(&config)?;
-    // Ready means that cycles run, not that threads exist.
+    // Report readiness once cycles run, not once the threads exist.
     while pipeline.last_cycle() == 0 && pipeline.is_whole() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -101,7 +101,7 @@ fn reread(arguments: &Arguments, pipeline: &Pipeline) {
     info!("the configuration is read again");
     let began = [sd_notify::NotifyState::Reloading, monotonic_now()];
     let _ = sd_notify::notify(&began);
-    // Why it is refused was told with the incident.
+    // The incident contains the reason of a refusal.
     for sentence in pipeline.reload(arguments.read()).unwrap_or_default() {
         warn!("{sentence}");
     }

@@ -125,7 +125,7 @@ fn simulate(arguments: &Arguments) -> anyhow::Result<Outcome> {
     settings.suit.tcp = arguments.suit_tcp;
     settings.plate.address = match arguments.ground {
         None => arguments.plate,
-        // The person stands on the other device; nobody asks this one.
+        // The person stands on the other device; this port is unused.
         Some(_) => SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
     };
     let noise = settings.plate.noise;
@@ -154,7 +154,7 @@ fn simulate(arguments: &Arguments) -> anyhow::Result<Outcome> {
     while !stop.load(Ordering::Relaxed)
         && arguments.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds)
     {
-        // Round and round.
+        // Repeat the sequence.
         if started.elapsed().as_secs_f64() > arguments.does.every_s() * acts as f64 {
             arguments.does.act(&person, acts)?;
             acts += 1;

@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     adapters.sort_by_key(|adapter| adapter.stream);
     let (facts, page) = (status::read(station), living_page(&bus));
-    // The history holds the last one of a plate that is silent now: that is told by its age.
+    // The history holds the last sample of a plate that is silent now; its age reveals that.
     let ground = ground.latest()?.map(|sample| Provenance::of(&sample));
     let incidents = incidents.map(|incidents| {
         let sentences = facts.as_ref().map(|facts| facts.incidents.clone()).unwrap_or_default();
@@ -209,7 +209,7 @@ fn write_thread(out: &mut impl Write, thread: &ThreadStatus) -> std::io::Result<
 fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     writeln!(out, "  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock)?;
     let memory = facts.memory;
-    // What is locked counts every mapping, shared memory once for each; what is in memory counts each page once.
+    // Locked memory counts every mapping, shared memory once for each; resident memory counts each page once.
     let locked = if memory.is_locked() { "all of it locked" } else { "not all of it locked" };
     writeln!(out, "  memory  {} KiB resident, {locked}", memory.resident_kib)?;
     for thread in &facts.threads {

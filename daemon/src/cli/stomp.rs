@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         bail!("--stomps {}: {STOMPS_MIN} at least", arguments.stomps);
     }
     if let Some(path) = &arguments.write {
-        // Before the worker has stamped for it.
+        // Check the file before the worker stomps.
         config_file::look(path)?;
     }
     eprintln!(
@@ -165,7 +165,7 @@ fn watch(arguments: &Arguments) -> anyhow::Result<StompOffset> {
                 eprintln!("stomp {stomps} of {}", arguments.stomps);
                 (told, since) = (stomps, Instant::now());
             }
-            // The last one's end may still be on its way.
+            // The end of the last stomp may still be pending.
             if stomps >= arguments.stomps && since.elapsed() > 2 * LOOK_EVERY {
                 break;
             }

@@ -129,7 +129,7 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
         bail!("a subject's id is made of letters, digits, '-' and '_'");
     }
     let mut deletion = Deletion::default();
-    // Daemons first: what none of them writes any more stays deleted.
+    // Daemons first, so that none of them writes deleted files again.
     deletion.ask_daemons(|station| client::ask(station, CommandKind::SubjectForget, id))?;
     deletion.clear_state(id, StateDirectory::of_environment())?;
     if let Some(folder) = recordings {

@@ -28,7 +28,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match &arguments.out {
         None => println!("{token}"),
         Some(path) => {
-            // A token that is in use is not replaced by mistake.
+            // Never overwrite a token, which may be in use.
             let file = OpenOptions::new().write(true).create_new(true).mode(0o640).open(path);
             let written = file.and_then(|mut file| writeln!(file, "{token}"));
             written.with_context(|| format!("cannot make {}", path.display()))?;

@@ -43,14 +43,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     options.write(true).create_new(true).mode(MODE);
     let created = options.open(out).with_context(|| format!("cannot create {}", out.display()))?;
     let summary = write_trace(&recording, cycles.as_ref(), &mut BufWriter::new(created))
-        // Half a trace would be in the way of the next try.
+        // Remove an incomplete trace, which would block the next attempt.
         .inspect_err(|_| drop(std::fs::remove_file(out)))
         .with_context(|| format!("cannot write {}", out.display()))?;
     if let Some(damage) = &summary.damage {
         eprintln!("equipoise: {damage}");
     }
     let Some((first, last)) = summary.span else {
-        // A trace without cycles shows nothing, and would be in the way of the next try.
+        // Remove a trace without cycles, which would block the next attempt.
         let _ = std::fs::remove_file(out);
         bail!(
             "{} holds no such cycles: look into it with `equipoise replay`, or widen --cycles",

@@ -106,7 +106,7 @@ impl Plate {
         let stop = super::run::stop_on_signals()?;
         let bus = client::join(&self.station, "verify")?;
         let mut samples = bus.subscriber::<GroundSample>(1024)?;
-        // What lies there from before is not of now.
+        // Discard samples from before the start.
         let _old = samples.latest()?;
         let mut heard = Heard::new("the ground", &self.station);
         let begun = Instant::now();

@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if !page.is_running() {
             bail!("a part of the page ended by itself; what it said stands above");
         }
-        // The watchdog is fed with frames that the page's thread asked for, not with this thread being alive.
+        // Feed the watchdog with requested frames, not merely while this thread runs.
         if pinged.elapsed() >= PING_EVERY && page.asked() != asked {
             (pinged, asked) = (Instant::now(), page.asked());
             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);

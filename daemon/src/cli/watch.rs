@@ -76,7 +76,7 @@ fn lines(station: &str, until: &Until) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     let ask = asked(status::read(station).as_ref());
     let mut seen = Instant::now();
-    // However short the time, and however long it took to join: what was asked for is at least one line.
+    // Print at least one line, however short the time and however long joining took.
     loop {
         if let Some(newer) = states.latest()? {
             (state, seen) = (newer, Instant::now());

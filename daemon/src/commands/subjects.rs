@@ -1,4 +1,4 @@
-//! Whom the daemon is asked to save, to load, or to forget.
+//! Commands that save, load or delete a subject.
 
 use equipoise_core::cycle::{PriorKind, Worker};
 use equipoise_core::message::command::CommandKind;
@@ -17,7 +17,7 @@ pub(super) fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> 
     if let Some(why) = saving.refusal {
         return Err(format!("{} is not saved: {why}", saving.subject));
     }
-    // The filter has a variance as soon as it has a body to work on.
+    // The filter has a variance once the body is available.
     if latest.is_none_or(|state| state.variance_max_m2 <= 0.0) {
         return Err("nothing is known of the worker yet; let the suit stream first".to_owned());
     }
@@ -35,7 +35,7 @@ pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers
     let mut worker = bytemuck::zeroed_box::<Worker>();
     worker.identification =
         *profile.worker(&settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
-    // Whether anything is remembered is the configuration's word, for every worker; so is a mass the configured one's.
+    // `subject.remember` applies to every subject; the configured mass applies to the configured subject only.
     let (configured, remember) =
         in_force.look(|forced| (forced.config.subject.id == id, forced.config.subject.remember));
     if let (true, Some(mass_kg)) = (configured, settings.mass_kg) {
@@ -53,7 +53,7 @@ pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers
     Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
 }
 
-/// Forgets a subject in every place that the daemon has; the files are the asker's affair, and stay deleted.
+/// Removes a subject from all memory of the daemon; the client deletes the files, which are not written again.
 pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
     let id = id_of(command)?;
     let _alone = in_force.alone();
@@ -65,7 +65,7 @@ pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, worke
     let in_use = workers.get(workers.in_use()).is_some_and(|saving| saving.subject == id);
     if in_use {
         let mut unknown = bytemuck::zeroed_box::<Worker>();
-        // The configured mass is the configured worker's.
+        // The configured mass belongs to the configured subject.
         let settings = equipoise_core::cycle::Settings { mass_kg: None, ..forced.settings };
         unknown.identification.start(&settings);
         put_in_place(rings, workers, unknown, Saving::nobody())?;
@@ -99,10 +99,10 @@ fn id_of(command: &Command) -> Result<String, String> {
     }
 }
 
-/// Hands the loop another worker.
+/// Passes another subject to the loop.
 fn put_in_place(rings: &Rings, workers: &Workers, worker: Box<Worker>, saving: Saving) -> Result<(), String> {
     while rings.worker_back.pop().is_some() {}
-    // This thread alone fills both rings, so what is free now stays free.
+    // Only this thread fills both rings, so a free slot stays free.
     if rings.command.is_full() || rings.worker.is_full() {
         return Err(TOO_MANY.to_owned());
     }

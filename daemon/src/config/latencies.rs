@@ -1,26 +1,26 @@
-//! What delays the streams may have, alone and between them.
+//! Limits of the streams' latencies, individually and relative to each other.
 
 use super::ground::GroundConfig;
 use super::method::Checked;
 use super::suit::SuitConfig;
 
-/// No stream is dated back by more, ms.
+/// Maximum latency of a stream, ms.
 pub(super) const LATENCY_MAX_MS: f64 = 1000.0;
-/// The loop keeps so many of the plate's last samples for a suit that is late (`core::cycle::alignment`), of which a fifth
-/// is left for what the network adds …
+/// Number of ground samples that the loop stores for a late suit (`core::cycle::alignment`), less a fifth for network
+/// delays …
 const GROUND_SAMPLES_KEPT: f64 = 640.0 * 0.8;
-/// … of a plate that does not say how fast it is, this rate is assumed, Hz …
+/// … with this rate, Hz, if the plate's rate is not configured …
 const USUAL_HZ: f64 = 1000.0;
-/// The streams may be this far apart, either way, ms: the loop keeps 128 suit samples (0.53 s at 240 Hz) for a plate that is
-/// late.
+/// Maximum difference between the streams in either direction, ms: the loop stores 128 suit samples (0.53 s at 240 Hz)
+/// for a late plate.
 const APART_MAX_MS: f64 = 500.0;
 
-/// Milliseconds as a span; a value that was checked is neither negative nor too large.
+/// Converts checked milliseconds, neither negative nor too large, to ns.
 pub(super) fn span_ns(milliseconds: f64) -> u64 {
     (milliseconds * 1e6).round() as u64
 }
 
-/// What the alignment of both streams can bridge.
+/// Checks that the alignment of both streams can compensate the difference.
 pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
     let suit_later_ms = suit.latency_ms - ground.latency_ms;
     let suit_later_max_ms =

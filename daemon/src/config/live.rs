@@ -1,4 +1,4 @@
-//! What of a configuration can change while the daemon runs.
+//! The parts of a configuration that can change while the daemon runs.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,8 @@ use toml::Value;
 use super::Config;
 
 impl Config {
-    /// This configuration with what can change live taken from another: `[overload]`, `[static_pose]`, `[model]` and
+    /// This configuration with the live parts of another one: `[overload]`, `[static_pose]`, `[model]` and the model
+    /// itself, `[latency]`, `subject.tau_max_nm`, and `[outlets]` and `[recording]`, which other processes read.
     /// the model itself, `[latency]`, `[outlets]` and `[recording]`, which other processes read, `subject.tau_max_nm`.
     pub fn with_live_parts_of(&self, other: &Config) -> Config {
         let mut live = self.clone();
@@ -22,7 +23,7 @@ impl Config {
         live
     }
 
-    /// The process that reads a key, if it is not the daemon.
+    /// The process that reads a key if it is not the daemon.
     pub fn who_reads(key: &str) -> Option<&'static str> {
         match key.split('.').next() {
             Some("outlets") => Some("its outlet"),
@@ -31,7 +32,7 @@ impl Config {
         }
     }
 
-    /// Every key whose value differs, as people write it: `loop.rate_hz`.
+    /// Every dotted key whose value differs, such as `loop.rate_hz`.
     pub fn keys_that_differ(&self, other: &Config) -> Vec<String> {
         let table = |config: &Config| Value::try_from(config).unwrap_or(Value::Boolean(false));
         let mut keys = BTreeSet::new();

@@ -1,11 +1,11 @@
-//! Turns a parser's complaint into a sentence: file, line, field, and the nearest key that exists.
+//! Converts a parser's error to a sentence with file, line, field, and the nearest existing key.
 
 use toml_edit::{Item, TableLike, Value};
 
 use super::ConfigError;
 use super::ground::Mistake;
 
-/// What to say of a parser's error.
+/// The message for a parser's error.
 pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> ConfigError {
     let place = match error.span() {
         Some(span) => format!("{name}, line {}", line_of(text, span.start)),
@@ -29,7 +29,7 @@ pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> Config
     ConfigError::Wrong { place, what }
 }
 
-/// serde's "invalid type: string "20", expected f64" in the words of a person who wrote no Rust.
+/// Rewrites serde's `invalid type: string "20", expected f64` without Rust terms.
 fn invalid_type(said: &str) -> String {
     let parts = said.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
     let Some((given, expected)) = parts else { return said.to_owned() };
@@ -43,7 +43,7 @@ fn invalid_type(said: &str) -> String {
     format!("{} is given where {expected} is expected", given.replace('`', ""))
 }
 
-/// The dotted key of the value that stands at a byte of the text.
+/// The dotted key of the value at a byte offset of the text.
 fn key_at(text: &str, byte: usize) -> Option<String> {
     let document = toml_edit::Document::parse(text).ok()?;
     in_table(document.as_table(), "", byte)
@@ -61,7 +61,7 @@ fn in_table(table: &dyn TableLike, path: &str, byte: usize) -> Option<String> {
     })
 }
 
-/// Entries of lists have no key of their own: the line tells them apart.
+/// Entries of lists have no key of their own: the line number distinguishes them.
 fn in_value(value: &Value, path: String, byte: usize) -> Option<String> {
     if !value.span()?.contains(&byte) {
         return None;
@@ -71,7 +71,7 @@ fn in_value(value: &Value, path: String, byte: usize) -> Option<String> {
     inner.or_else(entry).or(Some(path))
 }
 
-/// Takes serde's "unknown field `a`, expected one of `b`, `c`" (or variant) apart.
+/// Splits serde's "unknown field `a`, expected one of `b`, `c`" (or variant) into its names.
 fn unknown(said: &str) -> Option<(&str, Vec<&str>)> {
     let rest = said.strip_prefix("unknown field ").or_else(|| said.strip_prefix("unknown variant "))?;
     let mut quoted = rest.split('`').skip(1).step_by(2);
@@ -79,7 +79,7 @@ fn unknown(said: &str) -> Option<(&str, Vec<&str>)> {
     Some((unknown, quoted.collect()))
 }
 
-/// File and line of a dotted field, as well as it can be found; of the section where it would stand, if it is missing.
+/// File and line of a dotted field, as precisely as possible; of its section if the field is missing.
 pub(super) fn place_of(field: &str, text: &str, name: &str) -> String {
     let (table, key) = field.rsplit_once('.').unwrap_or(("", field));
     let mut inside = table.is_empty();

@@ -308,7 +308,7 @@ pub(super) fn between(field: &'static str, value: f64, low: f64, high: f64) -> C
     if (low..=high).contains(&value) {
         Ok(())
     } else {
-        // All the digits of 1e300 would be no help.
+        // Avoids printing all digits of, for example, 1e300.
         let value = if value.abs() < 1e9 { format!("{value}") } else { format!("{value:?}") };
         Err((field, format!("{value} is not between {low} and {high}")))
     }

@@ -200,7 +200,7 @@ fn a_model_lies_beside_the_configuration_and_reaches_the_cycle() {
     let config = Config::read(&path).unwrap();
     assert_eq!(config.settings().model.terms[0].map(|term| term.value[0]), Some(0.01));
     assert_eq!(config.model_toml(), text, "recordings keep it");
-    // What a recording keeps of the configuration names the model; its text stands beside it.
+    // The recorded configuration names the model; the model's text is stored separately.
     let kept = Config::parse(&config.to_toml(), "kept").unwrap();
     assert_eq!((&kept.model, kept.loaded_model), (&config.model, None));
     assert!(refusal(&format!("{SMALLEST}[model]\nfiel = \"m.toml\"")).contains("did you mean `file`?"));

@@ -1,4 +1,4 @@
-//! What the simulated person does, scene by scene, and what is measured meanwhile.
+//! The scenes of the demonstration, and the measurements taken in each.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 /// The box of the paper, kg.
 pub(super) const BOX_KG: f64 = 4.0;
-/// The joints of the paper's Fig. 6 and the lower back: what to call them, and MVN's name.
+/// The joints of the paper's Fig. 6 and the lower back: label and MVN name.
 pub(super) const JOINTS_SHOWN: [(&str, &str); 6] = [
     ("hip", "RightHip"),
     ("knee", "RightKnee"),
@@ -20,23 +20,24 @@ pub(super) const JOINTS_SHOWN: [(&str, &str); 6] = [
     ("elbow", "RightElbow"),
     ("lower_back", "L5S1"),
 ];
-/// A suggested pose that was not learnt after this long is left; the worker tries something else, s.
+/// After this long without the pose being used, the person tries another one, s.
 const PATIENCE_S: f64 = 6.0;
-/// How long each pose is held that checks the model, s; it takes 1.8 s to get there.
+/// Duration of each check pose, s; reaching it takes 1.8 s.
 const CHECK_POSE_S: f64 = 3.2;
-/// How many of them.
+/// Number of check poses.
 const CHECK_POSES: usize = 6;
-/// From taking the box to having put it down (16 s), and 3.5 s with empty hands, in which the lift is counted and can be seen, s.
+/// From lifting the box to having put it down (16 s), plus 3.5 s with empty hands in which the lift is counted and
+/// displayed, s.
 const LIFT_S: f64 = 19.5;
 
-/// Where the demonstration is.
+/// Stage of the demonstration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scene {
-    /// Sensors come up.
+    /// The sensors start.
     Begin,
     /// The person takes suggested poses.
     Identify,
-    /// The person stands in poses that were not learnt from.
+    /// The person stands in poses that were not used for identification.
     Check,
     /// The person lifts the box.
     Lift,
@@ -102,7 +103,7 @@ impl CopRange {
     }
 }
 
-/// The script, how far it has come, and its measurements.
+/// The script with its progress and measurements.
 #[derive(Debug)]
 pub(super) struct Script {
     scene: Scene,
@@ -117,7 +118,7 @@ pub(super) struct Script {
     pub(super) identified_after_s: f64,
     pub(super) predicted_sigma_m: f64,
     pub(super) unloaded: CopSums,
-    /// Over the whole session.
+    /// Range over the whole session.
     pub(super) cop_range: CopRange,
     pub(super) loaded_samples: f64,
     pub(super) delta_f_n: f64,
@@ -154,7 +155,7 @@ impl Script {
         self.poses_used
     }
 
-    /// The person sees one state and acts.
+    /// Reacts to one state.
     pub(super) fn see(&mut self, state: &State, person: &SimulationHandle, elapsed: Duration) {
         let now_s = elapsed.as_secs_f64();
         let fresh = state.suit_sample_time_ns != self.last_sample_ns;
@@ -194,7 +195,7 @@ impl Script {
             self.asked_since_s = now_s;
             self.take(person, state.suggested_pose as usize);
         } else if now_s - self.asked_since_s > PATIENCE_S {
-            // As a person would: if nothing happens, try another one.
+            // If the suggested pose has no effect, the person tries another one.
             self.asked_since_s = now_s;
             self.take(person, (state.suggested_pose as usize + 7) % LIBRARY.len());
         }
@@ -206,11 +207,11 @@ impl Script {
         }
     }
 
-    /// Poses that were never asked for check the model.
+    /// Poses that were never suggested check the model.
     fn take_check_pose(&mut self, person: &SimulationHandle) {
         let unasked = (0..LIBRARY.len()).filter(|pose| self.asked & (1 << pose) == 0);
         if let Some(pose) = unasked.step_by(5).nth(self.check_pose).or(Some(self.check_pose)) {
-            // Every index of the library is a pose.
+            // Always valid: the index comes from the library.
             let _ = person.take_pose(pose);
         }
     }
@@ -241,8 +242,8 @@ impl Script {
             for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
                 let Some(joint) = Joint::named(name).map(Joint::index) else { continue };
                 let published = Vector3::from(state.torque_nm[joint]);
-                // Told in motion, so judged by the truth in motion; both feet's forces act at the common centre of
-                // pressure, as in Eq. 15.
+                // The published torque includes motion, so compare it with the true torque in motion; the forces of
+                // both feet act at the common centre of pressure, as in Eq. 15.
                 let real = truth.overload_in_motion_nm[joint];
                 sums.published_nm += published.norm();
                 sums.true_nm += real.norm();

@@ -1,12 +1,12 @@
-//! What suit and plate bring: the stream's types and rate, and whether the empty plate shows nothing.
+//! Checks the data of suit and plate: the stream's types and rate, and the force on the empty plate.
 
 use super::Check;
 use super::station::{StationFacts, Streamed};
 use crate::config::{Config, SuitSourceKind};
 
-/// Accelerations of a body at work need this many samples a second.
+/// Computing accelerations of a working person requires this sampling rate.
 const SUIT_RATE_MIN_HZ: f64 = 55.0;
-/// More than this on an empty plate shifts the centre of pressure of a light worker by a centimetre.
+/// A larger force on the empty plate shifts the centre of pressure of a light subject by a centimetre.
 const EMPTY_SHOWS_MAX_N: f64 = 5.0;
 
 pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {

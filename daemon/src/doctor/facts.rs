@@ -1,4 +1,4 @@
-//! What this computer is like, read from /proc, /sys and the limits of this process.
+//! Facts about this computer from /proc, /sys and the limits of this process.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ use rustix::process::{Resource, geteuid, getrlimit};
 
 use crate::state_directory::{NoStateDirectory, StateDirectory};
 
-/// Facts; what is not told is `None` or empty.
+/// Facts about the computer; unavailable ones are `None` or empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Facts {
     /// Effective user id.
     pub user_id: u32,
-    /// Its name.
+    /// User name.
     pub user: String,
-    /// Whether CAP_SYS_NICE is in force.
+    /// Whether CAP_SYS_NICE is effective.
     pub may_schedule: bool,
     /// RLIMIT_RTPRIO; `None` without a limit.
     pub rtprio_limit: Option<u64>,
@@ -25,13 +25,13 @@ pub struct Facts {
     pub rt_runtime_us: Option<i64>,
     /// kernel.sched_rt_period_us.
     pub rt_period_us: Option<i64>,
-    /// How many cores there are.
+    /// Number of cores.
     pub cores: usize,
-    /// Cores kept free of other work.
+    /// Isolated cores.
     pub isolated: Vec<usize>,
     /// Frequency governor of each core that has one.
     pub governors: Vec<(usize, String)>,
-    /// What the kernel interrupts for whom.
+    /// Preemption model of the kernel.
     pub preemption: Preemption,
     /// Current clock source.
     pub clock_source: Option<String>,
@@ -39,44 +39,44 @@ pub struct Facts {
     pub rmem_max: Option<u64>,
     /// Whether logind removes a user's shared memory; `None` without logind.
     pub remove_ipc: Option<bool>,
-    /// Where the bus has its files.
+    /// Directory of the bus.
     pub bus_root: Place,
     /// Free space of /dev/shm, bytes.
     pub shm_free: Option<u64>,
-    /// Where what is learnt is kept.
+    /// The state directory.
     pub state_directory: Result<Place, NoStateDirectory>,
 }
 
-/// How far the kernel lets itself be interrupted.
+/// Preemption model of the kernel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Preemption {
     /// PREEMPT_RT.
     RealTime,
-    /// Everywhere but under spin locks.
+    /// Full preemption, except under spin locks.
     Full,
-    /// Less, by its name.
+    /// A weaker model, by its name.
     Less(String),
-    /// PREEMPT_DYNAMIC, and this user may not see what was chosen.
+    /// PREEMPT_DYNAMIC, and this user has no permission to read the chosen model.
     Chosen,
 }
 
-/// A directory, there or still to be made.
+/// A directory, existing or to be created.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
-    /// The directory.
+    /// Path of the directory.
     pub path: PathBuf,
-    /// Type of its file system.
+    /// Type of the file system.
     pub file_system: String,
-    /// Whether this user may make files there.
+    /// Whether this user may create files there.
     pub writable: bool,
-    /// Whose it is; `None` if it is still to be made.
+    /// User id of the owner; `None` if the directory does not exist yet.
     pub owner: Option<u32>,
     /// Free bytes.
     pub free: u64,
 }
 
 impl Facts {
-    /// Reads them all; with the state directory that is in use, or why there is none.
+    /// Gathers all facts; `state` is the active state directory, or the reason that there is none.
     pub fn gather(state: Result<StateDirectory, NoStateDirectory>) -> Facts {
         let status = text("/proc/self/status").unwrap_or_default();
         let user_id = geteuid().as_raw();
@@ -110,7 +110,7 @@ impl Facts {
 impl Place {
     fn look(path: &Path) -> Place {
         let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        // What is not there yet is made in the next directory above that is.
+        // A missing directory would be created below its nearest existing ancestor.
         let there = absolute.ancestors().find(|ancestor| ancestor.exists()).unwrap_or(Path::new("/"));
         let owner = |path: &Path| {
             use std::os::unix::fs::MetadataExt;
@@ -157,7 +157,7 @@ fn cores_present() -> usize {
     core_list(&text("/sys/devices/system/cpu/present").unwrap_or_default()).len()
 }
 
-/// `0-3,6` as numbers.
+/// Parses a core list such as `0-3,6`.
 fn core_list(text: &str) -> Vec<usize> {
     text.split(',')
         .filter_map(|part| {
@@ -189,11 +189,11 @@ fn preemption_of(realtime: Option<&str>, dynamic: Option<&str>, version: &str) -
     }
 }
 
-/// The type of the file system that a path lies on: the deepest mount point above it, the last one mounted there.
+/// The file system type of a path: that of the deepest mount point above it, and of the last one mounted there.
 fn file_system_of(path: &Path, mountinfo: &str) -> String {
     let mounts = mountinfo.lines().filter_map(|line| {
         let (before, behind) = line.split_once(" - ")?;
-        // Blanks in a path are written so.
+        // mountinfo escapes spaces like this.
         let point = before.split_whitespace().nth(4)?.replace("\\040", " ");
         let kind = behind.split_whitespace().next()?;
         path.starts_with(&point).then(|| (Path::new(&point).components().count(), kind.to_owned()))
@@ -217,7 +217,7 @@ fn remove_ipc_is_on() -> bool {
     remove_ipc_in(&texts)
 }
 
-/// The last word of logind's files; on is its default.
+/// The last setting in logind's files; the default is on.
 fn remove_ipc_in(texts: &[String]) -> bool {
     let words = texts.iter().flat_map(|text| text.lines());
     let last = words.filter_map(|line| line.trim().strip_prefix("RemoveIPC=")).next_back();
@@ -226,7 +226,7 @@ fn remove_ipc_in(texts: &[String]) -> bool {
 
 #[cfg(test)]
 impl Facts {
-    /// A computer with which nothing is wrong.
+    /// Facts of a computer without faults.
     pub(super) fn sound() -> Facts {
         let place = |path: &str| Place {
             path: PathBuf::from(path),

@@ -1,15 +1,16 @@
-//! Processor, scheduler, limits, user, clock.
+//! Checks processor, scheduler, limits, user and clock.
 
 use super::Check;
 use super::facts::{Facts, Preemption};
 use crate::config::LoopConfig;
 
-/// Clock sources that are fast to read and keep time.
+/// Clock sources with fast reads and a stable rate.
 const GOOD_SOURCES: [&str; 5] =
     ["tsc", "kvm-clock", "hyperv_clocksource_tsc_page", "arch_sys_counter", "xen"];
-/// System users end here (login.defs).
+/// First id of ordinary users (login.defs).
 const ORDINARY_FROM: u32 = 1000;
-/// Below this share of each period left to real-time threads, a loop that is late once may be stopped.
+/// If real-time threads may use less than this fraction of each period, the kernel may throttle the loop after a single
+/// late cycle.
 const RT_SHARE_MIN: f64 = 0.5;
 
 pub(super) fn user(facts: &Facts) -> Check {

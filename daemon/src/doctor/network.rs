@@ -1,4 +1,4 @@
-//! Sockets: buffers and ports.
+//! Checks socket buffers and ports.
 
 use super::Check;
 use super::facts::Facts;
@@ -6,9 +6,9 @@ use super::ports::Port;
 use super::station::StationFacts;
 use crate::config::{Config, SuitSourceKind};
 
-/// What the adapters ask of the kernel: four seconds of everything.
+/// Buffer size requested by the adapters: four seconds of all streams.
 const BUFFER_WANTED: u64 = 4 << 20;
-/// Less than this holds no stall of a quarter of a second.
+/// Smaller buffers cannot hold the data of a stall of a quarter of a second.
 const BUFFER_MIN: u64 = 256 << 10;
 
 pub(super) fn receive_buffer(facts: &Facts) -> Check {

@@ -1,17 +1,17 @@
-//! Where files and shared memory lie.
+//! Checks the locations of files and shared memory.
 
 use equipoise_bus::service::STATION_MEMORY_MAX;
 
 use super::Check;
 use super::facts::{Facts, Place};
 
-/// File systems of other machines: their locks do not tell who lives on this one.
+/// Network file systems: their locks do not reveal which processes of this machine are alive.
 const REMOTE: [&str; 10] =
     ["nfs", "nfs4", "cifs", "smb3", "smbfs", "9p", "ceph", "fuse.sshfs", "fuse.glusterfs", "afs"];
-/// A shift's profiles need less than a megabyte; logs and recordings beside them need more.
+/// The profiles of a shift need less than a megabyte; logs and recordings need more.
 const STATE_FREE_MIN: u64 = 1 << 20;
 const STATE_FREE_COMFORT: u64 = 100 << 20;
-/// Consumers of a running daemon need a little more of the shared memory that it already has.
+/// Consumers of a running daemon need little more shared memory than it already has.
 const SHM_FREE_RUNNING: u64 = 8 << 20;
 
 pub(super) fn bus_root(facts: &Facts) -> Check {

@@ -45,7 +45,7 @@ fn inodes_at(table: &str, port: u16) -> Vec<String> {
     let at_port = |line: &str| {
         let mut fields = line.split_whitespace();
         let (_, local_port) = fields.nth(1)?.rsplit_once(':')?;
-        // The inode is the tenth field; those of connections that have ended are 0.
+        // The inode is the tenth field; it is 0 for closed connections.
         let inode = fields.nth(7).filter(|inode| *inode != "0")?;
         (u16::from_str_radix(local_port, 16) == Ok(port)).then(|| inode.to_owned())
     };

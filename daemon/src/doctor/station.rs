@@ -1,4 +1,4 @@
-//! What a station is like now: who holds its ports, what its suit and plate bring.
+//! The current condition of a station: owners of its ports, and the data of its suit and plate.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -20,49 +20,50 @@ use crate::pipeline::DAEMON_ROLE;
 use crate::provenance::Provenance;
 use crate::sensors::{SUIT_ROLE, mvn_settings};
 
-/// How long sensors are listened to. Long enough for a word of both adapters, which comes once a second.
+/// Observation time, long enough for a message of both adapters, which arrive once a second.
 const LISTEN: Duration = Duration::from_millis(2500);
-/// A reason is told once it has cost so many of all datagrams; a few come with every start.
+/// A reason is reported if it affects at least this fraction of all datagrams; every start causes a few.
 const REFUSED_SHARE_MIN: f64 = 0.01;
 
-/// The station, as far as it could be seen.
+/// The condition of the station, as far as it could be observed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StationFacts {
-    /// Process of the running daemon.
+    /// Process id of the running daemon.
     pub daemon: Option<u32>,
-    /// Whether the suit's port can be had.
+    /// State of the suit's port.
     pub suit_port: Port,
-    /// The same for the page's, if there is to be one.
+    /// State of the page's port, if configured.
     pub page_port: Option<Port>,
-    /// The same for the metrics'.
+    /// State of the metrics' port, if configured.
     pub metrics_port: Option<Port>,
-    /// What the suit sends; `None` if nothing was heard.
+    /// Data of the suit; `None` if none arrived.
     pub streamed: Option<Streamed>,
-    /// Vertical force on the plate, N; `None` if it is not known.
+    /// Vertical force on the plate, N; `None` if unavailable.
     pub plate_shows_n: Option<f64>,
-    /// What the ground's samples are made of, in words; empty if none was heard.
+    /// Provenance of the ground samples, in words; empty if none arrived.
     pub ground: String,
 }
 
-/// What was heard of the suit.
+/// Observed data of the suit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Streamed {
-    /// Samples a second.
+    /// Samples per second.
     pub rate_hz: f64,
-    /// Poses come as quaternions (type 02).
+    /// Whether poses arrive as quaternions (type 02).
     pub quaternions: bool,
-    /// What else they come as, where something of that is read.
+    /// A supported substitute for the pose quaternions that arrives, if any.
     pub stand_in: Option<&'static str>,
-    /// What else comes, in words.
+    /// Other datagrams, in words.
     pub others: Vec<String>,
-    /// Characters seen; empty if only the configured one can be.
+    /// Characters observed; empty if only the configured one can be observed.
     pub avatars: Vec<u8>,
-    /// What the adapter refused since its start, by reason.
+    /// Datagrams that the adapter refused since its start, by reason.
     pub refused: Vec<(String, u64)>,
 }
 
 impl StationFacts {
-    /// Looks at a configuration's station: asks the running daemon, or else listens on the suit's port itself.
+    /// Examines the station of a configuration: subscribes to the running daemon's services, or else receives on the
+    /// suit's port itself.
     ///
     /// # Errors
     /// The bus cannot be joined.
@@ -70,7 +71,8 @@ impl StationFacts {
         let bus = Bus::join(&BusSettings::new(&config.station, "doctor"))?;
         let participants = bus.participants()?;
         let of_role = |role: &str| participants.iter().find(|one| one.role == role).map(|one| one.process_id);
-        // Each port by whoever is to have it: a page's is not the station's because the suit's adapter took it.
+        // Check each port against the processes expected on it: if the suit's adapter has taken the page's port, it is
+        // not `Ours`.
         let of = |bound: io::Result<()>, roles: &[&str], tables, address| match port_of(bound) {
             Port::Taken if holds(&processes_of(&participants, roles), &sockets_at(tables, address)) => {
                 Port::Ours
@@ -98,7 +100,7 @@ impl StationFacts {
         Ok(facts)
     }
 
-    /// What a running daemon's station shows on the bus.
+    /// Subscribes to the services of a running daemon's station.
     fn ask(&mut self, bus: &Bus) -> Result<(), BusError> {
         let mut states = bus.subscriber::<State>(1)?;
         let mut suit = bus.subscriber::<SuitSample>(64)?;
@@ -134,7 +136,7 @@ impl StationFacts {
         let refused = SuitRefusal::NAMES.iter().zip(told.refused);
         self.streamed = Some(Streamed {
             rate_hz: told.rate_hz,
-            // A sample does not say which of both its pose came as; there is one.
+            // A sample does not say in which format its pose arrived.
             quaternions: blocks.is_some(),
             stand_in: None,
             others: others
@@ -152,13 +154,13 @@ impl StationFacts {
     }
 }
 
-/// The processes that take part as one of these.
+/// The processes that participate in one of these roles.
 pub(super) fn processes_of(participants: &[Participant], roles: &[&str]) -> BTreeSet<u32> {
     let is_one = |one: &&Participant| roles.contains(&one.role.as_str());
     participants.iter().filter(is_one).map(|one| one.process_id).collect()
 }
 
-/// What was heard, in short: of the configured character, or else of the first; `None` if nothing that MVN sends.
+/// A summary of the configured character, or of the first one otherwise; `None` if no MVN data arrived.
 fn streamed(heard: &Survey, avatar: u8) -> Option<Streamed> {
     let character = heard.characters.get(&avatar).or_else(|| heard.characters.values().next())?;
     let of = |kind: DatagramType| character.of(kind).is_some();

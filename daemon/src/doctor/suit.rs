@@ -1,4 +1,4 @@
-//! `equipoise doctor suit`: what MVN's Network Streamer must have ticked, told from what arrives.
+//! `equipoise doctor suit`: derives the required settings of MVN's Network Streamer from the data that arrive.
 
 mod boxes;
 mod bus;
@@ -16,14 +16,14 @@ use super::suit_facts::{Heard, SuitFacts};
 use crate::config::suit::Up;
 use crate::config::{Config, SuitConfig};
 
-/// Accelerations of a body at work need this many samples a second.
+/// Computing accelerations of a working person requires this sampling rate.
 const RATE_MIN_HZ: f64 = 55.0;
-/// More loss than this leaves gaps that accelerations show.
+/// A higher loss leaves gaps that disturb the accelerations.
 const LOST_SHARE_MAX: f64 = 0.01;
-/// A reason is told once it has cost so many of all datagrams; a few come with every start.
+/// A reason is reported if it affects at least this fraction of all datagrams; every start causes a few.
 const REFUSED_SHARE_MIN: f64 = 0.01;
 
-/// What to say of a suit, in the order in which a person would mend things.
+/// Diagnoses of a suit, in the order in which to fix them.
 pub fn judge_suit(config: &Config, facts: &SuitFacts) -> Vec<Check> {
     let suit = &config.suit;
     let mut checks: Vec<Check> = port(config, facts).into_iter().collect();
@@ -76,7 +76,7 @@ fn port(config: &Config, facts: &SuitFacts) -> Option<Check> {
     })
 }
 
-/// What to look at, in the order in which it is mostly wrong.
+/// The likely causes, most frequent first.
 fn when_nothing_comes(suit: &SuitConfig) -> String {
     let host = host_for(suit.listen);
     let mut told = format!(
@@ -221,7 +221,7 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
     )
 }
 
-/// Rate, loss, and whether MVN is paused.
+/// Checks rate, loss, and whether MVN is paused.
 fn samples(character: &Character) -> Option<Check> {
     const NAME: &str = "samples";
     let (kind, seen) = character.pose()?;
@@ -297,9 +297,9 @@ fn beside_the_body(character: &Character) -> Option<Check> {
     ))
 }
 
-/// Reasons that cost much, with what to do about the first of them that one can do something about.
+/// Frequent refusal reasons, with advice for the first that has a remedy.
 fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Option<Check> {
-    // Told elsewhere: others' characters by name, repetitions with the samples.
+    // Reported by other checks: other characters by name, duplicates with the samples.
     let told_elsewhere = [SuitRefusal::OtherAvatar.name(), SuitRefusal::Duplicate.name()];
     let much: Vec<(&str, u64)> = refused
         .filter(|(reason, count)| {
@@ -327,7 +327,7 @@ fn in_words<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> String {
     counts.map(|(reason, count)| format!("{count} {reason}")).collect::<Vec<_>>().join(", ")
 }
 
-/// A type's short name with its number, as checks are called.
+/// The short name of a type with its number, used as title of a check.
 fn title(kind: DatagramType) -> &'static str {
     boxes::BOXES.iter().find(|one| one.kind == kind).map_or("other types", |one| one.title)
 }

@@ -1,4 +1,4 @@
-//! What arrives at the suit's port now, or what the running daemon makes of it.
+//! Data that arrive at the suit's port now, or that the running daemon publishes.
 
 use std::time::{Duration, Instant};
 
@@ -14,46 +14,46 @@ use crate::config::Config;
 use crate::pipeline::DAEMON_ROLE;
 use crate::sensors::{SUIT_ROLE, mvn_settings};
 
-/// What could be seen of the suit.
+/// Observations of the suit.
 #[derive(Debug, Clone)]
 pub struct SuitFacts {
-    /// Whether the port can be had.
+    /// State of the port.
     pub port: Port,
-    /// Who has it, if somebody else has and may be seen.
+    /// Process that uses the port, if another one does and is visible.
     pub holder: Option<Holder>,
-    /// For how long was listened.
+    /// Observation time.
     pub time: Duration,
-    /// What was heard.
+    /// Observed data.
     pub heard: Heard,
 }
 
-/// What was heard of the suit, and where.
+/// Observed data of the suit and their source.
 #[derive(Debug, Clone)]
 pub enum Heard {
-    /// Nothing: there was nowhere to listen. A sentence, if there is more to say than that the port is taken.
+    /// None: observation was impossible. A sentence, unless the only reason is that the port is taken.
     Nowhere(Option<String>),
-    /// At the port itself.
+    /// Received at the port itself.
     AtThePort(Box<Survey>),
-    /// On the bus: what an adapter makes of it.
+    /// Received on the bus, from an adapter.
     OnTheBus(Box<BusWord>),
 }
 
-/// What an adapter publishes.
+/// Messages of an adapter.
 #[derive(Debug, Clone, Default)]
 pub struct BusWord {
-    /// Samples seen.
+    /// Number of samples.
     pub samples: u64,
-    /// The optional blocks of all of them together.
+    /// Union of their optional blocks.
     pub blocks: u32,
-    /// Whose they are.
+    /// Their character.
     pub avatar: Option<u32>,
-    /// The adapter's last word.
+    /// The last health message.
     pub health: Option<AdapterHealth>,
 }
 
 impl SuitFacts {
-    /// Listens at the suit's port for so long; if a process of the station has it, or the samples come from elsewhere,
-    /// on the bus.
+    /// Receives at the suit's port for `time`; on the bus if a process of the station uses the port or the samples come
+    /// from another process.
     pub fn gather(config: &Config, time: Duration, stopping: &dyn Fn() -> bool) -> SuitFacts {
         let bus = Bus::join(&BusSettings::new(&config.station, "doctor"));
         let Ok(settings) = mvn_settings(&config.suit) else {
@@ -89,7 +89,7 @@ impl SuitFacts {
         facts
     }
 
-    /// Everything that was counted, for programs.
+    /// All counts as JSON.
     pub fn to_json(&self) -> Value {
         let mut told = json!({ "listened_s": self.time.as_secs_f64(), "holder": self.holder });
         match &self.heard {

@@ -1,4 +1,5 @@
-//! Two files of one session, each with a clock of its own: how far these are apart, and both streams in one time.
+//! Two files of one session, each with its own clock: estimates the offset between the clocks and merges both streams
+//! in one time base.
 
 use std::fmt;
 use std::str::FromStr;
@@ -17,20 +18,21 @@ use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::{LeftOut, Sample, Samples};
 
-/// Files whose clocks are farther apart are of two sessions, ns.
+/// A larger difference between the clocks means two different sessions, ns.
 const APART_MAX_NS: u64 = 86_400 * NS_PER_S;
 
-/// How the clocks are joined.
+/// How the clocks are aligned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Join {
-    /// Both files say when they were, by clocks that agree.
+    /// Both files contain absolute times of clocks that agree.
     Clock,
-    /// By stomps that both saw, at most so far apart, ns.
+    /// By stomps that both files contain, with a bounded offset.
     Stomp {
         /// Bound of the offset on both sides, ns.
         within_ns: u64,
     },
-    /// What must be added to the suit's times, from the first frame on, to get the plate's from its first row on, ns.
+    /// Explicit offset: added to the suit's times, counted from its first frame, to get the plate's times, counted from
+    /// its first row, ns.
     Offset(i64),
 }
 
@@ -57,15 +59,15 @@ impl FromStr for Join {
     }
 }
 
-/// How far the clocks were found to be apart.
+/// The offset found between the clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joined {
-    /// What is added to the suit's times to get the plate's, ns; both count from their file's first sample.
+    /// Offset added to the suit's times to get the plate's, ns; both count from their file's first sample.
     pub offset_ns: i64,
-    /// The stomps that say so, if they do.
+    /// The stomps from which the offset follows, if any.
     pub stomps: Option<StompOffset>,
     how: Join,
-    /// The span that both files cover, s.
+    /// Duration that both files cover, s.
     pub common_s: f64,
 }
 
@@ -91,7 +93,7 @@ impl fmt::Display for Joined {
     }
 }
 
-/// What of both files decides how they are joined.
+/// Properties of both files that determine their alignment.
 #[derive(Debug, Default)]
 struct Survey {
     suit: Span,
@@ -103,7 +105,7 @@ struct Survey {
     heights_m: Vec<(u64, [f64; 2])>,
 }
 
-/// From the first sample to the last, ns; empty while there is none.
+/// First and last sample time, ns; empty until there is one.
 #[derive(Debug, Clone, Copy, Default)]
 struct Span(Option<(u64, u64)>);
 
@@ -114,7 +116,7 @@ impl Span {
     }
 }
 
-/// The suit's samples of the first file and the plate's of the second, in one time.
+/// Suit samples of the first file and plate samples of the second, in one time base.
 pub(super) struct JoinedSamples<'a> {
     suit: Samples<'a>,
     plate: PlateSamples<'a>,
@@ -124,7 +126,7 @@ pub(super) struct JoinedSamples<'a> {
     next_ground: Option<Sample>,
 }
 
-/// Finds how both files are joined.
+/// Determines how both files are aligned.
 pub(super) fn find(input: &Input, plate: &PlateFile, config: &Config, how: Join) -> anyhow::Result<Joined> {
     let survey = Survey::of(input, plate, config, matches!(how, Join::Stomp { .. }))?;
     let stomps = match how {
@@ -234,7 +236,7 @@ impl<'a> JoinedSamples<'a> {
         let mut both = JoinedSamples {
             suit: input.samples(config)?,
             plate: plate.samples(config)?,
-            // Whichever began first keeps its times.
+            // The stream that began first keeps its times.
             suit_later_ns: forward(joined.offset_ns),
             plate_later_ns: forward(joined.offset_ns.saturating_neg()),
             next_suit: None,
@@ -286,7 +288,7 @@ impl Iterator for JoinedSamples<'_> {
     fn next(&mut self) -> Option<Sample> {
         let suit_ns = self.next_suit.as_ref().map(Sample::delivered_ns);
         let ground_ns = self.next_ground.as_ref().map(Sample::delivered_ns);
-        // At one time the force goes first, as in a CSV.
+        // At equal times the force goes first, as in a CSV.
         let suit_first = match (suit_ns, ground_ns) {
             (Some(suit_ns), Some(ground_ns)) => suit_ns < ground_ns,
             (suit, _) => suit.is_some(),

@@ -1,4 +1,4 @@
-//! The second file of an import: what the plate measured.
+//! The second file of an import: the plate's measurements.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -11,20 +11,20 @@ use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::{LeftOut, Sample, Samples};
 
-/// What the plate's file does not say of itself.
+/// Properties that the plate's file does not contain.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PlateOptions {
-    /// Units where it states none.
+    /// Units, if the file states none.
     pub units: Units,
-    /// Which plate, from 1, where it has several.
+    /// Number of the plate, from 1, if the file has several.
     pub plate: Option<usize>,
-    /// Distances a and b of the sensors, m, where it has eight channels.
+    /// Distances a and b of the sensors, m, if the file has eight channels.
     pub sensor_offsets_m: Option<[f64; 2]>,
-    /// When its first row was measured, ns since 1970.
+    /// Time of the first row, ns since 1970.
     pub start_unix_ns: Option<u64>,
 }
 
-/// The plate's file, opened. It can be gone through any number of times.
+/// The plate's file. It can be read any number of times.
 #[derive(Debug)]
 pub(super) struct PlateFile {
     kind: Kind,
@@ -34,11 +34,11 @@ pub(super) struct PlateFile {
 #[derive(Debug)]
 enum Kind {
     Text(PathBuf),
-    /// Whatever holds the plate's samples among others.
+    /// A file that contains the plate's samples among others.
     Input(Input),
 }
 
-/// Its samples in order.
+/// The plate's samples in order.
 pub(super) struct PlateSamples<'a> {
     source: Source<'a>,
     start_unix_ns: Option<u64>,
@@ -50,7 +50,7 @@ enum Source<'a> {
 }
 
 impl PlateFile {
-    /// Opens it; its ending says what it is.
+    /// Opens the file; its extension determines the format.
     pub(super) fn open(path: &Path, options: PlateOptions) -> anyhow::Result<PlateFile> {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         let kind = match ending.as_deref() {

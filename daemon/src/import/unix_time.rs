@@ -1,11 +1,11 @@
-//! A moment as people write it: `2026-11-21T10:15:00.250Z`.
+//! Parses a time such as `2026-11-21T10:15:00.250Z`.
 
 use std::time::UNIX_EPOCH;
 
-/// Nanoseconds since 1970 of a moment in UTC, `YYYY-MM-DDThh:mm:ss[.fraction]Z`.
+/// Nanoseconds since 1970 of a UTC time `YYYY-MM-DDThh:mm:ss[.fraction]Z`.
 ///
 /// # Errors
-/// What is expected.
+/// A description of the expected format.
 pub fn parse(text: &str) -> Result<u64, String> {
     humantime::parse_rfc3339(text)
         .ok()
@@ -20,7 +20,7 @@ mod tests {
 
     #[test]
     fn moments_are_those_of_other_programs() {
-        // `date -u -d … +%s`
+        // Reference values of `date -u -d … +%s`.
         assert_eq!(parse("1970-01-01T00:00:00Z"), Ok(0));
         assert_eq!(parse("2024-02-29T23:59:59.5Z"), Ok(1_709_251_199_500_000_000));
         assert_eq!(parse("2026-11-21T10:15:00.250Z"), Ok(1_795_256_100_250_000_000));

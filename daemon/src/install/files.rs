@@ -1,4 +1,4 @@
-//! Files put in place whole, with the permissions asked for whatever the umask is.
+//! Atomic installation of files with given permissions, independent of the umask.
 
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, ErrorKind, Write};
@@ -7,16 +7,16 @@ use std::path::Path;
 
 use anyhow::Context;
 
-/// What became of a file.
+/// Result of installing a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Put {
-    /// It was not there, or was another.
+    /// The file did not exist or differed.
     Written,
-    /// It was there already.
+    /// The file existed with the same content.
     Unchanged,
 }
 
-/// Puts a file in place. A program that runs from there goes on running: the old file stays until it has ended.
+/// Installs a file. A running program is not affected: its old file exists until it ends.
 pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put> {
     let is_such = |found: fs::Metadata| found.is_file() && found.permissions().mode() & 0o7777 == mode;
     let there =
@@ -30,7 +30,7 @@ pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put>
         let mut beside = path.as_os_str().to_owned();
         beside.push(".part");
         let beside = Path::new(&beside);
-        // What an attempt that was killed left there, or whatever somebody has put there to be written through.
+        // Leftover of an interrupted attempt, or a link planted to redirect the write.
         match fs::remove_file(beside) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
             _ => {}
@@ -44,7 +44,7 @@ pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put>
     Ok(Put::Written)
 }
 
-/// Writes a file that is not there yet; on the disk when this returns.
+/// Creates a new file; it is on disk at the return.
 fn write_new(path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
     let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
     file.write_all(content)?;
@@ -52,7 +52,7 @@ fn write_new(path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
     file.sync_all()
 }
 
-/// Links `link` to `target`, in place of whatever link is there.
+/// Creates the link `link` to `target`, replacing an existing link.
 pub(super) fn link(link: &Path, target: &Path) -> anyhow::Result<()> {
     if fs::read_link(link).is_ok_and(|there| there == target) {
         return Ok(());
@@ -67,7 +67,7 @@ pub(super) fn link(link: &Path, target: &Path) -> anyhow::Result<()> {
     linked.with_context(|| refused("link", link))
 }
 
-/// Removes a file or link; whether there was one.
+/// Removes a file or link; returns whether it existed.
 pub(super) fn remove(path: &Path) -> anyhow::Result<bool> {
     match fs::remove_file(path) {
         Ok(()) => Ok(true),
@@ -80,7 +80,7 @@ fn refused(what: &str, path: &Path) -> String {
     format!("cannot {what} {}; do it as root, or below a folder of yours with --root", path.display())
 }
 
-/// Folders that are missing are made readable for everybody, as those of the system are.
+/// Creates missing folders world-readable, like the system's.
 fn make_folder(folder: &Path) -> io::Result<()> {
     if folder.is_dir() {
         return Ok(());

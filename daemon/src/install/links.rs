@@ -1,10 +1,10 @@
-//! Links that enable units, whoever made them.
+//! Links that enable units, including manually created ones.
 
 use std::path::{Component, Path, PathBuf};
 
 use super::{ADMIN_UNITS, Place};
 
-/// The links to units of which `is_ours` says so, adapters' among them; paths as they are when it runs.
+/// The links to units for which `is_ours` returns true, including adapters'; paths on the running system.
 pub(super) fn to(place: &Place, is_ours: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
     let admin = Path::new(ADMIN_UNITS);
     let mut links = Vec::new();
@@ -24,7 +24,7 @@ pub(super) fn to(place: &Place, is_ours: impl Fn(&Path) -> bool) -> Vec<PathBuf>
     links
 }
 
-/// What a link points at, as a path from the top.
+/// The absolute path of a link's target.
 fn meant(link: &Path, target: &Path) -> PathBuf {
     let mut path = PathBuf::new();
     for part in link.parent().unwrap_or(link).join(target).components() {

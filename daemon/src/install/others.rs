@@ -1,4 +1,4 @@
-//! The programs beside this one, and the outlets that the configuration has.
+//! The additional programs, and the outlets in the configuration.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use equipoise_outlets::StationFile;
 
 use super::{ADMIN_UNITS, CONFIGURATION_FILE, Place};
 
-/// Programs that are built apart and lie beside `equipoise`.
+/// Programs that are built separately and located in the directory of `equipoise`.
 pub const PROGRAMS: [&str; 5] = [
     "equipoise-outlet-opcua",
     "equipoise-outlet-mqtt",
@@ -15,12 +15,12 @@ pub const PROGRAMS: [&str; 5] = [
     "equipoise-export",
 ];
 
-/// Those that lie beside `program`.
+/// Those present in the directory of `program`.
 pub(super) fn beside(program: &Path) -> impl Iterator<Item = &'static str> {
     PROGRAMS.into_iter().filter(|name| program.with_file_name(name).is_file())
 }
 
-/// What to say of those that do not. One of an earlier installation stays, but may not fit this release.
+/// Notes about missing programs. One of an earlier installation remains but may not match this release.
 pub(super) fn missing(place: &Place, program: &Path) -> Vec<String> {
     let missing = PROGRAMS.into_iter().filter(|name| !program.with_file_name(name).is_file());
     let (kept, absent): (Vec<_>, Vec<_>) =
@@ -44,7 +44,7 @@ pub(super) fn missing(place: &Place, program: &Path) -> Vec<String> {
     said
 }
 
-/// What to do for each outlet that the configuration has and that is not enabled yet.
+/// Instructions for each configured outlet that is not enabled yet.
 pub(super) fn configured(place: &Place) -> Vec<String> {
     let file = match StationFile::read(&place.under_root(Path::new(CONFIGURATION_FILE))) {
         Ok(file) => file,

@@ -14,7 +14,7 @@ fn program(directory: &Path) -> PathBuf {
     path
 }
 
-/// Every file and link below a folder, with its permissions.
+/// All files and links below a folder, with their permissions.
 fn all(folder: &Path) -> Vec<(PathBuf, u32)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -61,7 +61,7 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
     assert!(!again.iter().any(|line| line.starts_with("installed")), "{again:?}");
     assert_eq!(all(&root), first);
 
-    // What is not ours stays: a drop-in, a worker, the configuration.
+    // Foreign files remain: a drop-in, a subject, the configuration.
     let worker = root.join("var/lib/equipoise/subjects/anon-1.toml");
     let drop_in = root.join("etc/systemd/system/equipoise.service.d/serial.conf");
     let certificate = root.join("var/lib/equipoise-outlets/opcua/own/cert.der");
@@ -98,7 +98,7 @@ fn programs_that_lie_beside_it_come_along_and_others_are_named() {
     assert_eq!(installed.metadata().unwrap().permissions().mode() & 0o777, 0o755);
     assert!(!root.join("opt/equipoise/bin/equipoise-study").exists());
 
-    // One that stays behind may be of another release.
+    // A remaining program may be of another release.
     fs::remove_file(&beside).unwrap();
     let done = install(&place, &program, false).unwrap();
     assert!(done.iter().any(|line| line.contains("bin/equipoise-outlet-opcua stays")), "{done:?}");
@@ -207,7 +207,7 @@ fn no_link_leads_out_of_the_root() {
         assert_eq!(all(&outside).len(), 1, "{:?}", all(&outside));
         fs::remove_file(&link).unwrap();
     }
-    // Nor through what lies where the file is made, nor through the file's own name.
+    // Neither a link at the temporary file's path nor one at the file's own path is followed.
     let bin = root.join("usr/local/bin");
     fs::create_dir_all(&bin).unwrap();
     std::os::unix::fs::symlink(outside.join("equipoise.toml"), bin.join("equipoise.part")).unwrap();
@@ -230,7 +230,7 @@ fn what_is_installed_for_another_prefix_is_left() {
     );
     assert!(!done.iter().any(|line| line.starts_with("removed")), "{done:?}");
     assert_eq!(all(&root), before);
-    // A link of another's making keeps its unit's name, and stays; ours goes, though it is written from where it lies.
+    // A link to another unit of the same name remains; ours is removed, although its target is relative.
     let wants = root.join("etc/systemd/system/multi-user.target.wants");
     let (other, relative) =
         (wants.join("equipoise-view.service"), wants.join("equipoise-adapter@suit.service"));

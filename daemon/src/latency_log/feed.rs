@@ -1,11 +1,11 @@
-//! From egress to the latency log: a ring of fixed size that never makes egress wait, allocate or call the system.
+//! Ring of fixed size from egress to the latency log: egress never waits, allocates or makes a system call.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::rings::{Outcome, Ring};
 
-/// A second of cycles at 1 kHz: a disk may take so long to write a file.
+/// One second of cycles at 1 kHz: the longest tolerable stall of the disk.
 pub const PLACES: usize = 1024;
 
 #[derive(Debug)]
@@ -15,7 +15,7 @@ struct Shared {
     closed: AtomicBool,
 }
 
-/// Egress's end. Dropped, it closes the ring.
+/// Egress's end; dropping it closes the ring.
 #[derive(Debug)]
 pub struct Feed(Arc<Shared>);
 
@@ -23,7 +23,7 @@ pub struct Feed(Arc<Shared>);
 #[derive(Debug)]
 pub struct Drain(Arc<Shared>);
 
-/// Both ends of a new ring.
+/// Creates both ends of a ring.
 pub fn feed(places: usize) -> (Feed, Drain) {
     let ring = Arc::new(Shared {
         outcomes: Ring::new(places),
@@ -34,8 +34,8 @@ pub fn feed(places: usize) -> (Feed, Drain) {
 }
 
 impl Feed {
-    /// Hands an outcome over. A full ring keeps what it has, since a gap at the end can be told by its number; the outcome
-    /// is counted as dropped.
+    /// Passes an outcome on. A full ring keeps its content, since a gap at the end can be detected by cycle number; the
+    /// outcome is counted as dropped.
     pub fn hand_over(&self, outcome: Outcome) {
         if self.0.outcomes.push(outcome).is_err() {
             self.0.dropped.fetch_add(1, Ordering::Relaxed);
@@ -50,17 +50,17 @@ impl Drop for Feed {
 }
 
 impl Drain {
-    /// The oldest outcome not yet taken.
+    /// The oldest outcome in the ring.
     pub fn pop(&self) -> Option<Outcome> {
         self.0.outcomes.pop()
     }
 
-    /// Outcomes that found the ring full, since the start.
+    /// Outcomes dropped because the ring was full, since the start.
     pub fn dropped(&self) -> u64 {
         self.0.dropped.load(Ordering::Relaxed)
     }
 
-    /// Whether nothing more will come beside what is in the ring.
+    /// Whether no outcome will follow those in the ring.
     pub fn is_closed(&self) -> bool {
         self.0.closed.load(Ordering::Acquire)
     }

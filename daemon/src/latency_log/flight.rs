@@ -1,4 +1,4 @@
-//! The flight recorder: keeps the last cycles, and gives out those around each missed deadline.
+//! The flight recorder: stores the last cycles and returns those around each missed deadline.
 
 use std::collections::VecDeque;
 
@@ -6,23 +6,23 @@ use equipoise_core::time::NS_PER_S;
 
 use crate::rings::Outcome;
 
-/// After a record so long none is begun: a loop that misses every deadline must not fill the disk.
+/// Minimum pause after a record: a loop that misses every deadline must not fill the disk.
 pub const PAUSE_NS: u64 = 10 * NS_PER_S;
-/// Of the cycles kept before a missed deadline, one in so many is kept after it.
+/// Ratio of the cycles before a missed deadline to those after it.
 const AFTER_SHARE: usize = 4;
-/// Windows that merge without end are cut at so many of their length.
+/// Merged windows are cut at this many window lengths.
 const WINDOWS_MAX: usize = 4;
 
 /// The cycles around one missed deadline, or around several whose windows overlap.
 #[derive(Debug, Clone)]
 pub struct Flight {
-    /// The first cycle that missed its deadline.
+    /// The first cycle of the record that missed its deadline.
     pub cycle: u64,
-    /// Every cycle that came by, oldest first.
+    /// The received cycles, oldest first.
     pub outcomes: Vec<Outcome>,
 }
 
-/// Looks at every cycle. Memory is had at the start, and for each record that is given out.
+/// Receives every cycle. Allocates at the start and for each returned record only.
 #[derive(Debug)]
 pub struct FlightRecorder {
     before: usize,
@@ -30,12 +30,12 @@ pub struct FlightRecorder {
     cycles_max: usize,
     kept: VecDeque<Outcome>,
     open: Option<Open>,
-    /// When the last record was given out, by the cycles' own time.
+    /// Due time of the last cycle of the last record.
     given_ns: Option<u64>,
     left_out: u64,
 }
 
-/// A window that waits for its last cycles.
+/// A window that is not yet complete.
 #[derive(Debug, Clone, Copy)]
 struct Open {
     cycle: u64,
@@ -43,7 +43,7 @@ struct Open {
 }
 
 impl FlightRecorder {
-    /// Keeps so many cycles before each missed deadline, and a quarter as many after it.
+    /// Stores `before` cycles before each missed deadline, and a quarter as many after it.
     pub fn new(before: usize) -> FlightRecorder {
         let after = (before / AFTER_SHARE).max(1);
         let cycles_max = WINDOWS_MAX * (before + 1 + after);
@@ -51,7 +51,7 @@ impl FlightRecorder {
         FlightRecorder { before, after, cycles_max, kept, open: None, given_ns: None, left_out: 0 }
     }
 
-    /// Takes one cycle in. A window whose last cycle this is, is given out.
+    /// Ingests one cycle; returns the window that it completes, if any.
     pub fn enter(&mut self, outcome: &Outcome) -> Option<Flight> {
         let record = &outcome.record;
         let missed = record.deadline_missed != 0;
@@ -72,13 +72,13 @@ impl FlightRecorder {
         if ready { self.give_out(record.due_ns) } else { None }
     }
 
-    /// Gives out the window that still waits, at the end.
+    /// Returns the incomplete window at the end.
     pub fn end(&mut self) -> Option<Flight> {
         let newest_ns = self.kept.back()?.record.due_ns;
         self.give_out(newest_ns)
     }
 
-    /// Missed deadlines without a record, since it was last asked.
+    /// Number of missed deadlines without a record since the last call.
     pub fn take_left_out(&mut self) -> u64 {
         std::mem::take(&mut self.left_out)
     }
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn one_in_ten_seconds_is_given_out_and_the_others_are_counted() {
-        // Ten cycles a second: the pause is 100 cycles, from the cycle that was given out last.
+        // Ten cycles a second: the pause is 100 cycles, counted from the last cycle of the previous record.
         let (flights, left_out) = fly(&[20, 30, 60, 121, 122, 240], 300, NS_PER_S / 10);
         let begun: Vec<u64> = flights.iter().map(|(cycle, _)| *cycle).collect();
         assert_eq!(begun, [20, 122, 240]);

@@ -1,4 +1,4 @@
-//! Flight records on disk: recordings in `flight/` under the state directory, each there whole or not at all.
+//! Flight records on disk: recordings in `flight/` under the state directory, each written atomically.
 
 use std::fs;
 use std::io;
@@ -13,10 +13,10 @@ use crate::config::Config;
 use crate::realtime::now_ns;
 use crate::whole_file::{clear_leftovers, write_whole};
 
-/// So many records of a station are kept; then the oldest goes.
+/// Maximum number of records per station; the oldest is removed.
 pub const FILES_MAX: usize = 32;
 
-/// Stands where the worker's pseudonym would.
+/// Replaces the subject's pseudonym.
 const NOBODY: &str = "nobody";
 
 /// The records of one station.
@@ -28,9 +28,9 @@ pub struct FlightFiles {
 }
 
 impl FlightFiles {
-    /// The records of the configuration's station, in a directory that is made when it is needed.
+    /// The records of the configuration's station; the directory is created when needed.
     pub fn new(directory: &Path, config: &Config) -> FlightFiles {
-        // What took how long is nobody's in particular: no pseudonym, so that none is left when a worker is deleted.
+        // Latencies do not depend on the subject: omit the pseudonym, so that none remains when a subject is deleted.
         let mut settled = config.clone().without_paths();
         NOBODY.clone_into(&mut settled.subject.id);
         FlightFiles {
@@ -44,10 +44,10 @@ impl FlightFiles {
         }
     }
 
-    /// Writes a record as `STATION-cycle-N.mcap`, and removes the oldest if there are too many.
+    /// Writes a record as `STATION-cycle-N.mcap`, and removes the oldest record above the limit.
     ///
     /// # Errors
-    /// What could not be written, and why.
+    /// The file that could not be written, and the reason.
     pub fn write(&self, flight: &Flight) -> anyhow::Result<PathBuf> {
         let path = self.free_path(flight.cycle);
         let bytes = self.recording(&path, flight)?;
@@ -56,7 +56,7 @@ impl FlightFiles {
         Ok(path)
     }
 
-    /// Removes what a daemon that was killed while it wrote has left.
+    /// Removes unfinished records of a killed daemon.
     pub fn clear_unfinished(&self) {
         clear_leftovers(&self.directory, |of| self.cycle_of(of).is_some());
     }
@@ -76,18 +76,19 @@ impl FlightFiles {
         Ok(recorder.into_bytes()?)
     }
 
-    /// Cycles count from each start of the daemon, so a number may come again; the older record stays.
+    /// A path that does not exist yet: cycles restart at 1 with each daemon, so a number may repeat, and the older
+    /// record is kept.
     fn free_path(&self, cycle: u64) -> PathBuf {
         let name = |life: u32| match life {
             1 => format!("{}-cycle-{cycle}.mcap", self.station),
             life => format!("{}-cycle-{cycle}-{life}.mcap", self.station),
         };
         let path = |life| self.directory.join(name(life));
-        // There are never more files than are kept.
+        // One more candidate than the maximum number of files, so one is free.
         (1..=FILES_MAX as u32 + 1).map(path).find(|path| !path.exists()).unwrap_or_else(|| path(1))
     }
 
-    /// The cycle that a file of this station is named after; `None` for anybody else's file.
+    /// The cycle number in the name of a file of this station; `None` for other files.
     fn cycle_of(&self, name: &str) -> Option<u64> {
         let numbers = name.strip_prefix(&self.station)?.strip_prefix("-cycle-")?.strip_suffix(".mcap")?;
         let (cycle, life) = numbers.split_once('-').unwrap_or((numbers, "1"));

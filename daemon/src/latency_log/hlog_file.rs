@@ -1,4 +1,4 @@
-//! The interval log on disk: whole lines only, whatever the disk does.
+//! The interval log on disk: contains complete lines only, even after write errors.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
@@ -9,18 +9,18 @@ use std::time::{Duration, Instant, SystemTime};
 use equipoise_core::message::CycleRecord;
 use equipoise_latency::{HlogWriter, PathHistograms};
 
-/// One entry per stage this often.
+/// Interval of the entries of each stage.
 const INTERVAL: Duration = Duration::from_secs(10);
-/// Owner writes, group reads, nobody else.
+/// Owner writes, group reads.
 const MODE: u32 = 0o640;
 
-/// The interval log of one life of the daemon. What cannot be written is kept and tried again an interval later.
+/// The interval log of one daemon process. Lines that cannot be written are retried after an interval.
 pub struct HlogFile {
     path: PathBuf,
     file: Option<File>,
-    /// Up to here the file holds whole lines.
+    /// Length of the file up to the end of its last complete line.
     whole_bytes: u64,
-    /// Lines that are not in the file yet.
+    /// Lines not yet written.
     lines: HlogWriter<Vec<u8>>,
     interval: PathHistograms,
     started: Instant,
@@ -29,7 +29,7 @@ pub struct HlogFile {
 }
 
 impl HlogFile {
-    /// A log that begins now. The file is made with the first [`HlogFile::write_if_due`]; one that is there is replaced.
+    /// Begins a new log. The first [`HlogFile::write_if_due`] creates the file and replaces an existing one.
     pub fn new(path: &Path) -> HlogFile {
         HlogFile {
             path: path.to_owned(),
@@ -43,20 +43,20 @@ impl HlogFile {
         }
     }
 
-    /// Where it is.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Enters one cycle into the interval.
+    /// Adds one cycle to the interval.
     pub fn record(&mut self, record: &CycleRecord) {
         self.interval.record(record);
     }
 
-    /// Writes the head at first, then an interval every ten seconds or `at_once`; `None` if nothing was due.
+    /// Writes the header first, then an interval every ten seconds or `at_once`; `None` if nothing was due.
     ///
     /// # Errors
-    /// What the system said. The file ends with a whole line then too, and the interval goes on.
+    /// The system's error. The file still ends with a complete line, and the interval continues.
     pub fn write_if_due(&mut self, at_once: bool) -> Option<io::Result<()>> {
         if self.tried.is_some_and(|tried| !at_once && tried.elapsed() < INTERVAL) {
             return None;
@@ -93,7 +93,7 @@ impl HlogFile {
         };
         let lines = self.lines.writer_mut();
         if let Err(error) = file.write_all(lines) {
-            // Half a line would end the log for every reader.
+            // An incomplete line would end the log for every reader.
             let _ = file.set_len(self.whole_bytes);
             let _ = file.seek(SeekFrom::Start(self.whole_bytes));
             return Err(error);

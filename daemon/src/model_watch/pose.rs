@@ -1,13 +1,13 @@
-//! Which limb's pose goes with what is left over.
+//! Finds the limb whose pose correlates with the residual.
 
 use std::fmt;
 
 use equipoise_core::body::Segment;
 use nalgebra::{Matrix3, Vector3};
 
-/// So large a share of the variance must go with a limb's pose before it is named.
+/// Minimum fraction of the variance that a limb's pose must explain.
 const SHARE_MIN: f64 = 0.5;
-/// A limb that moves less than this says nothing, m.
+/// A limb that moves less than this is ignored, m.
 const MOVED_MIN_M: f64 = 0.03;
 
 /// A part of the body.
@@ -38,10 +38,10 @@ impl fmt::Display for Limb {
     }
 }
 
-/// From one end of each limb to the other, in the order of the limbs, m.
+/// Vector from one end of each limb to the other, in the order of the limbs, m.
 pub(super) type Features = [[f64; 3]; 4];
 
-/// The limbs of a pose.
+/// The limb vectors of a pose.
 pub(super) fn features(origin_m: impl Fn(Segment) -> [f64; 3]) -> Features {
     let between = |from: [f64; 3], to: [f64; 3]| std::array::from_fn(|axis| to[axis] - from[axis]);
     let feet = [Segment::LeftFoot, Segment::RightFoot].map(&origin_m);
@@ -54,7 +54,7 @@ pub(super) fn features(origin_m: impl Fn(Segment) -> [f64; 3]) -> Features {
     ]
 }
 
-/// The limb whose pose explains most of the variance of `off`, linearly; `None` if none explains half of it.
+/// The limb whose pose explains most of the variance of `off` in a linear model; `None` if none explains half of it.
 pub(super) fn limb_that_goes_with(off: &[f64], poses: &[Features]) -> Option<Limb> {
     let shares = Limb::ALL.into_iter().enumerate().filter_map(|(index, limb)| {
         let pose: Vec<[f64; 3]> = poses.iter().map(|pose| pose[index]).collect();
@@ -64,7 +64,7 @@ pub(super) fn limb_that_goes_with(off: &[f64], poses: &[Features]) -> Option<Lim
     (share >= SHARE_MIN).then_some(limb)
 }
 
-/// Share of the variance of `off` that goes with three coordinates, less what three of noise would explain.
+/// Fraction of the variance of `off` explained by three coordinates (adjusted R²).
 fn share(off: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
     let count = off.len() as f64;
     if off.len() < 8 {
@@ -77,7 +77,7 @@ fn share(off: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
     if moved_m2 < MOVED_MIN_M * MOVED_MIN_M {
         return None;
     }
-    // A millimetre of ridge: coordinates that hardly vary explain nothing.
+    // Ridge of (1 mm)², so that coordinates with little variation explain nothing.
     let ridge = Matrix3::identity() * (1e-6 * count);
     let normal = rows().map(|(_, x)| x * x.transpose()).sum::<Matrix3<f64>>() + ridge;
     let slope = normal.cholesky()?.solve(&rows().map(|(y, x)| x * y).sum::<Vector3<f64>>());

@@ -13,7 +13,7 @@ use super::*;
 const SUIT_HZ: u64 = 60;
 const TICK_NS: u64 = 1_000_000_000 / (2 * SUIT_HZ);
 
-/// A worker who is learnt in held poses and then goes through them at work, on simulated time.
+/// A subject who is identified in static poses and then repeats them at work, in simulated time.
 struct Session {
     worker: Worker,
     suit: Suit,
@@ -74,7 +74,7 @@ impl Session {
             let suit = if self.cycle.is_multiple_of(2) { std::slice::from_ref(&suit) } else { &[] };
             let inputs = Inputs { suit, ground: std::slice::from_ref(&ground), body: None, command: None };
             let state = step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns }, inputs);
-            // About once a second, as housekeeping does.
+            // About once a second, as in housekeeping.
             if self.cycle.is_multiple_of(2 * SUIT_HZ)
                 && let Some(suspicion) = self.watch.look(state)
             {
@@ -108,7 +108,7 @@ fn a_worker_whom_the_model_fits_is_not_suspected() {
     assert!(session.watch.seen.len() > 2 * MOMENTS_MIN, "it has looked: {}", session.watch.seen.len());
 }
 
-/// Below half the threshold, so that no peak of it is kept as a load: no overload is published, and the model is wrong.
+/// Below half the detection limit, so that no peak counts as a load: no overload is published, but the model is wrong.
 const HIDDEN_KG: f64 = 0.7;
 
 #[test]
@@ -119,7 +119,7 @@ fn a_hidden_mass_is_told_once_in_five_minutes_and_where_it_shows() {
     session.poses(3, 40);
     let [(first_ns, told)] = session.told[..] else { panic!("told once: {:?}", session.told) };
     assert_eq!(told.signal, Signal::Force);
-    // The first minute that shows it still has moments from before.
+    // The first window that reveals the mass still contains samples from before.
     assert!((0.6..1.1).contains(&(told.size / (HIDDEN_KG * 9.81))), "{told:?}");
     assert!(session.watch.suspected().is_some(), "and the status goes on saying so");
     session.poses(3, 110);
@@ -136,7 +136,7 @@ fn a_load_is_no_discrepancy() {
     assert_eq!(session.told, []);
 }
 
-/// A state of somebody known and unloaded, a second after the one before; what is left over is given.
+/// State of an identified, unloaded subject, one second after the previous one, with a given residual.
 fn state(second: u64, off_m: [f64; 2], still: bool, hand_m: f64) -> State {
     let mut state = State::zeroed();
     state.phase = Phase::Monitoring as u32;
@@ -157,7 +157,7 @@ fn the_limb_axis_and_phase_are_named() {
     let mut watch = ModelWatch::default();
     let told: Vec<Suspicion> = (1..=60)
         .filter_map(|second| {
-            // Forward and back; the hand goes there every seventh second.
+            // Forward and back with a period of seven seconds.
             let hand_m = 0.1 * (second % 7) as f64;
             watch.look(&state(second, [0.001, -0.02 - 0.03 * hand_m], second % 2 == 0, hand_m))
         })

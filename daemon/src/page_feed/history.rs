@@ -70,7 +70,7 @@ impl History {
     /// One point more.
     pub(super) fn keep(&mut self, state: &State) {
         let t_s = seconds(state.time_ns);
-        // Another daemon's clock is the same, unless the computer was started anew with this page still running.
+        // The clock is shared by all daemons and decreases only if the computer restarted while this page kept running.
         if self.points.back().is_some_and(|last| last.t_s >= t_s) {
             return;
         }
@@ -89,7 +89,7 @@ impl History {
     /// What the filter held once more.
     pub(super) fn keep_parameters(&mut self, parameters: Parameters) {
         let last = self.parameters.back();
-        // Other names are another reduction, and a lower cycle another daemon: neither belongs into one picture.
+        // Different names indicate another reduction, and a lower cycle another daemon: discard the old history.
         if last.is_some_and(|last| last.names != parameters.names || last.cycle > parameters.cycle) {
             self.parameters.clear();
         }

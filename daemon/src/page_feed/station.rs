@@ -1,7 +1,7 @@
-//! What the engineer's page is told beyond frames: incidents, sensors, latencies, and what the filter holds.
+//! Data of the engineer's page in addition to frames: incidents, sensors, latencies, and the filter's parameters.
 //!
-//! A thread of its own joins the bus for it, and only while somebody looks: then the frames of the worker's page wait for
-//! nothing, and a station at which nobody looks bears no subscriber more.
+//! A separate thread joins the bus for it, only while the page is viewed: the frames of the worker's page never wait
+//! for it, and an unviewed station has no additional subscriber.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,24 +27,24 @@ use crate::cli::client;
 use crate::realtime::now_ns;
 use crate::status;
 
-/// The facts are gathered for so long after they were last asked for.
+/// Data are gathered for this long after the last request.
 const WANTED_FOR_NS: u64 = 5 * NS_PER_S;
-/// How often the bus is looked at: a tenth of what its deepest buffer holds at 1 kHz.
+/// Polling interval of the bus: a tenth of its deepest buffer at 1 kHz.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// How often a point of the history is kept.
+/// Interval between points of the history.
 const POINT_EVERY: Duration = Duration::from_millis(500);
-/// How often the loop is asked for its memory while a worker is learnt: 32 µs of one cycle each time.
+/// Interval of checkpoint requests during identification; each costs 32 µs of one cycle.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
-/// How long the daemon may take to promise one.
+/// Timeout of the daemon's reply to the request.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// The daemon tells once a second what goes wrong: what is older is not told as if it went on, ns.
+/// The daemon publishes its incidents once a second; an older message does not count as current, ns.
 const TOLD_FOR_NS: u64 = 5 * NS_PER_S / 2;
-/// A state older than this is nobody's, ns.
+/// Older states are ignored, ns.
 const FRESH_NS: u64 = NS_PER_S / 4;
-/// The longest report that is shown, bytes.
+/// Maximum size of a displayed report, bytes.
 const REPORT_BYTES_MAX: u64 = 16 << 20;
 
-/// What was gathered, and the way to the daemon.
+/// The data gathered, and access to the daemon.
 pub(super) struct Desk {
     station: String,
     report: Option<PathBuf>,
@@ -141,7 +141,7 @@ fn adapter(health: &AdapterHealth) -> Value {
     })
 }
 
-/// Starts the thread that gathers; it ends once nobody holds `newest`.
+/// Starts the gathering thread; it ends when `newest` is dropped.
 pub(super) fn gather(desk: Arc<Desk>, newest: Weak<Newest>) -> std::io::Result<JoinHandle<()>> {
     std::thread::Builder::new().name("page-station".into()).spawn(move || {
         let mut eyes: Option<Eyes> = None;
@@ -175,12 +175,12 @@ fn close(eyes: &mut Option<Eyes>) {
     if let Some(mut eyes) = eyes.take()
         && eyes.place.is_another_now()
     {
-        // To leave would take away what the next bus has under the same names.
+        // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
         std::mem::forget(eyes);
     }
 }
 
-/// Everything subscribed; ports die before the node they hang on.
+/// All subscribers; ports are declared before the node, which must be dropped last.
 struct Eyes {
     incidents: Subscriber<Incidents>,
     health: Subscriber<AdapterHealth>,
@@ -212,7 +212,7 @@ impl Eyes {
         })
     }
 
-    /// Takes in what there is; `false` once the bus is not the one that was joined.
+    /// Ingests all pending messages; returns `false` if the bus was replaced.
     fn look(&mut self, desk: &Desk, learning: bool) -> Result<bool, BusError> {
         if self.place.is_another() {
             return Ok(false);
@@ -223,7 +223,7 @@ impl Eyes {
             adapters.push(health);
         }
         while let Some(record) = self.cycles.receive()? {
-            // What was published before we looked waited for us, and tells nothing.
+            // Ignore records published before the subscription: their waiting time is not a latency.
             if record.publish_start_ns >= self.since_ns {
                 self.path.record(&record);
             }
@@ -245,7 +245,7 @@ impl Eyes {
         if learning && self.asked.is_none_or(|asked| asked.elapsed() >= CHECKPOINT_EVERY) {
             self.asked = Some(Instant::now());
             let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
-            // A daemon that does not answer is told by the frames.
+            // A failed request needs no report: missing frames reveal a daemon that does not answer.
             let _ = self.client.ask(&command, PATIENCE);
         }
         Ok(true)

@@ -1,4 +1,4 @@
-//! The daemon's own adapters: one thread each, kept running for as long as the daemon runs.
+//! The daemon's own adapters: one thread each, restarted for as long as the daemon runs.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,7 +14,7 @@ use crate::rings::Rings;
 use crate::roster::Roster;
 use crate::sensors::{self, AdapterError};
 
-/// Starts the adapters that the configuration gives to the daemon; the first start of each must succeed.
+/// Starts the adapters that run inside the daemon; the first start of each must succeed.
 pub(super) fn start(
     config: &Config,
     rings: &Arc<Rings>,
@@ -65,7 +65,7 @@ impl Kept {
     ) -> anyhow::Result<()> {
         let (rings, board) = (Arc::clone(rings), Arc::clone(board));
         let Kept { name, down, asked } = self;
-        // What the thread asks for holds for each of its adapter's lives.
+        // The thread's scheduling persists across restarts of its adapter.
         let (thread, ()) = started(name, asked, roster, move |ready| {
             let begun = Instant::now();
             let stopping = || rings.is_stopping();
@@ -82,7 +82,7 @@ impl Kept {
                 run(
                     &mut || {
                         works();
-                        // Later lives say it too, and nobody listens any more.
+                        // Only the first start has a receiver; later ones fail to send.
                         let _ = ready.send(());
                     },
                     &stopping,

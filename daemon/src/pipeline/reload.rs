@@ -1,4 +1,4 @@
-//! The configuration read again while the daemon runs.
+//! Reloads the configuration of a running daemon.
 
 use anyhow::{Context, bail};
 use equipoise_core::message::Incident;
@@ -11,12 +11,13 @@ use crate::realtime::now_ns;
 use crate::status::Status;
 
 impl Pipeline {
-    /// Takes up what of another configuration can change live; gives back what cannot, one sentence for each key.
+    /// Applies the settings of another configuration that can change live; returns one sentence for each key that
+    /// cannot.
     ///
-    /// A configuration that could not be read or is wrong changes nothing, and begins an incident.
+    /// An unreadable or invalid configuration changes nothing and begins an incident.
     ///
     /// # Errors
-    /// Why it was refused.
+    /// The reason of a refusal.
     pub fn reload(&self, read: Result<Config, ConfigError>) -> anyhow::Result<Vec<String>> {
         let outcome = read.map_err(anyhow::Error::from).and_then(|wanted| self.take_up(wanted));
         match &outcome {
@@ -43,8 +44,8 @@ impl Pipeline {
         }
         let mut settings = config.settings();
         settings.similar = before.settings.similar;
-        // Told before it is so: a recorder that sees the cycle finds the configuration that goes with it. If it does not
-        // come to that, what was told is taken back.
+        // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
+        // matching configuration. Restore the previous status if the loop does not apply it.
         let reload = now_ns() / 1000;
         let told_before = self.tell(&config, reload)?;
         if !self.rings.hand_over_settings(reload, Box::new(settings)) {
@@ -68,7 +69,7 @@ impl Pipeline {
         Ok(not_live)
     }
 
-    /// Says which configuration comes into force; gives back what was said before. If it cannot be said, nothing is.
+    /// Publishes the new configuration in the status; returns the previous status, which remains if writing fails.
     fn tell(&self, config: &Config, reload: u64) -> anyhow::Result<Status> {
         let mut before = None;
         self.status.change(|status| {
@@ -86,7 +87,7 @@ impl Pipeline {
     }
 }
 
-/// One sentence for each key that needs a restart; names the units where several processes read the file.
+/// One sentence for each key that requires a restart; names the units if several processes read the file.
 fn restart_notes(config: &Config, keys: &[String]) -> Vec<String> {
     let of = |key: &str| match key.split('.').next() {
         Some(stream @ ("suit" | "ground")) if config.sensors_apart => {

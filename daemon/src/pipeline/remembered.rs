@@ -1,4 +1,4 @@
-//! What the loop starts from: what was kept of the worker and of the station, as far as it still holds.
+//! Restores the loop's initial state from the stored profile and station file, as far as they are still valid.
 
 use equipoise_core::cycle::{Memory, Settings, Tare};
 use tracing::{info, warn};
@@ -10,21 +10,21 @@ use crate::station_file::StationFile;
 use crate::whole_file::clear_leftovers;
 use crate::workers::{self, Saving, Workers};
 
-/// The loop's memory at its start, and what goes with it.
+/// The loop's initial memory and related data.
 pub(super) struct Remembered {
     pub(super) memory: Box<Memory>,
-    /// Number of the worker in it.
+    /// Number of its worker.
     pub(super) worker: u64,
-    /// The tare in force and when it was taken, s since 1970 UTC.
+    /// The active tare and its time, s since 1970 UTC.
     pub(super) tare: (Tare, u64),
-    /// The station's file is there and must not be overwritten, or nothing is to be remembered.
+    /// The station file exists and must not be overwritten, or saving is disabled.
     pub(super) station_refused: bool,
-    /// All that was found, and what became of it.
+    /// All findings and their outcome, as messages.
     pub(super) told: Vec<String>,
 }
 
 impl Remembered {
-    /// An empty memory, filled with what still holds. What cannot be used is left alone, and told.
+    /// An empty memory, filled with stored data that are still valid. Unusable files are left unchanged and reported.
     pub(super) fn find(config: &Config, settings: &Settings, workers: &Workers) -> Remembered {
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(settings);
@@ -61,7 +61,7 @@ impl Remembered {
         }
     }
 
-    /// Whoever was loaded last; if that is nobody, or cannot be read, the configured worker.
+    /// Restores the subject loaded last; if there is none or it cannot be read, the configured subject.
     fn subject(
         &mut self,
         config: &Config,
@@ -86,7 +86,7 @@ impl Remembered {
         match self.read(&saving, settings) {
             Ok(None) => {}
             Ok(Some(_)) => {
-                // What the configuration says of the mass is newer than the profile.
+                // The mass in the configuration overrides that of the profile.
                 if let Some(mass_kg) = settings.mass_kg {
                     self.memory.identification.mass_kg = mass_kg;
                 }
@@ -101,7 +101,7 @@ impl Remembered {
         }
     }
 
-    /// Puts a stored worker in place.
+    /// Restores a stored subject.
     fn read(&mut self, saving: &Saving, settings: &Settings) -> Result<Option<Profile>, String> {
         let Some(profile) = Profile::read(&saving.path).map_err(|error| error.to_string())? else {
             return Ok(None);
@@ -144,7 +144,7 @@ impl Remembered {
             }
             Some(Ok(_)) => self.tell("where the suit's world lay is not used".to_owned()),
             Some(Err(why)) => {
-                // Frames that were told anew are where the suit's world lies now.
+                // Newly configured frames already describe the current position of the suit world.
                 let told_anew =
                     station.registration.as_ref().is_some_and(|part| !part.is_in_frames_of(config));
                 if settings.suit_drifts && self.memory.identification.has_body() && !told_anew {

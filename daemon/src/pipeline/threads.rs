@@ -1,4 +1,4 @@
-//! Starting threads and waiting for them.
+//! Starts and joins threads.
 
 use std::sync::Arc;
 use std::sync::mpsc::{self, Sender};
@@ -13,30 +13,30 @@ use crate::roster::Roster;
 use crate::tick::LoopSummary;
 use crate::workers::Workers;
 
-/// Stack of every thread; the loop's is prefaulted, and locked memory counts each.
+/// Stack size of every thread; the loop's is prefaulted, and each counts as locked memory.
 const STACK_BYTES: usize = 2 << 20;
 
-/// A thread that has nothing to say at its end.
+/// A thread without a result.
 pub(super) type Other = (&'static str, JoinHandle<anyhow::Result<()>>);
 
-/// What the thread of the commands is given once it holds the station.
+/// Data that the command thread receives once it owns the station.
 pub(super) type Held = (Arc<InForce>, Arc<Workers>);
 
-/// The threads that were started so far.
+/// The threads started so far.
 pub(super) struct Running {
     commands: JoinHandle<anyhow::Result<()>>,
-    /// While it is there, the thread of the commands holds the station.
+    /// The command thread owns the station while this sender exists.
     hold: Sender<Held>,
     pub(super) looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
-    /// Its death costs figures and nothing else, so that all goes on.
+    /// A failure costs latency figures only, so the other threads continue.
     pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
     pub(super) others: Vec<Other>,
-    /// If it ends, nothing else is touched by it.
+    /// A failure affects nothing else.
     pub(super) metrics: Option<JoinHandle<anyhow::Result<()>>>,
 }
 
 impl Running {
-    /// None yet but that of the commands.
+    /// With the command thread only.
     pub(super) fn holding(commands: JoinHandle<anyhow::Result<()>>, hold: Sender<Held>) -> Running {
         Running { commands, hold, looping: None, latency_log: None, others: Vec::new(), metrics: None }
     }
@@ -50,8 +50,8 @@ impl Running {
             && self.others.iter().all(|(_, thread)| !thread.is_finished())
     }
 
-    /// Waits for every thread, so that each takes what it owns off the bus; then tells what they ended with. `last` is
-    /// done before the station is given free.
+    /// Joins all threads, so that each removes its ports from the bus; then returns their results. `last` is called
+    /// before the station is released.
     pub(super) fn join(self, last: impl FnOnce()) -> anyhow::Result<(LoopSummary, Report)> {
         let cycles = self.looping.map(|thread| joined("loop", thread));
         let latency = self.latency_log.map(|thread| {
@@ -82,8 +82,8 @@ fn joined<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyho
     }
 }
 
-/// Starts a thread, which asks for its real-time settings before anything else, and waits until it says that it is
-/// ready; if it ends before, that is the error.
+/// Starts a thread, which requests its real-time settings first, and waits until it is ready; an earlier end is the
+/// error.
 pub(super) fn started<Ready: Send + 'static, T: Send + 'static>(
     name: &'static str,
     asked: Asked,
@@ -128,7 +128,7 @@ mod tests {
         });
         let mut running = Running::holding(commands, hold);
         let saving = std::thread::spawn(move || {
-            // A disk that takes its time.
+            // Simulates a slow disk.
             std::thread::sleep(Duration::from_millis(100));
             saved();
             Ok(())

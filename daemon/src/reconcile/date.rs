@@ -1,4 +1,4 @@
-//! When a finding was made.
+//! Time stamps of findings.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -1,10 +1,10 @@
-//! Effects that are known already: what they explain is no news.
+//! Removes the contribution of effects already found.
 
 use equipoise_core::effect::{Effect, Model};
 use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change};
 
-/// Takes what the model's terms explain off what the plate measured, block by block. A lag of the suit is not among it:
-/// the cycle has dated the samples back.
+/// Subtracts the contribution of the model's terms from the plate's measurements, block by block. A lag of the suit is
+/// excluded: the cycle has already corrected the sample times.
 pub(super) fn take_off(blocks: &mut [Block], model: &Model) {
     for block in blocks.iter_mut() {
         let (mut cop_m, mut force_n) = model.change(&block.observation);
@@ -28,13 +28,13 @@ pub(super) fn take_off(blocks: &mut [Block], model: &Model) {
     }
 }
 
-/// What a filter of any cutoff changes, between those that blocks keep: a change goes with the filter's delay, which is
-/// one over its cutoff.
+/// Change by a low-pass filter of any cutoff, interpolated between the cutoffs stored in the blocks: the change is
+/// proportional to the filter's delay, 1/cutoff.
 fn at_cutoff(by_cutoff: &[Change; CUTOFFS_HZ.len()], cutoff_hz: f64) -> Change {
     let last = CUTOFFS_HZ.len() - 1;
     let above = CUTOFFS_HZ.partition_point(|known_hz| *known_hz < cutoff_hz);
     let delay_s = 1.0 / cutoff_hz;
-    // Beyond the highest cutoff the change shrinks towards none; below the lowest it is taken for that of the lowest.
+    // Above the highest cutoff the change approaches zero; below the lowest it equals that of the lowest.
     let (near, share, far) = match above {
         0 => (&by_cutoff[0], 0.0, &by_cutoff[0]),
         above if above > last => {

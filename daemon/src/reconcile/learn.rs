@@ -1,4 +1,4 @@
-//! The worker, learnt from the identification span alone.
+//! Identifies the subject from the identification span only.
 
 use std::cell::Cell;
 
@@ -12,17 +12,17 @@ use super::{Progress, Reconcile, TICK_NS, memory_at_first};
 use crate::replay::free;
 use crate::replay::samples::Sample;
 
-/// Before learning ends at a time, moments before it must have come out of the loop's window, s.
+/// Delay of the identification after the start of its span, s, so that earlier samples have left the loop's window.
 const WINDOW_S: f64 = 0.15;
 
-/// A worker, frozen.
+/// A subject with a frozen model.
 #[derive(Debug)]
 pub struct Learnt {
-    /// Does not learn any more.
+    /// Identification is disabled.
     pub worker: Box<Identification>,
-    /// Held poses that were learnt, and moments in motion.
+    /// Number of held poses used.
     pub poses: u64,
-    /// Likewise.
+    /// Number of motion samples used.
     pub moments: u64,
     identified_s: Option<f64>,
     last_learnt_s: Option<f64>,
@@ -30,7 +30,7 @@ pub struct Learnt {
 }
 
 impl Learnt {
-    /// What the recording shows of its phases.
+    /// The phases of the recording.
     pub fn shown(&self, samples_s: [f64; 2]) -> Shown {
         Shown {
             samples_s,
@@ -41,10 +41,10 @@ impl Learnt {
     }
 }
 
-/// Learns the worker.
+/// Identifies the subject.
 ///
 /// # Errors
-/// A sentence if there is nothing to learn from.
+/// No pose could be used.
 pub fn learn(
     reconcile: &Reconcile<'_>,
     survey: &Survey,
@@ -86,13 +86,13 @@ struct Pass<'a> {
     reconcile: &'a Reconcile<'a>,
     survey: &'a Survey,
     settings: Settings,
-    /// Learning may begin and has to end, s.
+    /// Earliest start and latest end of the identification, s.
     span_s: [f64; 2],
-    /// When a worker stands who is taken if identification does not end by itself, s.
+    /// Time at which the current model is used if the identification has not ended by itself, s.
     until_s: f64,
 }
 
-/// What has been seen so far.
+/// Results so far.
 #[derive(Default)]
 struct Seen {
     count: u64,
@@ -110,7 +110,7 @@ impl<'a> Pass<'a> {
         let given = &reconcile.given;
         match given.identify {
             Some(span) => {
-                // All of the span is learnt, however sure the worker is before its end.
+                // Use the whole span, even if the stop criterion is met earlier.
                 let stop = StopRule::PredictedCop { sigma_m: 0.0 };
                 let settings = Settings { stop, poses_min: u64::MAX, ..settings };
                 let span_s = [span.from_s, span.to_s];
@@ -181,7 +181,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// The samples have ended.
+    /// At the end of the samples.
     fn end(&self, memory: &Memory, seen: &mut Seen) {
         if seen.worker.is_none() {
             self.keep(memory, seen);

@@ -1,4 +1,4 @@
-//! What is written of a finding: the model and the report, whole or not at all.
+//! Writes the results of a reconciliation (model and report) completely or not at all.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -10,27 +10,28 @@ use equipoise_discrepancy::report::{Origin, Recording, Report};
 
 use super::{Compared, Reconcile, date};
 
-/// Name of the model file in the folder of results.
+/// Name of the model file in the results folder.
 const MODEL: &str = "model.toml";
 
-/// Where results go, and what they say of where they come from.
+/// Destination and provenance of the results.
 #[derive(Debug)]
 pub struct Results<'a> {
-    /// The folder.
+    /// The results folder.
     pub folder: &'a Path,
-    /// The recording as it was given.
+    /// Path of the recording as given.
     pub file: &'a Path,
     /// SHA-256 of the recording.
     pub sha256: &'a str,
-    /// The command as it was given.
+    /// The command line as given.
     pub command: String,
 }
 
 impl Results<'_> {
-    /// Writes `model.toml` if there is anything to add, and the report; gives the outcome's finding the model's path.
+    /// Writes `model.toml` if the finding adds effects, and the report; enters the model's path in the outcome's
+    /// finding.
     ///
     /// # Errors
-    /// The folder cannot be written; nothing in it has changed then, or an older report still stands.
+    /// The folder cannot be written; its content is then unchanged, or an older report remains.
     pub fn write(
         &self,
         reconcile: &Reconcile<'_>,
@@ -61,13 +62,13 @@ impl Results<'_> {
             model_toml: adds.then_some(text.as_str()),
         };
         let mut files: Vec<(String, String)> = Vec::new();
-        // An older model would be taken for this finding's: then one without effects takes its place.
+        // An older model file would be mistaken for this finding's, so replace it with one without effects.
         if adds || path.exists() {
             ModelFile::parse(&text, MODEL)?;
             files.push((MODEL.to_owned(), text.clone()));
         }
         let mut pages = report.pages().files;
-        // The page is what people open: it comes last, when all else is there.
+        // The page is the entry point, so it is moved last, once all other files exist.
         pages.reverse();
         files.extend(pages);
         self.place(&files)
@@ -118,7 +119,7 @@ impl Results<'_> {
         ModelFile { provenance: Some(provenance), effects, ask: outcome.finding.ask.clone() }
     }
 
-    /// Writes all files into a folder beside, and moves them when all are whole.
+    /// Writes all files into a temporary subfolder, and moves them when all are complete.
     fn place(&self, files: &[(String, String)]) -> io::Result<()> {
         fs::create_dir_all(self.folder)?;
         let beside = self.folder.join(format!(".reconcile-{}", std::process::id()));
@@ -127,16 +128,16 @@ impl Results<'_> {
         let moved = written.and_then(|()| {
             files.iter().try_for_each(|(name, _)| fs::rename(beside.join(name), self.folder.join(name)))
         });
-        // What could not be moved is only litter; the first failure is the one to tell.
+        // Cleaning up may fail; return the first error.
         let _ = fs::remove_dir_all(&beside);
         moved
     }
 }
 
-/// A folder of its own for each of several recordings.
+/// A separate folder for each of several recordings.
 ///
 /// # Errors
-/// Two recordings have one name.
+/// Two recordings have the same name.
 pub fn folders(out: &Path, files: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     if let [_] = files {
         return Ok(vec![out.to_owned()]);

@@ -1,4 +1,4 @@
-//! The frozen worker beside the plate, over all of the recording.
+//! Compares the frozen subject model with the plate over the whole recording.
 
 use equipoise_core::cycle::{Inputs, Motion, Tick, step};
 use equipoise_core::message::CommandKind;
@@ -14,7 +14,7 @@ use super::{Progress, Reconcile, TICK_NS, known, memory_at_first};
 use crate::replay::free;
 use crate::replay::samples::LeftOut;
 
-/// Runs the frozen worker over the recording.
+/// Runs the frozen subject model over the recording.
 pub(super) fn compare(
     reconcile: &Reconcile<'_>,
     survey: &Survey,
@@ -28,7 +28,7 @@ pub(super) fn compare(
     };
     let has_inertia = settings.motion != Motion::Paper;
     let mut options = Options::new(survey.begin_ns(), found.spans_s, has_inertia);
-    // A configuration for slow samples asks for a longer window.
+    // A configuration for slowly sampled data requests a longer window.
     options.half_window_s = options.half_window_s.max(settings.half_window_ns() as f64 * 1e-9);
     let mut comparison = Comparison::new(worker, options);
     let mut memory = memory_at_first(reconcile, survey);

@@ -1,4 +1,4 @@
-//! What was found, in plain words, for a terminal.
+//! The finding as text for a terminal.
 
 use std::fmt;
 
@@ -7,12 +7,12 @@ use equipoise_discrepancy::finding::{Finding, Generic, Named, Verdict};
 
 use super::Compared;
 
-/// A finding for people.
+/// Text form of a finding.
 #[derive(Debug, Clone, Copy)]
 pub struct Summary<'a> {
-    /// What was compared.
+    /// The comparison.
     pub compared: &'a Compared,
-    /// What was found.
+    /// The finding.
     pub finding: &'a Finding,
 }
 
@@ -69,7 +69,7 @@ fn verdict(finding: &Finding) -> String {
     }
 }
 
-/// One effect that was named.
+/// One named effect.
 struct Told<'a>(&'a Named);
 
 impl fmt::Display for Told<'_> {
@@ -81,7 +81,7 @@ impl fmt::Display for Told<'_> {
                 write!(f, " {place}")?;
             }
         }
-        // In the catalogue's order, which begins with what people ask for.
+        // In the order of the catalogue, which begins with the most relevant parameters.
         let order = Effect::from_name(&named.name).map(Effect::parameters).unwrap_or_default();
         let place_of = |name: &str| order.iter().position(|known| known.name == name).unwrap_or(order.len());
         let mut parameters: Vec<_> = named.parameters.iter().collect();

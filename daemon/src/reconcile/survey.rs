@@ -1,4 +1,5 @@
-//! Whether a recording holds what a comparison needs: both streams, both alive, of one worker.
+//! Checks that a recording meets the requirements of a comparison: both streams, both with changing data, of one
+//! subject.
 
 use anyhow::bail;
 use equipoise_adapters::recording::Entry;
@@ -11,41 +12,41 @@ use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::Sample;
 
-/// Fewer samples of a stream than this are no recording of it.
+/// Minimum number of samples of a stream.
 const SAMPLES_MIN: u64 = 60;
-/// A recording's head may lie this far before its first sample, ns; farther off it is another clock's.
+/// Maximum time from a recording's header to its first sample, ns; a larger difference means another clock.
 const HEAD_BEFORE_MAX_NS: u64 = 600_000_000_000;
-/// A body that weighs this share more or less than it should is another's.
+/// Maximum relative deviation from the expected body weight; a larger one means another subject.
 const WEIGHT_SHARE_MAX: f64 = 0.15;
-/// Somebody stands on the plate, N.
+/// Vertical force above which a person stands on the plate, N.
 const STANDING_N: f64 = 200.0;
 
-/// What is in a recording.
+/// Content of a recording.
 #[derive(Debug)]
 pub struct Survey {
     begin_ns: u64,
     suit: Stream,
     ground: Stream,
-    /// Mean vertical force of each second since the begin in which somebody stands there, N.
+    /// Mean vertical force of each second since the begin in which a person stands on the plate, N.
     weight_n: Vec<(f64, f64)>,
     second: Second,
-    /// When an empty plate was tared, ns.
+    /// Times of tares of the empty plate, ns.
     pub(super) tares_ns: Vec<u64>,
     first: Option<Box<Checkpoint>>,
 }
 
-/// What one stream shows.
+/// Statistics of one stream.
 #[derive(Debug, Clone, Default)]
 struct Stream {
     samples: u64,
     first_ns: u64,
     last_ns: u64,
-    /// The first sample's numbers, and whether any later one differs.
+    /// The first sample's values, and whether any later sample differs.
     numbers: Vec<f64>,
     changes: bool,
 }
 
-/// Vertical force of the second in hand.
+/// Vertical force of the current second.
 #[derive(Debug, Clone, Copy, Default)]
 struct Second {
     number: u64,
@@ -69,10 +70,10 @@ impl Stream {
 }
 
 impl Survey {
-    /// Goes through the input once.
+    /// Reads the input once.
     ///
     /// # Errors
-    /// It cannot be read at all.
+    /// The input cannot be read.
     pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
         progress(Progress { doing: "looking through the recording", share: 0.0 });
         let mut survey = Survey {
@@ -85,7 +86,7 @@ impl Survey {
             first: None,
         };
         if let Input::Recording(recording) = input {
-            // Damage is told by the later passes, which get as far.
+            // Stop at damage: later passes stop at the same entry and report it.
             for timed in recording.entries().map_while(Result::ok) {
                 match timed.entry {
                     Entry::Suit(sample) => survey.see_suit(&sample),
@@ -141,7 +142,7 @@ impl Survey {
         self.second = Second::default();
     }
 
-    /// Where t = 0 lies, CLOCK_MONOTONIC ns of the recording.
+    /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
     pub fn begin_ns(&self) -> u64 {
         self.begin_ns
     }
@@ -151,12 +152,12 @@ impl Survey {
         streams.map(|stream| stream.first_ns).min().unwrap_or(self.begin_ns)
     }
 
-    /// A time of the recording since its begin, s.
+    /// A time of the recording relative to the origin, s.
     pub(super) fn seconds(&self, time_ns: u64) -> f64 {
         (i128::from(time_ns) - i128::from(self.begin_ns)) as f64 * 1e-9
     }
 
-    /// Where both streams are heard, s since the begin.
+    /// Time span with both streams, s since the origin.
     pub fn samples_s(&self) -> [f64; 2] {
         [
             self.seconds(self.suit.first_ns.max(self.ground.first_ns)),
@@ -164,15 +165,15 @@ impl Survey {
         ]
     }
 
-    /// The loop's memory as the recording begins.
+    /// The loop's memory at the start of the recording.
     pub(super) fn first_memory(&self) -> Option<&Memory> {
         self.first.as_ref().and_then(|checkpoint| checkpoint.memory())
     }
 
-    /// Whether both streams are there and alive.
+    /// Whether both streams exist with changing data.
     ///
     /// # Errors
-    /// A sentence for each way in which they are not.
+    /// One sentence for each defect.
     pub fn check(&self) -> anyhow::Result<()> {
         match [self.suit.samples, self.ground.samples] {
             [0, 0] => bail!("there is no sample of suit or plate in it that can be used"),
@@ -221,7 +222,7 @@ impl Survey {
         Ok(())
     }
 
-    /// Whether who stands there weighs what the configuration says, in a span in which poses should be held, s.
+    /// Checks the weight on the plate against the configured mass, in a span with held poses, s.
     ///
     /// # Errors
     /// A sentence with both masses.
@@ -234,7 +235,7 @@ impl Survey {
         let mut shown: Vec<f64> =
             self.weight_n.iter().filter(|(second, _)| lies_in(*second)).map(|(_, mean_n)| *mean_n).collect();
         shown.sort_by(f64::total_cmp);
-        // Loads come and go, and only add: the lower quartile is the body's.
+        // Temporary loads only add weight, so the lower quartile is the body weight.
         let Some(weight_n) = shown.get(shown.len() / 4) else { return Ok(()) };
         let shown_kg = weight_n / GRAVITY_M_PER_S2;
         if (shown_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {

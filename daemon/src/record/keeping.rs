@@ -1,4 +1,4 @@
-//! Which recordings of a folder are ours, and which of them must go.
+//! Manages the recordings of a station in a folder, and removes the oldest ones according to limits.
 
 use std::fs::{self, File};
 use std::io;
@@ -10,25 +10,25 @@ use rustix::fs::statvfs;
 use super::signature::{SIGNATURE_ENDING, signature_of};
 use crate::whole_file::clear_leftovers;
 
-/// How much may be kept.
+/// Limits of the stored recordings.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
-    /// All files together, bytes.
+    /// Total size of all files, bytes.
     pub total_bytes: u64,
-    /// Since a file's last change; `None`: nothing goes by its age.
+    /// Maximum time since a file's last change; `None`: no limit.
     pub age: Option<Duration>,
-    /// What must stay free on the disk, bytes.
+    /// Minimum free space of the disk, bytes.
     pub free_bytes: u64,
 }
 
-/// The recordings of one station in one folder. Only files with its own kind of name are ever removed.
+/// The recordings of one station in one folder. Only files that match its naming scheme are ever removed.
 #[derive(Debug, Clone)]
 pub struct Shelf {
     directory: PathBuf,
     prefix: String,
 }
 
-/// A file of the shelf.
+/// A recording in the folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Kept {
     path: PathBuf,
@@ -37,30 +37,30 @@ struct Kept {
     changed: SystemTime,
 }
 
-/// What a clearing has done.
+/// Result of a cleanup.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Cleared {
-    /// Files that were removed, with the reason.
+    /// Removed files, each with the reason.
     pub removed: Vec<(PathBuf, &'static str)>,
-    /// What is free on the disk, or will be once it has given free what was removed, bytes.
+    /// Free space of the disk, including space of removed files that is yet to be released, bytes.
     pub free_bytes: u64,
 }
 
 const ENDING: &str = ".mcap";
-/// Seconds since 1970 with leading zeros, so that names sort by time for a long while.
+/// Digits of the seconds since 1970, with leading zeros so that names sort by time.
 const DIGITS: usize = 10;
 
 impl Shelf {
-    /// The recordings of a station; the folder is made if it is not there.
+    /// The recordings of a station; creates the folder if it does not exist.
     ///
     /// # Errors
-    /// The system's reason why it cannot be made.
+    /// The system's error if the folder cannot be created.
     pub fn open(directory: &Path, station: &str) -> io::Result<Shelf> {
         fs::create_dir_all(directory)?;
         Ok(Shelf { directory: directory.to_owned(), prefix: format!("{station}.") })
     }
 
-    /// The series that a file belongs to by its name, and its number in it.
+    /// The series that a file belongs to according to its name, and its number in the series.
     pub(super) fn with(path: &Path) -> Option<(Shelf, u64)> {
         let (station, _) = path.file_stem()?.to_str()?.rsplit_once('.')?;
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -75,13 +75,13 @@ impl Shelf {
         files.filter(|kept| kept.number > number).min_by_key(|kept| kept.number).map(|kept| kept.path)
     }
 
-    /// Whether there are files with lower numbers than the one in this name.
+    /// Whether there are files with lower numbers than that in `name`.
     pub(super) fn has_before(&self, name: &str) -> bool {
         let files = self.files().unwrap_or_default();
         self.number(name).is_some_and(|number| files.iter().any(|kept| kept.number < number))
     }
 
-    /// The newest file that no recorder writes.
+    /// The newest file that is not being written.
     ///
     /// # Errors
     /// The folder cannot be read.
@@ -90,27 +90,27 @@ impl Shelf {
         Ok(newest_first.find(|path| !is_being_written(path)))
     }
 
-    /// Removes signatures that were not written to their end.
+    /// Removes incompletely written signatures.
     pub(super) fn clear_leftovers(&self) {
         let is_signature =
             |name: &str| name.strip_suffix(SIGNATURE_ENDING).and_then(|of| self.number(of)).is_some();
         clear_leftovers(&self.directory, is_signature);
     }
 
-    /// A name that nothing has yet: `STATION.SECONDS.mcap`, with the first free second from `unix_s` on.
+    /// An unused name `STATION.SECONDS.mcap`, with the first free second from `unix_s` on.
     pub fn next(&self, unix_s: u64) -> PathBuf {
         let path = |second: u64| self.directory.join(format!("{}{second:0DIGITS$}{ENDING}", self.prefix));
         (unix_s..).map(path).find(|path| path.symlink_metadata().is_err()).unwrap_or_else(|| path(unix_s))
     }
 
-    /// The number in a name of ours; `None` for everybody else's.
+    /// The number in a name of this series; `None` for other names.
     fn number(&self, name: &str) -> Option<u64> {
         let digits = name.strip_prefix(&self.prefix)?.strip_suffix(ENDING)?;
         let plain = digits.len() >= DIGITS && digits.bytes().all(|byte| byte.is_ascii_digit());
         plain.then(|| digits.parse().ok()).flatten()
     }
 
-    /// When the newest of our files was changed last; `None` without any.
+    /// Time of the last change of the newest file; `None` if there is none.
     ///
     /// # Errors
     /// The folder cannot be read.
@@ -118,7 +118,8 @@ impl Shelf {
         Ok(self.files()?.last().map(|kept| kept.changed))
     }
 
-    /// Our files, oldest first. A name is from when the file was begun, maybe before the clock was right.
+    /// The files of the series by last change, oldest first. The name contains the time of creation, possibly before
+    /// the clock was set.
     fn files(&self) -> io::Result<Vec<Kept>> {
         let mut files = Vec::new();
         for entry in fs::read_dir(&self.directory)? {
@@ -126,7 +127,7 @@ impl Shelf {
             let Some(number) = entry.file_name().to_str().and_then(|name| self.number(name)) else {
                 continue;
             };
-            // Links are not followed: they are not ours.
+            // Links are not part of the series and are not followed.
             let Ok(facts) = entry.path().symlink_metadata() else { continue };
             if facts.is_file() {
                 let changed = facts.modified()?;
@@ -137,15 +138,15 @@ impl Shelf {
         Ok(files)
     }
 
-    /// Removes the oldest files until all limits are kept, but none that is being written, by whoever it is.
+    /// Removes the oldest files until all limits are met, except files that are being written by any process.
     ///
     /// # Errors
-    /// The folder or the disk cannot be asked. A file that cannot be removed is left.
+    /// The folder or the disk cannot be queried. A file that cannot be removed is skipped.
     pub fn clear(&self, limits: &Limits, now: SystemTime) -> io::Result<Cleared> {
         self.clear_on(limits, now, || self.free_bytes())
     }
 
-    /// The same, with the disk's answer to how much is free.
+    /// As [`Self::clear`], with a replaceable query of the free space.
     fn clear_on(
         &self,
         limits: &Limits,
@@ -176,28 +177,28 @@ impl Shelf {
             let _ = fs::remove_file(signature_of(&kept.path));
             total -= kept.bytes;
             cleared.removed.push((kept.path, reason));
-            // Some file systems free later, and none while somebody reads the file: what was removed counts at once, else
-            // everything else would go, too.
+            // Some file systems release space later, and none does while the file is open: count removed files as free
+            // at once, otherwise all other files would be removed too.
             cleared.free_bytes = cleared.free_bytes.saturating_add(kept.bytes).max(free_bytes()?);
         }
         Ok(cleared)
     }
 
-    /// What is free on the folder's disk for whoever is not root, bytes.
+    /// Free space of the folder's disk for unprivileged users, bytes.
     fn free_bytes(&self) -> io::Result<u64> {
         let disk = statvfs(&self.directory)?;
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 }
 
-/// Whether the clock cannot be believed about ages: by it nothing was recorded for longer than `age` when this process
-/// began, `running` ago. A clock that is set right later is believed again.
+/// Whether the clock is unreliable for ages: according to it, nothing was recorded for longer than `age` when this
+/// process started, `running` ago. Becomes false again once the clock is corrected.
 pub fn has_jumped(newest: Option<SystemTime>, now: SystemTime, age: Duration, running: Duration) -> bool {
     let since = newest.and_then(|newest| now.duration_since(newest).ok());
     since.is_some_and(|since| since > age.saturating_add(running))
 }
 
-/// A recorder holds a lock on its file for as long as it writes. What cannot be opened is left alone too.
+/// A recorder holds a lock on its file while it writes. Files that cannot be opened are also left alone.
 fn is_being_written(path: &Path) -> bool {
     !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
@@ -233,7 +234,7 @@ mod tests {
     #[test]
     fn the_oldest_go_until_the_rest_is_small_enough() {
         let (folder, shelf) = shelf();
-        // The clock was wrong when the oldest was begun.
+        // The clock was wrong when the oldest file was created.
         for (second, changed_s) in [(30, 2000), (90, 1000), (20, 1500)] {
             let path = put(folder.path(), &format!("station-1.{second:010}.mcap"), 100);
             let changed = SystemTime::UNIX_EPOCH + Duration::from_secs(changed_s);

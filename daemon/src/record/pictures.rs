@@ -1,19 +1,19 @@
-//! Scene and state for viewers, beside what a replay reads.
+//! Scene and state for viewers, in addition to the data for replays.
 
 use equipoise_adapters::recording::{ExtraChannel, Recorder};
 use equipoise_core::message::State;
 use equipoise_core::time::NS_PER_S;
 use equipoise_view::foxglove::{Channel, MESSAGE_ENCODING, SCHEMA_ENCODING, scene, state_text};
 
-/// Writes a picture of a state now and then.
+/// Periodically writes the picture of a state.
 pub(super) struct Pictures {
-    /// `None`: none at all.
+    /// `None`: no pictures.
     period_ns: Option<u64>,
     due_ns: u64,
 }
 
 impl Pictures {
-    /// Announces the channels of `rate_hz` pictures a second; 0 leaves them out.
+    /// Creates the channels for `rate_hz` pictures per second; 0 disables them.
     pub(super) fn announce(recorder: &mut Recorder, rate_hz: f64) -> anyhow::Result<Pictures> {
         let period_ns = (rate_hz > 0.0).then(|| ((NS_PER_S as f64 / rate_hz) as u64).max(1));
         for channel in Channel::ALL.iter().filter(|_| period_ns.is_some()) {
@@ -28,7 +28,7 @@ impl Pictures {
         Ok(Pictures { period_ns, due_ns: 0 })
     }
 
-    /// Writes the picture of a state if one is due at its time: the first state at or after each multiple of the period.
+    /// Writes the picture of a state if one is due: at the first state at or after each multiple of the period.
     pub(super) fn add(&mut self, recorder: &mut Recorder, state: &State) -> anyhow::Result<()> {
         let (Some(period_ns), time_ns) = (self.period_ns, state.time_ns) else { return Ok(()) };
         if time_ns < self.due_ns {

@@ -1,4 +1,4 @@
-//! Recording for as long as the station runs: one file after the other, and no more of them than there is room for.
+//! Records for as long as the station runs: one file after another, within the limits of the disk space.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -17,13 +17,13 @@ use crate::model::sha256_with;
 use crate::status;
 use crate::whole_file::runs;
 
-/// How often it is looked for a daemon.
+/// Polling interval for a daemon.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
-/// How often it is looked at file and daemon, and the service manager hears that messages are written.
+/// Interval for checking file and daemon, and for notifying the service manager that messages are written.
 const LOOK_AT_FILE_EVERY: Duration = Duration::from_millis(500);
-/// The same once the loop's count began anew: another daemon's messages belong into another file.
+/// Shorter interval after the cycle number restarted: messages of another daemon belong in another file.
 const LOOK_AFTER_RESTART: Duration = Duration::from_millis(50);
-/// How often old files are cleared away.
+/// Interval for removing old files.
 const CLEAR_EVERY: Duration = Duration::from_secs(10);
 const MIB: u64 = 1 << 20;
 
@@ -37,11 +37,11 @@ impl RecordingConfig {
     }
 }
 
-/// Records a station until `stopping`; waits while no daemon runs. `base` is the folder that a relative directory counts
-/// from, `alive` is called at least every second.
+/// Records a station until `stopping`; waits while no daemon runs. `base` is the folder to which a relative directory
+/// refers; `alive` is called at least every second.
 ///
 /// # Errors
-/// A sentence: the disk has no room left that could be made, the folder or a file cannot be written.
+/// The disk is full and no old recording can be removed, or the folder or a file cannot be written.
 pub fn serve(
     station: &str,
     config: &RecordingConfig,
@@ -73,7 +73,7 @@ pub fn serve(
                 signer.start(&out, &sha256);
                 previous = Some(Predecessor { file: name_of(&out), sha256 });
             }
-            // What is joined no more may fail in any way.
+            // Errors are expected after the bus was replaced.
             Err(error) if tap.is_cut_off() => {
                 warn!("{} has ended: {error:#}", out.display());
                 previous = link_to(&out, alive);
@@ -88,7 +88,7 @@ pub fn serve(
             info!("the daemon of station {station} has ended; waiting for the next one");
             let summary = tap.summary;
             if cut_off {
-                // To leave would take away what the next bus has under the same names: the old ports are let go of.
+                // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
                 std::mem::forget(tap);
             } else {
                 drop(tap);
@@ -102,17 +102,18 @@ pub fn serve(
     Ok(tap.summary)
 }
 
-/// The key that is configured; `base` is the folder that a relative path counts from.
+/// The configured signing key; `base` is the folder to which a relative path refers.
 ///
 /// # Errors
-/// A sentence that begins with the key: the file is missing, is accessible to other users, or holds no secret key.
+/// A sentence that begins with the key's name: the file is missing, is accessible to other users, or holds no secret
+/// key.
 pub fn signing_key(config: &RecordingConfig, base: &Path) -> anyhow::Result<Option<SigningKey>> {
     let key = config.sign_key.as_ref().map(|file| SigningKey::read(&base.join(file)));
     key.transpose().context("recording.sign_key")
 }
 
-/// The link to a file whose hash is not known yet, such as that of a recorder that was killed. Reads all of it: only while
-/// no messages are waiting.
+/// The link to a file whose hash is not available yet, such as that of a recorder that was killed. Reads the whole
+/// file, so call it only while no messages are pending.
 fn link_to(path: &Path, alive: &dyn Fn()) -> Option<Predecessor> {
     match sha256_with(path, alive) {
         Ok(sha256) => Some(Predecessor { file: name_of(path), sha256 }),
@@ -127,7 +128,7 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// `None` once `stopping`.
+/// Returns `None` once `stopping`.
 fn wait_for_a_daemon(
     station: &str,
     stopping: &dyn Fn() -> bool,
@@ -151,12 +152,12 @@ fn wait_for_a_daemon(
     Ok(None)
 }
 
-/// Clears away, and says so.
+/// Removes old recordings and logs it.
 struct Keeper<'a> {
     shelf: &'a Shelf,
     config: &'a RecordingConfig,
     cleared: Cell<Option<Instant>>,
-    /// When the newest file was changed that was there when this process began.
+    /// Last change of the newest file that existed when this process started.
     newest: Option<SystemTime>,
     began: Instant,
     doubted: Cell<bool>,
@@ -169,7 +170,7 @@ impl<'a> Keeper<'a> {
         Ok(Keeper { shelf, config, cleared, newest, began: Instant::now(), doubted })
     }
 
-    /// What was removed a moment ago may not be free yet: nothing is removed again so soon.
+    /// Limits the rate of removals: space of removed files may not be released yet.
     fn clear_if_due(&self) -> anyhow::Result<()> {
         if self.cleared.get().is_some_and(|cleared| cleared.elapsed() < CLEAR_EVERY) {
             return Ok(());
@@ -196,7 +197,7 @@ impl<'a> Keeper<'a> {
         Ok(())
     }
 
-    /// Whether the clock is not believed about ages; told once.
+    /// Whether the clock is unreliable for ages; warns once.
     fn doubts(&self, now: SystemTime, age: Duration) -> bool {
         let jumped = has_jumped(self.newest, now, age, self.began.elapsed());
         if jumped && !self.doubted.replace(jumped) {
@@ -210,18 +211,18 @@ impl<'a> Keeper<'a> {
     }
 }
 
-/// When a file is to end: asked every few milliseconds, it looks at file, daemon and disk now and then.
+/// Decides when a file ends: called every few milliseconds, it checks file, daemon and disk at longer intervals.
 struct Until<'a> {
     station: &'a str,
     keeper: &'a Keeper<'a>,
     stopping: &'a dyn Fn() -> bool,
     alive: &'a dyn Fn(),
     looked: Cell<Instant>,
-    /// Messages written when it was looked last.
+    /// Messages written at the last check.
     written: Cell<u64>,
-    /// Restarts of the loop's count when the file was begun.
+    /// Restarts of the cycle number counted when the file was started.
     restarts: Cell<Option<u64>>,
-    /// What became of the file, in words.
+    /// Reason for the end of the file, in words.
     why: Cell<&'static str>,
     trouble: Cell<Option<anyhow::Error>>,
 }
@@ -265,12 +266,12 @@ impl<'a> Until<'a> {
         self.look(progress)
     }
 
-    /// Looks whether the file is still where it was made, how large it is, and whose daemon runs.
+    /// Checks that the file is still at its path, its size, and which daemon runs.
     fn look(&self, progress: &Progress<'_>) -> bool {
         let facts = status::read(self.station);
         let written = progress.summary.written();
         let runs = facts.as_ref().is_some_and(|facts| runs(facts.process_id));
-        // A daemon that runs publishes in every cycle: a recorder that hears none of it has no ping to give.
+        // A running daemon publishes in every cycle, so a recorder that receives nothing must not feed the watchdog.
         if written > self.written.replace(written) || !runs {
             (self.alive)();
         }

@@ -1,15 +1,15 @@
-//! What a recording holds, and what was lost on the way.
+//! Counts the messages written to a recording and those lost.
 
 use std::fmt;
 
-/// Messages of a kind that bear running numbers.
+/// Messages of a kind with consecutive numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Numbered {
     /// Messages written.
     pub written: u64,
-    /// Numbers left out between them.
+    /// Missing numbers.
     pub lost: u64,
-    /// How often the numbers started anew: the publisher was started again.
+    /// Number of restarts of the numbering, one for each restart of the publisher.
     pub restarts: u64,
     last: Option<u64>,
 }
@@ -26,7 +26,7 @@ impl Numbered {
     }
 }
 
-/// What a recording holds.
+/// Content of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RecordSummary {
     /// Cycle records.
@@ -39,7 +39,7 @@ pub struct RecordSummary {
     pub ground: Numbered,
     /// Copies of the loop's memory.
     pub checkpoints: u64,
-    /// Adapters' counts.
+    /// Health messages of the adapters.
     pub health: u64,
 }
 
@@ -59,13 +59,13 @@ impl RecordSummary {
         numbered + self.checkpoints + self.health
     }
 
-    /// Messages that were published and are not in the file.
+    /// Messages published but missing in the file.
     pub fn lost(&self) -> u64 {
         self.numbered().iter().map(|(_, kind)| kind.lost).sum()
     }
 }
 
-/// One line: what was written, and what was lost.
+/// One line on written and lost messages.
 impl fmt::Display for RecordSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (name, kind) in self.numbered() {

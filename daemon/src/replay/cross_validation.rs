@@ -1,9 +1,10 @@
-//! How well the model holds for data that it was not learnt from: each block of time is judged by the others.
+//! Cross-validation of the identified model: each block of time is predicted by a model identified from the other
+//! blocks.
 //!
-//! For every block the identification runs over the whole input with the ground's samples of that block left out, so
-//! nothing of what the plate says there can be learnt; then the model is frozen and judged on the block. The stop rule
-//! is off: it would keep late blocks from being learnt. Learning may be held to a number of poses that differ from each
-//! other, as an identification session would have.
+//! For every block the identification runs over the whole input without the ground samples of that block, so nothing
+//! measured by the plate there is used; then the model is frozen and evaluated on the block. The stop rule is disabled,
+//! as it would exclude late blocks from the identification. The number of poses can be limited to mutually different
+//! ones, as in an identification session.
 
 mod verdict;
 
@@ -20,10 +21,10 @@ use crate::config::Config;
 use verdict::Judged;
 pub use verdict::{Block, CrossValidation};
 
-/// Judges each of `count` equal blocks of time by the others.
+/// Evaluates each of `count` equal blocks of time with a model identified from the others.
 ///
 /// # Errors
-/// Fewer than two blocks, or nothing to judge.
+/// Fewer than two blocks, or no sample to evaluate.
 pub fn cross_validate(
     input: &Input,
     config: &Config,
@@ -35,7 +36,7 @@ pub fn cross_validate(
         bail!("--cross-validate {count}: give 2 to 1000 blocks");
     }
     let pass = Pass { poses_max, ..Pass::new(input, config, judge) };
-    // The table is what the loop believes while it learns nothing.
+    // Without identification the model is that of the table.
     let table = pass.run(Learning::Never, None)?;
     let (Some([first_ns, last_ns]), false) = (table.span_ns, table.scored.is_empty()) else {
         bail!(
@@ -60,7 +61,7 @@ pub fn cross_validate(
     Ok(CrossValidation { judge, blocks, overall, started_ns: input.started_ns() })
 }
 
-/// The worker as learnt from all data but those of a span of suit sample times, ns; the end is not part of it.
+/// Identifies the subject from all data except those of a span of suit sample times, ns, exclusive of its end.
 ///
 /// # Errors
 /// The input holds no sample.
@@ -72,11 +73,11 @@ pub fn learn_apart_from(
     Ok(Pass::new(input, config, Judge::QuasiStatic).run(Learning::ApartFrom(span_ns), None)?.worker)
 }
 
-/// What may be learnt from.
+/// Data used for the identification.
 #[derive(Clone, Copy)]
 enum Learning {
     Never,
-    /// All but the ground's samples of a span, ns; its end is not part of it.
+    /// All except the ground samples of a span, ns, exclusive of its end.
     ApartFrom([u64; 2]),
 }
 
@@ -85,22 +86,22 @@ struct Pass<'a> {
     config: &'a Config,
     settings: Settings,
     judge: Judge,
-    /// Most poses, or moments of motion, that are learnt.
+    /// Maximum number of poses or motion samples used.
     poses_max: Option<usize>,
 }
 
-/// Poses learnt so far, each unlike the others.
+/// Poses used so far, mutually different.
 #[derive(Default)]
 struct Diverse {
     learnt: Vec<[[f64; 4]; JOINTS]>,
     count: u64,
 }
 
-/// Poses are unlike if some joint differs by more than this, rad.
+/// Poses differ if any joint angle differs by more than this, rad.
 const UNLIKE_RAD: f64 = 0.35;
 
 impl Diverse {
-    /// Whether the pose of the newest moment is unlike all that were learnt, and fewer than `most` were.
+    /// Whether the newest pose differs from all poses used, and fewer than `most` were used.
     fn wants(&self, memory: &Memory, most: usize) -> bool {
         let unlike = |joints: &[[f64; 4]; JOINTS]| {
             self.learnt.iter().all(|other| largest_joint_angle(other, joints) > UNLIKE_RAD)
@@ -108,7 +109,7 @@ impl Diverse {
         self.learnt.len() < most && memory.window.newest().is_none_or(|held| unlike(&held.joint_wxyz))
     }
 
-    /// Keeps the newest pose if one more was learnt in the last step.
+    /// Stores the newest pose if the last step used it.
     fn follow(&mut self, memory: &Memory) {
         let count = memory.identification.poses_used + u64::from(memory.state.motion_samples_used);
         if count > self.count {
@@ -119,7 +120,7 @@ impl Diverse {
 }
 
 struct Passed {
-    /// Poses and moments of motion that were learnt.
+    /// Number of poses and motion samples used.
     learnt: u64,
     scored: Vec<Scored>,
     worker: Box<Identification>,
@@ -129,13 +130,13 @@ struct Passed {
 
 impl<'a> Pass<'a> {
     fn new(input: &'a Input, config: &'a Config, judge: Judge) -> Pass<'a> {
-        // Learning never ends by itself.
+        // Disable the stop rule.
         let stop = StopRule::PredictedCop { sigma_m: 0.0 };
         let settings = Settings { stop, poses_min: u64::MAX, ..config.settings() };
         Pass { input, config, settings, judge, poses_max: None }
     }
 
-    /// Runs over the whole input and learns, or judges a frozen worker.
+    /// Runs over the whole input and identifies the subject, or evaluates a frozen model.
     fn run(&self, learning: Learning, frozen: Option<&Identification>) -> anyhow::Result<Passed> {
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&self.settings);

@@ -1,7 +1,7 @@
-//! A recording's messages, handed out cycle by cycle.
+//! Returns the messages of a recording cycle by cycle.
 //!
-//! A recorder writes what it finds stream by stream, so what belongs to one cycle lies near together and not in order.
-//! Everything within two seconds is held; matches are made by number and by time, never by place.
+//! A recorder writes the pending messages stream by stream, so the messages of one cycle are close together but not in
+//! order. All messages within two seconds are buffered and matched by number and time, never by position.
 
 use std::collections::VecDeque;
 
@@ -12,33 +12,33 @@ use equipoise_core::time::NS_PER_S;
 
 use super::waiting::Waiting;
 
-/// How far the file is read ahead of the cycle in hand, ns.
+/// Read-ahead relative to the current cycle, ns.
 const LOOK_AHEAD_NS: u64 = 2 * NS_PER_S;
-/// Samples that no cycle took are given up after this, ns: the loop's rings hold far less.
+/// Samples that no cycle ingested are dropped after this time, ns: the loop's rings hold far less.
 const GIVE_UP_NS: u64 = 10 * NS_PER_S;
 
-/// What one cycle has of its own in the file.
+/// The messages of one cycle.
 pub(super) struct Cycle {
     pub(super) record: Box<CycleRecord>,
-    /// As it was published; `None` if it was lost.
+    /// The published state; `None` if it was lost.
     pub(super) state: Option<Box<State>>,
     /// Taken after this cycle's step.
     pub(super) checkpoint: Option<Box<Checkpoint>>,
 }
 
-/// Hands out cycles in order.
+/// Returns cycles in order.
 pub(super) struct Feed<'a> {
     entries: Entries<'a>,
     cycles: VecDeque<Box<CycleRecord>>,
     states: VecDeque<Box<State>>,
-    /// With the time of the cycle after which it was taken.
+    /// Each with the time of the cycle after which it was taken.
     checkpoints: VecDeque<(u64, Box<Checkpoint>)>,
     pub(super) suit: Waiting<SuitSample>,
     pub(super) ground: Waiting<GroundSample>,
     bodies: VecDeque<Box<SuitBody>>,
     newest_ns: u64,
     ended: bool,
-    /// What ended the reading before the end of the file.
+    /// Damage that ended reading before the end of the file.
     pub(super) damage: Option<String>,
 }
 
@@ -77,7 +77,8 @@ impl<'a> Feed<'a> {
         Some(Cycle { record, state, checkpoint })
     }
 
-    /// The build that a cycle took in, and whether the recording has it; a cycle that took none lacks nothing.
+    /// The body dimensions that a cycle ingested, and whether the recording is complete in this respect; true if the
+    /// cycle ingested none.
     pub(super) fn take_body(&mut self, published_ns: u64) -> (Option<Box<SuitBody>>, bool) {
         if published_ns == 0 {
             return (None, true);
@@ -107,7 +108,7 @@ impl<'a> Feed<'a> {
                     Entry::Cycle(record) => self.cycles.push_back(record),
                     Entry::State(state) => self.states.push_back(state),
                     Entry::Checkpoint(checkpoint) => {
-                        // It has no time of its own; the state in its memory has.
+                        // A checkpoint has no time stamp, but the state in its memory has one.
                         let time_ns = checkpoint.memory().map(|memory| memory.state.time_ns);
                         self.checkpoints.extend(time_ns.map(|time_ns| (time_ns, checkpoint)));
                     }

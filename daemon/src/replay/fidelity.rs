@@ -1,55 +1,55 @@
-//! Whether a replay is what the live loop did, and from where on it is not.
+//! Compares a replay with the recorded results of the live loop, and finds the first difference.
 
 use std::fmt;
 
 use equipoise_core::cycle::Memory;
 use equipoise_core::message::State;
 
-/// What was compared, and what the recording lacks.
+/// Result of the comparison, and gaps in the recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Fidelity {
     /// Cycles replayed.
     pub cycles: u64,
-    /// Cycle records before the first checkpoint, or before the first samples: they only lead up to it.
+    /// Cycle records before the first checkpoint or the first samples, which are not replayed.
     pub before_checkpoint: u64,
-    /// States that were recorded and are compared.
+    /// Recorded states compared.
     pub states_compared: u64,
-    /// … of which so many differ in some byte.
+    /// Number of them that differ in any byte.
     pub states_differing: u64,
-    /// Checkpoints on the way that are compared.
+    /// Later checkpoints compared.
     pub memories_compared: u64,
-    /// … of which so many differ in some byte.
+    /// Number of them that differ in any byte.
     pub memories_differing: u64,
     /// The first cycle that differs.
     pub first_differing: Option<u64>,
-    /// Cycles whose records are missing between others.
+    /// Missing cycle records between others.
     pub cycles_missing: u64,
-    /// Cycles that took samples which the recording lacks.
+    /// Cycles whose input samples are missing in the recording.
     pub cycles_lacking_samples: u64,
-    /// Commands that this release does not know.
+    /// Commands unknown to this release.
     pub unknown_commands: u64,
-    /// Records that stand behind later ones.
+    /// Records that are stored after later ones.
     pub out_of_order: u64,
-    /// How often the daemon was started anew.
+    /// Number of daemon restarts.
     pub restarts: u64,
-    /// How often a later checkpoint was gone on from, after a gap or a loaded worker.
+    /// Number of times the replay resumed from a later checkpoint, after a gap or a loaded subject.
     pub resumed: u64,
-    /// Cycles for which the recording does not hold all that the loop knew, and the first of them.
+    /// Cycles for which the recording lacks a part of the loop's input or memory.
     pub uncertain: u64,
-    /// The first of them.
+    /// The first of these cycles.
     pub uncertain_from: Option<u64>,
-    /// How often other settings came into force.
+    /// Number of changes of the settings.
     pub reloads: u64,
-    /// The cycle at which settings came into force that the recording lacks: the replay ends there.
+    /// The cycle at which settings became active that the recording lacks; the replay ends there.
     pub unknown_settings_at: Option<u64>,
-    /// What ended the reading before the end of the file.
+    /// Damage that ended reading before the end of the file.
     pub damage: Option<String>,
 }
 
 impl Fidelity {
     pub(super) fn compare_state(&mut self, replayed: &State, recorded: &State) {
         self.states_compared += 1;
-        // When the live state was handed to the bus is no outcome of the cycle.
+        // The time of publication is not a result of the cycle.
         let recorded = &State { published_ns: replayed.published_ns, ..*recorded };
         if bytemuck::bytes_of(replayed) != bytemuck::bytes_of(recorded) {
             self.states_differing += 1;
@@ -70,12 +70,12 @@ impl Fidelity {
         self.uncertain_from.get_or_insert(cycle);
     }
 
-    /// Whether the recording lacks nothing and every state came again.
+    /// Whether the recording is complete and every state was reproduced.
     pub fn is_exact(&self) -> bool {
         self.states_differing == 0 && self.memories_differing == 0 && self.is_whole()
     }
 
-    /// Whether the recording lacks nothing.
+    /// Whether the recording is complete.
     pub fn is_whole(&self) -> bool {
         self.cycles_missing == 0
             && self.cycles_lacking_samples == 0
@@ -87,7 +87,7 @@ impl Fidelity {
     }
 }
 
-/// A line for each finding.
+/// One line for each finding.
 impl fmt::Display for Fidelity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.states_compared + self.memories_compared > 0 {

@@ -1,4 +1,4 @@
-//! The schedule of a replay where nobody recorded one: ticks at the configured rate from the first sample on.
+//! Schedule of a replay without recorded cycles: ticks at the configured rate from the first sample on.
 
 use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Tick};
@@ -6,13 +6,14 @@ use equipoise_core::time::NS_PER_S;
 
 use super::samples::Sample;
 
-/// Slots of a silence longer than this are skipped, ns: there is nothing to compute, and a capture with a wild time
+/// Slots of a silence longer than this are skipped, ns: they compute nothing, and a capture with a wrong time stamp
 /// must not run for days.
 const SILENCE_NS: u64 = 10 * NS_PER_S;
 
-/// Calls `step` for every tick; a sample comes with the first tick that is due when it has been delivered, or later.
+/// Calls `step` for every tick; a sample is passed to the first tick whose due time is at or after its delivery, or to
+/// a later one.
 ///
-/// The last tick is the one that takes in the last sample.
+/// The last tick ingests the last sample.
 ///
 /// # Errors
 /// There is no sample, or what `step` returns.
@@ -34,7 +35,7 @@ pub(crate) fn run(
             match sample {
                 Sample::Suit(sample) => suit.push(*sample),
                 Sample::Ground(sample) => ground.push(*sample),
-                // The last one told is the whole.
+                // Keep only the newest; each message is complete.
                 Sample::Body(told) => body = Some(*told),
             }
         }

@@ -1,4 +1,4 @@
-//! What is replayed: a recording, or a capture by another program; and the configuration to replay it with.
+//! Input of a replay: a recording, or a capture of another program; and the configuration for it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,9 +15,9 @@ use crate::config::method::MASS_KG;
 use crate::config::{Config, SuitPosition};
 use crate::model::LoadedModel;
 
-/// Stature where nobody says one, m.
+/// Default stature, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;
-/// What a capture is read with where there is no configuration: the makers' default ports and scales.
+/// Configuration for captures without one: the manufacturers' default ports and scales.
 const DEFAULT_CONFIG: &str = r#"
 station = "station-1"
 [suit]
@@ -31,14 +31,14 @@ id = "anon-1"
 height_m = 1.75
 "#;
 
-/// An input, opened. It can be gone through any number of times.
+/// An open input. It can be read any number of times.
 #[derive(Debug)]
 pub enum Input {
     /// Written by `equipoise record` or `import`.
     Recording(Box<Recording>),
     /// Motion and forces as CSV.
     Csv(PathBuf),
-    /// Motion as MVN exports it; no forces.
+    /// Motion in MVN's export format; no forces.
     Mvnx(PathBuf),
     /// Network traffic.
     Pcap(PathBuf),
@@ -51,26 +51,26 @@ pub struct Survey {
     pub samples: u64,
     /// Cycle records.
     pub cycles: u64,
-    /// Checkpoints that this release can go on from.
+    /// Checkpoints from which this release can resume.
     pub checkpoints: u64,
-    /// Why the last of the others cannot be used.
+    /// Why the last unusable checkpoint was refused.
     pub checkpoint_refused: Option<String>,
 }
 
-/// A configuration and what to say of where it comes from.
+/// A configuration and its origin.
 #[derive(Debug)]
 pub struct Chosen {
     /// The configuration.
     pub config: Config,
-    /// One sentence.
+    /// Origin in one sentence.
     pub origin: String,
 }
 
 impl Input {
-    /// Opens a file; its ending says what it is.
+    /// Opens a file; its extension determines the format.
     ///
     /// # Errors
-    /// It cannot be read, or is none of the known kinds.
+    /// The file cannot be read, or its format is unknown.
     pub fn open(path: &Path) -> anyhow::Result<Input> {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         match ending.as_deref() {
@@ -85,7 +85,7 @@ impl Input {
         }
     }
 
-    /// Where t = 0 lies, CLOCK_MONOTONIC ns of the recording.
+    /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
     pub fn started_ns(&self) -> u64 {
         match self {
             Input::Recording(recording) => recording.header().started_monotonic_ns,
@@ -93,10 +93,10 @@ impl Input {
         }
     }
 
-    /// The samples in the order in which they were delivered.
+    /// The samples in the order of delivery.
     ///
     /// # Errors
-    /// The file cannot be read at all.
+    /// The file cannot be read.
     pub fn samples(&self, config: &Config) -> anyhow::Result<Samples<'_>> {
         match self {
             Input::Recording(recording) => Ok(Samples::of_recording(recording)),
@@ -106,11 +106,11 @@ impl Input {
         }
     }
 
-    /// What the file holds; everything is 0 for a capture. Goes through it once.
+    /// Counts the messages in the file, all 0 for a capture. Reads the file once.
     pub fn survey(&self) -> Survey {
         let mut survey = Survey::default();
         if let Input::Recording(recording) = self {
-            // Damage is told by the replay itself, which gets as far.
+            // Stop at damage: the replay stops at the same entry and reports it.
             for timed in recording.entries().map_while(Result::ok) {
                 match timed.entry {
                     Entry::Suit(_) | Entry::Ground(_) => survey.samples += 1,
@@ -126,10 +126,10 @@ impl Input {
         survey
     }
 
-    /// The configuration: the given file, else the recording's own, else defaults.
+    /// The configuration: the given file, otherwise the recording's own, otherwise defaults.
     ///
     /// # Errors
-    /// The file is refused, or the recording has none that this release reads.
+    /// The file is refused, or the recording has none that this release can read.
     pub fn configuration(&self, given: Option<&Path>) -> anyhow::Result<Chosen> {
         if let Some(path) = given {
             let mut config = Config::read(path)?;
@@ -156,7 +156,7 @@ impl Input {
         self.place_suit(&mut config);
         let mut origin = format!("defaults; stature {DEFAULT_HEIGHT_M} m is assumed");
         if let Input::Csv(_) = self {
-            // Such a capture may have no moment of stillness in which the loop could weigh the worker.
+            // Such a capture may contain no static interval in which the loop could weigh the subject.
             config.subject.mass_kg = plausible_mass_kg(self.samples(&config)?);
             match config.subject.mass_kg {
                 Some(mass_kg) => origin += &format!(", {mass_kg:.1} kg is the mean vertical force / g"),
@@ -167,7 +167,7 @@ impl Input {
         Ok(Chosen { config, origin })
     }
 
-    /// What the loop was told by each reload that a recording holds, by number.
+    /// The settings of each reload in a recording, by number.
     ///
     /// # Errors
     /// This release cannot read one of them.
@@ -184,7 +184,7 @@ impl Input {
         recording.header().reloads.iter().map(settings).collect()
     }
 
-    /// The CSV's layout has motion and forces in one world; so nothing is shifted, unless the configuration says so.
+    /// The CSV format uses one world frame for motion and forces, so the suit is not shifted unless configured.
     fn place_suit(&self, config: &mut Config) {
         if let Input::Csv(_) = self {
             config.suit.position.get_or_insert(SuitPosition::Absolute);
@@ -192,7 +192,7 @@ impl Input {
     }
 }
 
-/// Why a checkpoint cannot be gone on from.
+/// Why the replay cannot resume from a checkpoint.
 fn refusal(checkpoint: &Checkpoint) -> Option<String> {
     if checkpoint.memory_version != MEMORY_VERSION {
         let found = checkpoint.memory_version;
@@ -201,7 +201,7 @@ fn refusal(checkpoint: &Checkpoint) -> Option<String> {
     checkpoint.memory().is_none().then(|| "a number in it is out of range".to_owned())
 }
 
-/// The mean vertical force as a mass, if a person can have it.
+/// The mean vertical force as a mass, if plausible for a person.
 fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
     let (mut sum_n, mut count) = (0.0, 0.0);
     for sample in samples {
@@ -210,12 +210,12 @@ fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
             count += 1.0;
         }
     }
-    // To the hundredth: a default that reads well in the header.
+    // Rounded to 0.01 kg for readability in the header.
     let mass_kg = (sum_n / count / GRAVITY_M_PER_S2 * 100.0).round() / 100.0;
     MASS_KG.contains(&mass_kg).then_some(mass_kg)
 }
 
-/// What an input lacks that only shows at its end.
+/// Gaps of an input that are found only at its end.
 pub(super) fn left_out_of(recording: &Recording, damage: Option<String>) -> LeftOut {
     let mut left_out = LeftOut::default();
     left_out.rejected.extend(damage);

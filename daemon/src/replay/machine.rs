@@ -1,11 +1,11 @@
-//! The loop's memory, and beside it one that believes the table for ever: both see every cycle.
+//! Runs the loop's memory and a second one that keeps the model of the table; both receive every cycle.
 
 use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, State};
 
 use super::score::{Judge, Scored};
 
-/// What a replay drives.
+/// State of a replay.
 pub(super) struct Machine {
     settings: Settings,
     memory: Box<Memory>,
@@ -14,7 +14,7 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    /// Before the first sample.
+    /// Starts with an empty memory.
     pub(super) fn afresh(settings: Settings) -> Machine {
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
@@ -23,7 +23,7 @@ impl Machine {
         Machine { settings, memory, table, scored: Vec::new() }
     }
 
-    /// Goes on from a memory of the live loop.
+    /// Resumes from a memory of the live loop.
     pub(super) fn resume(&mut self, memory: &Memory) {
         copy_memory(&mut self.memory, memory);
         copy_memory(&mut self.table, memory);
@@ -33,7 +33,7 @@ impl Machine {
         self.table.identification.learning = 0;
     }
 
-    /// Other settings hold from the next step on.
+    /// Changes the settings from the next step on.
     pub(super) fn change_settings(&mut self, settings: &Settings) {
         self.settings = *settings;
     }
@@ -51,11 +51,11 @@ impl Machine {
         &self.memory.state
     }
 
-    /// One cycle of both.
+    /// Runs one cycle of both.
     pub(super) fn step(&mut self, tick: Tick, inputs: Inputs<'_>) -> &State {
         let before_ns = self.memory.state.suit_sample_time_ns;
         step(&self.settings, &mut self.memory, tick, inputs);
-        // Commands about learning are not for the table.
+        // The table's model ignores commands that concern identification.
         let command =
             inputs.command.filter(|command| matches!(command, CommandKind::Tare | CommandKind::Reload));
         step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
@@ -66,7 +66,7 @@ impl Machine {
     }
 }
 
-/// In place: a memory is too large for the stack.
+/// Copies in place: a memory is too large for the stack.
 fn copy_memory(to: &mut Memory, from: &Memory) {
     bytemuck::bytes_of_mut(to).copy_from_slice(bytemuck::bytes_of(from));
 }

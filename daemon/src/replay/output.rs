@@ -1,7 +1,6 @@
-//! Where a replay's states go: JSON lines, CSV, or a recording of states.
+//! Writes the states of a replay as JSON lines, CSV, or a recording of states.
 //!
-//! The CSV holds a subset, one line per cycle; a value that must not be used is an empty field, as its key is absent
-//! in the JSON:
+//! The CSV holds a subset, one line per cycle; an invalid value is an empty field, as its key is absent in the JSON:
 //!
 //! | columns | unit |
 //! |---|---|
@@ -14,11 +13,11 @@
 //! | `mass_kg`, `ground_force_z_n`, `delta_f_z_n`, `load_distance_m` | kg, N, N, m |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg`, `reach_m` | kg, kg, m |
 //! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm`, `l5s1_compression_n`, `l5s1_compression_sigma_n` | N m, N m, N, N |
-//! | `lifts`, `dose_damage`, `dose_probability`: always told | count, 1, 1 |
+//! | `lifts`, `dose_damage`, `dose_probability`: always present | count, 1, 1 |
 //! | `worst_joint` (MVN's name) | |
-//! | `advice_x`, `advice_y`, `advice_gain_nm_per_cm`: where the load should move | 1, 1, N m/cm |
+//! | `advice_x`, `advice_y`, `advice_gain_nm_per_cm`: recommended direction of the load | 1, 1, N m/cm |
 //! | per joint in MVN's order `NAME_torque_nm`, `NAME_sigma_nm`: overload torque's magnitude and its 1-σ | N m |
-//! | after them `NAME_level`, `NAME_fatigue` (always told) | name, 0 to 1 |
+//! | after them `NAME_level`, `NAME_fatigue` (always present) | name, 0 to 1 |
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -32,7 +31,7 @@ use equipoise_core::message::{State, Validity};
 use equipoise_view::state_json::{StateJson, level_name};
 use equipoise_view::words;
 
-/// Where states go.
+/// Destination of states.
 pub(super) struct Output {
     sink: Sink,
     started_ns: u64,
@@ -52,10 +51,11 @@ impl Output {
         Output { sink: Sink::Nowhere, started_ns: 0, line: String::new() }
     }
 
-    /// A file by its ending; `-` writes JSON lines to standard output. A recording is never overwritten, texts are.
+    /// A file, with the format given by its extension; `-` writes JSON lines to standard output. A recording is never
+    /// overwritten, text files are.
     ///
     /// # Errors
-    /// An unknown ending, or a file that cannot be made.
+    /// An unknown extension, or a file that cannot be created.
     pub(super) fn create(path: &Path, header: &RecordingHeader) -> anyhow::Result<Output> {
         let create = || -> anyhow::Result<Box<dyn Write>> {
             let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
@@ -76,10 +76,10 @@ impl Output {
         Ok(Output { sink, started_ns: header.started_monotonic_ns, line: String::new() })
     }
 
-    /// One state.
+    /// Writes one state.
     ///
     /// # Errors
-    /// What the system says, for example that the disk is full.
+    /// The system's error, for example a full disk.
     pub(super) fn tell(&mut self, state: &State) -> anyhow::Result<()> {
         match &mut self.sink {
             Sink::Nowhere => {}
@@ -99,10 +99,10 @@ impl Output {
         Ok(())
     }
 
-    /// Hands everything to the system.
+    /// Flushes and closes the output.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub(super) fn finish(self) -> anyhow::Result<()> {
         match self.sink {
             Sink::Nowhere => Ok(()),
@@ -117,7 +117,7 @@ impl Output {
 
 /// A time on the recording's own clock, s.
 pub(super) fn seconds_since(started_ns: u64, time_ns: u64) -> f64 {
-    // Divided, not multiplied: 34 ms is 0.034 then, not 0.034000000000000002.
+    // Division is more exact than multiplication: 34 ms gives 0.034, not 0.034000000000000002.
     (i128::from(time_ns) - i128::from(started_ns)) as f64 / 1e9
 }
 
@@ -161,7 +161,7 @@ fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Resu
     Ok(())
 }
 
-/// Each value behind its comma; nothing there if it is spoilt.
+/// Writes each value after a comma; invalid values are empty.
 fn fields(line: &mut String, state: &State, spoilers: Validity, values: &[f64]) -> std::fmt::Result {
     for value in values {
         line.push(',');
@@ -200,7 +200,7 @@ fn exposure(line: &mut String, state: &State) -> std::fmt::Result {
     fields(line, state, Validity::default(), &[state.dose_damage, state.dose_probability])?;
     write!(line, ",{}", words::worst_joint(state).map_or("", Joint::name))?;
     let [x, y, _] = state.advice_direction;
-    // No direction is no advice, not one of length zero.
+    // A zero direction means that there is no advice.
     if [x, y] == [0.0; 2] {
         line.push_str(",,,");
         return Ok(());
@@ -223,7 +223,7 @@ mod tests {
         csv_line(&mut line, &state, 1_000_000_000).unwrap();
         let head = csv_head();
         assert_eq!(line.split(',').count(), head.split(',').count());
-        // Two columns each of the estimate and its σ, three of each centre of mass, the mass.
+        // Two columns each of the estimate and its σ, three of each centre of mass, one of the mass.
         let withheld = ",".repeat(2 + 2 + 3 + 3 + 1);
         let start = format!("0.034,0,waiting,suit_stale mass_unknown,0,0,0,0,,0.25,-0.5{withheld},0,,,");
         assert!(line.starts_with(&start), "{line}");

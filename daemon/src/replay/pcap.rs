@@ -1,4 +1,4 @@
-//! Captured network traffic to samples, by the same assemblers that listen on the wires.
+//! Converts captured network traffic to samples with the assemblers of the live adapters.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -18,7 +18,7 @@ use crate::config::ground::way::Over;
 use crate::config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
 use crate::sensors::{BuildCadence, suit_settings};
 
-/// Samples made of a capture. The first datagram of suit or plate is at [`TIME_BASE_NS`].
+/// Samples of a capture. The first datagram of suit or plate is at [`TIME_BASE_NS`].
 pub(super) struct PcapSamples {
     capture: PcapCapture,
     suit: SuitAssembler,
@@ -32,24 +32,24 @@ pub(super) struct PcapSamples {
     other_ports: u64,
 }
 
-/// A ground that comes as datagrams.
+/// A ground device that sends datagrams.
 struct Ground {
     brain: GroundBrain,
     way: Way,
     sender: OneSender,
 }
 
-/// Which datagrams are its.
+/// Identifies the datagrams of a ground device.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
-    /// It is asked at this port, and answers from there.
+    /// The device answers requests from this port.
     From(u16),
-    /// It sends to this port of itself.
+    /// The device sends to this port of the host.
     To(u16),
 }
 
 impl Way {
-    /// `None` for a ground that comes over serial lines, TCP, or through another process.
+    /// `None` for a ground device that uses serial lines, TCP, or another process.
     fn of(ground: &GroundConfig) -> Option<Way> {
         let listened = ground.listen.map(|listen| Way::To(listen.port()));
         let described = ground.address.map(|address| Way::From(address.port())).or(listened);
@@ -81,7 +81,7 @@ impl Ground {
 }
 
 impl PcapSamples {
-    /// Opens a capture; ports, avatar, delays, scale and place of the plate are the configuration's.
+    /// Opens a capture; ports, avatar, delays, scale and pose of the plate come from the configuration.
     pub(super) fn open(path: &Path, config: &Config) -> anyhow::Result<PcapSamples> {
         Ok(PcapSamples {
             capture: PcapCapture::open(path)?,
@@ -107,7 +107,7 @@ impl PcapSamples {
             self.other_ports += 1;
             return;
         }
-        // Wall-clock time, which may have been stepped back while capturing; the first instant is then held.
+        // Wall-clock time may step back during a capture; times before the first datagram are set to its time.
         let first_ns = *self.first_ns.get_or_insert(datagram.time_ns);
         let arrival_ns = TIME_BASE_NS.saturating_add(datagram.time_ns.saturating_sub(first_ns));
         if to == self.suit_port {
@@ -122,7 +122,7 @@ impl PcapSamples {
                 if let Some(body) = self.build.due(self.suit.body(), arrival_ns) {
                     self.ready.push_back(Sample::Body(Box::new(body)));
                 }
-                // It is whole only now, whenever its first datagram came.
+                // Publication time: when the last datagram completes the sample.
                 complete.published_ns = arrival_ns;
                 self.ready.push_back(Sample::Suit(Box::new(complete)));
                 sample = self.suit.take_ready();
@@ -146,13 +146,14 @@ impl PcapSamples {
             } else if ground.sender.may_be(datagram.destination.ip())
                 && Request::parse(&datagram.payload).is_ok()
             {
-                // Whatever the plate counts next is the first of a new stream.
+                // A new request starts a new stream, so the next count is its first.
                 ground.brain.opened(arrival_ns);
             }
         }
     }
 
-    /// When [`TIME_BASE_NS`] was by the clock of whoever captured, ns since 1970; known from the first datagram on.
+    /// Wall-clock time of the capturing computer at [`TIME_BASE_NS`], ns since 1970; available after the first
+    /// datagram.
     pub(super) fn wall_clock_ns(&self) -> Option<u64> {
         self.first_ns
     }
@@ -161,7 +162,7 @@ impl PcapSamples {
         let mut left_out = LeftOut::default();
         for (reason, tally) in self.capture.rejected().reasons() {
             let told = format!("{} packets {reason} (first at packet {})", tally.count, tally.first);
-            // ARP, TCP and the like are part of every capture.
+            // Every capture contains ARP, TCP and the like; do not report them as rejected.
             match reason {
                 "not_ip" | "not_udp" => left_out.passed_over.push(told),
                 _ => left_out.rejected.push(told),
@@ -191,7 +192,7 @@ impl PcapSamples {
 fn tell_refused(what: &str, counts: &Counts, names: &[&str], left_out: &mut LeftOut) {
     for (name, count) in names.iter().zip(counts.refused).filter(|(_, count)| *count > 0) {
         let told = format!("{count} {what} {name}");
-        // Another character on the same port is another worker.
+        // Another character on the same port belongs to another subject.
         if *name == SuitRefusal::OtherAvatar.name() {
             left_out.passed_over.push(told);
         } else {

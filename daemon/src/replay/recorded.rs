@@ -1,4 +1,4 @@
-//! Replays the cycles that a recording tells of: the same ticks, samples and commands, hence the same states.
+//! Replays the cycles of a recording: the same ticks, samples and commands, hence the same states.
 
 use std::collections::BTreeMap;
 
@@ -12,20 +12,20 @@ use super::fidelity::Fidelity;
 use super::machine::Machine;
 use super::waiting::Taken;
 
-/// Where a replay of cycles begins.
+/// Start of a replay of cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
-    /// With the live loop's memory: its states come again, byte for byte.
+    /// From the live loop's memory: reproduces its states byte for byte.
     Checkpoint,
-    /// With an empty memory at the first cycle: other settings, or no checkpoint.
+    /// From an empty memory at the first cycle: for other settings, or without a checkpoint.
     Afresh,
 }
 
-/// Calls `tell` with the state of every cycle replayed. `settings` are those of the recording's reloads by number;
-/// `None` goes through all of it with the machine's own.
+/// Calls `tell` with the state of every replayed cycle. `settings` are those of the recording's reloads by number;
+/// `None` ignores the reloads and keeps the machine's own settings.
 ///
 /// # Errors
-/// What `tell` returns.
+/// The error of `tell`.
 pub(super) fn run(
     recording: &Recording,
     machine: &mut Machine,
@@ -62,7 +62,7 @@ struct Run<'a> {
     machine: &'a mut Machine,
     start: Start,
     settings: Option<&'a BTreeMap<u64, Settings>>,
-    /// Whether the memory is the live loop's, byte for byte, as far as the recording goes.
+    /// Whether the memory equals the live loop's, byte for byte.
     certain: bool,
     running: bool,
     last: Option<Tick>,
@@ -73,7 +73,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// One cycle; whether there is a state of it.
+    /// Replays one cycle; returns whether it gives a state.
     fn cycle(&mut self, feed: &mut Feed<'_>, cycle: &Cycle) -> bool {
         let record = &*cycle.record;
         let tick = Tick { cycle: record.cycle, due_ns: record.due_ns };
@@ -86,7 +86,7 @@ impl Run<'_> {
         let complete = self.take_samples(feed, record);
         let checkpoint = cycle.checkpoint.as_deref().filter(|_| self.start == Start::Checkpoint);
         let resume = checkpoint.and_then(Checkpoint::memory);
-        // Afresh it begins where the recording does: the first cycles took samples from before it.
+        // From an empty memory, skip the first cycles, whose samples precede the recording.
         self.running |=
             self.start == Start::Afresh && complete && !(self.suit.is_empty() && self.ground.is_empty());
         if !self.running {
@@ -100,7 +100,7 @@ impl Run<'_> {
         if !understood {
             self.fidelity.unknown_commands += 1;
         }
-        // A loaded worker came from a file; only a checkpoint of the same cycle has it.
+        // A subject is loaded from a file, so its data are only in a checkpoint of the same cycle.
         let loaded = command == Some(CommandKind::SubjectLoad);
         if !complete || !understood || loaded {
             self.certain = false;
@@ -125,7 +125,7 @@ impl Run<'_> {
         true
     }
 
-    /// Notes gaps and restarts; whether the cycle is to be replayed.
+    /// Counts gaps and restarts; returns whether to replay the cycle.
     fn follows(&mut self, tick: Tick) -> bool {
         if let Some(last) = self.last {
             if tick.due_ns <= last.due_ns {
@@ -133,7 +133,7 @@ impl Run<'_> {
                 return false;
             }
             if tick.cycle <= last.cycle {
-                // Another daemon's life; its first cycle comes with a checkpoint.
+                // Another run of the daemon; its first cycle comes with a checkpoint.
                 self.fidelity.restarts += 1;
                 self.running &= self.start == Start::Afresh;
                 self.certain = false;
@@ -146,12 +146,12 @@ impl Run<'_> {
         true
     }
 
-    /// Takes over what a reload brought; whether it is known.
+    /// Applies the settings of a reload; returns false if they are not in the recording.
     fn reload(&mut self, record: &CycleRecord) -> bool {
         let Some(settings) = self.settings.filter(|_| record.command == CommandKind::Reload as u32) else {
             return true;
         };
-        // Number 0 took out what another worker had taught, which a replay never had.
+        // Number 0 only removes the similar subject's parameters, which a replay does not use.
         match (record.command_argument[0] as u64, settings.get(&(record.command_argument[0] as u64))) {
             (0, _) => {}
             (_, Some(settings)) => {
@@ -166,7 +166,7 @@ impl Run<'_> {
         true
     }
 
-    /// Takes the live loop's memory over, if the recording has it here.
+    /// Resumes from the live loop's memory if this cycle has a checkpoint.
     fn begin(&mut self, resume: Option<&Memory>) -> bool {
         self.fidelity.before_checkpoint += 1;
         if let Some(memory) = resume {

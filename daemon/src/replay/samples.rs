@@ -1,4 +1,4 @@
-//! Samples of any input in the order in which they are delivered to the loop.
+//! The samples of any input in the order of their delivery to the loop.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -16,25 +16,25 @@ use super::pcap::PcapSamples;
 use crate::config::ground::ati_rdt;
 use crate::config::{Config, GroundSourceKind};
 
-/// A recorder writes what it finds stream by stream, so times in a file step back by less than this, ns.
+/// A recorder writes the pending messages stream by stream, so times in a file step back by less than this, ns.
 const DISORDER_NS: u64 = 2 * NS_PER_S;
 
-/// How MVN calls suits that leave a half of the body out.
+/// MVN's names of suits without one half of the body.
 const HALF_BODIES: [&str; 2] = ["UpperBody", "LowerBody"];
 
-/// One sample of either stream.
+/// One sample of a stream.
 #[derive(Debug, Clone)]
 pub enum Sample {
-    /// Of the suit.
+    /// Suit sample.
     Suit(Box<SuitSample>),
-    /// Of the ground.
+    /// Ground sample.
     Ground(Box<GroundSample>),
-    /// The wearer's build, as the suit tells it.
+    /// The wearer's body dimensions according to the suit.
     Body(Box<SuitBody>),
 }
 
 impl Sample {
-    /// When it reached the loop's door: published, or arrived where nobody published it. CLOCK_MONOTONIC ns.
+    /// Delivery time to the loop: time of publication, or of arrival if it was not published. CLOCK_MONOTONIC ns.
     pub fn delivered_ns(&self) -> u64 {
         match self {
             Sample::Suit(sample) => sample.published_ns.max(sample.arrival_ns),
@@ -44,12 +44,12 @@ impl Sample {
     }
 }
 
-/// What of an input was not used.
+/// Unused parts of an input.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LeftOut {
     /// Data that should have been usable: one sentence for each kind.
     pub rejected: Vec<String>,
-    /// What is none of ours, and no fault: other traffic.
+    /// Unrelated data, such as other network traffic: no fault.
     pub passed_over: Vec<String>,
 }
 
@@ -65,7 +65,7 @@ enum Source<'a> {
     Pcap(Box<PcapSamples>),
 }
 
-/// How much later than its motion, or its force, each stream of a file was written, ns.
+/// Delay from motion and force to the time stamps in a file, for each stream, ns.
 #[derive(Clone, Copy)]
 struct Latencies {
     suit_ns: u64,
@@ -115,8 +115,8 @@ impl<'a> Samples<'a> {
         Ok(Samples { source: Source::Pcap(Box::new(PcapSamples::open(path, config)?)) })
     }
 
-    /// When the first instant was by the wall clock of whoever wrote the file, ns since 1970; `None` if the file does not
-    /// say, or has not been read so far.
+    /// Wall-clock time of the first instant, by the clock of the computer that wrote the file, ns since 1970; `None` if
+    /// it is not in the file or not read yet.
     pub fn wall_clock_ns(&self) -> Option<u64> {
         match &self.source {
             Source::Mvnx(capture, ..) => capture.wall_clock_ns(),
@@ -125,7 +125,7 @@ impl<'a> Samples<'a> {
         }
     }
 
-    /// What was left out so far; complete once the iterator has ended.
+    /// Unused parts so far; complete once the iterator has ended.
     pub fn left_out(&self) -> LeftOut {
         match &self.source {
             Source::Recording(recording, ordered) => left_out_of(recording, ordered.damage.clone()),
@@ -174,7 +174,7 @@ impl Iterator for Samples<'_> {
     }
 }
 
-/// The samples of a recording, put in order within a short look-ahead.
+/// The samples of a recording, sorted within a short look-ahead.
 struct Ordered<'a> {
     entries: Entries<'a>,
     waiting: VecDeque<Sample>,
@@ -188,7 +188,7 @@ impl<'a> Ordered<'a> {
 
     fn insert(&mut self, sample: Sample) {
         let time_ns = sample.delivered_ns();
-        // Nearly in order already: the place is near the end. Equal times keep the file's order.
+        // Insertion sort from the end, since the order is nearly correct. Equal times keep the file's order.
         let later = self.waiting.iter().rev().take_while(|other| other.delivered_ns() > time_ns).count();
         self.waiting.insert(self.waiting.len() - later, sample);
     }

@@ -1,4 +1,4 @@
-//! How well the unloaded centre of pressure is told while the worker is quasi-static.
+//! Evaluates the estimated unloaded centre of pressure in quasi-static samples.
 
 use std::fmt;
 
@@ -7,12 +7,12 @@ use equipoise_core::message::{State, Validity};
 /// Length of a block of the summary, ns.
 const BLOCK_NS: u64 = 10 * equipoise_core::time::NS_PER_S;
 
-/// Which suit samples count.
+/// Selects the suit samples that count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Judge {
-    /// Those at which the worker holds still and carries no load.
+    /// Static poses without a load.
     QuasiStatic,
-    /// All with the feet on the plate, moving or not: only for data known to be without a load.
+    /// All samples with the feet on the plate, in motion too: only for data known to be without a load.
     AllUnloaded,
 }
 
@@ -32,16 +32,16 @@ pub struct Scored {
     pub time_ns: u64,
     /// Measured centre of pressure, world x and y, m.
     pub measured_m: [f64; 2],
-    /// By the identified model, m.
+    /// Predicted by the identified model, m.
     pub identified_m: [f64; 2],
-    /// By the anthropometric table alone, m.
+    /// Predicted by the anthropometric table alone, m.
     pub table_m: [f64; 2],
 }
 
 impl Scored {
-    /// The sample that a state is about, if it counts and everything is measured and estimated.
+    /// The sample of a state, if it counts and all quantities are available.
     ///
-    /// `table` is the state of the same cycle with the table's model.
+    /// `table` is the state of the same cycle computed with the table's model.
     pub fn of(state: &State, table: &State, judge: Judge) -> Option<Scored> {
         const SPOILS: Validity = Validity::SPOILS_COP_MEASURED
             .and(Validity::SPOILS_COP_ESTIMATED)
@@ -49,7 +49,7 @@ impl Scored {
             .and(Validity::CLOCK_UNSYNCHRONISED);
         let valid = state.validity();
         let unloaded = valid.any_of(Validity::BELOW_LOAD_THRESHOLD);
-        // Zero σ: there is no model yet.
+        // Zero σ: no model is available yet.
         let estimated = state.cop_sigma_m[0] > 0.0 && table.cop_sigma_m[0] > 0.0;
         let counts = match judge {
             Judge::QuasiStatic => state.static_pose == 1 && unloaded,
@@ -63,12 +63,12 @@ impl Scored {
         })
     }
 
-    /// Measured less identified, m.
+    /// Measured minus identified, m.
     pub fn identified_error_m(&self) -> [f64; 2] {
         difference(self.measured_m, self.identified_m)
     }
 
-    /// Measured less the table's, m.
+    /// Measured minus table, m.
     pub fn table_error_m(&self) -> [f64; 2] {
         difference(self.measured_m, self.table_m)
     }
@@ -79,7 +79,7 @@ pub(super) fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Root mean square of errors on both axes, mm; `None` of none.
+/// Root mean square of errors per axis, mm; `None` if there is none.
 pub fn rms_mm(errors_m: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
     for error in errors_m {
@@ -91,12 +91,12 @@ pub fn rms_mm(errors_m: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
     (count > 0.0).then(|| sum.map(|sum| 1e3 * f64::sqrt(sum / count)))
 }
 
-/// The table of a replay's errors, a line for each block of 10 s that has samples.
+/// Table of a replay's errors, with a line for each block of 10 s that has samples.
 #[derive(Debug, Clone, Copy)]
 pub struct Blocks<'a> {
     /// All samples that count, in order.
     pub scored: &'a [Scored],
-    /// Where t = 0 lies.
+    /// Time origin, ns.
     pub started_ns: u64,
 }
 
@@ -123,7 +123,7 @@ fn line(f: &mut fmt::Formatter<'_>, name: &str, scored: &[Scored]) -> fmt::Resul
     writeln!(f, "  {name:<20} {:>7}  {identified:>15}  {table:>15}", scored.len())
 }
 
-/// Two figures of a table, or a dash.
+/// Two numbers of a table, or dashes.
 pub(super) struct Pair(pub(super) Option<[f64; 2]>);
 
 impl fmt::Display for Pair {

@@ -1,4 +1,4 @@
-//! What a replay has to say at its end.
+//! Summary of a replay.
 
 use std::fmt;
 
@@ -12,27 +12,27 @@ use super::residual::Residual;
 use super::samples::LeftOut;
 use super::score::{Blocks, Scored};
 
-/// Every phase, in the order of its number.
+/// All phases in the order of their numbers.
 const PHASES: [Phase; 4] = [Phase::Waiting, Phase::Identifying, Phase::Monitoring, Phase::Degraded];
 
-/// How a replay went.
+/// Results of a replay.
 #[derive(Debug, Clone)]
 pub struct Summary {
     /// Cycles.
     pub cycles: u64,
-    /// Cycles in each phase, by its number.
+    /// Cycles in each phase, by the phase's number.
     pub cycles_in_phase: [u64; PHASES.len()],
-    /// Held poses that are in the model at the end.
+    /// Final number of held poses in the model.
     pub poses_used: u32,
-    /// Body mass in use at the end, kg; 0 if it is not known.
+    /// Final body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
     /// Quasi-static suit samples without a load.
     pub scored: Vec<Scored>,
-    /// What the identified model leaves.
+    /// Residual of the identified model.
     pub residual: Residual,
-    /// Comparison with the live loop, where cycles were recorded.
+    /// Comparison with the live loop, if cycles were recorded.
     pub fidelity: Option<Fidelity>,
-    /// What of the input was not used.
+    /// Unused parts of the input.
     pub left_out: LeftOut,
     started_ns: u64,
     period_ns: u64,
@@ -68,7 +68,7 @@ impl Summary {
         self.span_ns = Some([first_ns, state.time_ns]);
     }
 
-    /// What programs want to know of it.
+    /// The summary as JSON.
     pub fn json(&self) -> serde_json::Value {
         let period_s = self.period_ns as f64 / 1e9;
         let phases: serde_json::Map<String, serde_json::Value> = PHASES
@@ -90,7 +90,7 @@ impl Summary {
         })
     }
 
-    /// Whether all data were used and, where it was compared, every state came again.
+    /// Whether all data were used and every compared state was reproduced.
     pub fn is_whole(&self) -> bool {
         self.left_out.rejected.is_empty() && self.fidelity.as_ref().is_none_or(Fidelity::is_exact)
     }

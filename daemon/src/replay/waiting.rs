@@ -1,16 +1,16 @@
-//! Samples of one stream, until a cycle record says that it took them in.
+//! Samples of one stream, buffered until a cycle record states that the cycle ingested them.
 
 use std::collections::VecDeque;
 
 use equipoise_core::message::{GroundSample, SuitSample};
 
-/// What tells samples of a stream apart.
+/// Properties that identify a sample of a stream.
 pub(super) trait Counted: Copy {
-    /// The adapter's running number.
+    /// The adapter's sequence number.
     fn sequence(&self) -> u64;
-    /// When it was taken, CLOCK_MONOTONIC ns.
+    /// Sample time, CLOCK_MONOTONIC ns.
     fn sample_time_ns(&self) -> u64;
-    /// When it was published, CLOCK_MONOTONIC ns.
+    /// Time of publication, CLOCK_MONOTONIC ns.
     fn published_ns(&self) -> u64;
 }
 
@@ -38,20 +38,20 @@ impl Counted for GroundSample {
     }
 }
 
-/// What a cycle record says of one stream.
+/// Samples of one stream that a cycle ingested, according to its record.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Taken {
-    /// Number of the first sample taken in.
+    /// Sequence number of the first sample.
     pub(super) first: u64,
-    /// Number of the last.
+    /// Sequence number of the last sample.
     pub(super) last: u64,
-    /// How many.
+    /// Number of samples.
     pub(super) count: u32,
-    /// Sample time of the last.
+    /// Sample time of the last sample.
     pub(super) last_sample_time_ns: u64,
 }
 
-/// The stream's samples in the order in which they were published.
+/// The stream's samples in the order of publication.
 pub(super) struct Waiting<S>(VecDeque<Box<S>>);
 
 impl<S> Default for Waiting<S> {
@@ -65,10 +65,10 @@ impl<S: Counted> Waiting<S> {
         self.0.push_back(sample);
     }
 
-    /// Puts the samples that a cycle took into `into`; whether all of them are there, and none else.
+    /// Moves the samples that a cycle ingested to `into`; returns whether these are exactly the recorded ones.
     ///
-    /// Samples before them were taken by no cycle: a full ring lost them. Numbers start anew with an adapter, so the
-    /// time decides too.
+    /// Earlier samples were lost in a full ring before any cycle. Sequence numbers restart with an adapter, so the time
+    /// is compared too.
     pub(super) fn take(&mut self, taken: Taken, into: &mut Vec<S>) -> bool {
         into.clear();
         let count = taken.count as usize;
@@ -87,7 +87,7 @@ impl<S: Counted> Waiting<S> {
         true
     }
 
-    /// Lets go of what was published before a time.
+    /// Drops samples published before a time.
     pub(super) fn give_up_before(&mut self, time_ns: u64) {
         while self.0.pop_front_if(|sample| sample.published_ns() < time_ns).is_some() {}
     }

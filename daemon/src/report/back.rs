@@ -1,4 +1,4 @@
-//! What the low back bore, and what has added up.
+//! Load and cumulative dose of the low back.
 
 use equipoise_core::message::{State, Validity};
 
@@ -7,28 +7,28 @@ use super::series::Series;
 /// Low back, dose and load over time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Back {
-    /// Compression of the L5/S1 disc, N, while it was told.
+    /// Compression of the L5/S1 disc while valid, N.
     pub compression_n: Series,
-    /// Net moment at L5/S1, N m, while it was told.
+    /// Net moment at L5/S1 while valid, N m.
     pub moment_nm: Series,
-    /// Mass in the hands, kg, while it was told.
+    /// Mass in the hands while valid, kg.
     pub lifted_kg: Series,
     /// Cumulative damage of the low back.
     pub damage: Series,
-    /// How long the compression was told, s.
+    /// Duration of valid compression, s.
     pub told_s: f64,
-    /// Of that, since this worker is in use.
+    /// Part of it since the current subject is in use.
     told_of_worker_s: f64,
-    /// The largest compression with its 1-σ and when it was: N, N, s.
+    /// Largest compression, its 1-σ and its time: N, N, s.
     pub peak: Option<[f64; 3]>,
-    /// Mean compression while it was told times `told_s`, N s.
+    /// Integral of the compression over its valid time, N s.
     compression_n_s: f64,
-    /// At the end: damage (1 is failure), probability of a high-risk job.
+    /// Final damage (1 is failure) and probability of a high-risk job.
     pub dose: Option<[f64; 2]>,
 }
 
 impl Back {
-    /// One state, which stands for `step_s`.
+    /// Adds one state, which represents `step_s`.
     pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
         if let Some(newtons) = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n) {
             self.compression_n.push(time_s, newtons);
@@ -47,18 +47,18 @@ impl Back {
         self.dose = Some([state.dose_damage, state.dose_probability]);
     }
 
-    /// From the next state on another worker is in use, with a dose of their own.
+    /// From the next state on another subject is in use, with a separate dose.
     pub fn another_worker(&mut self) {
         self.told_of_worker_s = 0.0;
     }
 
-    /// The dose at the end; `None` where there was nothing to judge by: the load was never told, and nothing had added up
-    /// before.
+    /// The final dose; `None` if there is no basis for it: the compression was never valid, and no damage had
+    /// accumulated before.
     pub fn judged(&self) -> Option<[f64; 2]> {
         self.dose.filter(|[damage, _]| self.told_of_worker_s > 0.0 || *damage > 0.0)
     }
 
-    /// Mean compression while it was told, N.
+    /// Mean compression while valid, N.
     pub fn mean_n(&self) -> Option<f64> {
         (self.told_s > 0.0).then(|| self.compression_n_s / self.told_s)
     }
@@ -83,7 +83,7 @@ mod tests {
         back.take(&State { l5s1_compression_n: 9000.0, valid: Validity::MOVING.0, ..state }, 3.0, 0.5);
         assert_eq!((back.peak, back.mean_n()), (Some([2000.0, 200.0, 1.0]), Some(1500.0)));
         assert_eq!(back.compression_n.points().len(), 2);
-        // Without a load the back is still told.
+        // Without a load the low-back values remain valid.
         back.take(&State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..state }, 4.0, 0.5);
         assert_eq!(back.told_s, 1.5);
         back.another_worker();

@@ -1,4 +1,4 @@
-//! Puts the report together: head, numbers, sections.
+//! Assembles the report: header, numbers, sections.
 
 use equipoise_discrepancy::report::document::{Document, Text};
 use equipoise_view::words;
@@ -26,7 +26,7 @@ pub fn document(facts: &Facts) -> Document {
     }
 }
 
-/// All who were in use.
+/// The pseudonyms of all subjects.
 pub(super) fn subject(facts: &Facts) -> String {
     if facts.subjects.is_empty() { "nobody with a name".to_owned() } else { facts.subjects.join(" and ") }
 }
@@ -71,7 +71,7 @@ fn numbers(facts: &Facts) -> Vec<[String; 3]> {
     numbers
 }
 
-/// A span of time for people: seconds below two minutes, then minutes.
+/// A duration as text: seconds below two minutes, otherwise minutes.
 pub(super) fn length(seconds: f64) -> String {
     if seconds < 120.0 { format!("{seconds:.1} s") } else { format!("{:.1} min", seconds / 60.0) }
 }

@@ -1,54 +1,54 @@
-//! How long each joint was at each level, and how close it came to its limit.
+//! Time of each joint at each level, and its closest approach to the limit.
 
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 use equipoise_view::words;
 
-/// How many levels there are, those that say nothing included.
+/// Number of levels, including `none` and `undecided`.
 pub const LEVELS: usize = 6;
 /// Length of a column of the strips, s.
 pub const COLUMN_S: f64 = 1.0;
 
-/// The closest that a joint came to its limit.
+/// The closest approach of a joint to its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// When, s since the recording's begin.
+    /// Time since the begin of the recording, s.
     pub time_s: f64,
-    /// Overload torque's magnitude, N m.
+    /// Magnitude of the overload torque, N m.
     pub torque_nm: f64,
     /// Its 1-σ, N m.
     pub sigma_nm: f64,
-    /// The torque over the joint's limit.
+    /// Torque divided by the joint's limit.
     pub share: f64,
 }
 
-/// One joint.
+/// Exposure of one joint.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct JointExposure {
-    /// Time at each level while torques were told, by the level's number, s.
+    /// Time at each level while torques were valid, by the level's number, s.
     pub level_s: [f64; LEVELS],
-    /// How long it was the joint closest to its limit, s.
+    /// Time as the joint closest to its limit, s.
     pub worst_s: f64,
-    /// The closest it came.
+    /// Closest approach to the limit.
     pub peak: Option<Peak>,
-    /// Fatigue at the end, 0 to 1.
+    /// Final fatigue, 0 to 1.
     pub fatigue: f64,
-    /// The largest fatigue, 0 to 1.
+    /// Largest fatigue, 0 to 1.
     pub fatigue_max: f64,
 }
 
-/// The highest level of every joint in one stretch of time; `None` where no torque was told.
+/// The highest level of every joint in one interval; `None` without a valid torque.
 pub type Column = [Option<Level>; JOINTS];
 
 /// All joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exposure {
-    /// By the joint's index.
+    /// In the order of the joints' indices.
     pub joints: [JointExposure; JOINTS],
-    /// How long torques were told, s.
+    /// Duration of valid torques, s.
     pub told_s: f64,
-    /// Stretches of [`COLUMN_S`] by their number since the recording's begin.
+    /// Intervals of [`COLUMN_S`] by their number since the begin of the recording.
     pub columns: Vec<(i64, Column)>,
 }
 
@@ -59,7 +59,7 @@ impl Default for Exposure {
 }
 
 impl Exposure {
-    /// One state, which stands for `step_s`.
+    /// Adds one state, which represents `step_s`.
     pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
         for (joint, fatigue) in self.joints.iter_mut().zip(state.fatigue) {
             joint.fatigue = fatigue;
@@ -89,7 +89,7 @@ impl Exposure {
         }
     }
 
-    /// The joint that was closest to its limit for the longest, or came closest at all where none was for long.
+    /// The joint that was closest to its limit for the longest time; the larger peak decides between equal times.
     pub fn worst(&self) -> Option<Joint> {
         let by = |joint: &Joint| {
             let exposure = &self.joints[joint.index()];
@@ -122,7 +122,7 @@ impl JointExposure {
     }
 }
 
-/// What hides what in a column: a level that is known hides one that is not.
+/// Precedence of levels in a column: a decided level precedes an undecided one.
 pub fn rank(level: Level) -> u8 {
     match level {
         Level::None => 0,

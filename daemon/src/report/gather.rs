@@ -1,4 +1,4 @@
-//! Goes through a recording once and keeps what a report tells.
+//! Reads a recording once and gathers the data of a report.
 
 use std::collections::VecDeque;
 
@@ -17,64 +17,64 @@ use crate::config::Config;
 use crate::replay::Replay;
 use crate::replay::input::{Chosen, Input};
 
-/// A recorder writes a cycle's record a little after its state, when the state was published: so many states are held back
-/// until the records of their cycles are known.
+/// A recorder writes a cycle's record slightly after its state: this many states are held back until the records of
+/// their cycles are read.
 const HELD_BACK: usize = 512;
 
-/// Where the states come from.
+/// Origin of the states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
-    /// The live loop's, as they were recorded.
+    /// Recorded from the live loop.
     Recorded,
-    /// They were computed by the same cycle: the recording has samples only, or another configuration was asked for.
+    /// Computed by the same cycle: the recording has samples only, or another configuration was given.
     Replayed,
 }
 
-/// All that a report tells.
+/// The data of a report.
 #[derive(Debug)]
 pub struct Facts {
     /// Name of the file.
     pub name: String,
-    /// Where the states come from.
+    /// Origin of the states.
     pub source: Source,
-    /// What the recording says of itself; nothing of a capture of another program.
+    /// The recording's header; empty for a capture of another program.
     pub header: RecordingHeader,
     /// The configuration in use.
     pub config: Config,
-    /// Where it comes from, in words.
+    /// Its origin, in words.
     pub config_origin: String,
-    /// Who was in use, by pseudonym, in order; empty if nobody with a name.
+    /// Pseudonyms of the subjects, in order; empty if none is named.
     pub subjects: Vec<String>,
-    /// When another worker was put in place, s since the recording's begin.
+    /// Times of subject changes, s since the begin of the recording.
     pub changes_s: Vec<f64>,
-    /// States.
+    /// Number of states.
     pub cycles: u64,
-    /// Time of the first and the last, s since the recording's begin.
+    /// Times of the first and last state, s since the begin of the recording.
     pub span_s: Option<[f64; 2]>,
-    /// How the worker was learnt.
+    /// Progress of the identification.
     pub identification: Identification,
-    /// Joints.
+    /// Exposure of the joints.
     pub exposure: Exposure,
     /// Lifts.
     pub lifts: Lifts,
     /// Low back, load, dose.
     pub back: Back,
-    /// Body mass in use at the end, kg; 0 if it is not known.
+    /// Final body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
     /// Percentiles of the path; `None` without cycle records.
     pub path: Option<PathReport>,
-    /// How good the data were.
+    /// Quality of the data.
     pub quality: Quality,
-    /// What of the file could not be used, in words.
+    /// Unusable parts of the file, in words.
     pub rejected: Vec<String>,
-    /// Whether the recording is as it was written, in one line; `None` of a capture.
+    /// Result of the authenticity check, in one line; `None` for a capture.
     pub authenticity: Option<String>,
     started_ns: u64,
     records: Records,
     last: Option<Last>,
 }
 
-/// What of the last state the next one is held against.
+/// Data of the previous state, for comparison with the next one.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     cycle: u64,
@@ -83,11 +83,11 @@ struct Last {
 }
 
 impl Facts {
-    /// Goes through an input with its configuration; `name` is what the file is called. Unless the configuration is the
-    /// one that it was made with (`as_recorded`), recorded states are passed over and computed anew.
+    /// Reads an input with its configuration; `name` is the display name of the file. Unless the configuration is the
+    /// original one (`as_recorded`), recorded states are ignored and computed again.
     ///
     /// # Errors
-    /// There is neither a state nor a sample in it that can be used.
+    /// The input contains neither a usable state nor a usable sample.
     pub fn gather(name: &str, input: &Input, chosen: Chosen, as_recorded: bool) -> anyhow::Result<Facts> {
         let header = match input {
             Input::Recording(recording) => recording.header().clone(),
@@ -125,7 +125,7 @@ impl Facts {
         Ok(facts)
     }
 
-    /// Takes in what is recorded, up to the first damage.
+    /// Reads the recorded data up to the first damage.
     fn read(&mut self, recording: &Recording, as_recorded: bool) {
         let mut path = PathHistograms::new();
         let mut waiting = VecDeque::new();
@@ -198,27 +198,29 @@ impl Facts {
         self.mass_kg = state.mass_kg;
     }
 
-    /// How long a state stands for: a file that spans a restart of the daemon has the head of the one before.
+    /// Duration that a state represents. The header is not sufficient: after a restart of the daemon the file still has
+    /// the previous one's.
     fn period_ns(&self, state: &State) -> u64 {
         let recorded = || self.records.period_ns(state.time_ns).filter(|_| self.source == Source::Recorded);
         recorded().unwrap_or(self.config.period_ns())
     }
 
-    /// Whether the loop was given another worker since the last state: a record says so, or the lifts do, which one worker
-    /// can neither make so fast nor lose but one by one, by `subject undo-lift`.
+    /// Whether the subject was changed since the previous state: according to a record, or to a change in the number of
+    /// lifts that is impossible for one subject, which can only decrease one by one (`subject undo-lift`) and increases
+    /// at a limited rate.
     fn is_another_worker(&self, state: &State) -> bool {
         let Some(last) = self.last else { return false };
         if self.records.has_load(last.time_ns, state.time_ns) {
             return true;
         }
-        // A restart goes on from what was saved, which may be a lift less.
+        // A restart restores the last saved state, which may have one lift less.
         let goes_on = state.cycle > last.cycle;
         let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
         let more = f64::from(state.lifts.saturating_sub(last.lifts));
         goes_on && (state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
     }
 
-    /// Whether all of the file was used.
+    /// Whether the whole file was used.
     pub fn is_whole(&self) -> bool {
         self.rejected.is_empty()
     }

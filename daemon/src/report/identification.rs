@@ -1,18 +1,18 @@
-//! How the worker was learnt: pose by pose.
+//! Progress of the identification, pose by pose.
 
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 
-/// What the model was worth with so many poses in it.
+/// Accuracy of the model after a number of poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// How many poses were in it.
+    /// Number of poses used.
     pub poses: u32,
-    /// When the last of them entered, s since the recording's begin.
+    /// Time of the last of them, s since the begin of the recording.
     pub time_s: f64,
-    /// The pose that was asked for just before.
+    /// The pose suggested just before.
     pub asked: Option<&'static str>,
-    /// Predicted 1-σ of the CoP over the library, m; `None` while the filter has said none.
+    /// Predicted 1-σ of the CoP over the library, m; `None` while unavailable.
     pub cop_sigma_m: Option<f64>,
     /// Largest variance of a parameter (the paper's P_jj), m².
     pub variance_max_m2: Option<f64>,
@@ -20,28 +20,28 @@ pub struct Pose {
     pub nis: Option<f64>,
 }
 
-/// All of it.
+/// Progress of the whole identification.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Identification {
-    /// The model before the first pose of this recording, then one row a pose.
+    /// The model before the first pose of this recording, then one row for each pose.
     pub poses: Vec<Pose>,
-    /// When the stop rule was first met, s; the recording's begin if it already was.
+    /// Time at which the stop rule was first met, s; the begin of the recording if it was met before.
     pub converged_s: Option<f64>,
-    /// Whether it was not the rule: somebody ended the learning then.
+    /// Whether a command, not the stop rule, ended the identification.
     pub stopped: bool,
-    /// Whether the model was there when the recording began, or when the worker was put in place.
+    /// Whether the subject was identified at the begin of the recording or when loaded.
     pub known_before: bool,
-    /// How often it was begun anew in the recording.
+    /// Number of resets in the recording.
     pub begun_anew: u32,
-    /// Samples in motion that entered.
+    /// Motion samples used.
     pub motion_samples: u32,
-    /// How much the prior was inflated, at last; 1 if not at all.
+    /// Final prior inflation; 1 without inflation.
     pub prior_inflation: Option<f64>,
     last: Option<(u32, Option<&'static str>)>,
 }
 
 impl Identification {
-    /// One state; `stopped` if somebody ended the learning since the one before.
+    /// Adds one state; `stopped` if a command ended the identification since the previous state.
     pub fn take(&mut self, state: &State, time_s: f64, stopped: bool) {
         let asked = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
         match self.last {
@@ -57,7 +57,7 @@ impl Identification {
                 self.note(state, time_s, None);
             }
             Some((poses, asked)) if state.poses_used > poses => self.note(state, time_s, asked),
-            // Until the body is known the filter says nothing; what it says first is the prior.
+            // The filter has no estimate until the body is available; its first one is the prior.
             Some(_) => {
                 if let Some(last) = self.poses.last_mut().filter(|pose| pose.cop_sigma_m.is_none()) {
                     *last = Pose { time_s: last.time_s, asked: last.asked, ..pose_of(state, time_s, None) };

@@ -1,31 +1,31 @@
-//! The lifts that the loop counted, each with what it weighed and how far away it was.
+//! The lifts counted by the loop, with mass and distance of the load.
 
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::{State, Validity};
 
-/// One lift. Mass and reach are means over the time in which they were told.
+/// One lift. Mass and reach are means over the time in which they were valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lift {
-    /// When the load was first known, s since the recording's begin; the end of the lift if it never was.
+    /// Time of the first valid mass, s since the begin of the recording; the end of the lift if there was none.
     pub from_s: f64,
-    /// When it was last known, s.
+    /// Time of the last valid mass, s.
     pub to_s: f64,
-    /// Mass, kg; `None` if it was withheld all the time.
+    /// Mass, kg; `None` if it was never valid.
     pub mass_kg: Option<f64>,
-    /// Mean of its 1-σ, kg: an error of one lift does not average out.
+    /// Mean of its 1-σ, kg: the error within one lift does not average out.
     pub mass_sigma_kg: Option<f64>,
     /// Horizontal distance from the middle of the ankles, m.
     pub reach_m: Option<f64>,
-    /// The largest of it, m.
+    /// Its maximum, m.
     pub reach_max_m: Option<f64>,
 }
 
 /// All lifts of a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lifts {
-    /// Those that ended within it, in order.
+    /// Lifts that ended within the recording, in order.
     pub lifts: Vec<Lift>,
-    /// Those that the state had counted when the recording began.
+    /// Number of lifts counted before the recording.
     pub before: u32,
     counted: Option<u32>,
     episode: Episode,
@@ -44,7 +44,7 @@ struct Episode {
 }
 
 impl Lifts {
-    /// One state, which stands for `step_s`.
+    /// Adds one state, which represents `step_s`.
     pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
         let counted = self.counted.unwrap_or_else(|| {
             self.before = state.lifts;
@@ -53,7 +53,7 @@ impl Lifts {
         for _ in counted..state.lifts {
             self.lifts.push(std::mem::take(&mut self.episode).lift(time_s));
         }
-        // Taken back, or lost by a restart of the daemon: no part of the dose any more.
+        // Undone, or lost by a restart of the daemon: no longer part of the dose.
         for _ in state.lifts..counted {
             self.lifts.pop();
         }
@@ -61,13 +61,13 @@ impl Lifts {
         self.episode.take(state, time_s, step_s);
     }
 
-    /// From this state on another worker is in use, who has lifts of their own, and whose hands are empty.
+    /// From this state on another subject is in use, with a separate count of lifts and empty hands.
     pub fn another_worker(&mut self, state: &State) {
         self.counted = Some(state.lifts);
         self.episode = Episode::default();
     }
 
-    /// Whether a load was still carried at the end.
+    /// Whether a load was carried at the end.
     pub fn under_way(&self) -> bool {
         self.episode.span_s.is_some_and(|[from_s, to_s]| to_s - from_s >= LIFT_MIN_S)
     }
@@ -76,7 +76,7 @@ impl Lifts {
 impl Episode {
     fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
         let told_kg = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg);
-        // Below zero somebody leans on something: no load, as for the loop.
+        // A negative mass indicates leaning on something: no load, as in the loop.
         if let Some(mass_kg) = told_kg.filter(|mass_kg| *mass_kg > 0.0) {
             let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
             self.span_s = Some([from_s, time_s]);
@@ -92,7 +92,7 @@ impl Episode {
             self.reach_sum_m += reach_m;
             self.reach_max_m = self.reach_max_m.max(reach_m);
         }
-        // Nothing was carried for so long, and the loop did not count it: a touch.
+        // No load for this long and no lift counted by the loop: a brief contact.
         if self.empty_s > 2.0 * LIFT_MIN_S {
             *self = Episode::default();
         }

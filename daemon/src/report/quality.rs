@@ -1,40 +1,40 @@
-//! How good the data were: phases, reasons for withholding, gaps, losses, refusals.
+//! Data quality: phases, validity flags, gaps, losses, refusals.
 
 use std::collections::BTreeMap;
 
 use equipoise_core::message::state::NotGiven;
 use equipoise_core::message::{AdapterHealth, State, Validity};
 
-/// Phases by their number.
+/// Number of phases.
 const PHASES: usize = 4;
 
-/// All of it.
+/// Data quality of a session.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Quality {
-    /// How long states were told, s.
+    /// Total duration of the states, s.
     pub seen_s: f64,
     /// Time in each phase, by its number, s.
     pub phase_s: [f64; PHASES],
-    /// How long each reason was raised, s, in the order of [`Validity::NAMES`].
+    /// Duration of each validity flag, s, in the order of [`Validity::NAMES`].
     pub reason_s: Vec<f64>,
-    /// How long nothing at all was withheld, s.
+    /// Duration without any validity flag, s.
     pub all_valid_s: f64,
-    /// What the station's sensors do not give, by name.
+    /// Quantities that the station's sensors do not provide, by name.
     pub not_given: Vec<&'static str>,
-    /// States that are not there between the first and the last.
+    /// Missing states between the first and the last.
     pub states_missing: u64,
-    /// How often another daemon went on.
+    /// Number of daemon restarts.
     pub restarts: u64,
-    /// Steps of the feet.
+    /// Number of steps of the feet.
     pub stances: u32,
-    /// What each adapter told last, by stream: 1 suit, 2 ground.
+    /// Last health message of each adapter, by stream: 1 suit, 2 ground.
     pub adapters: BTreeMap<u32, AdapterHealth>,
     last_cycle: Option<u64>,
     last_stance: Option<u32>,
 }
 
 impl Quality {
-    /// One state, which stands for `step_s`.
+    /// Adds one state, which represents `step_s`.
     pub fn take(&mut self, state: &State, step_s: f64) {
         self.seen_s += step_s;
         if let Some(phase_s) = self.phase_s.get_mut(state.phase as usize) {
@@ -64,12 +64,12 @@ impl Quality {
         }
     }
 
-    /// What an adapter told; the last word counts, for it tells sums.
+    /// Ingests a health message; the last one suffices because its counts are totals.
     pub fn hear(&mut self, health: &AdapterHealth) {
         self.adapters.insert(health.stream, *health);
     }
 
-    /// The reasons that were raised at all, with how long, s.
+    /// The validity flags that were raised, with their durations, s.
     pub fn reasons(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let raised = Validity::NAMES.iter().zip(&self.reason_s).filter(|(_, raised_s)| **raised_s > 0.0);
         raised.map(|((_, name), raised_s)| (*name, *raised_s))

@@ -1,22 +1,22 @@
-//! What cycle records say beside latency: when another worker was put in place, and how long a period was.
+//! Data from cycle records other than latency: subject changes and the period.
 
 use equipoise_core::message::CycleRecord;
 use equipoise_core::message::command::CommandKind;
 
-/// Of all cycles of a recording, by their scheduled time, which is that of their states.
+/// Data of all cycles of a recording, by their due time, which is also that of their states.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Records {
     loads_ns: Vec<u64>,
     stops_ns: Vec<u64>,
-    /// From when on a period was so long, ns and ns.
+    /// Start and length of each period setting, both ns.
     periods_ns: Vec<[u64; 2]>,
 }
 
 impl Records {
-    /// One record.
+    /// Adds one record.
     pub fn note(&mut self, record: &CycleRecord) {
         let command = CommandKind::from_number(record.command);
-        // Who is forgotten is replaced by an unknown worker.
+        // Deleting the active subject also changes the subject: an unnamed one replaces it.
         if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectForget)) {
             self.loads_ns.push(record.due_ns);
         }
@@ -29,17 +29,17 @@ impl Records {
         }
     }
 
-    /// Whether another worker was put in place after one state and until the next, both ns.
+    /// Whether a subject was loaded after one state and until the next, both ns.
     pub fn has_load(&self, after_ns: u64, until_ns: u64) -> bool {
         any_within(&self.loads_ns, after_ns, until_ns)
     }
 
-    /// Whether somebody ended the learning after one state and until the next, both ns.
+    /// Whether a command ended the identification after one state and until the next, both ns.
     pub fn has_stop(&self, after_ns: u64, until_ns: u64) -> bool {
         any_within(&self.stops_ns, after_ns, until_ns)
     }
 
-    /// Length of a period at a time, ns; `None` without records.
+    /// The period at a time, ns; `None` without records.
     pub fn period_ns(&self, time_ns: u64) -> Option<u64> {
         let last = self.periods_ns.iter().rev().find(|[from_ns, _]| *from_ns <= time_ns);
         last.or(self.periods_ns.first()).map(|[_, period_ns]| *period_ns)

@@ -1,4 +1,4 @@
-//! The sections of the report, in words, tables and drawings.
+//! The sections of the report: text, tables and drawings.
 
 mod load;
 mod path;
@@ -20,13 +20,13 @@ use crate::reconcile::date::rfc_3339;
 pub(super) use load::{back, dose, lifts};
 pub(super) use path::{latency, quality};
 
-/// What a joint's torque may not be confused with.
+/// Limits of the interpretation of the torques.
 const DISCLAIMER: &str = "Torques are what a load adds to each joint, by the method of Fortini et al. (2020). This is not a \
                           medical device and not a safety function.";
-/// From this length on times are told in minutes, s.
+/// From this length on times are displayed in minutes, s.
 const MINUTES_FROM_S: f64 = 300.0;
 
-/// What was recorded, where, by what.
+/// Metadata of the session.
 pub(super) fn session(facts: &Facts) -> Section {
     let mut section = Section::new("Session");
     let header = &facts.header;
@@ -66,7 +66,7 @@ pub(super) fn session(facts: &Facts) -> Section {
     section
 }
 
-/// What must be said where numbers are of several workers; nothing if there was one.
+/// A note if the numbers belong to several subjects.
 fn several(facts: &Facts) -> Option<String> {
     if facts.changes_s.is_empty() {
         return None;
@@ -83,7 +83,7 @@ fn software(version: &str) -> String {
     if version.is_empty() { "not told".to_owned() } else { format!("Equipoise {version}") }
 }
 
-/// How the worker was learnt.
+/// Progress of the identification.
 pub(super) fn identification(facts: &Facts) -> Section {
     let mut section = Section::new("Identification");
     let found = &facts.identification;
@@ -178,7 +178,7 @@ fn convergence(facts: &Facts) -> Vec<Figure> {
     cop.into_iter().chain(figure("p-jj", title, "√ of the largest P_jj, mm", variance, None)).collect()
 }
 
-/// Every joint over time, and its minutes at every level.
+/// Each joint over time, and its minutes at each level.
 pub(super) fn exposure(facts: &Facts) -> Section {
     let mut section = Section::new("Exposure by joint");
     let (found, span_s) = (&facts.exposure, facts.span_s.unwrap_or_default());
@@ -259,7 +259,8 @@ fn is_long(facts: &Facts) -> bool {
     facts.span_s.is_some_and(|[from_s, to_s]| to_s - from_s > MINUTES_FROM_S)
 }
 
-/// A quantity over the session's time; broken wherever it was withheld for a second. `None` if it never was told.
+/// A quantity over the time of the session; the line breaks where it was invalid for a second. `None` if it was never
+/// valid.
 fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Series) -> Option<Figure> {
     if series.is_empty() {
         return None;
@@ -276,7 +277,7 @@ fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Serie
         y: Axis::new(label, Scale::covering(points.iter().map(|point| point[1]))),
         marks: vec![
             Mark::Line { look: Look::After, points: points.clone(), gap: 1.0 / unit_s },
-            // A moment alone makes no line.
+            // An isolated point gives no line, so draw a dot.
             Mark::Dots { look: Look::After, points: alone(&points, 1.0 / unit_s) },
         ],
         legend: Vec::new(),

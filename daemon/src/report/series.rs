@@ -1,9 +1,9 @@
-//! A quantity over time, with as few points as a picture needs: of each stretch the lowest and the highest.
+//! A quantity over time, reduced to the minimum and maximum of each interval for drawing.
 
-/// Length of a stretch, s.
+/// Length of an interval, s.
 const STRETCH_S: f64 = 0.25;
 
-/// Points by time, s and the quantity's own unit.
+/// Points by time: s, and the quantity's unit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
     stretches: Vec<Stretch>,
@@ -17,7 +17,7 @@ struct Stretch {
 }
 
 impl Series {
-    /// One more value; none that is not finite.
+    /// Adds a value; non-finite values are ignored.
     pub fn push(&mut self, time_s: f64, value: f64) {
         if !value.is_finite() {
             return;
@@ -36,7 +36,7 @@ impl Series {
         }
     }
 
-    /// What is left of it, by time.
+    /// The reduced points, by time.
     pub fn points(&self) -> Vec<[f64; 2]> {
         let mut points = Vec::with_capacity(2 * self.stretches.len());
         for stretch in &self.stretches {
@@ -47,12 +47,12 @@ impl Series {
         points
     }
 
-    /// The highest value and when it was, s.
+    /// Time of the maximum, s, and its value.
     pub fn highest(&self) -> Option<[f64; 2]> {
         self.stretches.iter().map(|stretch| stretch.highest).max_by(|a, b| a[1].total_cmp(&b[1]))
     }
 
-    /// Whether there was nothing.
+    /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.stretches.is_empty()
     }

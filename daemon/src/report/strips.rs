@@ -1,5 +1,4 @@
-//! The joints over time: a strip each, in which a bar's colour and height are the level. Where nothing was told there is
-//! nothing.
+//! The joints over time, one strip each; colour and height of a bar are the level. Invalid intervals stay empty.
 
 use std::fmt::Write;
 
@@ -16,12 +15,12 @@ const NAMES: f64 = 132.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 48.0;
 const ROW: f64 = 18.0;
-/// The highest bar.
+/// Height of the highest bar.
 const BAR: f64 = 14.0;
-/// Columns of the picture.
+/// Number of columns of the drawing.
 const COLUMNS: usize = 240;
 
-/// Okabe and Ito's colours, which people with any colour vision can tell apart; and how high the bar is.
+/// Colours of Okabe and Ito, distinguishable with any colour vision, and the height of the bar.
 const LOOKS: [(Level, &str, f64); 5] = [
     (Level::Undecided, "#9aa5b1", 0.12),
     (Level::Green, "#009e73", 0.25),
@@ -30,7 +29,7 @@ const LOOKS: [(Level, &str, f64); 5] = [
     (Level::AboveMax, "#cc79a7", 1.0),
 ];
 
-/// Draws the joints of which anything was told; `None` if there are none.
+/// Draws the joints with valid torques; `None` if there are none.
 pub(super) fn strips(exposure: &Exposure, span_s: [f64; 2], minutes: bool) -> Option<Drawing> {
     let joints: Vec<Joint> =
         Joint::ALL.into_iter().filter(|joint| exposure.joints[joint.index()].peak.is_some()).collect();
@@ -63,7 +62,7 @@ pub(super) fn strips(exposure: &Exposure, span_s: [f64; 2], minutes: bool) -> Op
 
 fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &mut String) {
     let length_s = (span_s[1] - span_s[0]).max(COLUMN_S);
-    // Seconds that share a column of the picture show the highest of their levels.
+    // A column shows the highest level of the seconds that it covers.
     let mut shown: [Option<Level>; COLUMNS] = [None; COLUMNS];
     for (number, column) in &exposure.columns {
         let Some(level) = column[joint.index()] else { continue };

@@ -1,34 +1,34 @@
-//! One ring between two threads: never a wait, whatever the other thread is doing.
+//! A ring between two threads that never wait for each other.
 //!
-//! Queues for many threads let one wait for another that was interrupted in the middle of a push or pop. The loop stands
-//! above all its neighbours, and would wait for ever for one that it has itself pushed off the core. With one thread at
-//! each end nobody has to.
+//! Queues for many threads let one thread wait for another that was interrupted in the middle of a push or pop. The
+//! loop has the highest priority and would wait forever for a thread that it has displaced from the core. With one
+//! thread at each end there is no such wait.
 
 use std::fmt;
 use std::sync::Mutex;
 
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
-/// A ring of fixed size with one thread at each end; nothing allocates after its making.
+/// A ring of fixed size with one thread at each end; allocates only when created.
 ///
-/// Each end's lock is there for the compiler: it is only ever tried, never waited for. Two threads that share an end for
-/// once may find the ring full or empty when it is not.
+/// The lock of each end only satisfies the compiler: it is tried, never waited for. If two threads use the same end at
+/// once, the ring may appear full or empty.
 pub struct Ring<T> {
     producer: Mutex<Producer<T>>,
     consumer: Mutex<Consumer<T>>,
 }
 
 impl<T> Ring<T> {
-    /// An empty ring.
+    /// Creates an empty ring.
     pub fn new(capacity: usize) -> Ring<T> {
         let (producer, consumer) = RingBuffer::new(capacity);
         Ring { producer: Mutex::new(producer), consumer: Mutex::new(consumer) }
     }
 
-    /// Puts a value in; gives it back if the ring is full.
+    /// Appends a value; returns it if the ring is full.
     ///
     /// # Errors
-    /// The value, for which there was no room.
+    /// The rejected value.
     pub fn push(&self, value: T) -> Result<(), T> {
         match self.producer.try_lock() {
             Ok(mut producer) => producer.push(value).map_err(|PushError::Full(value)| value),
@@ -36,29 +36,29 @@ impl<T> Ring<T> {
         }
     }
 
-    /// Takes the oldest value out.
+    /// Removes the oldest value.
     pub fn pop(&self) -> Option<T> {
         self.consumer.try_lock().ok()?.pop().ok()
     }
 
-    /// Whether the taker would find nothing now.
+    /// Whether the ring appears empty to the consumer.
     pub fn is_empty(&self) -> bool {
         self.consumer.try_lock().is_ok_and(|consumer| consumer.is_empty())
     }
 
-    /// How many the taker would find now.
+    /// Number of values available to the consumer.
     pub fn waiting(&self) -> usize {
         self.consumer.try_lock().map_or(0, |consumer| consumer.slots())
     }
 
-    /// Whether the giver would find no room now.
+    /// Whether the ring appears full to the producer.
     pub fn is_full(&self) -> bool {
         self.producer.try_lock().is_ok_and(|producer| producer.is_full())
     }
 }
 
 impl<T: Copy> Ring<T> {
-    /// An empty ring whose memory was touched from end to end, so that the first round takes no page faults.
+    /// An empty ring whose memory was touched completely, so that its first use causes no page faults.
     pub fn touched(capacity: usize, example: T) -> Ring<T> {
         let ring = Ring::new(capacity);
         while ring.push(example).is_ok() {}
@@ -92,7 +92,7 @@ mod tests {
     fn nobody_waits_for_a_thread_that_was_stopped_in_the_middle() {
         let ring = Ring::new(4);
         ring.push(1).unwrap();
-        // As if the other thread had been stopped while it holds its end.
+        // Simulates that the other thread was interrupted while it holds its end.
         let stopped = ring.producer.lock().unwrap();
         assert_eq!((ring.pop(), ring.pop(), ring.push(2)), (Some(1), None, Err(2)));
         drop(stopped);

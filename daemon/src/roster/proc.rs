@@ -39,7 +39,8 @@ impl TaskFacts {
     }
 
     fn parse(id: i32, stat: &str, status: &str) -> Option<TaskFacts> {
-        // The name may hold anything, brackets and blanks too: it ends at the last bracket. Field 3 follows.
+        // The name may contain anything, including parentheses and spaces: it ends at the last parenthesis. Field 3
+        // follows.
         let (name, rest) = stat.split_once('(')?.1.rsplit_once(')')?;
         let fields: Vec<&str> = rest.split_ascii_whitespace().collect();
         let number = |field: usize| fields.get(field - 3)?.parse::<u64>().ok();
@@ -110,7 +111,7 @@ mod tests {
     #[test]
     fn a_thread_with_an_odd_name_is_read() {
         let mut stat = "77 (a ) b) S".to_owned();
-        // Field 3 is the state; from 4 on each says its own number.
+        // Field 3 is the state; each field from 4 on contains its own number.
         (4..=44).for_each(|field| stat += &format!(" {field}"));
         let status = "Name:\ta ) b\nCpus_allowed_list:\t0-2,5\nnonvoluntary_ctxt_switches:\t9\n";
         let facts = TaskFacts::parse(77, &stat, status).unwrap();

@@ -1,7 +1,7 @@
-//! The list of a worker's lifts beside the profile: what the dose is made of, one line for each.
+//! List of a subject's lifts in a file next to the profile: the input of the dose, one line for each lift.
 //!
-//! Lines are only ever added. A lift that was taken back has a second line, `undone`, with its number. A thousand lifts a day
-//! are 100 kB.
+//! Lines are only appended. An undone lift has a second line, `undone`, with its number. A thousand lifts a day need
+//! 100 kB.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,7 +18,7 @@ use crate::workers::Workers;
 
 const HEADING: &str = "ended_utc,event,number,carried_s,mass_kg,mass_sigma_kg,distance_m,damage\n";
 
-/// What is to be written, and what was seen, by the workers' numbers.
+/// Pending lines and the lifts already processed, by subject number.
 #[derive(Debug, Default)]
 pub(super) struct LiftLog {
     seen: BTreeMap<u64, Seen>,
@@ -27,9 +27,9 @@ pub(super) struct LiftLog {
 
 #[derive(Debug)]
 struct Seen {
-    /// Lifts that had ended.
+    /// Number of ended lifts.
     ended: u64,
-    /// Numbers of those among the latest that were taken back.
+    /// Numbers of the undone ones among the latest lifts.
     undone: Vec<u64>,
 }
 
@@ -41,7 +41,7 @@ impl Seen {
 }
 
 impl LiftLog {
-    /// Takes in a copy of a worker's shift. The first tells what was there before.
+    /// Ingests a copy of a subject's shift. The first copy only sets the starting point.
     pub(super) fn take(&mut self, number: u64, shift: &Shift, now_ns: u64, unix_s: u64) {
         let now = Seen::of(shift);
         let Some(before) = self.seen.insert(number, now) else { return };
@@ -54,7 +54,7 @@ impl LiftLog {
                 let time = humantime::format_rfc3339_seconds(
                     std::time::UNIX_EPOCH + std::time::Duration::from_secs(unix_s),
                 );
-                // Writing to a text cannot fail.
+                // Writing to a string cannot fail.
                 let _ = writeln!(
                     lines,
                     "{time},{event},{number},{carried_s:.2},{mass_kg:.2},{sigma_kg:.2},{distance_m:.3},{damage:e}"
@@ -73,15 +73,15 @@ impl LiftLog {
         }
     }
 
-    /// Whether nothing waits.
+    /// Whether no lines are pending.
     pub(super) fn is_written(&self) -> bool {
         self.lines.is_empty()
     }
 
-    /// Adds what waits to the files; what cannot be written waits on.
+    /// Appends pending lines to the files; failed ones remain pending.
     ///
     /// # Errors
-    /// A file that cannot be written, and why.
+    /// A file that cannot be written, and the error.
     pub(super) fn write(&mut self, workers: &Workers) -> Result<(), (PathBuf, io::Error)> {
         let mut failed = None;
         self.lines.retain(|number, lines| {
@@ -94,7 +94,7 @@ impl LiftLog {
     }
 }
 
-/// Adds whole lines to a file, or nothing.
+/// Appends complete lines to a file, or nothing.
 fn append(path: &Path, lines: &str) -> io::Result<()> {
     if let Some(directory) = path.parent() {
         fs::create_dir_all(directory)?;
@@ -104,7 +104,7 @@ fn append(path: &Path, lines: &str) -> io::Result<()> {
     let heading = if length == 0 { HEADING } else { "" };
     let written = file.write_all(format!("{heading}{lines}").as_bytes()).and_then(|()| file.sync_data());
     if written.is_err() {
-        // Half a line would spoil the next one. Where this fails too, the disk is what is broken.
+        // An incomplete line would corrupt the next one. A failure here means a faulty disk.
         let _ = file.set_len(length);
     }
     written
@@ -138,7 +138,7 @@ mod tests {
         let state = StateDirectory::at(directory.path());
         let workers = Workers::new(state.clone(), Saving::of(&state, "a", None, true));
         let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
-        // What was there before this daemon is on the list already.
+        // Lifts from before the start of the daemon are already in the list.
         (0..20).for_each(|_| end_one(&mut shift, 0));
         let mut step = |shift: &Shift| {
             log.take(CONFIGURED, shift, 100 * NS_PER_S, 1_795_256_100);
@@ -175,7 +175,7 @@ mod tests {
         log.take(CONFIGURED, &shift, 0, 0);
         end_one(&mut shift, 0);
         log.take(CONFIGURED, &shift, 0, 0);
-        // A folder stands where the file belongs.
+        // A folder with the name of the file makes writing fail.
         fs::create_dir_all(state.lifts("a")).unwrap();
         assert_eq!(log.write(&workers).unwrap_err().0, state.lifts("a"));
         assert!(!log.is_written());

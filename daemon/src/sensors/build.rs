@@ -1,4 +1,4 @@
-//! What the suit says of its wearer's build: when it is told, live and from a capture alike.
+//! Body dimensions of the suit's wearer: when to publish them, live and from a capture.
 
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_bus::{Bus, BusError, Publisher};
@@ -6,10 +6,10 @@ use equipoise_core::message::SuitBody;
 
 use super::{AdapterError, SUIT_ROLE, only_publisher};
 
-/// How often it is told again, ns.
+/// Interval of repetition, ns.
 const INTERVAL_NS: u64 = 1_000_000_000;
 
-/// Publishes it: at once when it changes, and once a second, so that whoever comes later has it.
+/// Publishes the body dimensions: on change at once, and once a second for late subscribers.
 pub(super) struct Build {
     publisher: Publisher<SuitBody>,
     cadence: BuildCadence,
@@ -32,14 +32,14 @@ impl Build {
     }
 }
 
-/// When a build is told.
+/// Schedule of the publication.
 #[derive(Debug, Default)]
 pub(crate) struct BuildCadence {
     told: Option<SuitBody>,
 }
 
 impl BuildCadence {
-    /// The build to publish at `now_ns`, stamped; `None` while nothing is new and a second has not passed.
+    /// The body dimensions to publish at `now_ns`, stamped; `None` if they are unchanged and a second has not passed.
     pub(crate) fn due(&mut self, body: Option<SuitBody>, now_ns: u64) -> Option<SuitBody> {
         let body = SuitBody { published_ns: now_ns, ..body? };
         let said_before = self.told.as_ref().is_some_and(|told| {

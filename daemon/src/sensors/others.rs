@@ -1,7 +1,7 @@
-//! Further workers on one suit port: each is published to the station of its own, by a thread of its own.
+//! Further subjects on one suit port: each is published to a separate station by a separate thread.
 //!
-//! A station that is not there, that another process publishes, or whose bus fails is tried again, and costs nobody else
-//! a sample: its thread is handed copies without ever being waited for.
+//! A station that does not exist, that another process publishes, or whose bus fails is retried without loss for the
+//! other stations: its thread receives copies through a queue that never blocks.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -17,22 +17,22 @@ use crate::config::suit::OtherWorker;
 
 /// A quarter of a second at 240 Hz: longer than joining a bus takes.
 const QUEUE: usize = 64;
-/// How long a station that could not be reached is left alone.
+/// Interval between attempts to reach a station.
 const RETRY: Duration = Duration::from_secs(2);
-/// How often a station that has no samples is looked at.
+/// Timeout of receiving from the queue, after which the station is checked without samples.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// What is said to another station.
+/// A message for another station.
 pub(super) enum Said {
-    /// A sample of its worker.
+    /// A sample of its subject.
     Sample(Box<SuitSample>),
-    /// How its worker is built.
+    /// Body dimensions of its subject.
     Body(Box<SuitBody>),
-    /// How its worker's stream fares.
+    /// Health of its subject's stream.
     Health(Box<AdapterHealth>),
 }
 
-/// The stations of the other workers.
+/// The stations of the other subjects.
 pub(super) struct Others(Vec<Other>);
 
 struct Other {
@@ -40,17 +40,17 @@ struct Other {
     station: String,
     queue: Option<SyncSender<Said>>,
     thread: Option<JoinHandle<()>>,
-    /// Whether the last thing said found no room.
+    /// Whether the queue was full at the last message.
     full: bool,
 }
 
 impl Others {
-    /// Begins to publish to each of them.
+    /// Starts a thread for each station.
     pub(super) fn start(workers: &[OtherWorker]) -> Others {
         Others(workers.iter().map(Other::start).collect())
     }
 
-    /// Whether a sample is one of theirs; if so, it is on its way.
+    /// Passes a sample on if it belongs to one of the other stations; returns whether it does.
     pub(super) fn take(&mut self, sample: &SuitSample) -> bool {
         let other = self.0.iter_mut().find(|other| u32::from(other.avatar) == sample.avatar);
         let is_theirs = other.is_some();
@@ -60,7 +60,7 @@ impl Others {
         is_theirs
     }
 
-    /// Tells each how its worker is built, once the suit has said it.
+    /// Sends body dimensions to each station once available.
     pub(super) fn tell_builds(&mut self, mut body: impl FnMut(u8) -> Option<SuitBody>) {
         for other in &mut self.0 {
             if let Some(body) = body(other.avatar) {
@@ -69,7 +69,7 @@ impl Others {
         }
     }
 
-    /// Tells each how its stream fares.
+    /// Sends the health of its stream to each station.
     pub(super) fn tell(&mut self, mut health: impl FnMut(u8) -> Option<AdapterHealth>) {
         for other in &mut self.0 {
             if let Some(health) = health(other.avatar) {
@@ -83,7 +83,7 @@ impl Other {
     fn start(worker: &OtherWorker) -> Other {
         let (queue, said) = sync_channel(QUEUE);
         let station = worker.station.clone();
-        // It inherits the priority of the adapter that starts it. One that cannot be started is a station not reached.
+        // The thread inherits the priority of the adapter. If it cannot be started, its station receives nothing.
         let name = format!("suit {}", worker.avatar);
         let thread = std::thread::Builder::new().name(name).spawn(move || publish(&station, &said));
         if let Err(error) = &thread {
@@ -98,7 +98,7 @@ impl Other {
         }
     }
 
-    /// Hands something over, or drops it if the thread is behind.
+    /// Queues a message, or drops it if the thread is behind.
     fn say(&mut self, said: Said) {
         let was_full = self.full;
         self.full = self.queue.as_ref().is_some_and(|queue| queue.try_send(said).is_err());
@@ -110,7 +110,7 @@ impl Other {
 
 impl Drop for Other {
     fn drop(&mut self) {
-        // The thread ends when nobody can say anything any more.
+        // Closing the queue ends the thread.
         self.queue = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -118,7 +118,7 @@ impl Drop for Other {
     }
 }
 
-/// Publishes what is said until nobody can say anything any more.
+/// Publishes messages until the queue is closed.
 fn publish(station: &str, said: &Receiver<Said>) {
     let mut link = None;
     let mut try_at = Instant::now();
@@ -150,13 +150,13 @@ fn publish(station: &str, said: &Receiver<Said>) {
     }
 }
 
-/// The place on another station's bus.
+/// Publishers on another station's bus.
 struct Link {
     samples: Publisher<SuitSample>,
     bodies: Publisher<SuitBody>,
     health: Publisher<AdapterHealth>,
     wake: Notifier,
-    /// Last: the ports above are its own.
+    /// Declared last, so that it is dropped after the ports above.
     _bus: Bus,
 }
 

@@ -1,12 +1,12 @@
-//! A count that should not grow: an incident from its first growth until it has rested for a while.
+//! A counter that should not grow: an incident from its first increase until it has been constant for a while.
 
 use equipoise_core::time::NS_PER_S;
 
-/// A count that has not grown for so long has come to rest. Long enough that trouble which comes every second is one
-/// incident in the journal, not one a second.
+/// Time without an increase after which the incident ends: long enough that a fault repeated every second is one
+/// incident in the journal.
 const RESTS_AFTER_NS: u64 = 10_000_000_000;
 
-/// Watches one count.
+/// Monitors one counter.
 #[derive(Debug, Default)]
 pub(super) struct Growth {
     count: u64,
@@ -15,7 +15,7 @@ pub(super) struct Growth {
 }
 
 impl Growth {
-    /// Takes in the count, `gap_ns` after the last time; whether it grew lately.
+    /// Ingests the count, `gap_ns` after the last call; returns whether it grew recently.
     pub(super) fn goes_on(&mut self, count: u64, gap_ns: u64) -> bool {
         if count > self.count {
             (self.active, self.quiet_ns) = (true, 0);
@@ -27,7 +27,7 @@ impl Growth {
         self.active
     }
 
-    /// When it grew last, for a sentence.
+    /// Time of the last increase, for a message.
     pub(super) fn last(&self) -> String {
         match self.quiet_ns / NS_PER_S {
             0 => "the last just now".to_owned(),
@@ -45,7 +45,7 @@ mod tests {
         let mut growth = Growth::default();
         assert!(!growth.goes_on(0, 1_000_000_000));
         for second in 0..50 {
-            // Once in five seconds: one incident, not ten.
+            // Every five seconds: one incident, not ten.
             assert!(growth.goes_on(1 + second / 5, 1_000_000_000), "second {second}");
         }
         let ended = (0..20).take_while(|_| growth.goes_on(10, 1_000_000_000)).count();

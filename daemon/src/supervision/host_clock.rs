@@ -1,23 +1,24 @@
-//! Whether the clocks can be trusted: the computer slept, its clock source was changed, samples bear another clock's
-//! stamps, or a device's counter is not tied to the host's time.
+//! Detects clock faults: the computer was suspended, its clock source changed, samples have stamps of another clock, or
+//! a device's counter is not synchronised with the host's time.
 
 use equipoise_core::message::CycleRecord;
 use equipoise_core::time::seconds;
 use rustix::time::{ClockId, clock_gettime};
 
-/// CLOCK_BOOTTIME goes on while the computer sleeps, CLOCK_MONOTONIC does not. Between two readings one after the other
-/// they differ by microseconds, or by a lost time slice: this much is sleep.
+/// CLOCK_BOOTTIME continues while the computer is suspended, CLOCK_MONOTONIC does not. Two successive readings differ
+/// by microseconds or a lost time slice; a larger difference than this means a suspension.
 const SLEPT_NS: u64 = 200_000_000;
-/// A clock fit is there after eight samples; so long without one, while samples come, is no beginning.
+/// A clock fit is available after eight samples; a longer time without one, while samples arrive, is a fault.
 const UNSYNCHRONISED_AFTER_NS: u64 = 10_000_000_000;
-/// A sample cannot arrive after the cycle that took it in; this much may be the jitter between two cores' counters.
+/// A sample cannot arrive after the cycle that ingested it, except for the offset between two cores' counters, which is
+/// below this.
 const AHEAD_NS: u64 = 10_000_000;
-/// Rings and sockets hold less than this of any stream, so that a sample of this age was stamped by another clock …
+/// Rings and sockets hold less than this of any stream, so an older sample was stamped by another clock …
 const OLD_NS: u64 = 5_000_000_000;
-/// … unless this process stood still; then the stamps are right again after a moment.
+/// … unless this process was stopped; then the stamps become plausible again within this time.
 const STAMPS_OFF_AFTER_NS: u64 = 2_000_000_000;
 
-/// The host's clocks at one moment.
+/// The host's clocks at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct HostClock {
     /// CLOCK_MONOTONIC.
@@ -36,31 +37,32 @@ impl HostClock {
     }
 }
 
-/// The kernel's clock source, for example `tsc`; `None` where it is not told.
+/// The kernel's clock source, for example `tsc`; `None` if unavailable.
 pub(super) fn source() -> Option<String> {
     let text =
         std::fs::read_to_string("/sys/devices/system/clocksource/clocksource0/current_clocksource").ok()?;
     Some(text.trim().to_owned())
 }
 
-/// Arrival stamps against the cycles that took the samples in, over one look.
+/// Compares arrival stamps with the cycles that ingested the samples, over one evaluation interval.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Stamped {
-    /// Samples whose stamps are possible.
+    /// Number of plausible stamps.
     right: u32,
-    /// How far off the last impossible one was: positive ahead, negative behind.
+    /// Error of the last implausible stamp: positive in the future, negative in the past.
     off_ns: Option<i64>,
 }
 
 impl Stamped {
-    /// What ingress has refused since the last look, and how far ahead the last of it was.
+    /// Adds the samples that ingress refused since the last evaluation; `ahead_ns` is how far in the future the last
+    /// one was.
     pub(super) fn see_refused(&mut self, count: u64, ahead_ns: u64) {
         if count > 0 {
             self.off_ns = Some(ahead_ns.min(i64::MAX as u64) as i64);
         }
     }
 
-    /// One cycle's record.
+    /// Adds one cycle record.
     pub(super) fn see(&mut self, record: &CycleRecord) {
         let streams =
             [(record.suit_taken, record.suit_arrival_ns), (record.ground_taken, record.ground_arrival_ns)];
@@ -80,10 +82,10 @@ impl Stamped {
     }
 }
 
-/// Watches the clocks.
+/// Monitors the clocks.
 #[derive(Debug, Default)]
 pub(super) struct ClockWatch {
-    /// CLOCK_BOOTTIME less CLOCK_MONOTONIC.
+    /// CLOCK_BOOTTIME minus CLOCK_MONOTONIC.
     asleep_ns: Option<u64>,
     first_source: Option<String>,
     source: Option<String>,
@@ -93,7 +95,7 @@ pub(super) struct ClockWatch {
 }
 
 impl ClockWatch {
-    /// The clocks now; how long the computer has slept since the last call, if it has.
+    /// Updates the clocks; returns the duration of a suspension since the last call, if any.
     pub(super) fn tick(&mut self, clock: HostClock) -> Option<u64> {
         let asleep_ns = clock.boottime_ns.saturating_sub(clock.monotonic_ns);
         let slept_ns = asleep_ns.saturating_sub(self.asleep_ns.unwrap_or(asleep_ns));
@@ -104,7 +106,7 @@ impl ClockWatch {
         (slept_ns > 0).then_some(slept_ns)
     }
 
-    /// The kernel's clock source now.
+    /// Updates the kernel's clock source.
     pub(super) fn name_source(&mut self, source: Option<String>) {
         if self.first_source.is_none() {
             self.first_source.clone_from(&source);
@@ -112,12 +114,12 @@ impl ClockWatch {
         self.source = source;
     }
 
-    /// What a look has shown of the streams.
+    /// Adds the observations of one evaluation interval.
     pub(super) fn see(&mut self, unsynchronised: bool, samples_come: bool, stamped: Stamped, gap_ns: u64) {
         match (samples_come, unsynchronised) {
             (true, true) => self.unsynchronised_ns += gap_ns,
             (true, false) => self.unsynchronised_ns = 0,
-            // Between two samples, and in silence, nothing is learnt.
+            // Without a sample the synchronisation state is unchanged.
             (false, _) => {}
         }
         match stamped {
@@ -130,7 +132,7 @@ impl ClockWatch {
         }
     }
 
-    /// What is wrong with the clocks now, and what to do.
+    /// The current clock fault and its remedy.
     pub(super) fn trouble(&self) -> Option<String> {
         if let (Some(first), Some(now)) = (&self.first_source, &self.source)
             && first != now
@@ -207,7 +209,7 @@ mod tests {
             let mut watch = ClockWatch::default();
             for _ in 0..39 {
                 watch.see(false, true, stamped(arrival_ns), GAP_NS);
-                // A look without a sample says nothing.
+                // An interval without samples has no effect.
                 watch.see(false, false, Stamped::default(), GAP_NS);
             }
             assert_eq!(watch.trouble(), None, "a process that stood still catches up");

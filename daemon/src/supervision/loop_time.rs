@@ -1,24 +1,24 @@
-//! Whether the loop keeps going: slots that it skipped at once, and whether it stands now.
+//! Monitors the progress of the loop: slots skipped at once, and whether it has stopped.
 
 use std::fmt;
 
 use equipoise_core::message::CycleRecord;
 use equipoise_core::time::seconds;
 
-/// Skipping so much of the schedule at once is no hiccup: both streams are stale by then, and a controller has noticed.
+/// Minimum length of a reported stall: both streams are stale by then, and a controller is affected.
 pub(super) const STALL_NS: u64 = 50_000_000;
-/// No cycle for so long, and the loop is said to stand now. Longer than any stall that ends by itself on a busy
+/// Time without a cycle after which the loop counts as stopped. Longer than any stall that ends by itself on a busy
 /// machine, shorter than the watchdog's five seconds.
 const STANDS_AFTER_NS: u64 = 1_000_000_000;
 
 /// The longest stall between two consecutive cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Stall {
-    /// The cycle after it.
+    /// The first cycle after it.
     pub(super) cycle: u64,
-    /// How many slots it cost.
+    /// Number of slots skipped.
     pub(super) slots: u64,
-    /// How long that is.
+    /// Duration of these slots.
     pub(super) span_ns: u64,
 }
 
@@ -35,17 +35,17 @@ impl fmt::Display for Stall {
     }
 }
 
-/// Watches the records of the cycles.
+/// Evaluates the cycle records.
 #[derive(Debug, Default)]
 pub(super) struct LoopTime {
-    /// Number of the last cycle seen, and the slots skipped until then.
+    /// Number of the last cycle, and the slots skipped until then.
     last: Option<(u64, u64)>,
     stall: Option<Stall>,
     quiet_ns: u64,
 }
 
 impl LoopTime {
-    /// One record, in the order of the cycles. Records that were lost on the way hide what happened between them.
+    /// Ingests one record, in the order of the cycles. Stalls next to lost records are not detected.
     pub(super) fn see(&mut self, record: &CycleRecord) {
         let before = self.last.replace((record.cycle, record.slots_skipped));
         let Some((cycle, slots_skipped)) = before else { return };
@@ -64,7 +64,7 @@ impl LoopTime {
         self.stall.take()
     }
 
-    /// Whether no cycle has come for long, `gap_ns` after the last call.
+    /// Whether there has been no cycle for too long; `gap_ns` is the time since the last call.
     pub(super) fn stands(&mut self, came: bool, gap_ns: u64) -> bool {
         self.quiet_ns = if came { 0 } else { self.quiet_ns + gap_ns };
         self.quiet_ns >= STANDS_AFTER_NS
@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn only_slots_that_were_skipped_at_once_are_a_stall() {
         let mut time = LoopTime::default();
-        // One slot in each of a hundred cycles is late, not still.
+        // One skipped slot in each of a hundred cycles is lateness, not a stall.
         for cycle in 1..=100 {
             time.see(&record(cycle, cycle));
         }

@@ -1,9 +1,9 @@
 //! Page faults of the loop after its warm-up.
 
-/// Without a new fault for so many looks, one a second, the incident ends.
+/// Number of evaluations, one a second, without a new fault after which the incident ends.
 const RESTS_AFTER_LOOKS: u32 = 10;
 
-/// Watches the count since the warm-up, once a second.
+/// Monitors the count since the warm-up, once a second.
 #[derive(Debug, Default)]
 pub(super) struct PageFaults {
     last: u64,
@@ -11,7 +11,8 @@ pub(super) struct PageFaults {
 }
 
 impl PageFaults {
-    /// Takes in the loop's minor and major faults since its warm-up, `None` before it is over; says how many are new.
+    /// Ingests the loop's minor and major faults since its warm-up, `None` before it is over; returns the number of new
+    /// ones.
     pub(super) fn look(&mut self, since_warm_up: Option<[u64; 2]>) -> Option<u64> {
         let faults = since_warm_up?.iter().sum();
         let new = u64::saturating_sub(faults, std::mem::replace(&mut self.last, faults));
@@ -23,7 +24,7 @@ impl PageFaults {
         None
     }
 
-    /// Whether there were any lately.
+    /// Whether there were new faults recently.
     pub(super) fn goes_on(&self) -> bool {
         self.quiet_looks.is_some()
     }

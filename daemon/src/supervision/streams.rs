@@ -1,77 +1,77 @@
-//! One stream of samples: silent, standing still, or fine.
+//! Classifies one stream of samples: silent, repeating, refused, or fine.
 //!
-//! Consumers learn of silence within two sample periods, by `valid`. An incident is for people: it waits a little
-//! longer, and says what to look at.
+//! `valid` informs consumers of silence within two sample periods. An incident is for people: it begins slightly later
+//! and contains advice.
 
 use equipoise_core::message::AdapterHealth;
 use equipoise_core::message::health::REASONS;
 
-/// A stream that was there and brings nothing for so long has ended. A plate that lost a request is asked again after
-/// 0.1 s, and a radio that stutters is back by then.
+/// Silence after which an active stream counts as ended. By then a plate that lost a request has been polled again
+/// (after 0.1 s), and a short radio interruption is over.
 pub(super) const SILENT_AFTER_NS: u64 = 500_000_000;
-/// So long after the start people may still be switching sensors on.
+/// Time after the start in which sensors may still be switched on.
 pub(super) const NEVER_CAME_AFTER_NS: u64 = 5_000_000_000;
-/// Samples come, but the newest that the loop accepted has not changed for so long. A device that starts anew, or a
-/// clock fit that begins again, needs less.
+/// Samples arrive, but the newest one accepted by the loop has not changed for this long. A restart of a device or of a
+/// clock fit takes less.
 const STALE_AFTER_NS: u64 = 1_000_000_000;
 
-/// What is on the other end, for the sentences.
+/// Description of the device, for messages.
 pub(super) struct Wire {
     /// "the suit", "the plate".
     pub(super) what: &'static str,
-    /// What to look at when nothing comes.
+    /// Advice if nothing arrives.
     pub(super) check: String,
-    /// The adapter's names of its refusals, in order.
+    /// The adapter's names of refusal reasons, in order.
     pub(super) reasons: &'static [&'static str],
-    /// What to do about them.
+    /// Advice for refusals.
     pub(super) refused: &'static str,
-    /// Which of them mean that time does not advance.
+    /// Indices of the reasons which mean that time does not advance.
     pub(super) of_time: &'static [usize],
 }
 
-/// What one look sees.
+/// Observations of one evaluation interval.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StreamLook {
-    /// How much looking time has passed since the look before.
+    /// Observed time since the last evaluation.
     pub(super) gap_ns: u64,
-    /// Samples that the loop took in since then, or that ingress refused.
+    /// Samples in this interval that the loop ingested or ingress refused.
     pub(super) taken: u64,
-    /// Sample time of the newest that it accepted.
+    /// Sample time of the newest accepted sample.
     pub(super) newest_ns: Option<u64>,
 }
 
-/// How a stream is.
+/// Condition of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// Samples come and are used, or it is too early to say.
+    /// Samples arrive and are used, or it is too early to decide.
     Fine,
-    /// Nothing since the start.
+    /// No sample since the start.
     NeverCame,
-    /// Nothing any more.
+    /// No more samples.
     Silent,
-    /// The device sends the same again and again; the adapter refuses it.
+    /// The device repeats the same sample; the adapter refuses it.
     Repeats,
-    /// Samples come, and the loop refuses them.
+    /// Samples arrive, and the loop refuses them.
     Refused,
 }
 
-/// Watches one stream.
+/// Monitors one stream.
 pub(super) struct StreamWatch {
     wire: Wire,
     came: bool,
     quiet_ns: u64,
-    /// How long samples have come while the newest accepted one stood still.
+    /// Time in which samples arrived without a change of the newest accepted one.
     still_ns: u64,
     newest_ns: Option<u64>,
-    /// The adapter's last word.
+    /// Last health message of the adapter.
     health: Option<AdapterHealth>,
-    /// What it received and refused between its last two words, and how old that is in looking time.
+    /// Samples received and refused between the last two health messages, and the observed time since the last.
     received: u64,
     refused: [u64; REASONS],
     heard_ns: u64,
 }
 
-/// An adapter speaks once a second; what it said is too old for a verdict after this.
+/// Maximum age of a health message, which is published once a second.
 const HEALTH_HOLDS_NS: u64 = 2_500_000_000;
 
 impl StreamWatch {
@@ -93,9 +93,9 @@ impl StreamWatch {
         self.wire.what
     }
 
-    /// Takes in an adapter's counts.
+    /// Ingests a health message.
     pub(super) fn hear(&mut self, health: &AdapterHealth) {
-        // A new process, or an adapter that was started again, counts from zero.
+        // A new process or a restarted adapter counts from zero.
         let before = self
             .health
             .filter(|before| before.process_id == health.process_id && before.received <= health.received);
@@ -107,7 +107,7 @@ impl StreamWatch {
         self.heard_ns = 0;
     }
 
-    /// Judges what is seen now.
+    /// Evaluates one interval.
     pub(super) fn look(&mut self, look: StreamLook) -> Verdict {
         self.heard_ns = self.heard_ns.saturating_add(look.gap_ns);
         if look.taken > 0 {
@@ -135,7 +135,7 @@ impl StreamWatch {
         }
     }
 
-    /// What is wrong, and what to do.
+    /// Description and advice for a verdict.
     pub(super) fn sentence(&self, verdict: Verdict) -> String {
         let Wire { what, check, refused, .. } = &self.wire;
         match verdict {
@@ -167,7 +167,7 @@ impl StreamWatch {
         }
     }
 
-    /// What was refused between the adapter's last two words, most first.
+    /// Refusals between the last two health messages, most frequent first.
     fn refusals(&self) -> Option<String> {
         let mut counted: Vec<(u64, &str)> = self
             .refused
@@ -201,7 +201,7 @@ mod tests {
         })
     }
 
-    /// So many looks with samples whose time grows by `step_ns` each look; the last verdict.
+    /// Evaluates `count` intervals with samples whose time increases by `step_ns` each; returns the last verdict.
     fn looks(watch: &mut StreamWatch, count: u64, taken: u64, step_ns: u64) -> Verdict {
         let mut verdict = Verdict::Fine;
         for _ in 0..count {
@@ -281,7 +281,7 @@ mod tests {
         let mut watch = watch();
         watch.hear(&heard(50, 0, 50));
         assert_eq!(looks(&mut watch, 100, 0, 0), Verdict::NeverCame);
-        // Five seconds on, that word is old.
+        // Five seconds later the health message is outdated.
         assert_eq!(watch.sentence(Verdict::NeverCame), "the suit has sent nothing yet: is it on?");
         watch.hear(&heard(90, 0, 90));
         let verdict = looks(&mut watch, 1, 0, 0);

@@ -2,15 +2,15 @@
 
 use crate::realtime;
 
-/// What the loop reads and sleeps on.
+/// Clock that the loop reads and sleeps on.
 pub trait Clock {
-    /// The time, ns.
+    /// The current time, ns.
     fn now_ns(&mut self) -> u64;
     /// Returns at an absolute time or later.
     fn sleep_until(&mut self, due_ns: u64);
 }
 
-/// CLOCK_MONOTONIC: the daemon's. Another clock lets a test run the same loop faster than time.
+/// CLOCK_MONOTONIC, the clock of the daemon. In tests another clock runs the same loop faster than real time.
 #[derive(Debug, Clone, Copy)]
 pub struct Monotonic;
 

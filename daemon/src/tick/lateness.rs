@@ -1,4 +1,4 @@
-//! What the loop did until it ended: which cycles were late, and whether every slot is accounted for.
+//! Statistics of the loop's run: late cycles, and whether every slot is accounted for.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use crate::schedule::Schedule;
 /// A cycle whose state was ready only after the next was due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Miss {
-    /// Its number, as in `CycleRecord::cycle`.
+    /// Number of the cycle, as in `CycleRecord::cycle`.
     pub cycle: u64,
     /// By how much its deadline was missed, ns.
     pub late_ns: u64,
@@ -19,19 +19,19 @@ impl fmt::Display for Miss {
     }
 }
 
-/// All misses of a loop, in as much memory as one. Every single one is in its cycle's own record.
+/// Summary of all misses of a loop in constant memory. Each single miss is in its cycle record.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Misses {
-    /// How many.
+    /// Number of misses.
     pub count: u64,
-    /// The last.
+    /// The last miss.
     pub last: Option<Miss>,
-    /// The latest, and of equally late ones the first.
+    /// The miss with the largest lateness; of equal ones the first.
     pub worst: Option<Miss>,
 }
 
 impl Misses {
-    /// Takes in when a cycle was ready; whether it missed its deadline.
+    /// Ingests the time at which a cycle was ready; returns whether it missed its deadline.
     pub fn judge(&mut self, cycle: u64, ready_ns: u64, deadline_ns: u64) -> bool {
         let late_ns = ready_ns.saturating_sub(deadline_ns);
         if late_ns == 0 {
@@ -47,16 +47,16 @@ impl Misses {
     }
 }
 
-/// What the loop did until it ended.
+/// Statistics of the loop's run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LoopSummary {
-    /// Cycles begun.
+    /// Number of cycles started.
     pub cycles: u64,
-    /// Slots of the schedule that passed without a cycle.
+    /// Slots of the schedule without a cycle.
     pub slots_skipped: u64,
-    /// Cycles whose state was ready only after the next was due.
+    /// Cycles whose state was ready only after the next cycle was due.
     pub deadlines_missed: u64,
-    /// The last of them and the latest.
+    /// The last and the worst miss.
     pub misses: Misses,
     /// From the first cycle's due time to the end of the last cycle, by the clock, ns.
     pub elapsed_ns: u64,
@@ -67,11 +67,11 @@ pub struct LoopSummary {
 }
 
 impl LoopSummary {
-    /// Of a loop whose last cycle ended at `ended_ns`; its schedule has gone on to a slot that was never begun.
+    /// For a loop whose last cycle ended at `ended_ns`; the schedule has advanced to a slot that was not started.
     pub(super) fn of(cycles: u64, misses: Misses, schedule: &Schedule, ended_ns: u64) -> LoopSummary {
         let (elapsed_ns, period_ns) = (ended_ns.saturating_sub(schedule.start_ns()), schedule.period_ns());
         let slots = cycles + schedule.slots_skipped();
-        // The last cycle ended in its own slot, or, if it was late, in the one that would have been next.
+        // The last cycle ended in its own slot or, if it was late, in the following one.
         let passed = elapsed_ns / period_ns;
         let by_the_clock = passed == slots || passed + 1 == slots;
         LoopSummary {

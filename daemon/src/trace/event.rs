@@ -1,14 +1,14 @@
-//! One cycle's events, and how an event is written (Trace Event Format: phases X, b, e, i, C and M; times in µs).
+//! Events of one cycle, and their encoding (Trace Event Format: phases X, b, e, i, C and M; times in µs).
 
 use core::fmt;
 
 use equipoise_core::message::{CommandKind, CycleRecord};
 use equipoise_latency::Stage;
 
-/// Everything is one process to the viewer.
+/// The viewer displays all tracks as one process.
 const PROCESS: u32 = 1;
 
-/// A thread's row. The number orders the rows.
+/// Row of a thread; the number determines the order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub(super) enum Track {
@@ -19,7 +19,7 @@ pub(super) enum Track {
 }
 
 impl Track {
-    /// The events that name process and rows.
+    /// Events that name the process and the rows.
     pub(super) fn names() -> impl Iterator<Item = String> {
         let process = format!(
             r#"{{"ph":"M","pid":{PROCESS},"tid":0,"name":"process_name","args":{{"name":"equipoise"}}}}"#
@@ -44,7 +44,7 @@ impl Track {
         std::iter::once(process).chain(rows.into_iter().flat_map(row))
     }
 
-    /// Whose thread ends a stage.
+    /// The track of the thread that completes a stage.
     fn of(stage: Stage) -> Track {
         match stage {
             Stage::SuitTransport | Stage::SuitAdapter | Stage::GroundTransport | Stage::GroundAdapter => {
@@ -57,25 +57,25 @@ impl Track {
     }
 }
 
-/// Whether a thread works in this stage; in the others something waits.
+/// Whether a thread works in this stage; the other stages are waiting times.
 fn is_work(stage: Stage) -> bool {
     matches!(stage, Stage::LoopIntake | Stage::LoopCompute | Stage::EgressPublish)
 }
 
-/// What is said of an event.
+/// Argument of an event.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Value {
     Whole(u64),
-    /// ns, told as µs.
+    /// ns, written as µs.
     Micros(u64),
     Text(&'static str),
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Phase {
-    /// A slice of a thread, ns long.
+    /// Slice of a thread; length in ns.
     Slice(u64),
-    /// Something that waits begins or ends to do so; the number ties both together.
+    /// Begin and end of a wait, matched by the number.
     Begins(u64),
     Ends(u64),
     Instant,
@@ -92,7 +92,7 @@ pub(super) struct Event {
     args: Vec<(&'static str, Value)>,
 }
 
-/// All events of a cycle in the order of their times; `before` is the record before it, if there is one.
+/// All events of a cycle in order of time; `before` is the previous record, if any.
 pub(super) fn events_of(record: &CycleRecord, before: Option<&CycleRecord>) -> Vec<Event> {
     let mut events = Vec::with_capacity(32);
     let cycle = ("cycle", Value::Whole(record.cycle));
@@ -119,7 +119,7 @@ pub(super) fn events_of(record: &CycleRecord, before: Option<&CycleRecord>) -> V
     }
     tell_what_happened(record, before, &mut events);
     count(record, &mut events);
-    // Stable: of two that begin at once the one that holds the other was put in first.
+    // The sort is stable: of two events that begin at once, the enclosing one was added first.
     events.sort_by_key(|event| event.at_ns);
     events
 }
@@ -138,7 +138,7 @@ fn tell_what_happened(record: &CycleRecord, before: Option<&CycleRecord>, events
         let name = kind.map_or(Value::Whole(record.command.into()), |kind| Value::Text(command_name(kind)));
         tell("command", record.compute_start_ns, Some(("command", name)));
     }
-    // Going back means that the daemon started anew.
+    // A decreasing number means that the daemon was restarted.
     let Some(before) = before.filter(|before| before.cycle < record.cycle) else { return };
     let skipped = record.slots_skipped.saturating_sub(before.slots_skipped);
     if skipped > 0 {
@@ -183,7 +183,7 @@ fn command_name(kind: CommandKind) -> &'static str {
     }
 }
 
-/// µs with all digits of the ns: a double would round the times of a machine that is up for months.
+/// µs with all digits of the ns: a double would round the times of a machine with an uptime of months.
 struct Micros(u64);
 
 impl fmt::Display for Micros {
@@ -197,13 +197,13 @@ impl fmt::Display for Value {
         match self {
             Value::Whole(number) => write!(f, "{number}"),
             Value::Micros(ns) => write!(f, "{}", Micros(*ns)),
-            // All texts are ours, and none needs an escape.
+            // All texts are constants that need no escaping.
             Value::Text(text) => write!(f, "\"{text}\""),
         }
     }
 }
 
-/// As one JSON object.
+/// The event as a JSON object.
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Event { phase, track, name, at_ns, args } = self;
@@ -218,7 +218,7 @@ impl fmt::Display for Event {
         write!(f, r#""ts":{}"#, Micros(*at_ns))?;
         match phase {
             Phase::Slice(length_ns) => write!(f, r#","dur":{}"#, Micros(*length_ns))?,
-            // Stage and cycle together name what waits.
+            // Stage and cycle together identify a wait.
             Phase::Begins(id) | Phase::Ends(id) => write!(f, r#","cat":"{name}","id":"{id:#x}""#)?,
             Phase::Instant => f.write_str(r#","s":"t""#)?,
             Phase::Counter => {}

@@ -10,7 +10,7 @@ use super::*;
 use crate::schedule::Schedule;
 
 const PERIOD_NS: u64 = 1_000_000;
-/// Up for months: a double of µs would lose the ns.
+/// An uptime of months: a double in µs would lose the ns.
 const START_NS: u64 = 91_000_000_000_000_123;
 
 /// Cycles 1 to 60 on the loop's own schedule with a stall in cycle 30; suit samples wait for each other in the adapter.
@@ -59,14 +59,14 @@ fn trace_of(records: &[CycleRecord], cycles: Option<RangeInclusive<u64>>) -> (Tr
     (summary, trace["traceEvents"].as_array().unwrap().clone())
 }
 
-/// The ns of a number of µs, as it was written.
+/// Parses a written number of µs to ns.
 fn ns(event: &Value, key: &str, text: &str) -> u64 {
     let (whole, rest) = text.split_once('.').unwrap_or_else(|| panic!("{key} of {event}"));
     assert_eq!(rest.len(), 3, "{key} of {event}");
     format!("{whole}{rest}").parse().unwrap()
 }
 
-/// Stages of cycles with both stamps as the trace has them: name and cycle to begin and length.
+/// Stages of cycles with both stamps, as in the trace: name and cycle to begin and length.
 fn spans(records: &[CycleRecord]) -> HashMap<(String, u64), (u64, u64)> {
     let mut spans = HashMap::new();
     for (index, record) in records.iter().enumerate() {
@@ -132,7 +132,7 @@ fn slices_of_a_thread_follow_or_hold_each_other() {
         slices += 1;
         let (from, length) = (event["ts"].as_f64().unwrap(), event["dur"].as_f64().unwrap());
         let stack = open.entry(event["tid"].as_u64().unwrap()).or_default();
-        // What has ended is off the stack; these times are whole ns up to a double's 16 ns here.
+        // Remove slices that have ended; times are exact to 16 ns in a double here.
         while stack.last().is_some_and(|(_, end)| *end <= from + 0.05) {
             stack.pop();
         }

@@ -1,17 +1,18 @@
-//! Crafts the files: small on the disk, vast to who believes them. Written by the formats' specifications, not by a library.
+//! Crafts the files: small on disk, huge by their declared sizes. Written by the formats' specifications, not by a
+//! library.
 
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
 const MCAP_MAGIC: &[u8] = b"\x89MCAP0\r\n";
-/// What a zstd block holds at most (RFC 8878, section 3.1.1.2.4), with the window that is written below.
+/// Maximum content of a zstd block (RFC 8878, section 3.1.1.2.4), with the window written below.
 const BLOCK_BYTES: usize = 128 << 10;
 
 /// The content of a chunk as a zstd frame (RFC 8878): runs of one byte are blocks of four bytes.
 #[derive(Default)]
 pub(crate) struct Chunk {
-    /// Every block's kind, its length, and what it holds.
+    /// Kind, length and content of every block.
     blocks: Vec<(u32, u32, Vec<u8>)>,
     length: usize,
 }
@@ -31,7 +32,7 @@ impl Chunk {
         self.length += count;
     }
 
-    /// A schema with a text of so many bytes.
+    /// A schema with a text of this length.
     pub(crate) fn schema(&mut self, id: u16, text_bytes: usize) {
         let mut body = id.to_le_bytes().to_vec();
         body.extend(text("n"));
@@ -42,7 +43,7 @@ impl Chunk {
         self.repeat(b' ', text_bytes);
     }
 
-    /// A channel with a topic of so many bytes.
+    /// A channel with a topic of this length.
     pub(crate) fn channel(&mut self, id: u16, topic_bytes: usize) {
         let mut begin = id.to_le_bytes().to_vec();
         begin.extend([0, 0]);
@@ -60,7 +61,7 @@ impl Chunk {
         self.raw(&body);
     }
 
-    /// So many empty messages of a channel.
+    /// This number of empty messages of a channel.
     pub(crate) fn messages(&mut self, channel: u16, count: usize) {
         let body = [channel.to_le_bytes().to_vec(), vec![0; 20]].concat();
         let message = [record_head(0x05, body.len()), body].concat();
@@ -89,7 +90,7 @@ impl Mcap {
         Mcap(file)
     }
 
-    /// Says that it is one of ours, by the configuration that it was made with.
+    /// Marks it as an Equipoise file, by an embedded configuration.
     pub(crate) fn our_head(&mut self) {
         let config = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n\
                       [subject]\nid = \"anon-1\"\nheight_m = 1.7\n";
@@ -112,7 +113,7 @@ impl Mcap {
         self.0.write_all(&body).unwrap();
     }
 
-    /// An attachment of so many zeros, which take no room on the disk.
+    /// An attachment of this many zeros, sparse on disk.
     pub(crate) fn attachment(&mut self, name: &str, length: usize) {
         self.attachment_of(name, length, |file| {
             file.seek(SeekFrom::Current(length as i64)).unwrap();
@@ -163,20 +164,20 @@ impl Pcap {
         }
     }
 
-    /// A packet of zeros, which take no room on the disk.
+    /// A packet of zeros, sparse on disk.
     pub(crate) fn packet_of_nothing(&mut self, length: usize) {
         self.packet_head(length);
         self.0.seek(SeekFrom::Current(length as i64)).unwrap();
     }
 
-    /// The last fragment of a datagram of 64 KiB whose others never come (RFC 791).
+    /// The last fragment of a datagram of 64 KiB whose other fragments never arrive (RFC 791).
     pub(crate) fn last_fragment(&mut self, number: u32) {
         let mut packet = vec![0x45, 0, 0, 28];
         packet.extend(&number.to_be_bytes()[2..]);
-        // 8 bytes at 65512, nothing behind them.
+        // 8 bytes at 65512, nothing after them.
         packet.extend((65_512_u16 / 8).to_be_bytes());
         packet.extend([64, 17, 0, 0, 10, 0]);
-        // Another sender each time: no two are of one datagram.
+        // A different sender each time: no two belong to one datagram.
         packet.extend(&number.to_be_bytes()[1..3]);
         packet.extend([10, 1, 0, 1]);
         packet.extend([0; 8]);
@@ -185,15 +186,15 @@ impl Pcap {
     }
 
     pub(crate) fn end(mut self) {
-        // What was passed over at the end is there, too.
+        // Extends the file over the sparse bytes at the end.
         let length = self.0.stream_position().unwrap();
         self.0.get_mut().set_len(length).unwrap();
     }
 
-    /// A pcapng file that is one block of a kind nobody knows.
+    /// A pcapng file that is one block of an unknown type.
     pub(crate) fn one_block_of(path: &Path, length: usize) {
         let mut file = File::create(path).unwrap();
-        // The section's head.
+        // The section header.
         for word in [0x0a0d_0d0a_u32, 28, 0x1a2b_3c4d, 1, u32::MAX, u32::MAX, 28, 0x0bad_0bad, length as u32]
         {
             file.write_all(&word.to_le_bytes()).unwrap();

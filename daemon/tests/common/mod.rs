@@ -1,4 +1,4 @@
-//! A station of its own for a test: bus, state directory and ports that no other has.
+//! A separate station for each test, with its own bus, state directory and ports.
 #![allow(
     dead_code,
     clippy::allow_attributes,
@@ -19,7 +19,7 @@ pub(crate) fn equipoise() -> Command {
     Command::new(env!("CARGO_BIN_EXE_equipoise"))
 }
 
-/// A file of the reference data; `None`, with a word, where they are not there.
+/// A file of the reference data; `None`, with a message, if they are absent.
 pub(crate) fn shared(path: &str) -> Option<PathBuf> {
     let shared = std::env::var_os("EQUIPOISE_SHARED")
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")), PathBuf::from);
@@ -41,7 +41,7 @@ pub(crate) fn human_motion_config() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/human-motion.toml"))
 }
 
-/// What a program said, for messages.
+/// Output of a program, for messages.
 pub(crate) fn said(output: &Output) -> String {
     format!(
         "{:?}\n{}{}",
@@ -51,7 +51,8 @@ pub(crate) fn said(output: &Output) -> String {
     )
 }
 
-/// A simulated person on ports of their own, and the configuration of a daemon that hears them. It ends within `[subject]`.
+/// A simulated person on separate ports, and the configuration of a daemon that receives them. It ends within
+/// `[subject]`.
 pub(crate) fn person() -> (SimulationHandle, String) {
     let suit = free_address().unwrap();
     let mut settings = SimulationSettings::default();
@@ -80,7 +81,7 @@ height_m = 1.77
     (simulation, config)
 }
 
-/// A daemon on a bus of its own. Dropped, it is ended.
+/// A daemon on its own bus. Dropping it ends it.
 pub(crate) struct Station {
     /// Bus, state and files; removed at the end.
     pub(crate) directory: tempfile::TempDir,
@@ -90,14 +91,14 @@ pub(crate) struct Station {
 const NAME: &str = "test";
 
 impl Station {
-    /// Starts the daemon with a configuration whose station is `test`, and waits until it says that it runs.
+    /// Starts the daemon with a configuration whose station is `test`, and waits until it reports that it runs.
     pub(crate) fn start(config: &str) -> Station {
         Station::start_with(config, &[], |_| {})
     }
 
-    /// The same with more options of `run`, and a state directory in which `prepare` has put something.
+    /// The same with more options of `run`, and a state directory prepared by `prepare`.
     pub(crate) fn start_with(config: &str, options: &[&str], prepare: impl FnOnce(&Path)) -> Station {
-        // Sockets lie in it: the path must be short.
+        // It contains sockets: the path must be short.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").unwrap();
         let file = directory.path().join("config.toml");
         std::fs::write(&file, config).unwrap();
@@ -139,7 +140,7 @@ impl Station {
         command
     }
 
-    /// Has the daemon read another configuration, and waits until it is in force.
+    /// Reloads the daemon with another configuration, and waits until it is active.
     pub(crate) fn reload(&self, config: &str) {
         let status = self.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
         let before = std::fs::read_to_string(&status).unwrap();
@@ -174,7 +175,8 @@ impl Drop for Station {
     }
 }
 
-/// iceoryx2 leaves 16 bytes behind for each root of a bus, outside the temporary directory; what is killed leaves more.
+/// iceoryx2 leaves 16 bytes behind for each root of a bus, outside the temporary directory; killed processes leave
+/// more.
 pub(crate) fn remove_shared_memory(root: &Path) {
     let prefix = equipoise_bus::root::shared_memory_prefix(root);
     for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {

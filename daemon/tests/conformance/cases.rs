@@ -1,4 +1,4 @@
-//! The adapters that are asked, each with its device, and what cannot be asked of it.
+//! The tested adapters, each with its device, and checks that are not applicable.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -34,38 +34,38 @@ use equipoise_simulator::wires::text::Style;
 use crate::person::Person;
 use crate::questions::Question;
 
-/// A device, and what of it is under the person.
+/// A device, and its parts under the person.
 pub(crate) struct Built {
     pub(crate) device: Box<dyn Device>,
     pub(crate) ground: Ground,
 }
 
-/// One adapter to ask.
+/// One tested adapter.
 #[derive(Clone, Copy)]
 pub(crate) struct Case {
-    /// As in the configuration, with what is special.
+    /// Its name in the configuration, with special conditions.
     pub(crate) name: &'static str,
     pub(crate) build: fn(&Path, &Arc<Person>) -> Built,
     pub(crate) rate_hz: f64,
-    /// How much a sample may be sent later than it was measured, s.
+    /// Maximum delay from measurement to sending, s.
     pub(crate) jitter_s: f64,
-    /// Newtons and metres that a sample may be off.
+    /// Tolerances of a sample, N and m.
     pub(crate) tolerance: (f64, f64),
-    /// Each foot is told by itself.
+    /// Each foot is reported separately.
     pub(crate) feet: bool,
-    /// Share of packets that are lost.
+    /// Fraction of lost packets.
     pub(crate) loss: f64,
-    /// What happens to packets while garbage is asked about.
+    /// Faults of packets in the garbage check.
     pub(crate) garbage: Faults,
-    /// The reasons under which that must be counted.
+    /// The refusal reasons under which they must be counted.
     pub(crate) reasons: &'static [&'static str],
     pub(crate) not_asked: &'static [(Question, &'static str)],
-    /// A speed at which the device does not speak, or why none can be configured.
+    /// A baud rate other than the device's, or the reason why none can be configured.
     pub(crate) wrong_baud: Result<u32, &'static str>,
 }
 
 impl Case {
-    /// The reason why a question cannot be asked.
+    /// The reason why a check is not applicable.
     pub(crate) fn why_not(&self, question: Question) -> Option<&'static str> {
         let speed = self.wrong_baud.err().filter(|_| question == Question::Speed);
         speed.or_else(|| self.not_asked.iter().find(|(not, _)| *not == question).map(|(_, reason)| *reason))
@@ -193,7 +193,7 @@ pub(crate) const CASES: &[Case] = &[
         build: tec_gihan,
         wrong_baud: Ok(115_200),
         rate_hz: 2500.0,
-        // A tenth of a newton, and of a hundredth of a newton metre.
+        // Resolution: a tenth of a newton, and a hundredth of a newton metre.
         not_asked: &[
             (Question::Loss, HOST_POLLS),
             (Question::Garbage, NO_FRAMES),
@@ -206,7 +206,7 @@ pub(crate) const CASES: &[Case] = &[
         build: moticon,
         feet: true,
         rate_hz: 100.0,
-        // A tenth of a newton, a ten-thousandth of the insole.
+        // Resolution: a tenth of a newton, a ten-thousandth of the insole.
         garbage: Faults { garbage: 0.1, truncate: 0.1, duplicate: 0.1, ..NOTHING },
         reasons: &["fields"],
         ..CASE
@@ -223,7 +223,7 @@ pub(crate) const CASES: &[Case] = &[
         name: "text, TCP",
         build: text_tcp,
         rate_hz: 100.0,
-        // Lines without their prefix are passed over; a cut one is refused.
+        // Lines without their prefix are ignored; a truncated one is refused.
         garbage: Faults { garbage: 0.1, truncate: 0.1, chop: 1.0, ..NOTHING },
         reasons: &["fields"],
         ..CASE
@@ -272,7 +272,7 @@ pub(crate) const CASES: &[Case] = &[
 ];
 
 fn serial(folder: &Path, seed: u64) -> Line {
-    // The device itself sets its speed.
+    // The device itself sets its baud rate.
     Line::new(Box::new(SerialPort::new(&folder.join("plate"), 9600).unwrap()), seed)
 }
 
@@ -338,7 +338,7 @@ fn lsl(_: &Path, _: &Arc<Person>) -> Built {
 }
 
 fn lsl_found(_: &Path, _: &Arc<Person>) -> Built {
-    // Nobody else's: other tests may run beside this one.
+    // A unique name: other tests may run at the same time.
     let name = format!("Plate of process {}", std::process::id());
     one(Lsl::bind(&name, loopback(), Z_UP(), 100.0, true, 16).unwrap(), Z_UP())
 }
@@ -356,7 +356,7 @@ fn loopback() -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 0))
 }
 
-/// Somewhere in the room, turned, its sensor below its surface.
+/// A plate displaced and rotated, its sensor below its surface.
 fn plate() -> Plate {
     Plate { origin_m: [0.15, -0.08, -0.04], yaw_rad: 0.35, surface_height_m: 0.04, ..Plate::default() }
 }
@@ -369,7 +369,7 @@ fn one(device: impl Device + 'static, mounting: Mounting) -> Built {
 }
 
 fn axia(_: &Path, _: &Arc<Person>) -> Built {
-    // Counts of another size than the configuration would have by default.
+    // A count scale other than the configuration's default.
     let counted = Plate { counts_per_unit: [5e5, 2e6], ..plate() };
     let mounting = || Mounting { plate: counted, ..Mounting::default() };
     let device = AtiRdt::bind(loopback(), loopback(), mounting(), Family::Axia, 1000.0, 9).unwrap();

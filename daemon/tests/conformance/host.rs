@@ -1,4 +1,4 @@
-//! Our side: the sources of the daemon, opened from a configuration, and what their samples say beside the truth.
+//! The host side: the daemon's sources, opened from a configuration, and their samples compared with the truth.
 
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::source::SuitSource;
@@ -12,12 +12,12 @@ use equipoise_simulator::suit_sender::Streams;
 
 use crate::person::Person;
 
-/// A station's configuration with one section of interest; the other side is somebody else's.
+/// A station's configuration with one tested section; the other side is external.
 fn whole(section: &str) -> String {
     let rest = if section.starts_with("[suit]") {
         "[ground]\nsource = \"external\"\n"
     } else {
-        // A LabAmp at 1 kHz gathers its scans for 100 ms; the daemon would not take that beside a suit without delay.
+        // A LabAmp at 1 kHz collects its scans for 100 ms; the daemon would reject that next to a suit without delay.
         "[suit]\nsource = \"external\"\nlatency_ms = 60.0\n"
     };
     format!("station = \"conformance\"\n{rest}[subject]\nid = \"anon-1\"\nheight_m = 1.77\n{section}")
@@ -30,7 +30,7 @@ pub(crate) enum Host {
 }
 
 impl Host {
-    /// Opens what a section asks for.
+    /// Opens the source that a section configures.
     pub(crate) fn open(section: &str) -> Result<Host, String> {
         let text = whole(section);
         let config = Config::parse(&text, "conformance.toml").map_err(|error| format!("{error}\n{text}"))?;
@@ -42,7 +42,7 @@ impl Host {
         Ok(Host::Ground(Ground::open(&config.ground).map_err(|error| error.to_string())?))
     }
 
-    /// What comes within a short while.
+    /// Samples that arrive within a short time.
     pub(crate) fn receive(&mut self) -> Result<Vec<Sample>, String> {
         match self {
             Host::Ground(source) => {
@@ -57,7 +57,7 @@ impl Host {
         }
     }
 
-    /// What was refused, by reason, and what was lost, as the bus hears of it.
+    /// Refused samples, by reason, and lost ones, as published on the bus.
     pub(crate) fn health(&mut self) -> AdapterHealth {
         match self {
             Host::Ground(source) => source.health(),
@@ -65,7 +65,7 @@ impl Host {
         }
     }
 
-    /// The names of the reasons for which something was refused, with how often, in their order.
+    /// Names of the refusal reasons that occurred, with their counts, in their order.
     pub(crate) fn refused(&mut self) -> Vec<(&'static str, u64)> {
         let counts = self.health().refused;
         let names: Vec<&'static str> = match self {
@@ -75,7 +75,7 @@ impl Host {
         names.into_iter().zip(counts).filter(|(_, count)| *count > 0).collect()
     }
 
-    /// What it says is wrong.
+    /// Its present fault message.
     pub(crate) fn trouble(&self) -> Option<String> {
         match self {
             Host::Ground(source) => source.trouble(),
@@ -84,22 +84,22 @@ impl Host {
     }
 }
 
-/// What came.
+/// A received sample.
 #[derive(Debug)]
 pub(crate) enum Sample {
     Ground(GroundSample),
     Suit(Box<SuitSample>),
 }
 
-/// How far a sample may be off the truth: force (N), centre of pressure (m) or place (m).
+/// Tolerance of a sample: force (N), centre of pressure or position (m).
 pub(crate) struct Tolerance {
     pub(crate) force_n: f64,
     pub(crate) cop_m: f64,
-    /// Each foot must be told by itself.
+    /// Each foot must be reported separately.
     pub(crate) feet: bool,
 }
 
-/// Single precision on the wire, and what a person turns while a sample time is 1 ms wrong.
+/// Single precision on the wire, and the person's rotation within a sample time error of 1 ms.
 const TURN_RAD: f64 = 0.01;
 
 impl Sample {
@@ -125,7 +125,7 @@ impl Sample {
         }
     }
 
-    /// What is wrong with it, beside the truth of its own time.
+    /// Its deviation from the truth at its own sample time.
     pub(crate) fn wrong(&self, person: &Person, start_ns: u64, tolerance: &Tolerance) -> Option<String> {
         let time_s = (self.time_ns() as f64 - start_ns as f64) * 1e-9;
         match self {

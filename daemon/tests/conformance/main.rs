@@ -1,7 +1,8 @@
-//! The same questions for every adapter, through its real transport, with the simulator's device at the other end and the
-//! very section of a configuration that a user would write.
+//! The same checks for every adapter, through its real transport, with the simulator's device at the other end and the
+//! configuration section that a user would write.
 //!
-//! The answers are a table; `docs/sensors/README.md` has a copy, which must be true (`EQUIPOISE_WRITE=1` writes it anew).
+//! The results are a table; `docs/sensors/README.md` contains a copy, which must be current (`EQUIPOISE_WRITE=1`
+//! rewrites it).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 mod cases;

@@ -1,4 +1,4 @@
-//! The one synthetic person that all devices feel: standing, swaying, leaning against something.
+//! The one simulated human on all devices: standing, swaying, pushing against an object.
 
 use std::sync::Arc;
 
@@ -10,17 +10,17 @@ use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame_at};
 use equipoise_simulator::wire::SuitFrame;
 use nalgebra::{Vector2, Vector3};
 
-/// The person's motion repeats after so long, s …
+/// Period of the person's motion, s …
 const SPAN_S: f64 = 60.0;
-/// … and is known at so many instants a second; in between it is drawn straight.
+/// … sampled at this rate and interpolated linearly.
 const INSTANTS_HZ: f64 = 50.0;
-/// Where each foot presses, from its ankle, m.
+/// Pressure point of each foot, from its ankle, m.
 const PRESS_M: [Vector2<f64>; 2] = [Vector2::new(0.05, 0.004), Vector2::new(0.035, -0.006)];
-/// What the ground does besides, because the person leans against something: shear on each foot, N, and a turn, N m.
+/// External horizontal force of the push: shear on each foot, N, and a free moment, N m.
 const LEAN_N: [f64; 3] = [24.0, -11.0, 0.0];
 const TURN_NM: f64 = 4.0;
 
-/// The person, and what its feet bear.
+/// The simulated human and the load on its feet.
 pub(crate) struct Person {
     worker: Worker,
     suit: Suit,
@@ -47,13 +47,13 @@ impl Person {
         Person { worker, suit: Suit::new(SuitNoise::NONE, 7), on_feet }
     }
 
-    /// Where in the motion a time is: there and back again, so that nothing leaps.
+    /// Maps a time into the motion, played forwards and backwards, so that it is continuous.
     fn folded_s(time_s: f64) -> f64 {
         let folded = time_s.rem_euclid(2.0 * SPAN_S);
         folded.min(2.0 * SPAN_S - folded)
     }
 
-    /// What the feet bear at a time.
+    /// Load on the feet at a time.
     pub(crate) fn on_feet(&self, time_s: f64) -> OnFeet {
         let place = Person::folded_s(time_s) * INSTANTS_HZ;
         let (index, share) = ((place as usize).min(self.on_feet.len() - 2), place.fract());
@@ -62,7 +62,7 @@ impl Person {
             force_n: a.wrench[k].force_n.lerp(&b.wrench[k].force_n, share),
             moment_nm: a.wrench[k].moment_nm.lerp(&b.wrench[k].moment_nm, share),
         };
-        // The soles change too little in a fiftieth of a second to draw them.
+        // The soles change too little within a fiftieth of a second to require interpolation.
         OnFeet { wrench: [mix(0), mix(1)], soles: a.soles }
     }
 
@@ -72,14 +72,14 @@ impl Person {
         Arc::new(move |time_s| person.on_feet(time_s))
     }
 
-    /// What a suit without error sees.
+    /// Frame of a suit without error.
     pub(crate) fn seen(&self, streams: Streams, time_s: f64, counter: u32, device_ms: u32) -> SuitFrame {
         let time_s = 1.0 + Person::folded_s(time_s);
         let world = SuitWorld::default();
         frame_at(&self.worker, &self.suit, world, streams, 0, time_s, (counter, device_ms))
     }
 
-    /// As MVN introduces it.
+    /// Identity and calibration datagrams of MVN.
     pub(crate) fn introduction(&self) -> Vec<Vec<u8>> {
         equipoise_simulator::wire::introduction(self.worker.person(), 0).unwrap()
     }

@@ -1,4 +1,4 @@
-//! The questions, each asked in its turn of one running device.
+//! The checks, each performed in turn on one running device.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::cases::Case;
 use crate::person::Person;
 use crate::rig::Rig;
 
-/// What is asked, in this order.
+/// The checks, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Question {
     Rate,
@@ -33,7 +33,7 @@ impl Question {
         Question::Speed,
     ];
 
-    /// The head of its column.
+    /// Title of its column.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Question::Rate => "sample rate",
@@ -48,13 +48,13 @@ impl Question {
     }
 }
 
-/// What a cell says, or what is wrong.
+/// Text of a cell, or the failure.
 pub(crate) type Answer = Result<String, String>;
 
-/// Samples after which everything that was under way has come.
+/// Number of samples after which all pending ones have arrived.
 const SETTLED: usize = 30;
 
-/// Asks all; an error is one of the rig itself.
+/// Performs all checks; an error is one of the rig itself.
 pub(crate) fn ask(case: &Case, person: &Arc<Person>) -> Result<Vec<(Question, Answer)>, String> {
     let mut rig = Rig::start(case, person)?;
     let mut answers = Vec::new();
@@ -75,7 +75,7 @@ pub(crate) fn ask(case: &Case, person: &Arc<Person>) -> Result<Vec<(Question, An
                 Question::Speed => speed(case, person),
             },
         ));
-        // Where nothing comes at all, waiting for more is in vain.
+        // Without any sample, waiting for more is futile.
         if rig.samples.is_empty() {
             break;
         }
@@ -87,7 +87,7 @@ fn yes_unless(wrong: Option<String>) -> Answer {
     wrong.map_or_else(|| Ok("yes".into()), Err)
 }
 
-/// By the samples' own times: as many a second as the device measures. Undisturbed, it begins no session anew.
+/// By the sample times: as many a second as the device measures. Without a disturbance no new session begins.
 fn rate(case: &Case, rig: &mut Rig<'_>) -> Answer {
     rig.more("the first samples", SETTLED)?;
     let first = rig.samples.len();
@@ -110,21 +110,21 @@ fn rate(case: &Case, rig: &mut Rig<'_>) -> Answer {
     }
 }
 
-/// Every sample so far says what the person does: force, centre of pressure, turn.
+/// Every sample so far agrees with the person's truth: force, centre of pressure, free moment.
 fn truth(case: &Case, rig: &mut Rig<'_>) -> Answer {
     let first = rig.samples.len();
     rig.more("samples to compare", (case.rate_hz * 0.5) as usize)?;
     yes_unless(rig.wrong_since(first.saturating_sub((case.rate_hz * 0.5) as usize)))
 }
 
-/// As many as the way lost, no more and no fewer.
+/// The lost count equals the packets lost on the connection.
 fn loss(case: &Case, rig: &mut Rig<'_>) -> Answer {
     let (before, suffered_before) = rig.lost();
     rig.set_faults(Faults { loss: case.loss, ..Faults::default() });
     rig.while_measured("samples of which some are lost", (case.rate_hz * 1.5) as u64)?;
     rig.until("a lost sample", |rig| rig.device.suffered().lost > suffered_before.lost)?;
     rig.set_faults(Faults::default());
-    // So many that those behind the last lost one have come.
+    // Enough for samples after the last lost one to arrive.
     rig.while_measured("samples behind the lost ones", (case.rate_hz * 0.25) as u64)?;
     rig.more("samples behind the lost ones", SETTLED)?;
     let (after, suffered) = rig.lost();
@@ -132,14 +132,14 @@ fn loss(case: &Case, rig: &mut Rig<'_>) -> Answer {
     if told == is { Ok("yes".into()) } else { Err(format!("{told} are told, {is} were lost")) }
 }
 
-/// What comes after garbage is as good as before.
+/// Samples after garbage are as accurate as before.
 fn garbage(case: &Case, rig: &mut Rig<'_>) -> Answer {
     let before = rig.device.suffered().garbage;
     rig.set_faults(case.garbage);
     rig.until("garbage", |rig| rig.device.suffered().garbage > before)?;
     rig.while_measured("samples with garbage between them", (case.rate_hz * 1.5) as u64)?;
     rig.set_faults(Faults::default());
-    // What was cut goes on into the next.
+    // A truncated packet continues into the next.
     rig.while_measured("the end of the garbage", (case.rate_hz * 0.1) as u64 + 3)?;
     rig.more("samples after garbage", SETTLED)?;
     let first = rig.samples.len();
@@ -150,7 +150,7 @@ fn garbage(case: &Case, rig: &mut Rig<'_>) -> Answer {
 /// Each reason that the case expects was counted.
 fn reasons(case: &Case, rig: &mut Rig<'_>) -> Answer {
     let refused = rig.host.refused();
-    // Of some noise it is luck as what it is refused.
+    // For some noise the refusal reason is random.
     let counted =
         |reasons: &&str| reasons.split(" or ").any(|reason| refused.iter().any(|(name, _)| *name == reason));
     match case.reasons.iter().find(|reason| !counted(reason)) {
@@ -159,7 +159,7 @@ fn reasons(case: &Case, rig: &mut Rig<'_>) -> Answer {
     }
 }
 
-/// Pulled out and plugged in, it goes on, and says the truth.
+/// After disconnection and reconnection it resumes with correct samples.
 fn reconnect(case: &Case, rig: &mut Rig<'_>) -> Answer {
     rig.device.plug(false);
     rig.while_measured("its absence", (case.rate_hz * 0.7) as u64)?;
@@ -170,7 +170,7 @@ fn reconnect(case: &Case, rig: &mut Rig<'_>) -> Answer {
     yes_unless(rig.wrong_since(first))
 }
 
-/// No sample of a session is older than the one before it.
+/// No sample of a session is older than the previous one.
 fn monotone(rig: &Rig<'_>) -> Answer {
     let timed: Vec<_> = rig.samples.iter().filter(|sample| sample.is_timed()).collect();
     let falls = timed
@@ -182,7 +182,8 @@ fn monotone(rig: &Rig<'_>) -> Answer {
     }))
 }
 
-/// A host at another speed hears noise, and says that the speed may be wrong, which it is, and what is usual.
+/// A host at another baud rate receives noise, and its message suggests a wrong baud rate, the configured one, and the
+/// usual one.
 fn speed(case: &Case, person: &Arc<Person>) -> Answer {
     let baud = case.wrong_baud?;
     let keys = format!("[ground.serial]\nbaud = {baud}\n");

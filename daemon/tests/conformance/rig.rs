@@ -1,4 +1,4 @@
-//! One device and one host, and what came so far.
+//! One device and one host, and the samples received so far.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use crate::cases::{Built, Case};
 use crate::host::{Host, Sample, Tolerance};
 use crate::person::Person;
 
-/// Nothing is waited for longer.
+/// Time limit of every wait.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 pub(crate) struct Rig<'a> {
@@ -40,7 +40,7 @@ impl<'a> Rig<'a> {
         let section = other(device.config());
         let start_ns = monotonic_ns();
         let pace = Pace { start_ns, drift_ppm: 40.0, jitter_s: case.jitter_s, noise: None, seed: 5 };
-        // The host listens first where the device sends of itself, and asks first where the device answers.
+        // The host opens first if the device sends unsolicited, and second if the device answers.
         let device =
             Running::start(device, ground, person.load(), pace).map_err(|error| error.to_string())?;
         let host = Host::open(&section)?;
@@ -48,7 +48,7 @@ impl<'a> Rig<'a> {
         Ok(Rig { host, device, samples: Vec::new(), person, start_ns, tolerance, _folder: folder })
     }
 
-    /// Receives until something is so.
+    /// Receives until a condition holds.
     pub(crate) fn until(&mut self, what: &str, so: impl Fn(&Rig<'_>) -> bool) -> Result<(), String> {
         let begun = Instant::now();
         while !so(self) {
@@ -67,25 +67,25 @@ impl<'a> Rig<'a> {
         Ok(())
     }
 
-    /// Receives so many samples more.
+    /// Receives this many more samples.
     pub(crate) fn more(&mut self, what: &str, count: usize) -> Result<(), String> {
         let enough = self.samples.len() + count;
         self.until(what, |rig| rig.samples.len() >= enough)
     }
 
-    /// Receives so many samples more whose time is known.
+    /// Receives this many more samples with a fitted time.
     pub(crate) fn more_timed(&mut self, what: &str, count: usize) -> Result<(), String> {
         let from = self.samples.len();
         self.until(what, |rig| rig.samples[from..].iter().filter(|sample| sample.is_timed()).count() >= count)
     }
 
-    /// Receives while the device measures so many samples more.
+    /// Receives while the device measures this many more samples.
     pub(crate) fn while_measured(&mut self, what: &str, count: u64) -> Result<(), String> {
         let enough = self.device.measured() + count;
         self.until(what, |rig| rig.device.measured() >= enough)
     }
 
-    /// What is wrong with the samples from a place on.
+    /// Deviations of the samples from an index on.
     pub(crate) fn wrong_since(&self, first: usize) -> Option<String> {
         let mut timed = self.samples[first..].iter().filter(|sample| sample.is_timed()).peekable();
         if timed.peek().is_none() {
@@ -94,7 +94,7 @@ impl<'a> Rig<'a> {
         timed.find_map(|sample| sample.wrong(self.person, self.start_ns, &self.tolerance))
     }
 
-    /// Counted by both sides: lost by us, suffered by the device's.
+    /// Counts of both sides: lost by the host's, suffered by the device's.
     pub(crate) fn lost(&mut self) -> (u64, Suffered) {
         (self.host.health().lost, self.device.suffered())
     }

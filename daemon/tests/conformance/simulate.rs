@@ -1,4 +1,5 @@
-//! `equipoise simulate --ground` of the real program: what it prints is a configuration, and what it sends fits it.
+//! `equipoise simulate --ground` of the real program: its output is a configuration, and the data that it sends match
+//! it.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -9,11 +10,11 @@ use equipoise_simulator::ports::free_address;
 
 use crate::host::{Host, Sample};
 
-/// Nothing is waited for longer.
+/// Time limit of every wait.
 const PATIENCE: Duration = Duration::from_secs(15);
 const MASS_KG: f64 = 72.0;
 
-/// Ends the program that it holds, and no other.
+/// Ends the program that it started, and no other.
 struct Program(Child);
 
 impl Drop for Program {
@@ -23,7 +24,7 @@ impl Drop for Program {
     }
 }
 
-/// Starts the program; the section that it prints.
+/// Starts the program; returns the section that it prints.
 fn started(arguments: &[&str]) -> (Program, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
     command
@@ -47,7 +48,7 @@ fn started(arguments: &[&str]) -> (Program, String) {
     (program, section)
 }
 
-/// The mean weight of the first samples by what was printed.
+/// The mean weight of the first samples with the printed configuration.
 fn weight_n(arguments: &[&str]) -> Result<f64, String> {
     let (_program, section) = started(arguments);
     let mut host = Host::open(section.trim_start())?;
@@ -96,7 +97,7 @@ fn every_device_can_be_simulated_from_the_command_line() {
     for asked in asking {
         let (words, weight_n) = asked.join().unwrap();
         let weight_n = weight_n.unwrap_or_else(|error| panic!("{words}: {error}"));
-        // A person who takes poses moves; on the whole the ground bears the weight.
+        // The human moves between poses; on average the ground carries the weight.
         let share = weight_n / (MASS_KG * GRAVITY_M_PER_S2);
         assert!((0.9..1.1).contains(&share), "{words}: {weight_n} N");
     }

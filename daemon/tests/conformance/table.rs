@@ -1,11 +1,11 @@
-//! The answers as a table, and its copy in the documents.
+//! The results as a table, and its copy in the documents.
 
 use std::path::Path;
 
 use crate::cases::Case;
 use crate::questions::{Answer, Question};
 
-/// One adapter's answers.
+/// One adapter's results.
 pub(crate) struct Row<'a> {
     pub(crate) case: &'a Case,
     pub(crate) answers: Result<Vec<(Question, Answer)>, String>,
@@ -28,7 +28,7 @@ impl Row<'_> {
     }
 }
 
-/// Markdown: adapters down, questions across, and why some are not asked.
+/// Markdown: adapters as rows, checks as columns, and the reasons for checks that are not applicable.
 pub(crate) fn written(rows: &[Row<'_>]) -> String {
     let mut notes = Vec::new();
     let titles: Vec<_> = Question::ALL.iter().map(|question| question.title()).collect();
@@ -43,7 +43,7 @@ pub(crate) fn written(rows: &[Row<'_>]) -> String {
     text + "\n"
 }
 
-/// Everything that is not as it should be, a sentence each.
+/// All failures, one sentence each.
 pub(crate) fn wrong(rows: &[Row<'_>]) -> Vec<String> {
     let mut wrong = Vec::new();
     for row in rows {

@@ -1,4 +1,4 @@
-//! Adapters as processes of their own, and their deaths.
+//! Adapters as separate processes, and their termination.
 
 use equipoise_core::message::Validity;
 use rustix::process::Signal;
@@ -8,7 +8,7 @@ use crate::eyes::Eyes;
 use crate::process::{Process, wait_for};
 use crate::station::Station;
 
-/// The same station for the daemon: both sources come from elsewhere.
+/// The same station for the daemon: both sources are external.
 pub(crate) fn external(station: &Station) -> String {
     station.configuration().replace("\"mvn-udp\"", "\"external\"").replace("\"ati-rdt\"", "\"external\"")
 }
@@ -51,7 +51,7 @@ fn a_killed_adapter_is_seen_as_silence_and_its_successor_is_heard() {
     assert_eq!(status["adapters"][0]["process_id"], suit.id(), "{status}");
     assert_eq!(status["adapters"][1]["process_id"], ground.id(), "{status}");
 
-    // The daemon dies instead: the adapters go on and are heard by the next one.
+    // The daemon dies instead: the adapters continue and the next daemon receives them.
     daemon.kill();
     let mut daemon = station.daemon(&external(&station));
     let old = eyes.state.cycle;
@@ -80,7 +80,7 @@ fn an_adapter_of_an_external_source_ends_without_failure_and_says_why() {
     }
 }
 
-/// The sockets of a process that are no Unix sockets.
+/// The sockets of a process other than Unix sockets.
 fn network_sockets(process: u32) -> Vec<String> {
     let unix = std::fs::read_to_string("/proc/self/net/unix").expect("the kernel's table of Unix sockets");
     let entries = std::fs::read_dir(format!("/proc/{process}/fd")).expect("its descriptors");
@@ -142,14 +142,14 @@ fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_dae
         });
     };
 
-    // A configuration that is refused changes nothing.
+    // A refused configuration changes nothing.
     station.write("live.toml", &text.replace("measures", "measure").replace("[subject]", "[subjects]"));
     reload();
     eyes.until("both sensors", Eyes::both_fresh);
     station
         .with_adapter(1, |ground| assert!(ground.stderr().contains("stays in force"), "{}", ground.stderr()));
 
-    // A device that is not there: the adapter's own sentence reaches the daemon.
+    // An absent device: the adapter's own message reaches the daemon.
     let (head, rest) = text.split_once("[ground]").expect("a plate");
     let (_, subject) = rest.split_once("[subject]").expect("a subject");
     let missing = "source = \"bota-serial\"\n[ground.serial]\nport = \"/dev/serial/by-id/missing\"\n";
@@ -162,7 +162,7 @@ fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_dae
     eyes.until("both sensors", Eyes::both_fresh);
     wait_for("the end of the fault", || incident("ground_adapter_down").is_none().then_some(()));
 
-    // Its process ends: the incident names the unit, and why it ended.
+    // Its process ends: the incident names the unit, and the reason.
     station.with_adapter(0, Process::kill);
     let taken = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
     let path = station.file("live.toml").display().to_string();
@@ -176,7 +176,7 @@ fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_dae
     let mut suit = station.spawn(&["adapter", "suit", "--config", &path]);
     eyes.until("both sensors", Eyes::both_fresh);
     wait_for("the end of the fault", || incident("suit_adapter_down").is_none().then_some(()));
-    // What of the sensors' keys the daemon needs too is named with both units.
+    // A change of sensor keys that the daemon uses too is reported with both units.
     station.write("live.toml", &text.replace("[ground]", "latency_ms = 10.0\n[ground]"));
     daemon.send(Signal::HUP);
     wait_for("what needs a restart", || {

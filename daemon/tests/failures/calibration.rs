@@ -40,7 +40,7 @@ fn obey(mut process: Process, mut act: impl FnMut(&str)) -> (Option<i32>, Value,
     while process.is_running() {
         assert!(begun.elapsed() < 3 * PATIENCE, "it does not end: {}", process.stderr());
         let said = process.stderr();
-        // Whole lines only.
+        // Complete lines only.
         let whole = said.rfind('\n').map_or(0, |end| end + 1);
         for line in said[done.min(whole)..whole].lines() {
             act(line);
@@ -112,7 +112,7 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
         }
     });
     assert_eq!(code, Some(0), "{said}");
-    // Half a percent more than it should be; gravity is the simulator's own.
+    // Half a percent too high; gravity is the simulator's own.
     let gravity_percent = 100.0 * (9.81 / equipoise_core::overload::GRAVITY_M_PER_S2 - 1.0);
     let measured = told["places"].as_array().expect("places");
     let sigma_percent =
@@ -128,7 +128,7 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     }
     assert!(number(&told, "/geometry/origin_x_m/value").abs() < 0.003, "{told}");
 
-    // A kilogram more than is said; in words.
+    // A kilogram more than declared; output in words.
     person.put_on_plates(OnPlates::Nothing);
     let process = station.spawn(&["verify", "--mass", "20", "--for", "1"]);
     let (code, _, said) = obey(process, |line| {
@@ -156,7 +156,7 @@ fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond
     station.run(&["identify", "stop"]).done();
     eyes.until("the monitoring", |eyes| eyes.state.phase_name() == "monitoring");
     let postures = [&LIFTING[1], &LIFTING[2]];
-    // A body leans back under the load: the marks are below it where it is held.
+    // A body leans back under the load: markings are below the point where it is held.
     let marks = postures.map(|posture| {
         person.intend(posture, 0.5);
         person.lift(10.0);
@@ -204,7 +204,7 @@ fn a_rod_tells_how_high_the_surface_is(station: &Station) {
     settings.plate.plate = PLATE;
     let person = person(settings);
     person.put_on_plates(OnPlates::Nothing);
-    // Its surface was configured without the mat that lies on it.
+    // The surface was configured without its mat.
     let low = FRAME.replace("surface_height_m = 0.05", "surface_height_m = 0.038");
     let _daemon = station.daemon(&configuration(station, &low));
     let mut eyes = Eyes::open(station);
@@ -244,12 +244,12 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
     for axis in 0..2 {
         let (at_m, sigma_m) =
             (number(frame, &format!("/origin_m/{axis}")), number(frame, &format!("/origin_sigma_m/{axis}")));
-        // The suit has wandered since it was put on, and the loop's world with it: that is no error of the plate's.
+        // The suit has drifted since it was put on, and the loop's world with it: this is no error of the plate.
         let wandered_m = 0.06;
         assert!((at_m - PLATE.origin_m[axis]).abs() < 3.0 * sigma_m + wandered_m, "{at_m} ± {sigma_m}");
     }
 
-    // What was written is what the daemon takes, with every comment.
+    // The daemon accepts the written file, with all comments kept.
     let written = std::fs::read_to_string(Path::new(&path)).expect("the configuration");
     assert!(written.contains("# by eye") && written.contains("yaw_deg = "), "{written}");
     assert_eq!(daemon.stop(rustix::process::Signal::TERM), Some(0));
@@ -257,7 +257,7 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
     eyes.until("both sensors again", |eyes| eyes.both_fresh() && eyes.state.suit_sample_time_ns > 0);
     let state = eyes.until("a still person", |eyes| eyes.state.static_pose == 1);
     let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
-    // From the feet, for the suit wanders.
+    // Relative to the feet, since the suit drifts.
     let feet = [17, 21].map(|foot| [0, 1].map(|axis| state.segment_origin_m[foot][axis]));
     let middle = [0, 1].map(|axis| 0.5 * (feet[0][axis] + feet[1][axis]));
     let true_feet = [17, 21].map(|foot| truth.body.origin_m[foot].xy());
@@ -315,7 +315,7 @@ fn two_plates_are_tared_together_and_not_while_somebody_stands_there(station: &S
         move |eyes: &Eyes| eyes.both_fresh() && (eyes.state.ground_force_n[2] - newtons).abs() < 2.5
     };
     eyes.until("the box alone", is(3.0 * 9.81));
-    // Who has only just stepped off is still in what would be taken for zero.
+    // Just after stepping off, the averaging window for the zero still contains the person.
     let tared = wait_for("a plate that is empty for a while", || {
         let tared = station.run(&["tare"]);
         let waits = tared.stderr.contains("a moment ago; ask again");

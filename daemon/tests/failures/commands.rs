@@ -1,4 +1,4 @@
-//! Commands to a running daemon, to none, and those that it refuses.
+//! Commands to a running daemon, without a daemon, and refused ones.
 
 use rustix::process::Signal;
 
@@ -47,12 +47,12 @@ fn identification_and_profiles_are_steered_and_nonsense_is_refused() {
     assert!(station.run(&["subject", "list"]).done().contains("anon-1"));
 
     station.run(&["identify", "reset"]).done();
-    // The pose that is held now may have been learnt anew.
+    // The present pose may already have been used again.
     eyes.until("all poses to be forgotten", |eyes| eyes.state.poses_used < 2);
     station.run(&["identify", "start"]).done();
     eyes.until("learning", |eyes| eyes.state.phase_name() == "identifying");
 
-    // Somebody stands there.
+    // A person stands on the plate.
     station.run(&["tare"]).failed_with(1, &["refused", "stand on the plate", "step off"]);
 
     let characters = "made of letters, digits, '-' and '_'";
@@ -100,7 +100,7 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     let mut eyes = Eyes::open(&station);
     eyes.until_poses(&person, 1);
     station.run(&["identify", "stop"]).done();
-    // Whatever is learnt until then is in the file before it is held against anything.
+    // All poses used until then must be in the file before the comparisons below.
     let learnt = eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring").poses_used;
     let saved = |subject: &str| std::fs::read_to_string(station.profile(subject)).unwrap_or_default();
     let whole = ["identified = true\n", "learning = false\n", &format!("poses_used = {learnt}\n")];
@@ -111,7 +111,7 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
 
     station.run(&["subject", "undo-lift"]).failed_with(1, &["no lift of this shift counts"]);
 
-    // Another worker, with other poses to the name, and two lifts.
+    // Another subject, with other poses in the profile, and two lifts.
     station.copy_profile("anon-1", "anon-2", |second| {
         let shift = second["shift"].as_table_mut().expect("a shift");
         shift.extend(TWO_LIFTS.parse::<toml::Table>().expect("a shift"));
@@ -131,7 +131,7 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
     wait_for("a profile without it", || saved("anon-2").contains("lifts = 1\n").then_some(()));
 
     assert!(station.run(&["subject", "save"]).done().contains("anon-2"));
-    // Until now its date was still kept up to date.
+    // Until now the file's date was updated; from here on the file must not change.
     let first = saved("anon-1");
     assert!(whole.iter().all(|line| first.contains(line)) && first.contains("\"anon-1\""), "{first}");
     station.run(&["identify", "start"]).done();

@@ -30,16 +30,16 @@ fn the_loop_does_not_notice_consumers_that_die_or_stop_reading() {
     let mut stopped = station.spawn(&["watch"]);
     let mut reader = station.spawn(&["latency", "--for", "600"]);
     wait_for("a line of the watch", || (!stopped.stdout().is_empty()).then_some(()));
-    // Stopped any earlier it would not know yet how to end in order.
+    // Stopped any earlier it could not end regularly.
     wait_for("the reader on the bus", || eyes.sees_participant("latency").then_some(()));
     stopped.send(Signal::STOP);
     reader.send(Signal::STOP);
-    // More than any buffer holds: a publisher that waited for its readers would stand still now.
+    // Longer than any buffer: a publisher that waited for its readers would be blocked now.
     let before = eyes.look().cycle;
     eyes.until("cycles while consumers are stopped", |eyes| eyes.state.cycle > before + 1500);
     eyes.until("both sensors", Eyes::both_fresh);
 
-    // New ones find a place, and the stopped ones wake up to a daemon that still knows them.
+    // New consumers find a place, and the stopped ones resume with a daemon that has kept theirs.
     station.run(&["watch", "--for", "1"]).done();
     assert!(station.run(&["latency", "--for", "1"]).done().contains("cycles"));
     stopped.send(Signal::CONT);
@@ -47,7 +47,7 @@ fn the_loop_does_not_notice_consumers_that_die_or_stop_reading() {
     let lines = stopped.stdout().lines().count();
     wait_for("the woken watch to go on", || (stopped.stdout().lines().count() > lines + 1).then_some(()));
     assert_eq!(stopped.stop(Signal::TERM), Some(0), "{}", stopped.stderr());
-    // If it has lost cycles it says so; it may also have been stopped before its first.
+    // If it has lost cycles it reports it; it may also have been stopped before its first.
     let code = reader.stop(Signal::TERM);
     assert!(matches!(code, Some(0 | 3)), "{code:?} {}", reader.stderr());
 
@@ -65,7 +65,7 @@ fn consumers_killed_while_they_come_or_go_are_cleared_away_once() {
         std::thread::sleep(Duration::from_millis(milliseconds));
         consumer.kill();
     }
-    // Those that are not really gone would be cleared away again every second, for ever.
+    // Processes that are not really gone would be cleared away again every second.
     let cleared = || daemon.stderr().matches("cleared away").count();
     wait_for("an end of the clearing", || {
         let before = cleared();

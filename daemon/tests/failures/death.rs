@@ -1,4 +1,4 @@
-//! The daemon dies by SIGKILL; its files are broken or cannot be written.
+//! The daemon is killed by SIGKILL; its files are damaged or cannot be written.
 
 use rustix::process::Signal;
 
@@ -25,7 +25,7 @@ fn a_killed_daemon_starts_again_without_help_and_remembers_the_worker() {
     for _ in 0..2 {
         let saved = poses_saved(&station);
         daemon.kill();
-        // The same consumer goes on: it need not be started again.
+        // The same consumer continues without a restart.
         daemon = station.daemon(&station.configuration());
         let old = eyes.state.cycle;
         let state = eyes.until("states of the new daemon", |eyes| {

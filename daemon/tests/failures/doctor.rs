@@ -41,7 +41,7 @@ fn a_port_of_somebody_else_fails_with_what_to_do_and_a_free_one_is_listened_on()
     let told = report(&station.run(&command));
     assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
     let heard = check(&told, "MVN stream");
-    // How many samples a second a busy machine lets through is not this test's affair.
+    // The number of samples a second on a busy machine is not tested here.
     assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
     let other =
         station.write("other.toml", &text.replace("[suit]", "[suit]\navatar = 5")).display().to_string();
@@ -60,10 +60,10 @@ fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
     let _daemon = station.daemon(&station.configuration());
     let mut eyes = Eyes::open(&station);
     eyes.until("both sensors", Eyes::both_fresh);
-    // No file is named: the daemon's own configuration is taken.
+    // Without a file argument the daemon's own configuration is used.
     let told = report(&station.run(&["doctor", "--json"]));
     assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
-    // Another file, whose port a stranger has.
+    // Another file, whose port another process holds.
     let stranger = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let taken = stranger.local_addr().expect("its address").to_string();
     let text = station.configuration().replace(&station.suit.to_string(), &taken);
@@ -92,13 +92,13 @@ fn the_ports_of_page_and_metrics_are_the_stations_only_while_page_and_daemon_hol
         let told = report(&station.run(&["doctor", "--json", "--config", &path]));
         check(&told, name)["verdict"].as_str().expect("a verdict").to_owned()
     };
-    // A stranger has the page's port, though the station is whole without it.
+    // Another process holds the page's port, while the station is fully operational without it.
     let stranger = std::net::TcpListener::bind(page).expect("the port");
     assert_eq!((port("page.listen").as_str(), port("metrics.listen").as_str()), ("fail", "ok"));
     drop(stranger);
     let _view = station.spawn(&["view", "--config", &path]);
     wait_for("the page", || std::net::TcpStream::connect(page).ok());
-    // It listens before it has joined the bus, by which it is known as the station's.
+    // It listens before it has joined the bus, which identifies it as the station's.
     wait_for("a port of the station's", || (port("page.listen") == "ok").then_some(()));
 }
 

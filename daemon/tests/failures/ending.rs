@@ -7,7 +7,7 @@ use rustix::process::Signal;
 use crate::eyes::Eyes;
 use crate::station::Station;
 
-/// Nothing of the bus is left but what iceoryx2 never removes: its small `*.global_mgmt` files.
+/// Nothing of the bus remains except the files that iceoryx2 never removes: its small `*.global_mgmt` files.
 #[track_caller]
 pub(crate) fn assert_nothing_left(station: &Station) {
     let mut left = station.files_of_the_bus();

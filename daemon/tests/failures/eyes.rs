@@ -1,4 +1,4 @@
-//! A consumer inside the test: sees every state and what the adapters count.
+//! A subscriber inside the test: receives every state and the adapters' counters.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use equipoise_simulator::simulation::SimulationHandle;
 use crate::process::PATIENCE;
 use crate::station::{NAME, Station};
 
-/// How long a person holds a pose before another is tried.
+/// Time for which a pose is held before another is tried.
 const HOLD: Duration = Duration::from_secs(8);
 
 pub(crate) struct Eyes {
@@ -21,7 +21,7 @@ pub(crate) struct Eyes {
     incidents: Subscriber<Incidents>,
     board: Incidents,
     pub(crate) state: State,
-    /// The newest word of suit and ground.
+    /// Latest health messages of suit and ground.
     adapters: [AdapterHealth; 2],
     bus: Bus,
 }
@@ -42,12 +42,12 @@ impl Eyes {
         }
     }
 
-    /// Whether somebody of that role takes part in the bus.
+    /// Whether a participant with that role is on the bus.
     pub(crate) fn sees_participant(&self, role: &str) -> bool {
         self.bus.participants().is_ok_and(|all| all.iter().any(|one| one.role == role))
     }
 
-    /// Takes in all that has come; every number must be one.
+    /// Ingests all received states; every number must be finite.
     pub(crate) fn look(&mut self) -> &State {
         while let Some(state) = self.states.receive().expect("the bus") {
             assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
@@ -62,7 +62,7 @@ impl Eyes {
         &self.state
     }
 
-    /// Looks until it is so.
+    /// Receives until a condition holds.
     #[track_caller]
     pub(crate) fn until(&mut self, what: &str, mut is_so: impl FnMut(&Eyes) -> bool) -> State {
         let started = Instant::now();
@@ -85,7 +85,7 @@ impl Eyes {
         }
     }
 
-    /// Looks for so long.
+    /// Receives for a duration.
     pub(crate) fn during(&mut self, time: Duration, mut see: impl FnMut(&Eyes)) {
         let started = Instant::now();
         while started.elapsed() < time {
@@ -95,7 +95,7 @@ impl Eyes {
         }
     }
 
-    /// The reasons raised in the newest state.
+    /// The invalid reasons in the newest state.
     pub(crate) fn reasons(&self) -> Vec<&'static str> {
         self.state.validity().names().collect()
     }
@@ -104,12 +104,12 @@ impl Eyes {
         self.state.validity().any_of(reason)
     }
 
-    /// Whether an incident goes on.
+    /// Whether an incident is in progress.
     pub(crate) fn goes_on(&self, kind: Incident) -> bool {
         self.board.active().any(|active| active == kind)
     }
 
-    /// How often an incident has begun in this daemon's life.
+    /// Number of times an incident has begun since the daemon's start.
     pub(crate) fn begun(&self, kind: Incident) -> u64 {
         self.board.begun[kind as usize]
     }
@@ -134,7 +134,7 @@ impl Eyes {
         self.adapters[1].refused[reason.index()]
     }
 
-    /// The person goes through the library until so many poses have been learnt.
+    /// The person goes through the library until this number of poses has been used.
     #[track_caller]
     pub(crate) fn until_poses(&mut self, person: &SimulationHandle, count: u32) {
         let started = Instant::now();

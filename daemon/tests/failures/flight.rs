@@ -1,4 +1,4 @@
-//! Deadlines missed for real, what is kept of them, and disks that take nothing.
+//! Real missed deadlines, their records, and unwritable disks.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,9 +13,9 @@ use crate::eyes::Eyes;
 use crate::process::{Process, wait_for};
 use crate::station::{NAME, Station};
 
-/// The daemon stands still for so long.
+/// Duration for which the daemon is stopped.
 const STALL: Duration = Duration::from_millis(300);
-/// A wake-up as late as this can only be the stall's.
+/// A wake-up this late can only be caused by the stop.
 const LATE_NS: u64 = 200_000_000;
 
 fn stall(daemon: &Process) {
@@ -40,8 +40,8 @@ fn cycles_of(path: &PathBuf) -> Vec<CycleRecord> {
     entries.filter_map(|entry| if let Entry::Cycle(record) = entry { Some(*record) } else { None }).collect()
 }
 
-/// Stops the daemon until there is a record of it: a machine that is busy may have missed a deadline by itself just
-/// before, and then the next is only kept after a pause.
+/// Stops the daemon until there is a record of it: a busy machine may have missed a deadline just before, and then the
+/// next is only recorded after a pause.
 fn record_of_a_stall(station: &Station, daemon: &Process, eyes: &mut Eyes) -> (PathBuf, Vec<CycleRecord>) {
     wait_for("a flight record of a stall", || {
         stall(daemon);
@@ -68,7 +68,7 @@ fn a_missed_deadline_is_kept_with_the_cycles_around_it_and_can_be_traced() {
     let place = cycles.iter().position(late).expect("the stall");
     assert!(place >= 20, "{place} cycles before the stall");
     assert!(cycles.len() - place > 10, "{} cycles after it", cycles.len() - place - 1);
-    // 60 slots of 5 ms passed while the daemon stood still.
+    // 60 slots of 5 ms passed while the daemon was stopped.
     let skipped = cycles[place + 1].slots_skipped - cycles[place].slots_skipped;
     assert!(skipped >= 38, "{skipped} slots skipped");
 

@@ -1,4 +1,4 @@
-//! `subject delete` really deletes.
+//! `subject delete` deletes all data of a subject.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,7 +21,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// Files whose name or content has it.
+/// Files whose name or content contains the id.
 fn mentions(folder: &Path, id: &str) -> Vec<PathBuf> {
     let mut all = files(folder);
     all.retain(|path| {
@@ -56,7 +56,7 @@ fn a_deleted_subject_is_gone_from_files_and_from_a_running_daemon() {
     assert!(matches!(station.run(&["record", &recording, "--for", "1.5"]).code, Some(0 | 3)));
     std::fs::write(recordings.join("of-77.mcap.gz"), "packed").expect("a file");
 
-    // Listed, not deleted, unless asked for.
+    // Listed, and deleted only on request.
     let folder = recordings.to_string_lossy().into_owned();
     let said = station.run(&["subject", "delete", "anon-77", "--recordings", &folder]);
     let said = said.done();
@@ -73,7 +73,7 @@ fn a_deleted_subject_is_gone_from_files_and_from_a_running_daemon() {
     assert!(Path::new(&recording).exists());
     let look = || assert_eq!(mentions(&state, "anon-77"), [] as [PathBuf; 0]);
     look();
-    // The worker still moves and is learnt, under no name.
+    // The worker still moves and is identified, without a name.
     let before = eyes.look().poses_used;
     eyes.until("the unknown worker", |eyes| eyes.state.poses_used == 0 || before == 0);
     eyes.until_poses(&person, 1);
@@ -85,7 +85,7 @@ fn a_deleted_subject_is_gone_from_files_and_from_a_running_daemon() {
     assert!(said.done().contains("of-77.mcap is deleted") && !Path::new(&recording).exists());
     station.run(&["subject", "delete", "anon-77"]).failed_with(1, &["there is no profile anon-77"]);
 
-    // The configured one: the daemon says that its configuration names it.
+    // The configured one: the daemon reports that its configuration names it.
     station.run(&["subject", "load", "anon-1"]).done();
     assert!(station.run(&["subject", "delete", "anon-1"]).done().contains("change subject.id"));
     eyes.during(Duration::from_secs(3), |_| assert_eq!(mentions(&state, "anon-1"), [] as [PathBuf; 0]));
@@ -104,12 +104,13 @@ fn a_daemon_that_does_not_answer_keeps_a_subject_from_being_deleted() {
     station.run(&["subject", "delete", "anon-5"]).failed_with(1, &["nothing is deleted", "stop it first"]);
     assert!(profile.exists());
     daemon.kill();
-    // Nor does a dead one's status hold anybody up.
+    // The status of a dead daemon does not delay the command either.
     station.run(&["subject", "delete", "anon-5"]).done();
     assert!(!profile.exists());
 }
 
-/// Only the service manager tells a daemon where its state lies; who runs `subject` or `doctor` has another environment.
+/// Only the service manager sets the daemon's state directory; the user of `subject` or `doctor` has another
+/// environment.
 #[test]
 fn a_subject_is_found_where_the_daemon_keeps_it_whatever_the_environment_says() {
     let station = Station::new();
@@ -132,7 +133,7 @@ fn a_subject_is_found_where_the_daemon_keeps_it_whatever_the_environment_says() 
     let recorded = equipoise_adapters::recording::Recording::open(&recording).expect("a recording");
     assert!(recorded.header().subject_toml.contains("anon-1"), "the profile of the daemon is in it");
 
-    // What is in the environment's directory goes as well; flight records only where the subject was.
+    // Data in the environment's directory is deleted as well; flight records only where the subject was.
     std::fs::create_dir_all(own.join("flight")).expect("a folder");
     std::fs::create_dir_all(service.join("flight")).expect("a folder");
     std::fs::write(own.join("flight/other-cycle-7.mcap"), "x").expect("a record");

@@ -1,4 +1,4 @@
-//! A disk that is full: `EQUIPOISE_SMALL_DISK` names a folder on a small file system of its own. `.ci/run survive` makes one.
+//! A full disk: `EQUIPOISE_SMALL_DISK` is a folder on a small separate file system. `.ci/run survive` makes one.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::eyes::Eyes;
 use crate::process::wait_for;
 use crate::station::Station;
 
-/// Writes until nothing more fits.
+/// Writes until the disk is full.
 fn fill(disk: &Path) -> PathBuf {
     let path = disk.join("filler");
     let mut file = std::fs::File::create(&path).expect("a file");
@@ -43,7 +43,7 @@ fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room(
     wait_for("the first pose to be saved", || (saved() >= 1).then_some(()));
     assert!(!eyes.goes_on(Incident::NotSaved));
 
-    // A recorder on the same disk; its own end is no concern of the daemon's.
+    // A recorder on the same disk; its termination must not affect the daemon.
     let recording = disk.join("shift.mcap").to_string_lossy().into_owned();
     let mut recorder = station.spawn(&["record", &recording, "--for", "600"]);
     wait_for("the recorder", || recorder.stderr().contains("recording station").then_some(()));
@@ -60,7 +60,7 @@ fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room(
     let had = eyes.state.poses_used;
     eyes.until_poses(&person, had + 1);
     let learnt = u64::from(eyes.state.poses_used);
-    // From here on nothing is learnt any more: only what could not be written is left to be written.
+    // Identification has ended from here on: only the pending data remain to be written.
     station.run(&["identify", "stop"]).done();
     eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring");
     eyes.during(Duration::from_secs(2), |_| {});

@@ -1,4 +1,4 @@
-//! What goes wrong has a name: on the bus, in the journal, in `status` and in `watch`.
+//! Faults are named incidents: on the bus, in the journal, in `status` and in `watch`.
 
 use std::net::UdpSocket;
 use std::os::fd::OwnedFd;
@@ -96,7 +96,8 @@ fn a_paused_stream_that_repeats_itself_is_stale_and_not_silent() {
     eyes.until("its end", |eyes| !eyes.goes_on(Incident::SuitStampsStale));
 }
 
-/// The process's UDP sockets, as descriptors of ours; `None`, with a word, where the system does not allow it.
+/// The process's UDP sockets, as descriptors of this process; `None`, with a message, where the system does not permit
+/// it.
 fn udp_sockets_of(process: &Process) -> Option<Vec<OwnedFd>> {
     let id = process.id();
     let table = std::fs::read_to_string(format!("/proc/{id}/net/udp")).expect("the kernel's table");
@@ -132,7 +133,7 @@ fn an_adapter_whose_socket_dies_is_started_again_and_the_daemon_goes_on() {
         let Some(sockets) = udp_sockets_of(&daemon) else { return };
         assert_eq!(sockets.len(), 2, "one of the suit, one of the plate");
         for socket in sockets {
-            // "Not connected", says the kernel, and shuts it down all the same.
+            // The kernel returns "not connected", and shuts it down all the same.
             let _ = socket2::Socket::from(socket).shutdown(std::net::Shutdown::Both);
         }
         for down in [Incident::SuitAdapterDown, Incident::GroundAdapterDown] {
@@ -155,8 +156,8 @@ fn a_daemon_that_stood_still_says_for_how_long() {
     let daemon = station.daemon(&station.configuration());
     let mut eyes = Eyes::open(&station);
     eyes.until("cycles", |eyes| eyes.state.cycle > 10);
-    // A stop that falls between the end of one cycle's work and the choice of the next slot skips slots and makes no
-    // cycle late: it is repeated until one falls elsewhere.
+    // A stop that falls between the end of one cycle's work and the choice of the next slot skips slots without a late
+    // cycle: it is repeated until one falls elsewhere.
     for stops in 1.. {
         let before = eyes.begun(Incident::LoopStalled);
         daemon.send(Signal::STOP);

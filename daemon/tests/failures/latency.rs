@@ -1,4 +1,5 @@
-//! The end of the path: consumers that report, come, go and say nonsense, as `equipoise latency` tells it.
+//! The end of the path: consumers that report, join, leave and send invalid receipts, as displayed by `equipoise
+//! latency`.
 
 use std::time::Duration;
 
@@ -13,12 +14,12 @@ use crate::eyes::Eyes;
 use crate::process::wait_for;
 use crate::station::{NAME, Station};
 
-/// A consumer inside the test that picks states up and reports.
+/// A consumer inside the test that receives states and reports receipts.
 struct Consumer {
     eyes: Eyes,
     reports: Publisher<PickUp>,
     report: Box<PickUp>,
-    // Ports die before the node they hang on.
+    // Field order: ports are dropped before the node they belong to.
     _bus: Bus,
 }
 
@@ -32,7 +33,7 @@ impl Consumer {
         Consumer { eyes: Eyes::open(station), reports: bus.publisher().expect("a place"), report, _bus: bus }
     }
 
-    /// Looks once at the newest state and reports.
+    /// Reads the newest state once and reports.
     fn look(&mut self) {
         let before = self.eyes.state.cycle;
         let state = *self.eyes.look();
@@ -62,7 +63,7 @@ fn the_path_is_told_to_the_last_consumer() {
     let mut daemon = station.daemon(&station.configuration());
     let mut controller = Consumer::join(&station, "controller-1");
     controller.eyes.until("both sensors", Eyes::both_fresh);
-    // Its past is none of the measurement's business.
+    // Its history before the measurement must not count.
     controller.report.published_to_consumer[400] = 1_000_000;
     controller.report.states = 1_000_000;
     let file = station.file("path.hlog").to_string_lossy().into_owned();
@@ -77,7 +78,7 @@ fn the_path_is_told_to_the_last_consumer() {
     assert!(matches!(code, Some(0 | 3)), "{code:?} {}", latency.stderr());
     let report: Value = serde_json::from_str(&latency.stdout()).expect("JSON");
 
-    // Every stage of the path has been measured, and nothing lacks a stamp.
+    // Every stage of the path has been measured, without missing stamps.
     for stage in Stage::ALL {
         let row = row(&report, stage.name());
         assert!(row["count"].as_u64() > Some(0), "{row}");
@@ -97,7 +98,7 @@ fn the_path_is_told_to_the_last_consumer() {
     assert_eq!(consumers[0]["process_id"], std::process::id());
     let states = consumers[0]["states"].as_u64().expect("a count");
     assert!(states > 0 && states <= looks, "{states} of {looks} looks");
-    // 200 cycles a second, and a look each 20 ms.
+    // 200 cycles a second, and one read each 20 ms.
     assert!(consumers[0]["states_missed"].as_u64() > Some(states), "{report}");
 
     let log = std::fs::read_to_string(&file).expect("the log");
@@ -112,7 +113,7 @@ fn the_path_is_told_to_the_last_consumer() {
 fn a_measurement_without_a_place_for_the_reports_measures_the_rest() {
     let station = Station::new();
     let _daemon = station.daemon(&station.configuration());
-    // Two may read the reports.
+    // Two processes may read the reports.
     let mut readers = [0, 1].map(|_| station.spawn(&["latency", "--for", "600"]));
     let settings = BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");

@@ -1,7 +1,7 @@
-//! The real binary, and everything that goes wrong around it.
+//! Failures around the real binary.
 //!
-//! Every test has a bus, a state directory and ports of its own, so they run side by side. Nothing depends on speed:
-//! what must come is waited for, generously.
+//! Every test has its own bus, state directory and ports, so they run in parallel. Nothing depends on speed: expected
+//! events are awaited with generous limits.
 
 mod adapters;
 mod calibration;

@@ -11,7 +11,7 @@ use crate::process::wait_for;
 use crate::station::Station;
 use equipoise_simulator::ports::free_address;
 
-/// Head and body of an answer.
+/// Header and body of an answer.
 fn ask(address: SocketAddr, head: &str) -> Option<(String, String)> {
     let mut connection = TcpStream::connect(address).ok()?;
     connection.set_read_timeout(Some(Duration::from_secs(10))).expect("a socket");
@@ -26,7 +26,7 @@ fn scrape(address: SocketAddr) -> Option<(String, String)> {
     ask(address, &format!("/metrics HTTP/1.1\r\nHost: {address}"))
 }
 
-/// The value of the sample that begins so.
+/// The value of the sample with this prefix.
 fn value(body: &str, begins: &str) -> Option<f64> {
     let line = body.lines().find(|line| line.starts_with(begins))?;
     line.rsplit(' ').next()?.parse().ok()
@@ -62,12 +62,12 @@ fn a_scrape_shows_counts_that_grow_incidents_by_name_and_no_motion() {
         let (_, body) = scrape(address)?;
         (value(&body, silent) == Some(0.0) && value(&body, "equipoise_cycles_total")? > before).then_some(())
     });
-    // OpenMetrics for who asks for it.
+    // OpenMetrics if requested.
     let accept = format!("/metrics HTTP/1.1\r\nHost: {address}\r\nAccept: application/openmetrics-text");
     let (head, body) = ask(address, &accept).expect("an answer");
     assert!(head.contains("application/openmetrics-text; version=1.0.0"), "{head}");
     assert!(body.trim_end().ends_with("# EOF"), "{body}");
-    // A name that somebody's DNS points here is refused.
+    // A host name that a foreign DNS entry points here is refused.
     let (head, _) = ask(address, "/metrics HTTP/1.1\r\nHost: evil.example").expect("an answer");
     assert!(head.starts_with("HTTP/1.1 403"), "{head}");
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());

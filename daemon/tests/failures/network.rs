@@ -1,4 +1,4 @@
-//! Bad networks on both wires.
+//! Bad networks for both sensors.
 
 use std::time::Duration;
 

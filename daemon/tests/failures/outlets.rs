@@ -1,4 +1,4 @@
-//! An outlet as the service manager and a peer see it.
+//! A gateway in interaction with the service manager and a peer.
 
 use std::net::UdpSocket;
 use std::os::unix::net::UnixDatagram;

@@ -1,4 +1,4 @@
-//! The page as a process of its own: it outlives daemons, cannot harm one, and tells nobody who may not know.
+//! The page as a separate process: it outlives daemons, cannot harm one, and shows data to authorised clients only.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -40,20 +40,20 @@ fn get(address: SocketAddr, target: &str, headers: &str) -> Option<(u16, String)
     Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
 }
 
-/// What the engineer's page is told next of the daemon and its sensors.
+/// The next event of the engineer's page about the daemon and its sensors.
 fn station_told(address: SocketAddr) -> Option<serde_json::Value> {
     let mut stream = TcpStream::connect(address).ok()?;
     stream.set_read_timeout(Some(Duration::from_secs(10))).expect("a timeout");
     write!(stream, "GET /events/station HTTP/1.1\r\nHost: localhost\r\n\r\n").ok()?;
     let lines = BufReader::new(stream).lines();
-    // Whoever comes is told `{}` until the facts are gathered.
+    // The page sends `{}` until the data are gathered.
     lines.map_while(Result::ok).find_map(|line| {
         let told: serde_json::Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
         told.get("station").is_some().then_some(told)
     })
 }
 
-/// Waits until the page tells a state, and gives its cycle.
+/// Waits until the page shows a state, and returns its cycle.
 fn until_live(address: SocketAddr) -> u64 {
     wait_for("a state on the page", || {
         let (status, body) = get(address, "/api/state", "")?;
@@ -90,14 +90,14 @@ fn it_waits_for_a_daemon_and_outlives_it() {
 
     daemon.kill();
     until_silent(address);
-    // What a dead daemon said last is not told as if it went on.
+    // The last data of a dead daemon must not be shown as current.
     wait_for("nothing to be known of it", || {
         let told = station_told(address)?;
         (told["incidents"].is_null() && told["daemon"].is_null()).then_some(())
     });
     let mut daemon = station.daemon(&station.configuration());
     until_live(address);
-    // Not even an open connection holds it up, and the daemon does not notice.
+    // An open connection does not delay its end, and the daemon is unaffected.
     let _browser = TcpStream::connect(address).expect("the page");
     assert_eq!(view.stop(Signal::TERM), Some(0), "{}", view.stderr());
     assert!(station.status().expect("the daemon answers")["page"].is_null());
@@ -142,7 +142,7 @@ fn a_bus_that_was_removed_and_made_anew_is_found_again() {
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     std::fs::remove_dir_all(station.root()).expect("the bus");
     let _daemon = station.daemon(&station.configuration());
-    // What is told is of within the last second, so a lower number is the new daemon's.
+    // The page shows data of the last second only, so a lower number belongs to the new daemon.
     wait_for("a state of the new daemon", || Some(until_live(address)).filter(|cycle| *cycle < old));
     assert_eq!(view.stop(Signal::TERM), Some(0), "{}", view.stderr());
 }
@@ -169,7 +169,7 @@ fn what_it_cannot_serve_is_told_with_its_key() {
         assert!(!said.contains("panicked") && !said.contains(SECRET), "{said}");
     };
     refused(&format!("listen = \"{address}\"\n"), &["page.listen", &address, "taken"]);
-    // `check` refuses the same tokens, before anything is started.
+    // `check` refuses the same tokens, before any process is started.
     let checked = |page: &str| {
         let text = format!("{}[page]\n{page}", station.configuration());
         let path = station.write("checked.toml", &text).display().to_string();

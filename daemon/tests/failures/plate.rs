@@ -1,4 +1,4 @@
-//! A plate that reports faults, repeats itself, talks nonsense; and strangers that talk in its place.
+//! A plate that reports faults, repeats itself or sends invalid data; and foreign senders in its place.
 
 use std::net::UdpSocket;
 use std::sync::{Arc, Mutex};
@@ -11,7 +11,7 @@ use crate::process::wait_for;
 use crate::station::Station;
 use crate::streams::{self, FakePlate};
 
-/// How often each trick is played.
+/// Number of repetitions of each bad record.
 const ROUNDS: u64 = 10;
 
 #[test]
@@ -65,14 +65,14 @@ fn what_is_no_new_record_of_the_plate_is_counted_and_not_used() {
     let counted = [(GroundRefusal::Duplicate, 1), (GroundRefusal::OutOfOrder, 2), (GroundRefusal::Length, 4)];
     for (reason, tricks) in counted {
         eyes.until(reason.name(), |eyes| {
-            // Somebody of 72 kg stands there, whatever else is said.
+            // A person of 72 kg stands there, whatever the bad records contain.
             let [_, _, vertical_n] = eyes.state.ground_force_n;
             assert!(vertical_n == 0.0 || (vertical_n - 706.0).abs() < 1.0, "{vertical_n} N");
             eyes.ground_refused(reason) >= tricks * ROUNDS
         });
     }
 
-    // A stranger knows our port.
+    // A foreign sender that sends to the client's port.
     let client = wait_for("a client of the plate", || plate.client());
     let stranger = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     let elsewhere = UdpSocket::bind("127.0.0.2:0").expect("a socket");

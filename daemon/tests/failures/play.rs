@@ -14,7 +14,7 @@ use crate::station::Station;
 
 const RATE_HZ: f64 = 60.0;
 
-/// So many rows of somebody who stands, in the layout that is read; every row at `broken` has no number for Fz.
+/// CSV rows of a standing person, in the accepted layout; every row in `broken` has no number for Fz.
 fn csv(rows: u32, broken: &[u32]) -> String {
     let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
     let suit = Suit::new(SuitNoise::ORDINARY, 1);
@@ -91,7 +91,7 @@ fn what_cannot_be_simulated_or_played_is_refused() {
     let path = station.write("empty.csv", &csv(0, &[])).display().to_string();
     station.run(&["simulate", "--play", &path]).failed_with(1, &["empty.csv", "no rows"]);
 
-    // The plate's port is taken: by the simulation of another station, say.
+    // Another process holds the plate's port, for example the simulation of another station.
     let taken = std::net::UdpSocket::bind(station.plate).expect("the port");
     let plate = taken.local_addr().expect("its address").to_string();
     let path = station.write("motion.csv", &csv(30, &[])).display().to_string();

@@ -1,4 +1,4 @@
-//! Who may read what the program writes, and whom it names.
+//! Permissions of the files that the program writes, and the names in them.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
     let more = format!("[latency]\nhlog = {hlog:?}\n[model]\nfile = {model:?}\n");
     station.write("open.toml", &(text + &more));
 
-    // Nothing but the program itself keeps others out.
+    // With this umask only the program's own modes restrict access.
     let before = rustix::process::umask(rustix::fs::Mode::empty());
     let name = |name: &str| out.join(name).to_string_lossy().into_owned();
     let config = station.file("open.toml").to_string_lossy().into_owned();
@@ -45,7 +45,7 @@ fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
     assert!(matches!(station.run(&["replay", &name("a.mcap"), "--out", &name("a.csv")]).code, Some(0 | 3)));
     assert!(matches!(station.run(&["replay", &name("a.mcap"), "--out", &name("a.jsonl")]).code, Some(0 | 3)));
     station.run(&["latency", "--for", "1", "--hlog", &name("b.hlog")]).done();
-    // Whether it finds anything is not the question.
+    // Its findings are irrelevant here.
     station.run(&["reconcile", &name("a.mcap"), "--config", &config, "--out", &name("report")]);
     rustix::process::umask(before);
     let mut written = Vec::new();
@@ -70,7 +70,7 @@ fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
         vec!["grete".to_owned(), station.file("").to_string_lossy().into_owned(), "/home".to_owned()];
     telling.extend(["HOME", "HOSTNAME"].iter().filter_map(|name| std::env::var(name).ok()));
     telling.push(host.trim().to_owned());
-    // Short words are found in any file; "localhost" is nobody's.
+    // Short words occur in any file; "localhost" is not personal.
     telling.retain(|word| word.len() > 4 && word != "localhost");
     let texts =
         [&header.config_toml, &header.subject_toml, &header.model_toml].map(|text| text.as_bytes().to_vec());

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// How long anything may take on a machine that is busy with other things.
+/// Time limit of every wait, on a machine with other load.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Looks again and again until there is something to see.
+/// Polls until there is a result.
 pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let started = Instant::now();
     loop {
@@ -30,7 +30,7 @@ pub(crate) struct Process {
 }
 
 impl Process {
-    /// Starts a command whose output goes to `out` and `err`: no pipe can fill up and stop it.
+    /// Starts a command whose output goes to `out` and `err`: no full pipe can block it.
     pub(crate) fn start(mut command: Command, out: PathBuf, err: PathBuf) -> Process {
         let file = |path: &PathBuf| File::create(path).expect("a file for the output");
         command.stdin(Stdio::null()).stdout(file(&out)).stderr(file(&err));
@@ -45,7 +45,7 @@ impl Process {
         std::fs::read_to_string(&self.out).expect("standard output")
     }
 
-    /// What it logged and complained of so far.
+    /// Its log and error output so far.
     pub(crate) fn stderr(&self) -> String {
         std::fs::read_to_string(&self.err).expect("standard error")
     }
@@ -73,7 +73,7 @@ impl Process {
         }
     }
 
-    /// Ends it as a person or systemd would, and gives back its exit code.
+    /// Ends it with a signal, as a user or systemd would, and returns its exit code.
     pub(crate) fn stop(&mut self, signal: Signal) -> Option<i32> {
         self.send(signal);
         self.wait().code()

@@ -1,4 +1,4 @@
-//! SIGHUP: the configuration is read again.
+//! SIGHUP: the configuration is reloaded.
 
 use std::os::unix::net::UnixDatagram;
 use std::time::Duration;
@@ -45,7 +45,7 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     while !hear().contains("READY=1") {}
     let before = in_force(&station);
 
-    // Nonsense.
+    // An invalid configuration.
     station.write("live.toml", &text.replace("rate_hz = 200", "rate_hz = 200\nrate_herz = 1"));
     daemon.send(Signal::HUP);
     eyes.until("the refusal", |eyes| eyes.goes_on(Incident::ReloadRefused));
@@ -67,7 +67,7 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     assert_eq!(in_force(&station), before);
     assert!(eyes.goes_on(Incident::ReloadRefused));
 
-    // Sense.
+    // A valid one.
     station.write("model.toml", MODEL);
     let wanted = text.replace("rate_hz = 200", "rate_hz = 500");
     let wanted = format!(
@@ -92,7 +92,7 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     assert_eq!(config["loop"]["rate_hz"].as_integer(), Some(200));
     assert_eq!(model, MODEL);
 
-    // The model's file alone.
+    // Only the model file changes.
     station.write("model.toml", &MODEL.replace("0.002", "0.004"));
     daemon.send(Signal::HUP);
     wait_for("the other model", || in_force(&station).1.contains("0.004").then_some(()));
@@ -100,7 +100,7 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     eyes.until("more cycles", |eyes| eyes.state.cycle > cycle + 50);
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 
-    // The next start says that the model is another than it was.
+    // The next start reports that the model has changed.
     station.write("live.toml", &text);
     let mut daemon = station.daemon_of("live.toml", &[]);
     wait_for("a word about the model", || daemon.stderr().contains("is not in use any more").then_some(()));

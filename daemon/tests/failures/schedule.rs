@@ -1,4 +1,4 @@
-//! A loop that is held up, and settings that no machine grants: both are told, neither is papered over.
+//! A delayed loop, and settings that no machine grants: both are reported.
 
 use std::time::Duration;
 
@@ -44,7 +44,7 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
         see(&mut late).map(|record| record.slots_skipped).filter(|skipped| *skipped >= RATE_HZ * 9 / 10)
     });
     let worst = late.iter().max_by_key(|record| record.compute_end_ns - record.due_ns).expect("a late cycle");
-    // The cycle that was held up says itself that it was, by number.
+    // The record of the delayed cycle itself shows the delay, by its number.
     assert!(worst.compute_end_ns - worst.due_ns > 900_000_000, "{worst:?}");
 
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
@@ -62,7 +62,7 @@ fn strict_refuses_what_nobody_is_granted_and_names_it() {
     let said = refused.stderr();
     assert!(said.contains("loop.strict: thread loop asked for core 4095"), "{said}");
 
-    // Without strict it runs, and says so.
+    // Without `strict` it runs, with a warning.
     let mut daemon = station.daemon(&strict("cpu = 4095"));
     assert!(daemon.stderr().contains("WARN") && daemon.stderr().contains("core 4095"), "{}", daemon.stderr());
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
@@ -73,7 +73,7 @@ fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    // Counts come with housekeeping's first round.
+    // Counts are published with housekeeping's first round.
     let status = wait_for("the counts", || {
         station
             .status()
@@ -91,7 +91,7 @@ fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
         assert!(std::path::Path::new(&task).exists(), "{task}");
         assert!(thread["minor_faults"].as_u64() > Some(0), "{thread}");
     }
-    // Every thread that the kernel knows is there, whether it has asked or not.
+    // Every kernel thread of the process is listed, with or without requested settings.
     let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("a living daemon").count();
     assert_eq!(threads.len(), tasks);
     assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");

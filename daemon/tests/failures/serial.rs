@@ -1,4 +1,5 @@
-//! A sensor on a serial line that is not there, comes, is pulled out, is taken by somebody else, or has another speed.
+//! A sensor on a serial line that is absent, appears, is disconnected, is opened by another process, or has another
+//! baud rate.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -20,10 +21,10 @@ use crate::process::wait_for;
 use crate::station::Station;
 use crate::streams;
 
-/// The speed of the simulated sensor, baud.
+/// Baud rate of the simulated sensor.
 const SPEED: u32 = 460_800;
 
-/// A station whose ground is a sensor on a line.
+/// A station whose ground device is a sensor on a line.
 fn configuration(station: &Station, port: &Path, baud: u32) -> String {
     let udp = format!(
         "source = \"ati-rdt\"\naddress = \"{}\"\ncounts_per_newton = 1000000\ncounts_per_newton_metre = 1000000\n",
@@ -35,10 +36,10 @@ fn configuration(station: &Station, port: &Path, baud: u32) -> String {
     text.replace(&udp, &line)
 }
 
-/// Plugs a sensor in under this name, with somebody standing on it.
+/// Connects a sensor under this name, with a person standing on it.
 fn plugged(port: &Path) -> Running {
     let worker = Worker::with_habits(Person::new(7, 1.77, 72.0), 7, Habits::ORDINARY);
-    // Somebody who never moved would be a frozen plate.
+    // A person without any motion would be detected as a frozen plate.
     let standing = move |time_s: f64| OnFeet::of(&worker, time_s, [Vector2::new(0.05, 0.0); 2]);
     let line = Line::new(Box::new(SerialPort::new(port, SPEED).expect("a pseudo terminal")), 1);
     let device = Bota::new(line, Mounting::default());
@@ -102,7 +103,7 @@ fn a_port_that_another_program_has_is_named_with_that_program_and_taken_when_it_
     let station = Station::new();
     let port = port(&station);
     let _sensor = plugged(&port);
-    // Without a child of its own: the program that has the port is the one that we started.
+    // Without a child process: the program that holds the port is the one started here.
     let other = Command::new("flock").arg("--no-fork").arg(&port).args(["sleep", "60"]).spawn();
     let other = Other(other.expect("flock of util-linux"));
     let real = std::fs::canonicalize(&port).expect("a terminal");

@@ -1,4 +1,4 @@
-//! A sensor falls silent for a second and comes back.
+//! A sensor stops sending for a second and resumes.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use equipoise_core::message::Validity;
 use crate::eyes::Eyes;
 use crate::station::Station;
 
-/// How long a sensor is silent.
+/// Duration of a sensor's silence.
 const SILENCE: Duration = Duration::from_secs(1);
 
 #[test]

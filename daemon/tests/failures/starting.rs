@@ -1,4 +1,4 @@
-//! A daemon that cannot start says why, disturbs nobody and leaves nothing behind.
+//! A daemon that cannot start reports the reason, disturbs no other process and leaves no files behind.
 
 use std::net::UdpSocket;
 
@@ -8,12 +8,12 @@ use crate::ending::assert_nothing_left;
 use crate::eyes::Eyes;
 use crate::station::Station;
 
-/// Whoever reads it sooner may read what the daemon before has not written yet.
+/// An earlier read might miss data that the previous daemon has not written yet.
 #[test]
 fn state_is_read_only_once_the_station_is_held() {
     let station = Station::new();
     let mut first = station.daemon(&station.configuration());
-    // Reading a pipe into which nobody writes would never end.
+    // Reading a pipe without a writer would block for ever.
     let other = station.file("other");
     std::fs::create_dir_all(other.join("stations")).expect("a folder");
     let pipe = other.join("stations").join("bench.toml");
@@ -37,7 +37,7 @@ fn a_second_daemon_names_the_first_and_does_it_no_harm() {
 
     let (pid, before) = (first.id(), eyes.state.cycle);
     for _ in 0..2 {
-        // Ports of its own: it is the station that is taken.
+        // Separate ports: only the station is in use.
         let other = Station::new();
         let configuration = station
             .configuration()
@@ -71,7 +71,7 @@ fn a_taken_suit_port_is_named_with_its_key() {
 
     let path = station.write("adapter.toml", &station.configuration()).display().to_string();
     station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&sentence, "suit.listen"]);
-    // Its fault stays, for the daemon's incident.
+    // Its fault file remains, for the daemon's incident.
     let fault = station.root().join("equipoise-bench.suit.json");
     assert!(std::fs::read_to_string(&fault).expect("the adapter's fault").contains(&sentence));
     std::fs::remove_file(fault).expect("the file of the fault");

@@ -1,4 +1,4 @@
-//! A station of its own for each test: bus, state directory, ports, configuration.
+//! A separate station for each test: bus, state directory, ports, configuration.
 
 use std::cell::{Cell, RefCell};
 use std::net::SocketAddr;
@@ -16,7 +16,7 @@ use crate::process::{Process, wait_for};
 /// The station's name on its own bus.
 pub(crate) const NAME: &str = "bench";
 
-/// What a command that ran to its end left behind.
+/// Output of a completed command.
 pub(crate) struct Ended {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
@@ -24,7 +24,7 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
-    /// It failed, and what it said holds each of these.
+    /// Asserts that it failed, and that its output contains each of these.
     #[track_caller]
     pub(crate) fn failed_with(&self, code: i32, parts: &[&str]) {
         assert_eq!(self.code, Some(code), "out: {} err: {}", self.stdout, self.stderr);
@@ -34,7 +34,7 @@ impl Ended {
         assert!(!self.stderr.contains("panicked"), "{}", self.stderr);
     }
 
-    /// It did what it was asked to.
+    /// Asserts that it succeeded.
     #[track_caller]
     pub(crate) fn done(&self) -> &str {
         assert_eq!(self.code, Some(0), "out: {} err: {}", self.stdout, self.stderr);
@@ -64,14 +64,14 @@ impl Station {
         }
     }
 
-    /// A station as the shipped units run it: the daemon without sensors, each adapter a process of its own, one file.
+    /// A station as the shipped units run it: the daemon without sensors, each adapter in a separate process, one file.
     pub(crate) fn apart() -> Station {
         let mut station = Station::new();
         station.apart = Some(RefCell::default());
         station
     }
 
-    /// Starts a daemon of a file, and its adapters if they are processes of their own.
+    /// Starts a daemon with a file, and its adapters if they are separate processes.
     fn spawn_daemon(&self, path: &str, environment: &[(&str, &std::ffi::OsStr)]) -> Process {
         let Some(adapters) = &self.apart else {
             return self.spawn_with(&["run", "--config", path], environment);
@@ -88,7 +88,7 @@ impl Station {
         ask(&mut self.apart.as_ref().expect("a station apart").borrow_mut()[place])
     }
 
-    /// Where the bus keeps its files.
+    /// Directory of the bus's files.
     pub(crate) fn root(&self) -> PathBuf {
         self.directory.path().join("bus")
     }
@@ -101,7 +101,7 @@ impl Station {
         self.state_directory().join("subjects").join(format!("{subject}.toml"))
     }
 
-    /// Gives another subject a profile: what `change` makes of this one's.
+    /// Gives another subject a profile: this one's, modified by `change`.
     pub(crate) fn copy_profile(&self, from: &str, to: &str, change: impl FnOnce(&mut toml::Table)) {
         let text = std::fs::read_to_string(self.profile(from)).expect("a profile");
         let mut profile: toml::Table = text.parse().expect("a profile in TOML");
@@ -159,7 +159,7 @@ poses_min = 1000
         command
     }
 
-    /// Starts a command and lets it run.
+    /// Starts a command without waiting for its end.
     pub(crate) fn spawn(&self, arguments: &[&str]) -> Process {
         self.spawn_in(arguments, &self.state_directory())
     }
@@ -178,24 +178,24 @@ poses_min = 1000
         Ended { code, stdout: process.stdout(), stderr: process.stderr() }
     }
 
-    /// Starts a daemon of this configuration.
+    /// Starts a daemon with this configuration.
     pub(crate) fn try_daemon(&self, configuration: &str) -> Process {
         let path = self.write(&format!("{}.toml", self.processes.get()), configuration);
         self.spawn_daemon(&path.to_string_lossy(), &[])
     }
 
-    /// A daemon whose cycles run.
+    /// A daemon with running cycles.
     pub(crate) fn daemon(&self, configuration: &str) -> Process {
         ready(self.try_daemon(configuration))
     }
 
-    /// A daemon of the configuration that lies in this file of the test, with more in its environment.
+    /// A daemon with the configuration in this file of the test, and additional environment variables.
     pub(crate) fn daemon_of(&self, name: &str, environment: &[(&str, &std::ffi::OsStr)]) -> Process {
         let path = self.file(name).to_string_lossy().into_owned();
         ready(self.spawn_daemon(&path, environment))
     }
 
-    /// Starts a command with more in its environment.
+    /// Starts a command with additional environment variables.
     pub(crate) fn spawn_with(&self, arguments: &[&str], environment: &[(&str, &std::ffi::OsStr)]) -> Process {
         let number = self.processes.replace(self.processes.get() + 1);
         let mut command = self.command(arguments);
@@ -203,18 +203,18 @@ poses_min = 1000
         Process::start(command, self.file(&format!("{number}.out")), self.file(&format!("{number}.err")))
     }
 
-    /// A daemon that keeps its state elsewhere.
+    /// A daemon with another state directory.
     pub(crate) fn daemon_keeping_state_in(&self, state_directory: &Path) -> Process {
         let path = self.write("elsewhere.toml", &self.configuration());
         ready(self.spawn_in(&["run", "--config", &path.to_string_lossy()], state_directory))
     }
 
-    /// The simulated sensors of this station, still to be started.
+    /// Settings of the simulated sensors of this station.
     pub(crate) fn sensors(&self) -> SimulationSettings {
         let mut settings = SimulationSettings::default();
         settings.suit.target = self.suit;
         settings.plate.address = self.plate;
-        // Enough for every test, and kind to the machine.
+        // Sufficient for every test, with low load on the machine.
         settings.plate.rate_hz = 250.0;
         settings
     }
@@ -249,14 +249,14 @@ poses_min = 1000
 
 impl Drop for Station {
     fn drop(&mut self) {
-        // What a killed process left lies outside the temporary directory.
+        // Leftovers of a killed process are outside the temporary directory.
         for path in self.shared_memory() {
             let _ = std::fs::remove_file(path);
         }
     }
 }
 
-/// Waits until a daemon says that it runs.
+/// Waits until a daemon reports that it runs.
 #[track_caller]
 pub(crate) fn ready(mut daemon: Process) -> Process {
     wait_for("the daemon to run", || {

@@ -1,4 +1,4 @@
-//! Hand-made sensors: sound samples at a steady rate, and whatever a test slips in behind them.
+//! Hand-made sensors: valid samples at a steady rate, with bad ones inserted by a test.
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpStream, UdpSocket};
@@ -18,10 +18,10 @@ const SUIT_RATE_HZ: f64 = 60.0;
 /// Body weight on the plate, counts; the plate reports the force on itself.
 const WEIGHT_COUNTS: i32 = -706_000_000;
 
-/// Makes a bad datagram of the sound one before it.
+/// Makes a bad datagram from the preceding valid one.
 type Trick = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
 
-/// Tricks that wait for their turn; one goes out behind each sound datagram.
+/// Pending bad datagrams; one is sent after each valid one.
 #[derive(Clone, Default)]
 struct Tricks(Arc<Mutex<std::collections::VecDeque<Trick>>>);
 
@@ -46,7 +46,7 @@ impl Stream {
         Stream { tricks, stop, thread: Some(thread) }
     }
 
-    /// Sends what `trick` makes of a sound datagram behind it.
+    /// Inserts the result of `trick`, applied to a valid datagram, after it.
     pub(crate) fn slip_in(&self, trick: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) {
         self.tricks.0.lock().expect("no stream panics").push_back(Box::new(trick));
     }
@@ -69,13 +69,13 @@ pub(crate) fn suit(target: SocketAddr) -> Stream {
 /// The same as another character.
 pub(crate) fn suit_of(target: SocketAddr, avatar: u8) -> Stream {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    // Nobody may listen yet, and some tricks are too long for a datagram: neither is our affair.
+    // The listener may be absent, and some datagrams are too long to send: both errors are irrelevant here.
     Stream::start(move |tricks, stop| {
         run_suit(avatar, &tricks, stop, |bytes| drop(socket.send_to(bytes, target)));
     })
 }
 
-/// The same over TCP, as several characters on one connection; connects again whenever it was cut off.
+/// The same over TCP, as several characters on one connection; reconnects after each disconnection.
 pub(crate) fn suits_over_tcp(target: SocketAddr, avatars: &'static [u8]) -> Stream {
     Stream::start(move |tricks, stop| {
         let mut connection: Option<TcpStream> = None;
@@ -98,10 +98,10 @@ pub(crate) fn suits_over_tcp(target: SocketAddr, avatars: &'static [u8]) -> Stre
 
 fn run_suit(avatar: u8, tricks: &Tricks, stop: &AtomicBool, mut send: impl FnMut(&[u8])) {
     let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
-    // A suit that repeats itself would be taken for a frozen one.
+    // A suit that repeats itself would be detected as frozen.
     let suit = Suit::new(SuitNoise::ORDINARY, 1);
     let streams = Streams::NONE;
-    // High enough to step back from.
+    // Starts high enough for a step back.
     for number in 1000.. {
         if stop.load(Ordering::Relaxed) {
             return;
@@ -116,10 +116,10 @@ fn run_suit(avatar: u8, tricks: &Tricks, stop: &AtomicBool, mut send: impl FnMut
     }
 }
 
-/// A plate on which somebody of 72 kg stands still.
+/// A plate with a person of 72 kg standing on it.
 pub(crate) struct FakePlate {
     pub(crate) stream: Stream,
-    /// Who asked for records.
+    /// Address of the client that requested records.
     client: Arc<Mutex<Option<SocketAddr>>>,
 }
 
@@ -133,7 +133,7 @@ impl FakePlate {
         FakePlate { stream, client }
     }
 
-    /// Who asked for records.
+    /// Address of the client that requested records.
     pub(crate) fn client(&self) -> Option<SocketAddr> {
         *self.client.lock().expect("no plate panics")
     }
@@ -158,7 +158,7 @@ fn run_plate(socket: &UdpSocket, known: &Mutex<Option<SocketAddr>>, tricks: &Tri
             rdt_sequence,
             ft_sequence,
             status: 0,
-            // And so would a plate.
+            // A plate that repeats itself would be detected as frozen too.
             force_counts: [0, 0, WEIGHT_COUNTS + (ft_sequence % 2) as i32],
             torque_counts: [0; 3],
         };

@@ -1,4 +1,4 @@
-//! The ways a suit comes: TCP, several workers on one port, and what `doctor suit` says of each.
+//! Transports of a suit: TCP, several workers on one port, and the report of `doctor suit` for each.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Instant;
@@ -29,7 +29,7 @@ fn found<'a>(report: &'a Value, name: &str) -> &'a str {
     check(report, name)["found"].as_str().expect("a text")
 }
 
-/// What `doctor suit` says, and how it ended.
+/// Report of `doctor suit`, and its exit code.
 fn doctor(station: &Station, text: &str) -> (Value, Option<i32>) {
     let path = station.write("doctor.toml", text).display().to_string();
     let ended = station.run(&["doctor", "suit", "--config", &path, "--for", "2s", "--json"]);
@@ -37,7 +37,7 @@ fn doctor(station: &Station, text: &str) -> (Value, Option<i32>) {
     (report.unwrap_or_else(|error| panic!("{error}: {} {}", ended.stdout, ended.stderr)), ended.code)
 }
 
-/// The station's configuration, with keys of `[suit]` more.
+/// The station's configuration, with additional keys of `[suit]`.
 fn with(station: &Station, keys: &str) -> String {
     station.configuration().replace("[ground]", &format!("{keys}\n[ground]"))
 }
@@ -47,7 +47,7 @@ fn over_tcp(station: &Station, port: SocketAddr) -> String {
     text.replace(&format!("listen = \"{}\"", station.suit), &format!("listen = \"{port}\""))
 }
 
-/// What is published as a station's suit.
+/// The samples published as a station's suit.
 struct OnTheBus {
     samples: Subscriber<SuitSample>,
     health: Subscriber<AdapterHealth>,
@@ -66,7 +66,7 @@ impl OnTheBus {
         }
     }
 
-    /// Waits for so many samples from now on: all are of one character, each once and in order.
+    /// Waits for this many samples from now on: all are of one character, each once and in order.
     #[track_caller]
     fn expect(&mut self, count: usize, avatar: u32) {
         while self.samples.receive().expect("the bus").is_some() {}
@@ -83,7 +83,7 @@ impl OnTheBus {
         assert!(counters.windows(2).all(|pair| pair[0] < pair[1]), "{counters:?}");
     }
 
-    /// Waits for a word of the adapter that holds so.
+    /// Waits for a health message of the adapter that fulfils a condition.
     #[track_caller]
     fn health(&mut self, holds: impl Fn(&AdapterHealth) -> bool) -> AdapterHealth {
         wait_for("a word of the adapter", || {
@@ -118,7 +118,7 @@ fn a_suit_over_tcp_is_a_suit_and_damage_or_a_new_connection_do_not_end_it() {
     eyes.until("the suit again", Eyes::both_fresh);
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 
-    // The daemon has the port: it is asked.
+    // The daemon holds the port, so the doctor queries it.
     let (report, code) = doctor(&station, &over_tcp(&station, port));
     assert_eq!(code, Some(0), "{report}");
     assert!(found(&report, "suit.listen").contains("is held by station"), "{report}");
@@ -136,10 +136,10 @@ fn two_workers_on_one_port_each_get_a_station_and_the_death_of_one_disturbs_no_o
     other.expect(60, 1);
     let counts = other.health(|health| health.published > 60);
     assert_eq!((counts.lost, counts.refused.iter().sum::<u64>()), (0, 0), "{counts:?}");
-    // The third belongs to nobody.
+    // The third belongs to no station.
     own.health(|health| health.refused[SuitRefusal::OtherAvatar.index()] > 10);
 
-    // The other station's daemon, with a plate of its own, takes what it is given.
+    // The other station's daemon, with its own plate, accepts the forwarded samples.
     let plate = free_address().expect("a free port");
     let _plate = FakePlate::start(plate);
     let text = station.configuration().replace("\"mvn-udp\"", "\"external\"");

@@ -6,13 +6,13 @@ use crate::eyes::Eyes;
 use crate::station::Station;
 use crate::streams::{self, FakePlate, Stream};
 
-/// How often each trick is played.
+/// Number of repetitions of each bad datagram.
 const ROUNDS: u64 = 8;
 /// Bytes of a header and of one item of type 02.
 const HEADER: usize = 24;
 const ITEM: usize = 32;
 
-/// A sound datagram of type 02, spoilt.
+/// A valid datagram of type 02, corrupted.
 fn spoilt(sound: &[u8], spoil: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     let mut bad = sound.to_vec();
     spoil(&mut bad);
@@ -23,7 +23,7 @@ fn put(bytes: &mut [u8], at: usize, what: &[u8]) {
     bytes[at..at + what.len()].copy_from_slice(what);
 }
 
-/// Writes a header's payload size and number of items as the length has them.
+/// Sets a header's payload size and number of items according to the length.
 fn announce(bytes: &mut [u8], items: u8) {
     let payload = (bytes.len() - HEADER) as u16;
     bytes[11] = items;
@@ -39,14 +39,14 @@ fn with_counter(sound: &[u8], steps: i32) -> Vec<u8> {
     spoilt(sound, |bad| put(bad, 6, &counter.to_be_bytes()))
 }
 
-/// A float of an item, by its place in the item (0 is the segment's id).
+/// Replaces a float of an item, by its index in the item (0 is the segment's id).
 fn with_float(sound: &[u8], item: usize, word: usize, value: f32) -> Vec<u8> {
     spoilt(sound, |bad| put(bad, HEADER + item * ITEM + word * 4, &value.to_be_bytes()))
 }
 
 type Make = fn(&[u8]) -> Vec<u8>;
 
-/// What is wrong with it, and why it is refused.
+/// Defect, refusal reason, and construction.
 const TRICKS: &[(&str, SuitRefusal, Make)] = &[
     ("empty", SuitRefusal::TooShort, |_| Vec::new()),
     ("one byte", SuitRefusal::TooShort, |_| vec![b'M']),
@@ -96,7 +96,7 @@ const TRICKS: &[(&str, SuitRefusal, Make)] = &[
     }),
 ];
 
-/// Datagrams that are passed over in silence: the remote control shares the port.
+/// Datagrams that are ignored without being counted: the remote control shares the port.
 const JSON: &[u8] = br#"{"type":"transport","value":"record"}"#;
 
 #[test]
@@ -112,7 +112,7 @@ fn a_storm_of_bad_datagrams_is_counted_by_reason_and_nothing_else() {
     let before = eyes.until("a word of the suit", |eyes| eyes.suit().published > 0);
     let published = eyes.suit().published;
     play_all(&suit);
-    // Random bytes: whatever each is refused for.
+    // Random bytes, whatever the reason of their refusal.
     let mut noise = Noise(0x5eed);
     for _ in 0..ROUNDS {
         let length = noise.next() as usize % 1500;
@@ -126,7 +126,7 @@ fn a_storm_of_bad_datagrams_is_counted_by_reason_and_nothing_else() {
     for reason in SuitRefusal::ALL {
         let expected = ROUNDS * TRICKS.iter().filter(|(_, refusal, _)| refusal == reason).count() as u64;
         eyes.until(reason.name(), |eyes| {
-            // The storm itself never makes the suit fall silent: good samples come as fast as before.
+            // The storm never makes the suit stale: good samples arrive as fast as before.
             eyes.suit_refused(*reason) >= expected
         });
     }
@@ -156,7 +156,7 @@ fn play_all(suit: &Stream) {
     }
 }
 
-/// `MXTP` and a length that fits, before random bytes: it gets past the first doors.
+/// `MXTP` and a matching length before random bytes: it passes the first checks.
 fn random_behind_a_header(noise: &mut Noise) -> Vec<u8> {
     let types = [b"01", b"02", b"12", b"13", b"20", b"21", b"22", b"23", b"24", b"25"];
     let length = HEADER + noise.next() as usize % 900;
@@ -177,7 +177,7 @@ fn a_segment_a_light_year_away_does_not_reach_the_state() {
     let suit = streams::suit(station.suit);
     let mut eyes = Eyes::open(&station);
     eyes.until("the bones", |eyes| eyes.state.phase_name() == "identifying");
-    // Finite, of the next sample, and no place for a person: one flipped bit of an exponent is enough.
+    // Finite, of the next sample, and an impossible position: one flipped bit of an exponent is enough.
     for _ in 0..ROUNDS {
         suit.slip_in(|sound| with_float(&with_counter(sound, 1), 4, 2, 1e30));
     }

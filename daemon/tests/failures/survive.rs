@@ -1,6 +1,6 @@
-//! Killed at any instant, the daemon loses at most a second, and leaves no file that cannot be read.
+//! Killed at any instant, the daemon loses at most a second of data, and leaves no unreadable file.
 //!
-//! `EQUIPOISE_KILLS` says how often it is killed, `EQUIPOISE_SEED` when; `.ci/run survive` does it thirty times.
+//! `EQUIPOISE_KILLS` is the number of kills, `EQUIPOISE_SEED` determines their times; `.ci/run survive` uses thirty.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -16,9 +16,9 @@ use crate::eyes::Eyes;
 use crate::process::{Process, wait_for};
 use crate::station::Station;
 
-/// What a kill may lose.
+/// Maximum loss by a kill.
 const LOSS: Duration = Duration::from_secs(1);
-/// So much of a light body is taken for the empty plate's offset, kg.
+/// This much of a light body counts as the empty plate's offset, kg.
 const OFFSET_KG: f64 = 5.0;
 const WORKER_KG: f64 = 72.0;
 const G: f64 = 9.81;
@@ -46,7 +46,7 @@ fn person(station: &Station, mass_kg: f64) -> SimulationHandle {
     Simulation::start(settings).expect("a simulated person")
 }
 
-/// Poses that the bus showed of each subject, and when each count was first seen.
+/// Numbers of poses published for each subject, and when each was first received.
 #[derive(Default)]
 struct Seen(HashMap<String, Vec<(Instant, u32)>>);
 
@@ -58,14 +58,14 @@ impl Seen {
         }
     }
 
-    /// The most that was seen before an instant.
+    /// The largest number received before an instant.
     fn before(&self, subject: &str, instant: Instant) -> u32 {
         let all = self.0.get(subject).map_or(&[][..], Vec::as_slice);
         all.iter().take_while(|(at, _)| *at < instant).map(|(_, poses)| *poses).last().unwrap_or(0)
     }
 }
 
-/// Every file is whole; leftovers of a write that was cut off end in `.new` and mean nothing.
+/// Checks that every file is readable; leftovers of an interrupted write end in `.new` and are ignored.
 fn every_file_is_read(folder: &Path) -> usize {
     let mut read = 0;
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -81,7 +81,7 @@ fn every_file_is_read(folder: &Path) -> usize {
             }
             read += 1;
         } else if path.extension().is_some_and(|extension| extension == "mcap") {
-            // A flight record: on a busy machine a deadline is missed now and then.
+            // A flight record: on a busy machine deadlines are missed occasionally.
             let recording = equipoise_adapters::recording::Recording::open(&path).expect("a whole record");
             assert!(!recording.truncated(), "{}", path.display());
         } else {
@@ -103,14 +103,14 @@ struct Bench<'a> {
     random: Random,
     seen: Seen,
     in_use: String,
-    /// Who was in use before, and when that was changed.
+    /// Previous subject, and time of the change.
     before: Option<(String, Instant)>,
     pose: usize,
     posed: Instant,
 }
 
 impl Bench<'_> {
-    /// The worker goes from pose to pose, while somebody gives the daemon commands, until an instant of chance.
+    /// The worker moves from pose to pose, while the daemon receives commands, until a random instant.
     fn work(&mut self) {
         let until = Instant::now() + Duration::from_millis(200 + self.random.below(2300));
         let mut command = Instant::now() + Duration::from_millis(self.random.below(1500));
@@ -138,7 +138,7 @@ impl Bench<'_> {
     fn command(&mut self) {
         match self.random.below(3) {
             0 => drop(self.station.run(&["subject", "save"])),
-            // Somebody stands there, or the plate is silent for a moment on a busy machine.
+            // A person stands there, or the plate is silent for a short time on a busy machine.
             1 => self.station.run(&["tare"]).failed_with(1, &["refused"]),
             _ => {
                 let other = if self.in_use == "anon-1" { "anon-2" } else { "anon-1" };
@@ -149,7 +149,7 @@ impl Bench<'_> {
         }
     }
 
-    /// What a daemon that was started again knows, against what the bus had shown.
+    /// Compares the state of a restarted daemon with the states received before.
     fn compare(&mut self, killed: Instant, killed_ns: u64) {
         let found = subject_in_use(self.station);
         if found != self.in_use {
@@ -165,7 +165,7 @@ impl Bench<'_> {
         assert!(state.poses_used >= bound, "{} of {bound} poses of {}", state.poses_used, self.in_use);
         let off_n = state.ground_force_n[2] - WORKER_KG * G;
         assert!(off_n.abs() < 0.5 * OFFSET_KG * G, "the tare is lost: {off_n} N");
-        // From here on this is the truth.
+        // Reference for the following comparisons.
         self.seen.0.insert(self.in_use.clone(), vec![(Instant::now(), state.poses_used)]);
     }
 }
@@ -212,7 +212,7 @@ fn killed_at_any_instant_it_loses_at_most_a_second() {
         let killed = Instant::now();
         daemon.kill();
         let killed_ns = now_ns();
-        // Whatever was under way over the bus.
+        // Receives pending messages of the bus.
         bench.eyes.look();
         assert!(every_file_is_read(&station.state_directory()) >= 3);
         daemon = station.daemon(&station.configuration());
@@ -226,7 +226,7 @@ fn killed_at_any_instant_it_loses_at_most_a_second() {
         learnt = bench.eyes.state.poses_used.max(learnt);
         println!("kill {kill}: {} has {} poses", bench.in_use, bench.eyes.state.poses_used);
     }
-    // And it goes on, with the shift, from pose to pose.
+    // Operation continues, with the shift, from pose to pose.
     let Bench { mut eyes, person, .. } = bench;
     let before = eyes.state.poses_used;
     eyes.until_poses(&person, before + 1);

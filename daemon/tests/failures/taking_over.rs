@@ -1,4 +1,5 @@
-//! Another process takes over only when the first is dead: stopped is not dead, and dead is dead at once.
+//! Another process takes over only after the first is dead: a stopped process still holds the station, a dead one
+//! releases it at once.
 
 use equipoise_core::message::Incident;
 use rustix::process::Signal;
@@ -24,7 +25,7 @@ fn a_stopped_daemon_keeps_its_station_and_a_killed_one_leaves_it_at_once() {
         refused.failed_with(1, &["is stopped", &remedy]);
         assert!(!refused.stderr.contains("equipoise run"), "{}", refused.stderr);
     }
-    // It may go on as if nothing had been.
+    // It can continue without any consequence.
     first.send(Signal::CONT);
     let mut eyes = Eyes::open(&station);
     eyes.until("cycles", |eyes| eyes.state.cycle > 0);

@@ -1,4 +1,4 @@
-//! Each foot on a plate of its own: two devices, one ground.
+//! Each foot on its own plate: two devices, one ground.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -21,13 +21,13 @@ use crate::eyes::Eyes;
 use crate::station::{NAME, Station};
 use equipoise_simulator::ports::free_address;
 
-/// Where both plates stand: origin (m), turn (degrees), height of the surface above the origin (m).
+/// Poses of both plates: origin (m), rotation (degrees), height of the surface above the origin (m).
 const PLACES: [([f64; 3], f64, f64); 2] =
     [([0.05, 0.21, -0.045], 12.0, 0.045), ([-0.02, -0.2, -0.03], -90.0, 0.03)];
-/// Poses that a worker is learnt from here: legs depend on the ground, not on them.
+/// Poses for the identification: torques of the legs depend on the ground, not on their number.
 const POSES: u32 = 3;
 
-/// A station whose person has each foot on a plate of its own, and its configuration.
+/// A station whose person has each foot on its own plate, and its configuration.
 struct TwoPlates {
     station: Station,
     second: SocketAddr,
@@ -71,7 +71,7 @@ impl TwoPlates {
     }
 }
 
-/// Root mean square error of the legs' torques while a box is lifted, N m, and of how many samples.
+/// Root mean square error of the legs' torques while a box is lifted, N m, and the number of samples.
 fn legs_error_nm(
     station: &Station,
     eyes: &mut Eyes,
@@ -127,7 +127,7 @@ fn two_plates_tell_each_foot_and_the_legs_better_than_one() {
     let status = two.station.status().expect("the daemon answers");
     assert_eq!(status["ground"]["devices"], serde_json::json!(["plate", "second_plate"]), "{status}");
     assert_eq!(status["ground"]["per_foot"], true, "{status}");
-    // Both feet together bear the person, at the centre of pressure that the person has.
+    // The sum over both feet is the person's weight, at the person's centre of pressure.
     let truth = person.truth_at((eyes.state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     assert!(
         (eyes.state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
@@ -165,7 +165,7 @@ fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
     );
     let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &second));
     let mut eyes = Eyes::open(&station);
-    // Shares are told of a load, by whom the daemon knows a little.
+    // Load fractions are reported only with a load, which requires an identified subject.
     eyes.until_poses(&person, 1);
     station.run(&["identify", "stop"]).done();
     person.lift(8.0);
@@ -215,7 +215,7 @@ fn one_plate_of_two_that_is_unplugged_takes_the_ground_away_with_a_reason_until_
     for silence in [SimulationHandle::silence_second_plate, SimulationHandle::silence_plate] {
         silence(&person, true);
         eyes.until("the ground's silence", |eyes| {
-            // Half a person is not told meanwhile.
+            // Half of the person's weight is not reported meanwhile.
             let vertical_n = eyes.state.ground_force_n[2];
             assert!(vertical_n == 0.0 || vertical_n > 600.0, "{vertical_n} N");
             eyes.has(Validity::GROUND_STALE)
@@ -235,6 +235,6 @@ fn one_plate_of_two_that_is_unplugged_takes_the_ground_away_with_a_reason_until_
     eyes.until("the counts", |eyes| eyes.ground_refused(GroundRefusal::NoPartner) > 50);
     assert!(daemon.is_running());
 
-    // Somebody stands there.
+    // A person stands there.
     two.station.run(&["tare", "--station", NAME]).failed_with(1, &["stand on the plate; step off"]);
 }

@@ -1,4 +1,4 @@
-//! Wrong configurations and wrong command lines.
+//! Invalid configurations and command lines.
 
 use crate::station::Station;
 

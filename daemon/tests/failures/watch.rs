@@ -1,4 +1,4 @@
-//! The screen of `watch` on a real terminal: what it shows, and what it leaves behind.
+//! The screen of `watch` on a real terminal: its content, and the terminal's state afterwards.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -18,10 +18,10 @@ use rustix::termios::{Action, LocalModes, Winsize, tcflow, tcgetattr, tcsetwinsi
 use crate::process::wait_for;
 use crate::station::{NAME, Station};
 
-/// A terminal with `watch` in it, as a person would sit before it. `vt100` plays the glass.
+/// A terminal with `watch` in it. `vt100` emulates the screen.
 struct Seat {
     keys: File,
-    /// The program's own end, held so that what it set can be asked.
+    /// The program's end of the terminal, kept open to read its settings.
     near: OwnedFd,
     screen: Arc<Mutex<vt100::Parser>>,
     glass: Option<JoinHandle<()>>,
@@ -29,12 +29,12 @@ struct Seat {
     watch: Child,
 }
 
-/// How often the glass looks whether the terminal is to be closed.
+/// Polling interval for a request to close the terminal.
 const GLASS_WAITS: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 impl Seat {
     fn before(station: &Station, size: (u16, u16)) -> Seat {
-        // Makes it the controlling terminal of a session of its own, as a login does; the process stays the same.
+        // Makes it the controlling terminal of a separate session, as a login does; the process stays the same.
         let mut setsid = Command::new("setsid");
         setsid.args(["--ctty", env!("CARGO_BIN_EXE_equipoise")]);
         Seat::of(setsid, station, size)
@@ -120,7 +120,7 @@ impl Seat {
             .contains(LocalModes::ICANON | LocalModes::ECHO)
     }
 
-    /// It ends in order, and everything is as it was: settings, the other screen, the cursor.
+    /// Asserts a regular end and a restored terminal: settings, alternate screen, cursor.
     #[track_caller]
     fn leaves_the_terminal_clean(mut self) {
         assert_eq!(self.ends(), Some(0), "{}", self.text());
@@ -135,7 +135,7 @@ impl Seat {
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        // Ended already, as it should be, or the test has failed.
+        // Already ended, or the test has failed.
         let _ = self.watch.kill();
         let _ = self.watch.wait();
         self.closed.store(true, Ordering::Relaxed);
@@ -216,7 +216,7 @@ fn a_signal_ends_a_screen_whose_terminal_takes_no_output() {
     let mut seat = Seat::before(&station, (80, 24));
     seat.shows("Nothing has come");
     tcflow(&seat.near, Action::OOff).expect("output held");
-    // To leave the other screen is to write, which does not return.
+    // Leaving the alternate screen is a write, which does not return.
     seat.send(Signal::TERM);
     assert_eq!(seat.ends(), Some(1));
     assert!(!seat.is_raw(), "the terminal still takes keys one by one");

@@ -1,12 +1,12 @@
-//! Configurations: what is read is written, and read as the same. Shared with the target `config` of `fuzz/`.
+//! Configurations: reading, writing and reading again gives the same. Shared with the target `config` of `fuzz/`.
 
 use equipoise_daemon::config::Config;
 
-/// A configuration that is taken is taken again as it writes itself; one that is not is refused with a sentence that names
-/// the file.
+/// An accepted configuration is accepted again in its written form; a refused one has an error message that names the
+/// file.
 ///
 /// # Panics
-/// If the bytes break that.
+/// If the bytes violate that.
 pub(crate) fn check(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match Config::parse(text, "some.toml") {
@@ -19,7 +19,7 @@ pub(crate) fn check(bytes: &[u8]) {
     }
 }
 
-/// What is shipped, as it is and with all that is commented out; and the least that is taken.
+/// The shipped files, as they are and with everything uncommented; and the minimal configuration.
 pub(crate) fn seeds() -> Vec<Vec<u8>> {
     let shipped = include_str!("../../../systemd/equipoise.toml");
     let all: String = shipped.lines().map(|line| format!("{}\n", line.trim_start_matches('#'))).collect();

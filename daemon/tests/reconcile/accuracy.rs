@@ -1,4 +1,4 @@
-//! What blocks say, held against the loop's own numbers and against the simulator's truth.
+//! Content of the blocks, compared with the loop's own numbers and with the simulator's truth.
 
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
@@ -37,8 +37,8 @@ fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     f64::sqrt(sum / count)
 }
 
-/// What the loop tells with a frozen worker, over each block: measured less estimated, without what the stance's offset
-/// has changed since, m.
+/// Residual of the loop with a frozen worker, over each block: measured minus estimated, without the change of the
+/// stance offset since, m.
 fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(f64, [f64; 2])> {
     let settings = config.settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();
@@ -113,7 +113,7 @@ fn accelerations_are_those_of_the_simulated_body() {
     let (mut origin, mut centre, mut size) = (Vec::new(), Vec::new(), Vec::new());
     for block in compared.session.blocks.iter().filter(|block| block.phase == Phase::Work) {
         let seen = &block.observation;
-        // The same mean and the same parabola as the block's: the truth itself is smoothed by them.
+        // The same mean and parabola as in the block, which smooth the truth too.
         let step_s = 1.0 / 60.0;
         let times: Vec<f64> = (-6..=6).map(|sample| f64::from(sample) * step_s).collect();
         let mut truth = [[0.0; 3]; SEGMENTS];
@@ -143,7 +143,8 @@ fn accelerations_are_those_of_the_simulated_body() {
 
 #[test]
 fn a_suit_that_is_late_is_best_explained_by_its_lag() {
-    // Perfect ones repeat themselves while the plate, which is earlier, shows motion: they would be taken for frozen.
+    // Perfect samples repeat themselves while the plate, which is earlier, shows motion: they would be detected as
+    // frozen.
     let script = Script { rig: Rig { suit_late_ns: 30_000_000, ..Rig::ORDINARY }, ..Script::ordinary() };
     let late = compared(&script, &script.samples());
     let in_time = compared(&Script::ordinary(), &Script::ordinary().samples());
@@ -160,10 +161,10 @@ fn a_suit_that_is_late_is_best_explained_by_its_lag() {
     let best = (0..LAGS_S.len()).min_by(|a, b| by_lag[*a].total_cmp(&by_lag[*b])).unwrap();
     println!("without {:.4}; {:?}", left(&late, None), LAGS_S.iter().zip(&by_lag).collect::<Vec<_>>());
     assert_eq!(LAGS_S[best], 0.03);
-    // What is left is what a suit leaves that is in time.
+    // The remaining residual is that of a suit without lag.
     let (without, in_time) = (left(&late, None), left(&in_time, None));
     assert!(by_lag[best] < 1.2 * in_time, "{by_lag:?} {without} {in_time}");
-    // And most of what the lag adds to the noise of the sensors is gone.
+    // Most of the residual that the lag adds to the sensors' noise is removed.
     let added = |left: f64| (left * left - in_time * in_time).max(0.0).sqrt();
     assert!(added(by_lag[best]) < 0.5 * added(without), "{by_lag:?} {without} {in_time}");
 }

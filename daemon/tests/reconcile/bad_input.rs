@@ -1,4 +1,4 @@
-//! What cannot be reconciled is refused in one sentence that says what to do, and nothing is written half.
+//! Unusable input is refused with one message that includes the remedy, and no partial output is written.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -31,12 +31,12 @@ impl Trial {
         Trial { directory, recording }
     }
 
-    /// The session as it is.
+    /// The unmodified session.
     fn whole() -> Trial {
         Trial::of(&session().1, &session().0.config())
     }
 
-    /// Samples that `change` has spoilt.
+    /// Samples corrupted by `change`.
     fn spoilt(change: impl FnOnce(&mut Samples)) -> Trial {
         let mut samples = session().1.clone();
         change(&mut samples);
@@ -53,7 +53,7 @@ impl Trial {
         command.output().unwrap()
     }
 
-    /// Refused with exit code 1, in one line that says each of these, and nothing written.
+    /// Asserts exit code 1, one line that contains each of these words, and no output.
     fn refuses(&self, options: &[&str], words: &[&str]) {
         let output = self.run(options);
         let text = String::from_utf8_lossy(&output.stderr);
@@ -149,7 +149,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
 fn a_recording_that_is_cut_before_its_samples_is_refused() {
     let trial = Trial::whole();
     let bytes = std::fs::read(&trial.recording).unwrap();
-    // In the head, and in the first chunk: nothing can be read of what was measured.
+    // Truncated in the header, and in the first chunk: no measurement is readable.
     for (length, words) in
         [(6, "not a recording"), (60, "session.mcap"), (4000, "no sample of suit or plate")]
     {
@@ -158,7 +158,7 @@ fn a_recording_that_is_cut_before_its_samples_is_refused() {
     }
 }
 
-/// An older report is not mixed with what a refusal would leave, and not taken away either.
+/// A refusal neither mixes its output with an older report nor deletes that.
 #[test]
 fn what_was_written_before_stays_as_it_was() {
     let trial = Trial::whole();

@@ -1,4 +1,4 @@
-//! What a model file asks for is shown by the running daemon until the worker has held it.
+//! The running daemon suggests the pose requested by a model file until the worker has held it.
 
 use std::time::{Duration, Instant};
 
@@ -61,7 +61,7 @@ fn a_daemon_asks_for_the_pose_of_its_model_file_until_it_was_held() {
     };
     run(&["identify", "stop"]);
     until(&mut states, "the pose that is asked for", |state| state.suggested_pose == WANTED as u32);
-    // Words, wherever the lines break.
+    // Compare words, independent of line breaks.
     let told = run(&["status"]).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(told.contains(&format!("Take this pose: {pose}, {BETWEEN}")), "{told}");
     let line = run(&["watch", "--for", "0.5"]);

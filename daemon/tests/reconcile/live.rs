@@ -1,4 +1,4 @@
-//! Live, over the sensors' own wires: a daemon with the model shows the gap shrink, and one without notices by itself
+//! Live, over the sensors' own wires: a daemon with the model shows the gap shrink, and one without detects by itself
 //! that its model no longer explains the worker.
 
 use std::path::Path;
@@ -23,12 +23,12 @@ use crate::common::Station;
 use crate::make::{Samples, Script};
 use crate::shows::shown;
 
-/// Before the load is taken so much is seen: clocks are fitted, and where the feet stand is learnt, s.
+/// Time before the load is taken, in which clocks are fitted and the feet's place is estimated, s.
 const BEFORE_S: f64 = 7.0;
-/// When the load hangs, s after it is taken.
+/// Time from the start of the grasp until the load hangs, s.
 const GRASPED_S: f64 = 2.0;
 
-/// The worker as learnt from the script's poses.
+/// The identified worker from the script's poses.
 fn learnt(script: &Script, samples: &Samples) -> Box<Identification> {
     let directory = tempfile::tempdir().unwrap();
     let recording = directory.path().join("session.mcap");
@@ -39,7 +39,7 @@ fn learnt(script: &Script, samples: &Samples) -> Box<Identification> {
     reconcile.compare(&mut |_| {}).unwrap().learnt.worker
 }
 
-/// A station that knows the worker and sees part of the session, live.
+/// A station with an identified worker that receives part of the session, live.
 struct Live {
     station: Station,
     bus: Bus,
@@ -95,7 +95,7 @@ impl Live {
         Live { station, bus, _player: player }
     }
 
-    /// Off by how much, of every moment of an identified worker from so many seconds after the first on: centre of
+    /// Residuals of every state of an identified worker between two times in seconds after the first: centre of
     /// pressure (m), force (N).
     fn residuals(&self, from_s: f64, to_s: f64) -> Vec<[f64; 2]> {
         const NOT_WITH: Validity = Validity::SPOILS_COP_MEASURED
@@ -124,14 +124,15 @@ impl Live {
         seen
     }
 
-    /// What the daemon suspects, told by its event within so many seconds; `None` if there was none.
+    /// The suspected effect that the daemon announces by its event within this time in seconds; `None` if there was
+    /// none.
     fn suspicion(&self, seconds: f64) -> Option<String> {
         let listener = self.bus.listener(Channel::Results).unwrap();
         let started = Instant::now();
         while started.elapsed().as_secs_f64() < seconds {
             let events = listener.wait(Duration::from_millis(200)).unwrap();
             if events.contains(Event::ModelNoLongerExplains) {
-                // The status is written a moment later.
+                // The status is written shortly after.
                 std::thread::sleep(Duration::from_millis(1500));
                 let output = self.station.command("status").arg("--json").output().unwrap();
                 let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -175,7 +176,7 @@ fn a_live_daemon_with_the_model_shrinks_the_gap() {
     }
 }
 
-/// Below half the threshold of a load, so that no overload is published: the model is wrong.
+/// Below half the load threshold, so that no overload is published: the model is wrong.
 const UNNOTICED_KG: f64 = 0.7;
 
 #[test]

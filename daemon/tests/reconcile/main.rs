@@ -1,5 +1,5 @@
-//! From a recording to a session of blocks: right about what was predicted and measured, and clear about what it
-//! lacks.
+//! From a recording to a session of blocks: correct predictions and measurements, and clear messages about missing
+//! data.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod accuracy;

@@ -1,4 +1,4 @@
-//! Small recordings of a simulated worker: poses, then work, without wires.
+//! Small recordings of a simulated worker: poses, then work, without a network.
 
 use std::path::Path;
 
@@ -11,17 +11,17 @@ use equipoise_simulator::repertoire::{LIFTING, REPERTOIRE};
 use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, sample_time_ns, suit_sample};
 use equipoise_studies::subject::Subject;
 
-/// How long a pose takes and is held, s.
+/// Duration of taking and holding a pose, s.
 const POSE_EVERY_S: f64 = 4.0;
 const POSE_WITHIN_S: f64 = 1.6;
-/// Work goes from one posture to the next in this time, s.
+/// Duration from one posture of work to the next, s.
 const WORK_EVERY_S: f64 = 1.3;
 const VARIED_EVERY_S: f64 = 2.4;
 
 /// A load is taken this long after the work begins, s.
 const LIFT_AFTER_S: f64 = 10.0;
 
-/// What is to be recorded.
+/// Settings of a recording.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Script {
     pub(crate) subject: Subject,
@@ -29,14 +29,14 @@ pub(crate) struct Script {
     pub(crate) habits: Habits,
     pub(crate) poses: usize,
     pub(crate) work_s: f64,
-    /// The work is poses of all kinds, arms apart from each other, some held; else a box is moved with both hands.
+    /// Work with poses of all kinds, independent arms, and some static ones; otherwise a box is moved with both hands.
     pub(crate) varied: bool,
-    /// Carried in the hands from a while after the work began, kg.
+    /// Load in the hands from a time after the start of the work, kg.
     pub(crate) carried_kg: f64,
 }
 
 impl Script {
-    /// Statures and masses of the paper's subject; ten poses and 30 s of work without any error of the sensors.
+    /// Stature and mass of the paper's subject; ten poses and 30 s of work without sensor errors.
     pub(crate) fn perfect() -> Script {
         Script {
             subject: Subject::of_the_paper(5),
@@ -55,12 +55,12 @@ impl Script {
         Script { rig: Rig::ORDINARY, habits: subject.habits(), ..Script::perfect() }
     }
 
-    /// When the poses end and the work begins, s.
+    /// End of the poses and start of the work, s.
     pub(crate) fn poses_end_s(&self) -> f64 {
         2.0 + self.poses as f64 * POSE_EVERY_S
     }
 
-    /// When a load is taken, s.
+    /// Time at which a load is taken, s.
     pub(crate) fn lift_s(&self) -> f64 {
         self.poses_end_s() + LIFT_AFTER_S
     }
@@ -94,7 +94,7 @@ poses_min = {}
         )
     }
 
-    /// The worker, who has been given all orders up to `time_s`.
+    /// The worker with all commands up to `time_s`.
     pub(crate) fn worker(&self) -> Ordered {
         let worker = Worker::with_habits(self.subject.person(), self.subject.seed, self.habits);
         Ordered { script: *self, worker, next: 0, lifted: false }
@@ -126,7 +126,7 @@ poses_min = {}
     }
 }
 
-/// A worker and the orders that are still to be given.
+/// A worker and its pending commands.
 pub(crate) struct Ordered {
     script: Script,
     pub(crate) worker: Worker,
@@ -135,7 +135,7 @@ pub(crate) struct Ordered {
 }
 
 impl Ordered {
-    /// Gives every order that is due before a time, s.
+    /// Gives every command due before a time, s.
     pub(crate) fn upto(&mut self, time_s: f64) {
         let script = &self.script;
         let lift_s = script.lift_s();
@@ -168,7 +168,7 @@ impl Ordered {
     }
 }
 
-/// What suit and plate sent.
+/// The samples of suit and plate.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Samples {
     pub(crate) suit: Vec<SuitSample>,
@@ -181,7 +181,7 @@ impl Samples {
         self.write_from(path, config, EPOCH_NS, None);
     }
 
-    /// Writes what comes from a time on, after the memory of the loop that a station had then.
+    /// Writes the part from a time on, after the loop's memory at that time.
     pub(crate) fn write_from(&self, path: &Path, config: &str, from_ns: u64, memory: Option<&Memory>) {
         let header = RecordingHeader {
             software_version: "test".to_owned(),

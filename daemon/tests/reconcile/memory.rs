@@ -1,10 +1,10 @@
-//! A long recording needs no more memory than a short one.
+//! A long recording requires no more memory than a short one.
 
 use std::path::Path;
 
 use equipoise_studies::hidden::long::{Long, reconcile};
 
-/// A fifth of the usual samples, so that hours are gone through in seconds. Both are longer than what is kept of a
+/// A fifth of the usual samples, so that hours are processed in seconds. Both are longer than the kept part of a
 /// recording (`docs/discrepancy.md`), which a short one does not fill.
 const SHORT: Long = Long { length_s: 1500.0, simulated_s: 300.0, every: [2, 10] };
 const LENGTHENED: Long = Long { length_s: 6000.0, ..SHORT };

@@ -1,5 +1,5 @@
-//! What is named goes into a model file, and what a model file holds is no news any more; a worker may come with the
-//! recording.
+//! Named effects are written to a model file, and effects of a model file are not reported again; a recording may
+//! contain an identified worker.
 
 use std::path::Path;
 
@@ -60,7 +60,7 @@ fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&Config::parse(&script.config(), "test").unwrap().settings());
     memory.identification = *known.learnt.worker;
-    // The work alone, as recorded by a station that knew the worker.
+    // Only the work, as recorded by a station with the identified worker.
     let from_ns = EPOCH_NS + (script.poses_end_s() * 1e9) as u64;
     samples.write_from(&work, &script.config(), from_ns, Some(&memory));
 
@@ -70,7 +70,7 @@ fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
     assert!(brought.session.blocks.iter().all(|block| block.phase == Phase::Work));
     let [phi, again] = [&known, &brought].map(|one| one.session.blocks[0].observation.phi_m);
     assert_eq!(phi, again);
-    // Poses that a person points at are learnt, whoever was known before.
+    // An explicit identification span replaces the subject identified before.
     let given = Given { identify: Some("0:12".parse().unwrap()), ..Given::default() };
     let learnt = compared(&work, &script.config(), given);
     assert_ne!(learnt.session.blocks[0].observation.phi_m, phi);

@@ -1,5 +1,5 @@
-//! What the workflow is for, with real processes: a hidden load is named, written down, and the gap shrinks, in the
-//! report and in the loop's own numbers.
+//! The complete workflow with real processes: a hidden load is named, written to the model file, and the gap shrinks,
+//! in the report and in the loop's own numbers.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ use crate::common::{equipoise, said};
 use crate::make::{Samples, Script};
 use crate::models::reconciled;
 
-/// What the right hand carries in the work, kg.
+/// Load of the right hand in the work, kg.
 pub(crate) const HIDDEN_KG: f64 = 2.0;
 
 /// A session with a hidden load, reconciled once for all tests.
@@ -33,7 +33,7 @@ impl Shown {
     }
 }
 
-/// A worker who takes something into the right hand ten seconds after the work has begun.
+/// A worker who takes an object into the right hand ten seconds after the start of the work.
 pub(crate) fn shown() -> &'static Shown {
     static SHOWN: OnceLock<Shown> = OnceLock::new();
     SHOWN.get_or_init(|| {
@@ -69,7 +69,7 @@ fn a_hidden_load_is_named_written_and_told() {
     let [fitted] = written.effects.as_slice() else { panic!("{written:?}") };
     assert_eq!((fitted.effect, fitted.place), (Effect::HandLoad, Place::Hand(Side::Right)));
     assert_eq!(fitted.value[0], value_kg, "the loop runs what was told");
-    // It was taken within a moment of when the script says, and kept.
+    // The detected start is close to the script's, and the load is kept.
     let taken_s = shown.script.lift_s();
     assert!((fitted.span_s[0] - taken_s).abs() < 1.5 && fitted.open_ended, "{fitted:?}, not {taken_s}");
 }
@@ -85,7 +85,7 @@ fn the_second_picture_is_flat_on_data_held_out() {
         let [before, after, floor] = of(&gap["per_axis"][axis], ["before", "after", "noise_floor"]);
         assert!(after <= 1.3 * floor && after <= 0.5 * before, "{axis}: {gap:#}");
     }
-    // Still and moving apart hold fewer blocks: nothing may grow.
+    // Still and moving blocks alone are fewer: no axis may grow.
     for (axis, of_axis) in gap["per_axis"].as_object().unwrap() {
         let [before, after, _] = of(of_axis, ["before", "after", "noise_floor"]);
         assert!(after < before, "{axis}: {of_axis}");
@@ -101,7 +101,7 @@ fn the_second_picture_is_flat_on_data_held_out() {
 }
 
 /// The loop's residual is that of every suit sample, the finding's of means over a fifth of a second; and the loop
-/// follows the stance's offset. So what is left is not the same; what is taken away is, within a quarter.
+/// follows the stance offset. The remaining residuals therefore differ; the removed parts agree within a quarter.
 #[test]
 fn a_replay_with_the_model_shrinks_by_what_the_finding_says() {
     let shown = shown();

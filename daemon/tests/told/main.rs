@@ -1,4 +1,4 @@
-//! What is told of a recording afterwards: the report. Its numbers are held against the JSON lines of a replay.
+//! The report of a recording. Its numbers are compared with the JSON lines of a replay.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod page;

@@ -1,16 +1,16 @@
-//! Reads a report's page with an XML parser: tables by the heading above them, and every word.
+//! Reads a report's page with an XML parser: tables by their preceding heading, and all words.
 
 use std::path::Path;
 
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-/// What a page says.
+/// Content of a page.
 #[derive(Debug, Default)]
 pub(crate) struct Page {
-    /// Each table with the heading above it: rows of cells, the head first.
+    /// Each table with its preceding heading: rows of cells, the header first.
     pub(crate) tables: Vec<(String, Vec<Vec<String>>)>,
-    /// All text, words apart.
+    /// All text, words separated.
     pub(crate) words: String,
     /// Elements by name, and their attributes.
     pub(crate) elements: Vec<(String, Vec<(String, String)>)>,
@@ -81,7 +81,7 @@ impl Page {
         self.elements.push((name.to_owned(), attributes.collect()));
     }
 
-    /// The rows under a heading, without the head.
+    /// The rows under a heading, without the header.
     #[track_caller]
     pub(crate) fn rows(&self, heading: &str) -> &[Vec<String>] {
         let found = self.tables.iter().find(|(name, _)| name == heading);
@@ -89,7 +89,7 @@ impl Page {
         &rows[1..]
     }
 
-    /// A cell: of the row that begins with `row`, the column whose head is `column`.
+    /// The cell in the row that starts with `row` and the column with header `column`.
     #[track_caller]
     pub(crate) fn cell(&self, heading: &str, row: &str, column: &str) -> &str {
         let (_, rows) = self.tables.iter().find(|(name, _)| name == heading).unwrap();

@@ -1,4 +1,4 @@
-//! `equipoise report` by its program: numbers, form, and what it does with less than a whole recording.
+//! `equipoise report` as a program: numbers, form, and its output for incomplete recordings.
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
@@ -103,7 +103,7 @@ fn identification_dose_and_quality_are_those_of_the_states() {
         let mut entered =
             session.lines.iter().filter(|line| line["poses_used"].as_u64() == row[0].parse().ok());
         let first = |key: &str| entered.find_map(|line| line[key].as_f64()).unwrap();
-        // What the filter says of a pose it may say some cycles later.
+        // The filter's results for a pose may be published some cycles later.
         let [t_s, sigma_m, nis] = ["t", "predicted_cop_sigma_m", "nis"].map(first);
         near(&row[1], t_s, 0.051);
         near(&row[3], 1e3 * sigma_m, 0.0051);
@@ -165,7 +165,7 @@ fn the_same_recording_gives_the_same_bytes_which_need_nothing_from_elsewhere() {
     assert!(page.elements.iter().filter(|(name, _)| name == "svg").count() >= 6, "drawings");
 }
 
-/// A recording of states that is written here.
+/// A recording of given states.
 fn states(name: &str, states: &[State], more: impl FnOnce(&mut Recorder)) -> std::path::PathBuf {
     let session: &Session = session();
     let path = session.file(name);
@@ -188,7 +188,7 @@ fn states(name: &str, states: &[State], more: impl FnOnce(&mut Recorder)) -> std
 fn what_was_withheld_is_drawn_nowhere() {
     let state = |cycle: u64| {
         let mut state = State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() };
-        // A spoilt value is zero, as the loop leaves it.
+        // An invalid value is zero, as in the loop's states.
         if (300..600).contains(&cycle) {
             state.valid = Validity::MOVING.0;
         } else {

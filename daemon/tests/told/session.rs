@@ -12,13 +12,13 @@ use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, sample_time_ns, s
 use equipoise_studies::subject::Subject;
 use tempfile::TempDir;
 
-/// What is lifted, and from when to when it is in the hands, s.
+/// Masses of the lifts, and when each is in the hands, s.
 pub(crate) const LIFTS: [(f64, [f64; 2]); 2] = [(5.0, [46.0, 54.0]), (8.0, [58.0, 66.0])];
 const LENGTH_S: f64 = 68.0;
 /// Slow, so that a replay's JSON is small.
 pub(crate) const RATE_HZ: f64 = 100.0;
 
-/// Files that all tests look at: samples only, states of a replay, and its JSON lines.
+/// Files used by all tests: samples only, states of a replay, and its JSON lines.
 pub(crate) struct Session {
     directory: TempDir,
     pub(crate) samples: PathBuf,
@@ -45,12 +45,12 @@ pub(crate) fn session() -> &'static Session {
 }
 
 impl Session {
-    /// A file beside the others.
+    /// Path of a file next to the others.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)
     }
 
-    /// The lines in which a key stands, with their times, s.
+    /// The lines that contain a key, with their times, s.
     pub(crate) fn told<'a>(&'a self, key: &'a str) -> impl Iterator<Item = (f64, &'a serde_json::Value)> {
         self.lines.iter().filter_map(move |line| Some((line["t"].as_f64()?, line.get(key)?)))
     }

@@ -1,4 +1,4 @@
-//! What a report says of several workers, of one who was never judged, and of a daemon that was started anew.
+//! Reports of several workers, of one without valid results, and of a restarted daemon.
 
 use std::path::PathBuf;
 
@@ -49,10 +49,10 @@ fn a_change_of_worker_is_told_and_makes_no_lifts() {
         .map(|cycle| {
             let state = State { cycle, time_ns: cycle * 10_000_000, lifted_mass_kg: 7.0, ..State::zeroed() };
             match cycle {
-                // One lift more is what a lift looks like: only the record tells.
+                // One additional lift may be a real lift: only the cycle record reveals the restart.
                 ..300 => State { lifts: 3, poses_used: 12, ..state },
                 300..600 => State { lifts: 4, poses_used: 40, converged: 1, ..state },
-                // Without a record seven lifts in a hundredth of a second tell.
+                // Without a record, seven lifts in a hundredth of a second reveal it.
                 _ => State { lifts: 11, poses_used: 30, converged: 1, ..state },
             }
         })
@@ -104,7 +104,7 @@ fn who_was_never_judged_has_no_risk_told() {
 
 #[test]
 fn times_are_of_the_daemon_that_ran_and_not_of_the_head() {
-    // The head says 100 Hz; the daemon after it ran at 200.
+    // The header has 100 Hz; the daemon after it ran at 200.
     let states: Vec<State> = (1..1001)
         .map(|number| State {
             cycle: if number <= 200 { number } else { number - 200 },

@@ -1,7 +1,7 @@
-//! What a change in time would change of the prediction: a lag of the suit, a filter in the plate.
+//! Change of the prediction by timing errors: a lag of the suit, a filter in the plate.
 //!
-//! Measured shear carries the plate's own time and filter already, so where it enters the prediction it is held, and
-//! only what comes from the suit is moved.
+//! Measured shear already contains the plate's delay and filter; where it enters the prediction it is held constant,
+//! and only quantities from the suit are shifted.
 
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -11,13 +11,13 @@ use crate::block::{CUTOFFS_HZ, Change, LAGS_S};
 
 /// No change.
 pub(super) const NONE: Change = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
-/// Points farther apart than this are not interpolated between, s.
+/// No interpolation between points farther apart than this, s.
 const APART_MAX_S: f64 = 0.25;
 
-/// Mean over a block of what each lag would change: the prediction `tau` later minus the prediction now. A suit whose
-/// stamps are `tau` late shows at a time what was `tau` before, so its prediction `tau` later is the right one.
+/// Mean change over a block by each lag: the prediction `tau` later minus the present one. If the suit's stamps are
+/// late by `tau`, its sample at a time shows the state `tau` earlier, so the prediction `tau` later is correct.
 ///
-/// `None` if the points do not reach over all lags.
+/// `None` if the points do not cover all lags.
 pub(super) fn by_lag(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Option<[Change; LAGS_S.len()]> {
     let mut sums = [NONE; LAGS_S.len()];
     let first = points.partition_point(|point| point.time_s < from_s);
@@ -44,7 +44,7 @@ pub(super) fn by_lag(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Opti
     Some(sums)
 }
 
-/// The points on both sides of a time, and how far it lies from the first to the second.
+/// The neighbouring points of a time, and its relative position between them.
 fn between(points: &VecDeque<Point>, time_s: f64) -> Option<(&Point, &Point, f64)> {
     let after = points.partition_point(|point| point.time_s < time_s);
     let (earlier, later) = (points.get(after.checked_sub(1)?)?, points.get(after)?);
@@ -52,7 +52,7 @@ fn between(points: &VecDeque<Point>, time_s: f64) -> Option<(&Point, &Point, f64
     (apart_s < APART_MAX_S).then(|| (earlier, later, (time_s - earlier.time_s) / apart_s))
 }
 
-/// What the suit predicts at a point, with the slope that `now` holds if it is measured.
+/// Prediction of the suit at a point; a measured slope is held constant.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
     cop_m: [f64; 2],
@@ -74,9 +74,10 @@ pub(super) struct Filters {
 }
 
 impl Filters {
-    /// Takes in the next point; what each filter changes there. A filter begins settled.
+    /// Ingests the next point and returns the change by each filter. Filters start in steady state.
     pub(super) fn follow(&mut self, point: &Point) -> [Change; CUTOFFS_HZ.len()] {
-        // The slope at which the filter stands still does not matter: measured shear went through the plate's filter.
+        // The slope at which the filter is in steady state is irrelevant: measured shear has passed through the plate's
+        // filter.
         let held = point.slope_is_measured.then_some([0.0; 2]);
         let now = Sight { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n };
         let mut changes = [NONE; CUTOFFS_HZ.len()];
@@ -102,7 +103,7 @@ impl Filters {
 }
 
 impl Sight {
-    /// One step of `τ ẏ = x − y` over `turn` = Δt/τ, exactly for an input that goes straight from one value to the next.
+    /// One step of `τ ẏ = x − y` over `turn` = Δt/τ, exact for a linearly interpolated input.
     fn followed(&self, before: &Sight, now: &Sight, turn: f64) -> Sight {
         let decay = (-turn).exp();
         let mean = if turn > 1e-9 { (1.0 - decay) / turn } else { 1.0 };

@@ -1,4 +1,4 @@
-//! The blocks that are kept: all of a short recording, evenly fewer of a long one.
+//! The stored blocks: all of a short recording, an evenly decimated subset of a long one.
 
 use super::options::Options;
 use crate::block::{Block, Phase};
@@ -9,7 +9,7 @@ pub(super) struct Kept {
     phases: [Share; 3],
 }
 
-/// One phase's blocks: every `stride`-th that was shown.
+/// One phase's blocks: every `stride`-th of the completed ones.
 #[derive(Debug)]
 struct Share {
     blocks: Vec<Block>,
@@ -19,8 +19,8 @@ struct Share {
 }
 
 impl Kept {
-    /// Each phase has a share of its own, so that hours of work do not thin out the poses: a quarter for the poses, a
-    /// quarter for the reference if there is one, the rest for the work.
+    /// Each phase has its own quota, so that hours of work do not displace the poses: one quarter for poses, one
+    /// quarter for the reference if there is one, the rest for work.
     pub(super) fn new(options: &Options) -> Kept {
         let quarter = options.blocks_max / 4;
         let work = if options.spans_s.reference.is_some() { 2 * quarter } else { 3 * quarter };
@@ -36,19 +36,19 @@ impl Kept {
         }
     }
 
-    /// Counts one more block of a phase; whether it is to be kept.
+    /// Counts a block of a phase; returns whether it is to be stored.
     pub(super) fn wants(&mut self, phase: Phase) -> bool {
         let share = self.share(phase);
         share.shown += 1;
         (share.shown - 1).is_multiple_of(share.stride)
     }
 
-    /// Keeps a block that was wanted.
+    /// Stores a block for which `wants` returned true.
     pub(super) fn push(&mut self, block: Block) {
         self.share(block.phase).push(block);
     }
 
-    /// All that were kept, by time.
+    /// All stored blocks, by time.
     pub(super) fn into_blocks(self) -> Vec<Block> {
         let mut blocks: Vec<Block> = self.phases.into_iter().flat_map(|share| share.blocks).collect();
         blocks.sort_by(|a, b| a.observation.time_s.total_cmp(&b.observation.time_s));
@@ -63,7 +63,7 @@ impl Share {
 
     fn push(&mut self, block: Block) {
         if self.blocks.len() >= self.most {
-            // Every other one goes, and of those to come every other one is not taken.
+            // Decimate by two: drop every second block, and accept only every second new one.
             let mut keep = false;
             self.blocks.retain(|_| {
                 keep = !keep;

@@ -11,15 +11,15 @@ use super::window::{Window, matrix};
 use super::worker::Worker;
 use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
 
-/// A block is whole if its points reach over this share of it.
+/// A block is complete if its points cover at least this fraction of it.
 const REACH_SHARE: f64 = 0.5;
 
-/// A block in the making.
+/// A block under construction.
 #[derive(Debug)]
 pub(super) struct Mean {
-    /// Which block since the recording's begin.
+    /// Number of the block since the recording's start.
     pub(super) number: f64,
-    /// Begin and end, s.
+    /// Start and end, s.
     pub(super) span_s: [f64; 2],
     stance: u64,
     has_inertia: bool,
@@ -28,13 +28,13 @@ pub(super) struct Mean {
     reach_s: [f64; 2],
     sum: Sum,
     by_cutoff: [Change; CUTOFFS_HZ.len()],
-    /// Number of the first moment that enters, and each one's summed weight in values and second derivatives.
+    /// Number of the first contributing snapshot, and the summed weights of each in values and second derivatives.
     first_moment: usize,
     weights: Vec<[f64; 2]>,
     bodies: Box<Bodies>,
 }
 
-/// What points sum up to.
+/// Sums over points.
 #[derive(Debug, Default)]
 struct Sum {
     time_s: f64,
@@ -52,7 +52,7 @@ struct Sum {
     force_measured_n: [f64; 3],
 }
 
-/// What moments sum up to: where every segment is and how it is turned.
+/// Sums over snapshots: positions and orientations of the segments.
 #[derive(Debug)]
 struct Bodies {
     origin_m: [[f64; 3]; SEGMENTS],
@@ -86,7 +86,7 @@ impl Mean {
         }
     }
 
-    /// Adds a point and what each filter would change there.
+    /// Adds a point and the change by each filter at it.
     pub(super) fn add(&mut self, point: &Point, by_cutoff: &[Change; CUTOFFS_HZ.len()]) {
         self.count += 1.0;
         self.stance = point.stance;
@@ -128,13 +128,13 @@ impl Mean {
         }
     }
 
-    /// Whether the points reach over most of the block.
+    /// Whether the points cover most of the block.
     pub(super) fn is_whole(&self, options: &Options) -> bool {
         self.reach_s[1] - self.reach_s[0] >= REACH_SHARE * options.block_s
     }
 
-    /// Sums the moments up with their weights, once all points are in: the mean over points of what is smoothed or
-    /// differentiated linearly is one weighted sum of moments.
+    /// Sums the snapshots with their weights once all points are added: the mean over points of linearly smoothed or
+    /// differentiated quantities is one weighted sum over snapshots.
     pub(super) fn add_moments(&mut self, window: &Window) {
         let bodies = &mut *self.bodies;
         for (place, weights) in self.weights.iter().enumerate() {
@@ -144,7 +144,7 @@ impl Mean {
             for segment in 0..SEGMENTS {
                 let [x, y, z] = seen.moment.origin_m[segment];
                 add_scaled(&mut bodies.origin_m[segment], value, &[x, y, z]);
-                // In the suit's own world: the anchor's shift is no motion.
+                // In the suit's own world: the anchor's shift is no motion of the body.
                 let in_suit_world = [x - shift_x, y - shift_y, z];
                 add_scaled(&mut bodies.origin_acceleration_m_per_s2[segment], second, &in_suit_world);
                 add_scaled(&mut bodies.quaternion[segment], value, &seen.moment.orientation_wxyz[segment]);
@@ -222,14 +222,14 @@ fn mean<const N: usize>(sum: [f64; N], count: f64) -> [f64; N] {
     sum.map(|sum| sum / count)
 }
 
-/// Where the feet point to together, rad from forward, left positive.
+/// Common heading of the feet, rad from forward, left positive.
 fn heading_rad(rotation: &[[[f64; 3]; 3]; SEGMENTS]) -> f64 {
     let forward =
         |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
     forward(1).atan2(forward(0))
 }
 
-/// Rotation vector of each segment against its parent; of the pelvis against the feet's heading.
+/// Rotation vector of each segment relative to its parent; of the pelvis relative to the feet's heading.
 fn joint_rad(quaternion: &[[f64; 4]; SEGMENTS], heading_rad: f64) -> [[f64; 3]; SEGMENTS] {
     let turned = |segment: Segment| {
         let [w, x, y, z] = quaternion[segment.index()];

@@ -1,4 +1,4 @@
-//! One moment, smoothed and differentiated: what the model predicts, and what the plate measured.
+//! One snapshot, smoothed and differentiated: predictions of the model and measurements of the plate.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::motion::inertia::momentum_rate_by_segment;
@@ -10,23 +10,24 @@ use super::options::Options;
 use super::window::{Around, Window};
 use super::worker::Worker;
 
-/// Below this share of its weight a body leaps, and its centre of pressure means nothing.
+/// Below this fraction of the weight the body jumps and its centre of pressure is meaningless.
 const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
-/// A body that is accelerated more than this is struck or leaps: a parabola does not do, m/s².
+/// Larger accelerations indicate an impact or a jump, which a parabola cannot represent, m/s².
 const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
-/// A body that turns so fast that its centre of pressure were this far off would fall, m: a leap of sample times.
+/// A larger shift of the centre of pressure by rotation would make the body fall: it indicates a jump of sample times,
+/// m.
 const TURNING_MAX_M: f64 = 0.3;
 
-/// What is predicted and measured at one moment.
+/// Predictions and measurements at one snapshot.
 #[derive(Debug)]
 pub(super) struct Point {
-    /// Since the recording's begin, s.
+    /// Time since the recording's start, s.
     pub(super) time_s: f64,
     /// Number of the stance.
     pub(super) stance: u64,
-    /// Whether the model takes the body's inertia into account.
+    /// Whether the model includes the body's inertia.
     pub(super) has_inertia: bool,
-    /// Window and weights, for what is averaged over moments themselves.
+    /// Window and weights, for averages over the snapshots themselves.
     pub(super) around: Box<Around>,
     /// Height of the walking surface, m.
     pub(super) floor_m: f64,
@@ -36,16 +37,16 @@ pub(super) struct Point {
     pub(super) com_m: Vector3<f64>,
     pub(super) com_velocity_m_per_s: Vector3<f64>,
     pub(super) com_acceleration_m_per_s2: Vector3<f64>,
-    /// Shift of the centre of pressure by the turning of trunk, right arm, left arm, legs, m.
+    /// Shift of the centre of pressure by the rotation of trunk, right arm, left arm, legs, m.
     pub(super) turning_by_group_m: [[f64; 2]; 4],
-    /// Horizontal over vertical force by the suit, and as it enters the prediction.
+    /// Horizontal over vertical force: of the suit, and as used in the prediction.
     pub(super) slope_by_suit: [f64; 2],
     pub(super) slope: [f64; 2],
     pub(super) slope_is_measured: bool,
-    /// Prediction of the loop's kind.
+    /// Predictions by the loop's equations.
     pub(super) cop_predicted_m: [f64; 2],
     pub(super) force_predicted_n: [f64; 3],
-    /// What the plate measured, through the same parabola.
+    /// Measurements of the plate, through the same parabola.
     pub(super) cop_measured_m: [f64; 2],
     pub(super) force_measured_n: [f64; 3],
 }
@@ -62,7 +63,8 @@ struct Sums {
 }
 
 impl Point {
-    /// The moment of a number, seen through the window around it; `None` if the plate was silent in it, or nobody stood.
+    /// The point at a snapshot's number, from the window around it; `None` if the window lacks plate data or the plate
+    /// was unloaded.
     pub(super) fn of(
         window: &Window,
         number: usize,
@@ -79,7 +81,8 @@ impl Point {
         }
         let has_shear = sums.has_shear && seen.ground?.has_shear;
         let slope_by_suit = [sums.acceleration.x / specific_force, sums.acceleration.y / specific_force];
-        // As the loop does: over the force that the body needs, so that a load's weight does not lessen the slope.
+        // As in the loop: divided by the force that the body requires, so that a load's weight does not reduce the
+        // slope.
         let by_shear = [0, 1].map(|axis| sums.force_n[axis] / (worker.mass_kg * specific_force));
         let slope_is_measured = has_shear && options.has_inertia;
         let slope = match (options.has_inertia, has_shear) {
@@ -121,13 +124,13 @@ impl Point {
         Some(point)
     }
 
-    /// Shift of the centre of pressure by the turning of the whole body, m.
+    /// Shift of the centre of pressure by the change of the whole body's angular momentum, m.
     pub(super) fn turning_m(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.turning_by_group_m.iter().map(|group| group[axis]).sum())
     }
 
-    /// What of the prediction of the centre of pressure a change in time would change, m: all that the suit shows,
-    /// with measured shear held.
+    /// Part of the predicted centre of pressure that a timing error changes, m: all of the suit's quantities, with
+    /// measured shear held constant.
     pub(super) fn by_suit_m(&self, slope_held: Option<[f64; 2]>) -> [f64; 2] {
         if !self.has_inertia {
             return [self.com_m.x, self.com_m.y];
@@ -136,7 +139,7 @@ impl Point {
         [0, 1].map(|axis| self.com_m[axis] - (self.com_m.z - self.floor_m) * slope[axis] + turning_m[axis])
     }
 
-    /// Whether the motion is one of work: no leap, no impact.
+    /// Whether the motion is moderate: no jump, no impact.
     pub(super) fn is_moderate(&self) -> bool {
         self.com_acceleration_m_per_s2.norm() < ACCELERATION_MAX_M_PER_S2
             && self.turning_m().iter().all(|shift_m| shift_m.abs() < TURNING_MAX_M)
@@ -198,7 +201,7 @@ fn turning_by_group_m(rates: &[[f64; 3]; SEGMENTS], specific_force_m_per_s2: f64
     groups
 }
 
-/// The middle between the feet, each taken between ankle and ball, as the anchor holds them, m.
+/// The middle between the feet, each at the middle of ankle and ball, as in the anchor, m.
 fn feet_m(origin_m: &[[f64; 3]; SEGMENTS]) -> [f64; 2] {
     let ends = Side::BOTH.map(|side| [side.foot(), side.toe()]);
     [0, 1].map(|axis| ends.iter().flatten().map(|end| 0.25 * origin_m[end.index()][axis]).sum())

@@ -37,7 +37,8 @@ fn options(identify_s: f64, end_s: f64) -> Options {
     Options::new(BEGIN_NS, spans(identify_s, end_s), true)
 }
 
-/// A stiff body whose pelvis is somewhere in the suit's world, on a plate that measures what it asks for.
+/// A rigid body with its pelvis at an arbitrary point of the suit's world, on a plate that measures the predicted
+/// reaction.
 fn made(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
     let pelvis = Vector3::from(pelvis_m);
     let origin = skeleton().t_pose_m().map(|origin| pelvis + Vector3::from(origin));
@@ -58,7 +59,7 @@ fn standing(time_s: f64) -> Moment {
     made(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
 }
 
-/// Blocks of so many seconds at a rate, each moment changed by `change`.
+/// Blocks over a duration in seconds at a rate; `change` modifies each snapshot.
 fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut Moment)) -> Vec<Block> {
     let mut comparison = Comparison::new(worker(), options);
     for number in 0..(for_s * rate_hz) as u64 {
@@ -105,7 +106,7 @@ fn a_still_body_is_predicted_where_its_chain_ends_and_measured_where_the_plate_s
 fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
         shift(moment, [0.1 * time_s * time_s, 0.0, 0.0]);
-        // The feet are held although the suit drifts.
+        // The anchor holds the feet although the suit drifts.
         for origin in &mut moment.origin_m {
             origin[1] += 0.02 * time_s * time_s;
         }
@@ -178,7 +179,7 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
     };
     for (from_s, to_s) in [(4.6, 5.4), (9.6, 10.85), (14.92, 15.15), (19.95, 21.05)] {
         assert!(blocks.iter().all(|block| !spoilt(block, from_s, to_s)), "{from_s}");
-        // And no more is lost than that needs.
+        // No more blocks are masked than required.
         let near = |block: &&Block| spoilt(block, from_s - 0.9, to_s + 0.9);
         let near = blocks.iter().filter(near).count();
         assert!(near >= 6, "{from_s}: {near}");

@@ -1,4 +1,4 @@
-//! The moments around the one in hand, and the parabola through them.
+//! The snapshots around the current one, and the parabola through them.
 
 use std::collections::VecDeque;
 
@@ -14,50 +14,50 @@ use super::options::Options;
 use super::point::Point;
 use super::worker::Worker;
 
-/// A parabola needs so many moments on each side.
+/// Minimum number of snapshots on each side of a parabola.
 const SIDE_MIN: usize = 2;
-/// Most moments on each side.
+/// Maximum number of snapshots on each side.
 const SIDE_MAX: usize = CAPACITY / 2 - 1;
-/// Each side must reach over this share of half the window, else value and derivatives are those of another time.
+/// Each side must cover this fraction of half the window; otherwise value and derivatives belong to another time.
 const REACH_SHARE: f64 = 0.6;
-/// Times are as good as this, s: a sample on the edge of the window belongs to it.
+/// Tolerance of times, s: a sample on the edge of the window belongs to it.
 const TIME_EPSILON_S: f64 = 1e-6;
 
-/// A moment, and what is smoothed of it.
+/// A snapshot and its quantities to be smoothed.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
-    /// Since the recording's begin, s.
+    /// Time since the recording's start, s.
     pub(super) time_s: f64,
     pub(super) moment: Moment,
-    /// Centre of mass by the chain in the suit's own world: the anchor's shifts are no motion, m.
+    /// Centre of mass by the chain in the suit's own world, m: the anchor's shifts are no motion of the body.
     pub(super) centre_m: Vector3<f64>,
-    /// What the plate shows; `None` without a centre of pressure.
+    /// Plate data; `None` without a centre of pressure.
     pub(super) ground: Option<Shown>,
 }
 
-/// What the plate shows at a moment.
+/// Plate data at a snapshot.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shown {
     pub(super) force_n: [f64; 3],
     /// Whether the horizontal part of it was measured.
     pub(super) has_shear: bool,
-    /// Centre of pressure times vertical force: what may be averaged, N m.
+    /// Centre of pressure times vertical force, N m: unlike the quotient, this may be averaged.
     pub(super) cop_nm: [f64; 2],
 }
 
-/// The moments of the last second.
+/// The snapshots of the last second.
 #[derive(Debug)]
 pub(super) struct Window {
     half_s: f64,
-    /// Moments older than this are forgotten, s.
+    /// Snapshots older than this are dropped, s.
     kept_s: f64,
     seen: VecDeque<Seen>,
-    /// How many moments were forgotten, and the number of the next to be looked at.
+    /// Number of dropped snapshots, and number of the next snapshot to be processed.
     forgotten: usize,
     next: usize,
 }
 
-/// The window around a moment: its first moment's number, and the weights of all in it.
+/// The window around a snapshot: number of its first snapshot, and the weights of all snapshots in it.
 #[derive(Debug)]
 pub(super) struct Around {
     pub(super) first: usize,
@@ -78,7 +78,7 @@ impl Window {
         self.seen.clear();
     }
 
-    /// Takes in a moment. Whether the plate shows a centre of pressure.
+    /// Ingests a snapshot; returns whether the plate has a centre of pressure.
     pub(super) fn push(&mut self, time_s: f64, moment: &Moment, worker: &Worker) -> bool {
         let oldest_s = time_s - self.kept_s;
         let old = |seen: &mut Seen| seen.time_s < oldest_s;
@@ -90,7 +90,7 @@ impl Window {
         let ground = moment.ground().and_then(|ground| {
             let [x, y] = ground.cop_m().ok()?;
             let vertical_n = ground.force_n[2];
-            // A device that does not say so, and shows exactly zero, did not measure it either.
+            // A device that does not declare shear as unmeasured but reports exactly zero does not measure it either.
             let has_shear = ground.measures(Component::Shear) && ground.force_n[..2] != [0.0; 2];
             Some(Shown { force_n: ground.force_n, has_shear, cop_nm: [x * vertical_n, y * vertical_n] })
         });
@@ -99,7 +99,7 @@ impl Window {
         has_cop
     }
 
-    /// The next moment whose future is known, compared; moments without enough around them are passed over.
+    /// Compares the next snapshot whose following samples have arrived; skips snapshots with an incomplete window.
     pub(super) fn next(&mut self, worker: &Worker, options: &Options) -> Option<Point> {
         let newest_s = self.seen.back()?.time_s;
         while self.next < self.forgotten + self.seen.len() {
@@ -117,12 +117,12 @@ impl Window {
         None
     }
 
-    /// A moment by its number.
+    /// The snapshot of a number.
     pub(super) fn at(&self, number: usize) -> &Seen {
         &self.seen[number - self.forgotten]
     }
 
-    /// A moment by its number, if it is still there.
+    /// The snapshot of a number, unless it has been dropped.
     pub(super) fn get(&self, number: usize) -> Option<&Seen> {
         self.seen.get(number.checked_sub(self.forgotten)?)
     }
@@ -159,7 +159,7 @@ fn chain(pose: &Pose<StationWorld>, worker: &Worker) -> Vector3<f64> {
     equipoise_core::sesc::centre_of_mass(pose, &worker.phi)
 }
 
-/// `world_from_segment` of a moment as a matrix, row by row.
+/// `world_from_segment` of a snapshot as a matrix, row by row.
 pub(super) fn matrix(moment: &Moment, segment: usize) -> [[f64; 3]; 3] {
     let matrix = rotation(moment.orientation_wxyz[segment]).to_rotation_matrix();
     [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))

@@ -1,4 +1,4 @@
-//! The identified worker, as the comparison needs to know them.
+//! The identified subject, in the form that the comparison requires.
 
 use equipoise_core::body::{Anthropometry, SEGMENTS, Side, gyration_m2};
 use equipoise_core::cycle::{Identification, Settings};
@@ -6,29 +6,30 @@ use equipoise_core::sesc::{Phi, ReductionKind};
 
 use crate::session::PARAMETERS;
 
-/// What the chain leaves out on every parameter (joints that glide, a spine that bends between its sensors), beside
-/// the spread of the table: 1-σ, m.
+/// Model error of the chain on every parameter (joints that glide, a spine that bends between its sensors), in addition
+/// to the spread of the table: 1-σ, m.
 const LEFT_OUT_SIGMA_M: f64 = 0.002;
 
-/// An identified worker.
+/// An identified subject.
 #[derive(Debug, Clone, Copy)]
 pub struct Worker {
     /// Body mass, kg.
     pub mass_kg: f64,
     /// The chain's parameters.
     pub phi: Phi,
-    /// Whether the standing feet hold the body in its place, because the suit's position drifts.
+    /// Whether the anchor holds the body at its standing feet, because the suit's position drifts.
     pub feet_hold: bool,
-    /// Where the centre of pressure lies from the chain's, by the plate's place in the suit's world, m: constant.
+    /// Constant offset of the centre of pressure from that of the chain, due to the plate's place in the suit's world,
+    /// m.
     pub offset_m: [f64; 2],
-    /// The table laid on this worker's bones.
+    /// The table scaled to this subject's segment lengths.
     pub body: Anthropometry,
     /// Squares of the radii of gyration about each segment's axes, m².
     pub gyration_m2: [[f64; 3]; SEGMENTS],
 }
 
 impl Worker {
-    /// As learnt; `None` while bones or mass are not known.
+    /// The identified subject; `None` while segment lengths or mass are unavailable.
     pub fn of(learnt: &Identification, settings: &Settings) -> Option<Worker> {
         let count = learnt.filter.count();
         let offset_m = [0, 1].map(|axis| learnt.filter.theta_m()[count + axis]);
@@ -42,14 +43,14 @@ impl Worker {
         })
     }
 
-    /// Where the hands grip, hand's axes, m: left, right.
+    /// Grip points, hand axes, m: left, right.
     pub(super) fn grip_m(&self) -> [[f64; 3]; 2] {
         Side::BOTH.map(|side| self.body.grip_m(side.hand()))
     }
 }
 
-/// What was believed of all 69 parameters before any pose, m², row by row: the table's spread, the soft constraints,
-/// the suit's misalignment, inflated as the first poses asked for, and what a chain leaves out.
+/// Prior covariance of all 69 parameters before any pose, m², row by row: the table's spread, the soft constraints, the
+/// suit's misalignment, inflated as the first poses require, and the chain's model error.
 pub fn prior_covariance_m2(learnt: &Identification, settings: &Settings) -> Vec<f64> {
     let mut believed = Box::new(*learnt);
     let inflation = learnt.prior_inflation();

@@ -6,7 +6,7 @@ use super::library::Entry;
 use super::words;
 use crate::rows::Rows;
 
-/// A force, and a spring that ends anywhere, at every segment.
+/// A force, and a spring to an arbitrary point, at every segment.
 pub(super) fn all(rows: &Rows<'_>) -> Vec<Entry> {
     let mut list = Vec::new();
     for place in Effect::SegmentHeading.places() {
@@ -37,7 +37,7 @@ fn force(rows: &Rows<'_>, block: usize, at_m: [f64; 3]) -> Columns {
     columns
 }
 
-/// A force and a stiffness, N/m, towards the world's origin: together a spring that ends anywhere.
+/// A force and a stiffness, N/m, towards the world's origin: together a spring to an arbitrary point.
 fn spring(rows: &Rows<'_>, block: usize, at_m: [f64; 3]) -> Columns {
     let mut columns = force(rows, block, at_m);
     columns.count = 4;

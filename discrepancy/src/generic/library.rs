@@ -8,31 +8,32 @@ use crate::rows::Rows;
 /// A term of the library.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
-    /// In words.
+    /// Description.
     pub(crate) what: String,
-    /// Whether nothing in the catalogue is a part of it.
+    /// Whether no catalogue effect is a part of it.
     pub(crate) is_unlike: bool,
-    /// Whether it is an error of the suit: that must show in the centre of pressure, as accelerations alone say little.
+    /// Whether it is an error of the suit: evidence must then come from the centre of pressure, since accelerations
+    /// alone are weak evidence.
     pub(crate) is_of_the_suit: bool,
-    /// Believed size of each parameter, 1-σ.
+    /// Prior size of each parameter, 1-σ.
     pub(crate) sigma: Vec<f64>,
     /// Its columns, one for each block of the work.
     pub(crate) columns: Vec<Columns>,
 }
 
 impl Entry {
-    /// One that is given block by block.
+    /// An entry defined block by block.
     pub(crate) fn of(rows: &Rows<'_>, what: String, sigma: &[f64], of: impl Fn(usize) -> Columns) -> Entry {
         let columns = (rows.work_from..rows.len()).map(of).collect();
         Entry { what, is_unlike: true, is_of_the_suit: false, sigma: sigma.to_vec(), columns }
     }
 
-    /// The same, but a part of it is in the catalogue.
+    /// The same entry, marked as partly in the catalogue.
     pub(crate) fn like_the_catalogue(self) -> Entry {
         Entry { is_unlike: false, ..self }
     }
 
-    /// The same, as an error of the suit.
+    /// The same entry, marked as an error of the suit.
     pub(crate) fn of_the_suit(self) -> Entry {
         Entry { is_of_the_suit: true, ..self }
     }

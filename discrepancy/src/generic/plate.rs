@@ -1,11 +1,11 @@
-//! What a plate or a sole may do that the catalogue does not have.
+//! Generic effects of a plate or an insole that the catalogue lacks.
 
 use equipoise_core::effect::Columns;
 
 use super::library::Entry;
 use crate::rows::Rows;
 
-/// Memory, and maps of the pressure's place.
+/// Hysteresis, and position-dependent errors of the centre of pressure.
 pub(super) fn all(rows: &Rows<'_>) -> Vec<Entry> {
     let seen = |block: usize| &rows.blocks[block].observation;
     let entry = |what: &str, sigma: &[f64], of: &dyn Fn(usize) -> Columns| {
@@ -57,7 +57,7 @@ fn pair(x: [f64; 2], y: [f64; 2]) -> Columns {
     columns
 }
 
-/// Which way the centre of pressure has come to a block, per axis in \[−1, 1\]: what hangs back depends on it.
+/// Recent direction of motion of the centre of pressure at a block, per axis in \[−1, 1\]: hysteresis depends on it.
 fn cop_way(rows: &Rows<'_>, block: usize) -> [f64; 2] {
     let seen = |block: usize| rows.blocks[block].observation.cop_predicted_m;
     let mut way = [0.0; 2];

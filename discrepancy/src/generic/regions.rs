@@ -1,4 +1,4 @@
-//! Headings that go wrong in a part of the room: iron.
+//! Heading errors in a region of the room, caused by iron.
 
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{Effect, Place};
@@ -7,16 +7,16 @@ use super::library::Entry;
 use super::shifts::{Around, Seen};
 use super::words;
 
-/// How far a disturbance reaches, m: of arms, which are anywhere, and of what stays where it is.
+/// Reach of a disturbance, m: for arms, which move anywhere, and for segments that stay in place.
 const REACH_M: [&[f64]; 2] = [&[0.15, 0.25, 0.4], &[0.25]];
-/// Number of places, likewise.
+/// Numbers of centres, in the same order.
 const PLACES: [usize; 2] = [8, 5];
-/// A heading that is off, 1-σ, rad.
+/// Prior heading error, 1-σ, rad.
 const OFF_RAD: f64 = 0.4;
-/// Length over which a field changes by as much as it is, m.
+/// Length over which a field changes by its own magnitude, m.
 const FIELD_M: f64 = 0.3;
 
-/// Every segment by itself, and each arm as a whole.
+/// Every segment on its own, and each arm as a whole.
 pub(super) fn all(around: &Around<'_>) -> Vec<Entry> {
     let mut list = Vec::new();
     for place in Effect::SegmentHeading.places() {
@@ -37,7 +37,7 @@ pub(super) fn all(around: &Around<'_>) -> Vec<Entry> {
     list
 }
 
-/// Some segments, each disturbed where it is itself; places are those of the middle one.
+/// Some segments, each disturbed at its own position; centres are among the positions of the middle one.
 fn of(around: &Around<'_>, name: &str, segments: &[Segment], is_of_an_arm: bool) -> Vec<Entry> {
     let kind = usize::from(!is_of_an_arm);
     let middle = segments[segments.len() / 2];
@@ -72,8 +72,8 @@ fn at(seen: &Seen<'_>, segment: Segment) -> [f64; 3] {
     seen.block.observation.origin_m[segment.index()]
 }
 
-/// A few places among which a point of the body moved: far from each other at first, then each in the middle of what is
-/// nearest to it.
+/// A few centres among the positions of a point of the body: initially far from each other, then each moved to the
+/// middle of its nearest positions.
 fn centres(points: &[[f64; 3]], count: usize) -> Vec<[f64; 3]> {
     let mut centres: Vec<[f64; 3]> = Vec::new();
     for _ in 0..count {

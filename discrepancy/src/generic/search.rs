@@ -1,4 +1,4 @@
-//! Searches a library by the evidence, one term after the other; and what that reaches by chance.
+//! Greedy search of a library by the evidence, term after term, and the level that it reaches by chance.
 
 use faer::Mat;
 
@@ -9,9 +9,9 @@ use crate::gram::{Gram, direction, score};
 use crate::linear::{dot, inner};
 use crate::trials::Random;
 
-/// Clean sessions that are drawn; the best of all is what chance reaches.
+/// Number of simulated clean sessions; the best score among all is the level reached by chance.
 const DRAWS: usize = 100;
-/// An error of the suit must be wanted by the centre of pressure alone by this much, in log odds.
+/// Minimum evidence by the centre of pressure alone for an error of the suit, log odds.
 const FROM_COP_ALONE: f64 = 3.0;
 
 /// A library, whitened.
@@ -23,7 +23,8 @@ pub(super) struct Search {
     columns: Mat<f64>,
 }
 
-/// What is asked of every entry once some directions are taken out: products of its columns, pulls of the residual.
+/// Quantities of every entry once some directions are projected out: products of its columns, products with the
+/// residual.
 struct Asked {
     products: Vec<Vec<f64>>,
     pulls: Vec<f64>,
@@ -61,7 +62,8 @@ impl Search {
         best
     }
 
-    /// The best terms beside what is accepted, each given those before it, as long as they gain enough.
+    /// The best terms in addition to the accepted ones, each conditioned on the previous, as long as their gain
+    /// suffices.
     pub(super) fn greedy(
         &self,
         gram: &Gram<'_>,
@@ -146,7 +148,7 @@ impl Search {
     }
 }
 
-/// All columns of all entries, channel by channel; before the work there is nothing.
+/// All columns of all entries, channel by channel; zero before the work.
 fn whitened(gram: &Gram<'_>, entries: &[Entry], count: usize) -> Mat<f64> {
     let rows = gram.rows;
     let (from, work) = (rows.work_from, rows.len() - rows.work_from);

@@ -1,5 +1,5 @@
-//! Errors of where the centre of mass is: joints that glide, sensors that slip. What moves also accelerates, and the
-//! plate feels that.
+//! Errors of the centre of mass's position: joints that glide, sensors that slip. Such a shift also accelerates, which
+//! acts on the plate.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::{Columns, Effect, Place, arm_m};
@@ -10,7 +10,7 @@ use crate::block::Block;
 use crate::noise::kernels::norm;
 use crate::rows::Rows;
 
-/// A block, and how its segments carry the centre of mass.
+/// A block, and the contribution of its segments to the centre of mass.
 #[derive(Debug, Clone)]
 pub(super) struct Seen<'a> {
     pub(super) block: &'a Block,
@@ -22,7 +22,7 @@ impl<'a> Seen<'a> {
         Seen { block, lever_m: Segment::ALL.map(|segment| arm_m(segment, &block.observation)) }
     }
 
-    /// Where the centre of mass really is, if a segment is seen turned by this, rad in the world's axes.
+    /// True centre of mass if the suit measures a segment rotated by this, rad, world axes.
     pub(super) fn turned_back(&self, segment: Segment, turn: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.lever_m[segment.index()];
         let [u, v, w] = turn;
@@ -39,7 +39,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Every block of the work with the one before and the one after it.
+/// Every block of the work with its predecessor and successor.
 #[derive(Debug, Clone)]
 pub(super) struct Around<'a> {
     pub(super) rows: &'a Rows<'a>,
@@ -104,8 +104,8 @@ impl<'a> Around<'a> {
     }
 }
 
-/// What a shift of the centre of mass (m) that accelerates (m/s²) adds to the centre of pressure and the force, as the
-/// effects of the catalogue have it.
+/// Contribution of a shift of the centre of mass (m) that accelerates (m/s²) to centre of pressure and force, as in the
+/// catalogue's effects.
 fn of_shift(rows: &Rows<'_>, block: usize, at: [f64; 3], acceleration: [f64; 3]) -> ([f64; 2], [f64; 3]) {
     let seen = &rows.blocks[block].observation;
     let leant = rows.on_cop(block, at);
@@ -115,14 +115,14 @@ fn of_shift(rows: &Rows<'_>, block: usize, at: [f64; 3], acceleration: [f64; 3])
     let (height_m, specific) = (seen.com_m[2] - seen.floor_m, seen.force_predicted_n[2] / seen.mass_kg);
     let cop_m = [0, 1].map(|axis| {
         let lightened = (seen.slope[axis] * height_m - seen.turning_m[axis]) * acceleration[2] / specific;
-        // Measured shear has it already.
+        // Measured shear already contains it.
         let pushed = if seen.slope_is_measured { 0.0 } else { height_m * acceleration[axis] / specific };
         leant[axis] + lightened - pushed
     });
     (cop_m, acceleration.map(|part| seen.mass_kg * part))
 }
 
-/// Joints that leave their place as they bend: a suit's bones meet in points, a body's glide.
+/// Joints that translate as they bend: a suit's bones meet in points, a body's joints glide.
 pub(super) fn joints(around: &Around<'_>) -> Vec<Entry> {
     let mut list = Vec::new();
     for side in Side::BOTH {
@@ -154,7 +154,7 @@ fn upper_arm(side: Side) -> Segment {
     if side == Side::Left { Segment::LeftUpperArm } else { Segment::RightUpperArm }
 }
 
-/// How far an arm is raised: 0 hanging down the trunk, 1 at a right angle, 2 upwards.
+/// Elevation of an arm: 0 hanging down the trunk, 1 at a right angle, 2 upwards.
 fn raised(seen: &Seen<'_>, side: Side) -> f64 {
     // In the T-pose an arm points along the Y axis of its segment, to the left or to the right.
     let outwards = if side == Side::Left { 1.0 } else { -1.0 };
@@ -166,7 +166,7 @@ fn along_trunk(seen: &Seen<'_>, size: f64, scale: f64) -> [[f64; 3]; 3] {
     [0, 1, 2].map(|along| seen.axis(Segment::T8, along).map(|part| scale * size * part))
 }
 
-/// Sensors that do not keep their place on a segment.
+/// Sensors that slip on a segment.
 pub(super) fn slips(around: &Around<'_>) -> Vec<Entry> {
     let segments = Effect::SegmentHeading.places().iter();
     segments

@@ -1,8 +1,8 @@
-//! Segments, for people.
+//! Display names of segments.
 
 use equipoise_core::body::Segment;
 
-/// A segment for people: "right forearm".
+/// Display name of a segment: "right forearm".
 pub(crate) fn words(segment: Segment) -> String {
     let name = segment.name();
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! `[ask]`: the pose or motion that would tell two explanations of the file's recording apart.
+//! `[ask]`: the pose or motion that would discriminate between two explanations of the file's recording.
 
 use std::fmt::Write as _;
 
@@ -8,10 +8,10 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use super::text;
 use crate::finding::Ask;
 
-/// Longest name of an explanation that is shown.
+/// Maximum length of a displayed name of an explanation.
 const NAME_MAX: usize = 64;
 
-/// The table as it is written; what is not asked for is left out.
+/// The table as written; absent values are left out.
 pub(super) fn write(file: &mut String, ask: &Ask) {
     let [one, other] = ask.between.each_ref().map(|name| toml::Value::from(name.as_str()).to_string());
     // Writing to a string cannot fail.
@@ -33,8 +33,7 @@ pub(super) fn write(file: &mut String, ask: &Ask) {
     let _ = writeln!(file, "separation_sigma = {:?}", ask.separation_sigma);
 }
 
-/// The key that is wrong, and what to say of it; as every comparison with what is not a number is false, that is
-/// refused, too.
+/// The invalid key and its error message; comparisons with NaN are false, so NaN is rejected too.
 pub(super) fn check(ask: &Ask) -> Result<(), (String, String)> {
     let refuse = |key: &str, what: String| Err((key.to_owned(), what));
     let is_shown =
@@ -76,7 +75,7 @@ fn index_of(pose: &str) -> Option<usize> {
 }
 
 impl Ask {
-    /// What the loop's guidance asks for; `None` if it is no pose.
+    /// The pose for the loop's guidance; `None` if no pose is requested.
     pub fn pose_to_take(&self) -> Option<Asked> {
         let pose = index_of(self.pose.as_deref()?)?;
         Some(Asked { pose, turn_rad: self.turn_deg.to_radians() })

@@ -1,4 +1,4 @@
-//! From what stands in a file to what may run.
+//! Validates a model file's text into a runnable model.
 
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
@@ -6,10 +6,10 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
 use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 
-/// Longest recording, s: a year.
+/// Maximum length of a recording, s: a year.
 const TIME_MAX_S: f64 = 366.0 * 86_400.0;
 
-/// The file, if all of it may be used.
+/// The validated file.
 pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError> {
     let wrong = |place: String, what: String| Err(ModelFileError::Wrong { place, what });
     if raw.version != VERSION {
@@ -40,7 +40,7 @@ pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError>
     Ok(ModelFile { provenance: raw.provenance, effects, ask: raw.ask })
 }
 
-/// The key that is wrong, and what to say of it.
+/// The invalid key and its error message.
 type Refusal = (String, String);
 
 fn refuse<T>(key: &str, what: impl Into<String>) -> Result<T, Refusal> {
@@ -52,7 +52,7 @@ fn check_provenance(provenance: &Provenance) -> Result<(), Refusal> {
     if hash.len() != 64 || !hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
         return refuse("recording_sha256", "must be 64 hexadecimal digits");
     }
-    // A worker who was identified before the recording began was identified in none of it.
+    // A subject identified before the recording has an empty identification span.
     let [from_s, to_s] = provenance.identify_s;
     if from_s != to_s {
         check_span("identify_s", provenance.identify_s)?;
@@ -61,7 +61,7 @@ fn check_provenance(provenance: &Provenance) -> Result<(), Refusal> {
     provenance.reference_s.map_or(Ok(()), |span_s| check_span("reference_s", span_s))
 }
 
-/// A span of the recording's seconds; as every comparison with what is not a number is false, that is refused, too.
+/// A span of the recording, s; comparisons with NaN are false, so NaN is rejected too.
 fn check_span(key: &str, [from_s, to_s]: [f64; 2]) -> Result<(), Refusal> {
     if from_s >= 0.0 && from_s < to_s && to_s <= TIME_MAX_S {
         return Ok(());
@@ -124,7 +124,7 @@ fn place(raw: &RawEffect, effect: Effect) -> Result<Place, Refusal> {
 fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
     let Some(name) = effect.shape_name() else { return Ok((0.0, 0.0)) };
     let Some(told) = raw.parameters.get(name) else {
-        // A drift without a time constant is an even one.
+        // A drift without a time constant is linear.
         return if effect == Effect::PlateDrift {
             Ok((0.0, 0.0))
         } else {
@@ -188,7 +188,7 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<(), Refusal> 
     refuse(&format!("parameters.{name}.value"), format!("{value} is not between {least} and {most}"))
 }
 
-/// Beyond this a parameter is a slip of the pen, in its unit.
+/// Larger parameters count as typing errors, in the parameter's unit.
 fn largest(unit: &str) -> f64 {
     match unit {
         "kg" => 150.0,
@@ -198,7 +198,7 @@ fn largest(unit: &str) -> f64 {
         "rad" => std::f64::consts::PI,
         "rad/s" => 0.1,
         "Hz" => 500.0,
-        // Metres, gains and shares, seconds.
+        // Metres, gains and fractions, seconds.
         _ => 1.5,
     }
 }

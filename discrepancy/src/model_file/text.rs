@@ -1,4 +1,4 @@
-//! The file's layout, both ways, and what to say of a parser's complaint.
+//! The file's layout, both ways, and error messages for parser errors.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 use crate::finding::Ask;
 
-/// The file as it stands there.
+/// The file as parsed, before validation.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {
@@ -49,11 +49,11 @@ pub(super) struct RawParameter {
     pub(super) unit: String,
 }
 
-/// Names of hands, and the places they are.
+/// Names of hands and their places.
 pub(super) const HANDS: [(&str, Place); 3] =
     [("left", Place::Hand(Side::Left)), ("right", Place::Hand(Side::Right)), ("both", Place::BothHands)];
 
-/// Key and name of a place; `None` of the whole.
+/// Key and name of a place; `None` for the whole body.
 pub(super) fn place_name(place: Place) -> Option<(&'static str, &'static str)> {
     match place {
         Place::Whole => None,
@@ -125,7 +125,7 @@ fn write_effect(text: &mut String, fitted: &Fitted) {
     }
 }
 
-/// What to say of a parser's error: file, line, effect, and the nearest key that exists.
+/// Error message for a parser's error: file, line, effect, and the nearest valid key.
 pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> ModelFileError {
     let place = match error.span() {
         Some(span) => place_at(text, span.start, name),
@@ -139,7 +139,7 @@ pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> ModelF
     ModelFileError::Wrong { place, what }
 }
 
-/// File, line, and the number of the effect that the line belongs to.
+/// File, line, and the number of the effect that the line is part of.
 fn place_at(text: &str, byte: usize, name: &str) -> String {
     let end = text.bytes().take(byte).filter(|byte| *byte == b'\n').count() + 1;
     let effect = text.lines().take(end).filter(|line| line.trim() == "[[effect]]").count();
@@ -147,7 +147,7 @@ fn place_at(text: &str, byte: usize, name: &str) -> String {
     format!("{name}, line {end}{effect}")
 }
 
-/// Takes serde's "unknown field `a`, expected one of `b`, `c`" apart.
+/// Parses serde's "unknown field `a`, expected one of `b`, `c`".
 fn unknown(said: &str) -> Option<(&str, Vec<&str>)> {
     let rest = said.strip_prefix("unknown field ")?;
     let mut quoted = rest.split('`').skip(1).step_by(2);

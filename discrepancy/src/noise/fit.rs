@@ -1,4 +1,4 @@
-//! The sizes of the centre of pressure's kernels, from what is not in question.
+//! Sizes of the centre of pressure's kernels, fitted on the phases that are not in question.
 
 use super::kernels::{COUNT, Sizes, WHITE, add_white, features, fixed_m2, unit_part};
 use super::likelihood::{Belief, Question, chosen};
@@ -6,17 +6,17 @@ use crate::block::Phase;
 use crate::linear::outer;
 use crate::rows::Rows;
 
-/// What is believed before: 0.35°, 0.25° and 0.06° of wander, 3 % of soft tissue, 0.4 mm white, 3 mm per m/s, 1.5 mm of
-/// pose, 0.9° of heading.
+/// Prior: 0.35°, 0.25° and 0.06° of orientation drift, 3 % of soft tissue, 0.4 mm white, 3 mm per m/s, 1.5 mm of pose,
+/// 0.9° of heading.
 const BELIEVED: [f64; COUNT] = [0.0061, 0.0044, 0.00105, 0.03, 0.0004, 0.003, 0.0015, 0.0157];
-/// How sure that is, as 1-σ of the logarithms.
+/// Prior 1-σ of the logarithms.
 const BELIEF_SIGMA: [f64; COUNT] = [0.3, 0.4, 0.8, 0.4, 0.6, 0.9, 0.5, 0.35];
-/// Poses alone say little about motion and slow wander: then the belief counts for more.
+/// Poses alone carry little information about motion and slow drift: the prior then has more weight.
 const WITHOUT_REFERENCE: f64 = 0.5;
-/// How wrong the inertia may be while the noise is fitted, as a share.
+/// Relative error of the inertia assumed while the noise is fitted.
 const INERTIA_SHARE: f64 = 0.2;
 
-/// Logarithms of the sizes that fit best. `None` if the residuals are not numbers.
+/// Logarithms of the best sizes. `None` if the residuals are not finite.
 pub(crate) fn fit(rows: &Rows<'_>) -> Option<Sizes> {
     let has_reference = rows.blocks.iter().any(|block| block.phase == Phase::Reference);
     let strength = if has_reference { 1.0 } else { WITHOUT_REFERENCE };

@@ -1,5 +1,5 @@
-//! Noise of the force channels: the suit's accelerations are wrong by a share, its orientations turn them, the plate adds
-//! its own. All sizes have lower bounds, else a newton looks certain.
+//! Noise of the force channels: the suit's accelerations have a relative error, its orientations rotate them, the plate
+//! adds its own noise. All sizes have lower bounds; otherwise the posterior is overconfident in the newton range.
 
 use equipoise_core::body::SEGMENTS;
 use faer::Mat;
@@ -9,21 +9,22 @@ use super::likelihood::{Belief, Question, chosen};
 use crate::linear::{outer, product, root};
 use crate::rows::Rows;
 
-/// Sizes: slow noise of the plate (N), white (N), share of the acceleration, fast share of it, wander (unit).
+/// Sizes: slow noise of the plate (N), white (N), fraction of the acceleration, fast fraction of it, orientation drift
+/// (unit).
 const COUNT: usize = 5;
 /// Index of the white part.
 const WHITE: usize = 1;
-/// What is believed of shear and of the vertical.
+/// Prior of shear and of the vertical force.
 const BELIEVED: [[f64; COUNT]; 2] = [[1.0, 0.5, 0.08, 0.05, 1.0], [1.0, 0.5, 0.05, 0.05, 1.0]];
-/// How sure that is, 1-σ of the logarithms.
+/// Prior 1-σ of the logarithms.
 const BELIEF_SIGMA: [f64; COUNT] = [0.8, 0.8, 0.7, 0.7, 0.25];
-/// Nothing is better than this, shear and vertical.
+/// Lower bounds, shear and vertical.
 const LEAST: [[f64; COUNT]; 2] = [[0.3, 0.2, 0.06, 0.05, 0.7], [0.3, 0.2, 0.03, 0.03, 0.7]];
-/// Zero of the channel and of the weight, 1-σ, N.
+/// Error of the channel's zero and of the weight, 1-σ, N.
 const ZERO_N: f64 = 1.5;
-/// Slow noise of the plate forgets within this time, s.
+/// Correlation time of the plate's slow noise, s.
 const SLOW_S: f64 = 20.0;
-/// Wander of orientations, rad, and soft tissue, rad per rad.
+/// Orientation drift, rad, and soft tissue, rad per rad.
 const ORIENTATION: (f64, f64) = (0.0122, 0.035);
 
 /// Covariance of one force channel over all rows, N².
@@ -64,8 +65,8 @@ fn fit(rows: &Rows<'_>, axis: usize) -> Option<[f64; COUNT]> {
     })
 }
 
-/// A zero that all rows share, and parameters that were identified by poses: each channel has its own copy of their error,
-/// so that errors of differentiated motion do not speak about the parameters.
+/// A zero that all rows share, and the error of the identified parameters: each channel has an independent copy of it,
+/// so that errors of differentiated motion carry no information about the parameters.
 fn fixed_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     let size = 3 * SEGMENTS;
     let root = root(&rows.session.prior_covariance_m2, size);
@@ -97,7 +98,7 @@ fn unit_part(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
     }
 }
 
-/// What wrong orientations do to the accelerations of the segments' shares.
+/// Effect of orientation errors on the accelerations of the segments' masses.
 fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     let (wander_rad, soft) = ORIENTATION;
     let columns = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {

@@ -11,34 +11,35 @@ pub(crate) const COUNT: usize = 8;
 /// Index of the white noise among the sizes.
 pub(crate) const WHITE: usize = 4;
 
-/// Logarithms of the fitted sizes: wander of orientations over 60 s, 12 s and 2.5 s (rad), soft tissue (rad per rad),
-/// white noise (m), error in motion (s), unknown function of the pose (m), wander of headings beside that (rad).
+/// Logarithms of the fitted sizes: orientation drift over 60 s, 12 s and 2.5 s (rad), soft tissue (rad per rad), white
+/// noise (m), error in motion (s), unknown function of the pose (m), additional heading drift (rad).
 pub(crate) type Sizes = [f64; COUNT];
 
-/// How long orientations take to wander, s.
+/// Correlation times of orientation drift, s.
 const WANDER_S: [f64; 3] = [60.0, 12.0, 2.5];
-/// Headings wander more than inclinations, since gravity does not hold them; over this time, s.
+/// Headings drift more than inclinations, since gravity does not bound them; correlation time, s.
 const HEADING_S: f64 = 40.0;
-/// Sensors sit crooked by this from the beginning, 1-σ, rad: of the trunk and the arms the identified parameters have
-/// swallowed it, of what moves and of the legs not.
+/// Misalignment of the sensors from the start, 1-σ, rad: of trunk and arms the identified parameters have absorbed it,
+/// of moving segments and of the legs they have not.
 const CROOKED_RAD: f64 = 0.015;
-/// Heading of the suit as a whole: 1-σ, rad, and how long it takes, s.
+/// Heading of the whole suit: 1-σ, rad, and correlation time, s.
 const WHOLE_HEADING: (f64, f64) = (0.006, 60.0);
-/// Where the first stance is put down, and what each change of stance adds, 1-σ, m: of a suit that drifts and of one that
-/// does not. Recordings of the simulated suit show a centimetre for each foot that is put down elsewhere.
+/// Offset of the first stance and increment with each change of stance, 1-σ, m: of a suit that drifts and of one that
+/// does not. Recordings of the simulated suit show a centimetre for each foot placed elsewhere.
 const STANCE_M: [[f64; 2]; 2] = [[0.005, 0.015], [0.002, 0.0]];
-/// Height at which the reaction's slope acts: 1-σ of its error, m. Smoothing and tables of inertia make it centimetres.
+/// Height at which the reaction's slope acts: 1-σ of its error, m. Smoothing and tabulated inertias contribute
+/// centimetres.
 const LEVER_M: f64 = 0.08;
-/// What the model cannot know now although it did a while ago: function of the pose, offset with the body, offset of the
+/// Present model error that was absent in the clean phases: function of the pose, offset with the body, offset in the
 /// room, 1-σ, m. A minimum by design, never fitted.
 const NOT_SHARED_M: [f64; 3] = [0.002, 0.002, 0.0015];
-/// What is not shared changes over this time, s, and does not leap: what leaps is an effect.
+/// The part that is not shared changes over this time, s, without steps: a step is an effect.
 const NOT_SHARED_S: f64 = 30.0;
-/// Slow noise of the plate: 1-σ, m, and its time, s.
+/// Slow noise of the plate: 1-σ, m, and correlation time, s.
 const PLATE: (f64, f64) = (0.0005, 3.0);
-/// How wrong the turning of each group of segments is, as a share.
+/// Relative error of the rotational inertia of each group of segments.
 const TURNING_SHARE: f64 = 0.2;
-/// What is white in any case, 1-σ, m.
+/// Lower bound of the white noise, 1-σ, m.
 const WHITE_FLOOR_M: f64 = 2e-4;
 
 /// The sum of all parts with these sizes, m².
@@ -60,7 +61,7 @@ pub(crate) fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
     }
 }
 
-/// A part of size one; the white one is not made.
+/// A part of unit size; not for the white one.
 pub(crate) fn unit_part(rows: &Rows<'_>, part: usize) -> Mat<f64> {
     match part {
         0..3 => wander(rows, &[0, 1, 2], WANDER_S[part]),
@@ -94,7 +95,7 @@ pub(crate) fn fixed_m2(rows: &Rows<'_>) -> Mat<f64> {
     sum
 }
 
-/// Every stance is put down somewhere, and the next from there: a walk of as many steps as there were changes.
+/// Stance offsets: a random walk with one step per change of stance.
 pub(crate) fn stance_m2(rows: &Rows<'_>) -> Mat<f64> {
     let [first_m, step_m] = STANCE_M[usize::from(!rows.session.suit_drifts)];
     let begin = rows.blocks.iter().map(|block| block.stance).min().unwrap_or(0);
@@ -105,13 +106,13 @@ pub(crate) fn stance_m2(rows: &Rows<'_>) -> Mat<f64> {
     })
 }
 
-/// The lever of horizontal forces is off by something that stays.
+/// The lever of horizontal forces has a constant error.
 fn lever_m2(rows: &Rows<'_>) -> Mat<f64> {
     let column = features(rows, 1, |block, _| rows.slope(block).map(|slope| LEVER_M * slope));
     outer(column.as_ref(), column.as_ref())
 }
 
-/// The chain's parameters were identified, not known.
+/// Uncertainty of the identified parameters of the chain.
 fn parameters_m2(rows: &Rows<'_>) -> Mat<f64> {
     let size = 3 * SEGMENTS;
     let root = root(&rows.session.prior_covariance_m2, size);
@@ -123,7 +124,7 @@ fn parameters_m2(rows: &Rows<'_>) -> Mat<f64> {
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// The turning of the body uses inertias of a table.
+/// Error of the tabulated inertias in the body's rotation.
 fn turning_m2(rows: &Rows<'_>) -> Mat<f64> {
     let columns = features(rows, 4, |block, group| {
         rows.blocks[block].turning_by_group_m[group].map(|turning_m| TURNING_SHARE * turning_m)
@@ -131,7 +132,7 @@ fn turning_m2(rows: &Rows<'_>) -> Mat<f64> {
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// The suit's north wanders.
+/// Drift of the suit's north.
 fn whole_heading_m2(rows: &Rows<'_>) -> Mat<f64> {
     let (sigma_rad, time_s) = WHOLE_HEADING;
     let column = features(rows, 1, |block, _| {
@@ -142,7 +143,7 @@ fn whole_heading_m2(rows: &Rows<'_>) -> Mat<f64> {
     times(rows, outer(column.as_ref(), column.as_ref()), |i, j| matern(rows, i, j, time_s))
 }
 
-/// Orientations of the segments wander about some of the world's axes.
+/// Orientation drift of the segments about some of the world's axes.
 fn wander(rows: &Rows<'_>, axes: &[usize], time_s: f64) -> Mat<f64> {
     let columns = features(rows, axes.len() * SEGMENTS, |block, column| {
         let mut turn = [0.0; 3];
@@ -152,13 +153,13 @@ fn wander(rows: &Rows<'_>, axes: &[usize], time_s: f64) -> Mat<f64> {
     times(rows, outer(columns.as_ref(), columns.as_ref()), |i, j| matern(rows, i, j, time_s))
 }
 
-/// Sensors sit crooked, all the time.
+/// Constant misalignment of the sensors.
 fn crooked(rows: &Rows<'_>) -> Mat<f64> {
     let columns = features(rows, 3 * SEGMENTS, |block, column| rows.turned(block, column / 3, column % 3).0);
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// Sensors turn with the skin: each axis of a segment's error is any linear function of its joint's rotation.
+/// Soft tissue: each axis of a segment's error is any linear function of its joint's rotation.
 fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
     let columns = features(rows, 9 * SEGMENTS, |block, column| {
         let (segment, axis, joint) = (column / 9, column / 3 % 3, column % 3);
@@ -168,7 +169,7 @@ fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
     outer(columns.as_ref(), columns.as_ref())
 }
 
-/// How much skin there is between sensor and bone, over that of an arm: less on pelvis, legs and feet.
+/// Amount of soft tissue between sensor and bone, relative to an arm's: less on pelvis, legs and feet.
 pub(super) fn looseness(segment: usize) -> f64 {
     match Segment::ALL[segment] {
         Segment::Pelvis | Segment::RightFoot | Segment::LeftFoot | Segment::RightToe | Segment::LeftToe => {
@@ -181,7 +182,7 @@ pub(super) fn looseness(segment: usize) -> f64 {
     }
 }
 
-/// Errors that grow with motion, forgotten within a third of a second; m² per (m/s)².
+/// Errors that grow with motion, correlation time a third of a second; m² per (m/s)².
 fn motion(rows: &Rows<'_>) -> Mat<f64> {
     let speed: Vec<f64> = rows
         .blocks
@@ -197,7 +198,7 @@ fn motion(rows: &Rows<'_>) -> Mat<f64> {
     })
 }
 
-/// An unknown smooth function of the pose that turns with the feet (Kennedy and O'Hagan's model inadequacy).
+/// An unknown smooth function of the pose that rotates with the feet (Kennedy and O'Hagan's model inadequacy).
 fn pose(rows: &Rows<'_>) -> Mat<f64> {
     let joints = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
         rows.blocks[block].joint_rad[column / 3][column % 3]
@@ -211,7 +212,7 @@ fn pose(rows: &Rows<'_>) -> Mat<f64> {
     })
 }
 
-/// Sine and cosine of how far the feet turned from block i to block j.
+/// Sine and cosine of the feet's rotation from block i to block j.
 fn turned(rows: &Rows<'_>, i: usize, j: usize) -> (f64, f64) {
     (rows.blocks[j].heading_rad - rows.blocks[i].heading_rad).sin_cos()
 }
@@ -235,7 +236,7 @@ pub(crate) fn features(rows: &Rows<'_>, count: usize, of: impl Fn(usize, usize) 
     columns
 }
 
-/// A symmetric matrix from what each pair of blocks shares, first block's axes by row.
+/// A symmetric matrix from the covariance of each pair of blocks, rows: axes of the first block.
 fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> Mat<f64> {
     let mut matrix = Mat::zeros(2 * blocks, 2 * blocks);
     for j in 0..blocks {
@@ -252,7 +253,7 @@ fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> Mat<f6
     matrix
 }
 
-/// Each pair of blocks times a factor.
+/// Multiplies each pair of blocks by a factor.
 fn times(rows: &Rows<'_>, mut matrix: Mat<f64>, of: impl Fn(usize, usize) -> f64) -> Mat<f64> {
     for j in 0..rows.len() {
         for i in j..rows.len() {

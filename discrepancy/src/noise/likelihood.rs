@@ -1,4 +1,4 @@
-//! How likely residuals are under kernels of some sizes, and the sizes that are likeliest; for every channel alike.
+//! Likelihood of residuals given the sizes of kernels, and the sizes that maximise it; for every channel alike.
 
 use faer::Mat;
 
@@ -7,14 +7,14 @@ use crate::block::Phase;
 use crate::linear::{Factor, dot, outer};
 use crate::rows::Rows;
 
-/// Blocks that a fit looks at: of poses and of clean work.
+/// Maximum numbers of blocks in a fit: of poses and of clean work.
 const FIT_MAX: [usize; 2] = [70, 150];
 
-/// Everything of a channel's likelihood that does not depend on the sizes.
+/// The parts of a channel's likelihood that do not depend on the sizes.
 pub(super) struct Question<const N: usize> {
-    /// Covariance of what has no size to be fitted.
+    /// Covariance of the parts without a fitted size.
     pub(super) fixed: Mat<f64>,
-    /// Parts of size one; `None` for the white one, which `add_white` adds.
+    /// Parts of unit size; `None` for the white one, which `add_white` adds.
     pub(super) parts: [Option<Mat<f64>>; N],
     /// One column.
     pub(super) residual: Mat<f64>,
@@ -22,7 +22,7 @@ pub(super) struct Question<const N: usize> {
     pub(super) add_white: fn(&mut Mat<f64>, &[f64; N]),
 }
 
-/// What is believed of logarithms of sizes, and between which they may lie.
+/// Prior of the logarithms of the sizes, and their bounds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Belief<const N: usize> {
     pub(super) mean: [f64; N],
@@ -32,7 +32,7 @@ pub(super) struct Belief<const N: usize> {
 }
 
 impl<const N: usize> Question<N> {
-    /// Logarithms of the likeliest sizes. `None` if the residuals are not numbers.
+    /// Logarithms of the most likely sizes. `None` if the residuals are not finite.
     pub(super) fn likeliest(&self, belief: &Belief<N>) -> Option<[f64; N]> {
         let Belief { mean, sigma, least, most } = *belief;
         let curvature = sigma.map(|sigma| 1.0 / (sigma * sigma) + 10.0);
@@ -47,7 +47,7 @@ impl<const N: usize> Question<N> {
         })
     }
 
-    /// And its gradient over the logarithms of the sizes.
+    /// The value and its gradient with respect to the logarithms of the sizes.
     fn minus_log_likelihood(&self, sizes: &[f64; N]) -> Option<(f64, [f64; N])> {
         let mut covariance = self.fixed.clone();
         for (part, &size) in self.parts.iter().zip(sizes) {
@@ -74,7 +74,7 @@ impl<const N: usize> Question<N> {
     }
 }
 
-/// Poses and clean work, evenly: indices of blocks.
+/// Evenly spaced blocks of poses and clean work: indices.
 pub(super) fn chosen(rows: &Rows<'_>) -> Vec<usize> {
     let mut chosen = Vec::new();
     for (phase, most) in [Phase::Identify, Phase::Reference].into_iter().zip(FIT_MAX) {
@@ -85,7 +85,7 @@ pub(super) fn chosen(rows: &Rows<'_>) -> Vec<usize> {
     chosen
 }
 
-/// Sum over all elements of the products.
+/// Sum of the elementwise products.
 fn all_products(a: &Mat<f64>, b: &Mat<f64>) -> f64 {
     (0..a.ncols()).map(|j| dot(a.col_as_slice(j), b.col_as_slice(j))).sum()
 }

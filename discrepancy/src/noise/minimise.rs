@@ -1,10 +1,10 @@
-//! A small quasi-Newton search between bounds: half a dozen unknowns, a gradient, a good first guess of the curvature.
+//! A small quasi-Newton search between bounds: half a dozen unknowns, a gradient, a good initial curvature.
 
-/// Most steps: the sizes of noise need no more digits than this gives.
+/// Maximum number of steps: the sizes of the noise need no more digits than this gives.
 const STEPS: usize = 16;
 
-/// Finds a minimum of `of` (value and gradient; `None` where it is not defined) from `start`, within `least` and `most`.
-/// `curvature` is the diagonal of a guess of the second derivative.
+/// Minimises `of` (value and gradient; `None` where it is undefined) from `start`, within `least` and `most`.
+/// `curvature` is the diagonal of an approximate second derivative.
 pub(super) fn minimise<const N: usize>(
     start: [f64; N],
     least: [f64; N],
@@ -36,7 +36,7 @@ pub(super) fn minimise<const N: usize>(
 
 type Found<const N: usize> = ([f64; N], f64, [f64; N]);
 
-/// Halves the step until it gains; each unknown moves by at most 1.5.
+/// Halves the step until the value decreases; each unknown moves by at most 1.5.
 fn search<const N: usize>(
     at: &[f64; N],
     value: f64,

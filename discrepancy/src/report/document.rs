@@ -1,33 +1,33 @@
-//! A report before it has a form: HTML and Markdown are made of the same pieces and so tell the same.
+//! A report independent of its format: HTML and Markdown are rendered from the same pieces and agree.
 
 use super::svg::Drawing;
 
 /// The whole report.
 #[derive(Debug, Clone)]
 pub struct Document {
-    /// What it is about.
+    /// Title of the report.
     pub title: String,
     /// The verdict in a word.
     pub verdict: &'static str,
-    /// The answer in a sentence or two.
+    /// The result in one or two sentences.
     pub headline: Text,
-    /// The few numbers that matter: what, value, what it means.
+    /// Key figures: quantity, value, meaning.
     pub numbers: Vec<[String; 3]>,
     /// Its parts.
     pub sections: Vec<Section>,
 }
 
-/// A part under a heading.
+/// A section under a heading.
 #[derive(Debug, Clone)]
 pub struct Section {
     /// Its heading.
     pub title: String,
-    /// What stands under it.
+    /// Its content.
     pub pieces: Vec<Piece>,
 }
 
 impl Section {
-    /// A part with nothing in it yet.
+    /// An empty section.
     pub fn new(title: impl Into<String>) -> Section {
         Section { title: title.into(), pieces: Vec::new() }
     }
@@ -37,12 +37,12 @@ impl Section {
         self.pieces.push(Piece::Paragraph(text.into()));
     }
 
-    /// Adds a remark.
+    /// Appends a remark.
     pub fn note(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Note(text.into()));
     }
 
-    /// Adds a heading of its own.
+    /// Appends a subheading.
     pub fn head(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Subheading(text.into()));
     }
@@ -61,12 +61,12 @@ impl Section {
         }
     }
 
-    /// Adds a text as it stands in a file.
+    /// Appends verbatim text of a file.
     pub fn code(&mut self, language: &'static str, text: impl Into<String>) {
         self.pieces.push(Piece::Code { language, text: text.into() });
     }
 
-    /// Adds drawings side by side, unless there are none.
+    /// Appends a row of drawings, unless there are none.
     pub fn figures(&mut self, figures: Vec<Figure>) {
         if !figures.is_empty() {
             self.pieces.push(Piece::Figures(figures));
@@ -74,7 +74,7 @@ impl Section {
     }
 }
 
-/// What a section consists of.
+/// A piece of a section.
 #[derive(Debug, Clone)]
 pub enum Piece {
     /// A paragraph.
@@ -87,30 +87,30 @@ pub enum Piece {
     List(Vec<Text>),
     /// A table.
     Table(Table),
-    /// A text as it stands in a file.
+    /// Verbatim text of a file.
     Code {
         /// Its language, for Markdown.
         language: &'static str,
         /// The text.
         text: String,
     },
-    /// Drawings side by side.
+    /// Drawings in a row.
     Figures(Vec<Figure>),
 }
 
-/// A table; cells of columns in `numeric` are set to the right.
+/// A table; cells of columns in `numeric` are right-aligned.
 #[derive(Debug, Clone)]
 pub struct Table {
     /// Names of the columns.
     pub head: Vec<String>,
-    /// Which columns are set to the right.
+    /// Right-aligned columns.
     pub numeric: Vec<bool>,
     /// Cells, row by row.
     pub rows: Vec<Vec<Text>>,
 }
 
 impl Table {
-    /// Names of columns; those that begin with a `>` are numeric.
+    /// Names of columns; those with a leading `>` are numeric.
     pub fn new(head: &[&str]) -> Table {
         Table {
             head: head.iter().map(|name| name.trim_start_matches('>').to_owned()).collect(),
@@ -120,12 +120,12 @@ impl Table {
     }
 }
 
-/// A drawing with what it shows.
+/// A drawing with its caption.
 #[derive(Debug, Clone)]
 pub struct Figure {
     /// The drawing.
     pub drawing: Drawing,
-    /// What it shows; may be empty.
+    /// Its caption; may be empty.
     pub caption: Text,
 }
 
@@ -139,34 +139,34 @@ pub struct Text(
 /// A part of a line.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Inline {
-    /// Words.
+    /// Plain text.
     Plain(String),
-    /// Words that matter.
+    /// Emphasised text.
     Strong(String),
     /// A name or a command.
     Code(String),
 }
 
 impl Text {
-    /// Goes on with words.
+    /// Appends plain text.
     pub fn plain(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Plain(text.into()));
         self
     }
 
-    /// Goes on with words that matter.
+    /// Appends emphasised text.
     pub fn strong(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Strong(text.into()));
         self
     }
 
-    /// Goes on with a name or a command.
+    /// Appends a name or a command.
     pub fn code(mut self, text: impl Into<String>) -> Text {
         self.0.push(Inline::Code(text.into()));
         self
     }
 
-    /// One text after another.
+    /// Concatenates two texts.
     pub fn then(mut self, other: Text) -> Text {
         self.0.extend(other.0);
         self
@@ -185,12 +185,12 @@ impl From<String> for Text {
     }
 }
 
-/// Begins a text with strong words.
+/// A text that starts with emphasised words.
 pub fn strong(text: impl Into<String>) -> Text {
     Text::default().strong(text)
 }
 
-/// Begins a text with code.
+/// A text that starts with code.
 pub fn code(text: impl Into<String>) -> Text {
     Text::default().code(text)
 }

@@ -1,4 +1,4 @@
-//! Text from elsewhere, made harmless: names of recordings and subjects may hold anything.
+//! Escapes external text: names of recordings and subjects may contain anything.
 
 /// For HTML and SVG, in text and in attributes. Control characters but line feeds become spaces.
 pub(super) fn xml(text: &str) -> String {
@@ -34,7 +34,7 @@ pub(super) fn markdown(text: &str) -> String {
     out
 }
 
-/// Code within a line of Markdown: a fence longer than any run of backticks within.
+/// Inline code in Markdown: a fence longer than any run of backticks within.
 pub(super) fn markdown_code(text: &str) -> String {
     let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     let fence = "`".repeat(longest_run(&text) + 1);
@@ -53,7 +53,7 @@ fn longest_run(text: &str) -> usize {
     text.split(|character| character != '`').map(str::len).max().unwrap_or(0)
 }
 
-/// A word of a shell's command line.
+/// Quotes a word of a shell's command line.
 pub(super) fn shell(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -1,4 +1,4 @@
-//! The drawings, from what the engine kept for them.
+//! Figures, from the data that the engine stored for them.
 
 use super::document::{Figure, Text};
 use super::svg;
@@ -8,7 +8,7 @@ use super::words;
 use crate::finding::Suspicion;
 use crate::picture::{Picture, PosePlot, PosePoint, PredictorPlot, Signal, TimePlot, TimePoint};
 
-/// Which of the two a drawing shows.
+/// The state shown by a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum When {
     Before,
@@ -41,7 +41,7 @@ impl When {
 /// The step that shows before and after.
 pub(super) const AGAIN: &str = "again";
 
-/// A signal for people.
+/// Display name of a signal.
 pub(super) fn signal(signal: Signal) -> &'static str {
     match signal {
         Signal::CopX => "forward centre of pressure",
@@ -50,7 +50,7 @@ pub(super) fn signal(signal: Signal) -> &'static str {
     }
 }
 
-/// Label of an axis of residuals: which way is positive, and the unit.
+/// Label of an axis of residuals: positive direction and unit.
 fn residual(signal: Signal) -> String {
     let way = match signal {
         Signal::CopX => "forward",
@@ -65,14 +65,14 @@ pub(super) fn sentence(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A letter for each suspicious span, as the table beside has it.
+/// Letter of a suspicious span, as in the accompanying table.
 pub(super) fn letter(n: usize) -> String {
     char::from_u32('A' as u32 + n as u32)
         .filter(char::is_ascii_uppercase)
         .map_or_else(|| (n + 1).to_string(), String::from)
 }
 
-/// Unit of a time axis that fits the length: seconds, minutes, hours.
+/// Unit of a time axis for a length: seconds, minutes, hours.
 fn time_unit(length_s: f64) -> (f64, &'static str) {
     match length_s {
         long if long > 3.0 * 3600.0 => (3600.0, "h"),
@@ -81,7 +81,7 @@ fn time_unit(length_s: f64) -> (f64, &'static str) {
     }
 }
 
-/// The residual of one signal over time. `section` keeps the names of drawings apart.
+/// The residual of one signal over time. `section` makes the names of drawings unique.
 pub(super) fn over_time(
     section: &str,
     picture: &Picture,
@@ -158,12 +158,12 @@ pub(super) fn over_time(
     }
 }
 
-/// Only the step that shows both has to say which is which.
+/// Only the step that shows both figures requires a suffix to distinguish them.
 fn suffix(section: &str, when: &str) -> String {
     if section == AGAIN { format!(": {when}") } else { String::new() }
 }
 
-/// Stretches of held poses; neighbours are one. None in a recording so long that they cannot be told apart.
+/// Intervals of static poses, adjacent ones merged; none in a recording too long to resolve them.
 fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
     const MOST: usize = 300;
     const JOIN_MAX_S: f64 = 5.0;
@@ -186,7 +186,7 @@ fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
     held.iter().map(|stretch| stretch.map(|time_s| time_s / second)).collect()
 }
 
-/// The residual of one signal against a feature of the pose.
+/// The residual of one signal over a feature of the pose.
 pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When) -> Figure {
     const PARTS: usize = 12;
     let points = |when: When| -> Vec<[f64; 2]> {
@@ -234,7 +234,7 @@ fn level_band(x: Scale, sigma: f64) -> Mark {
     Mark::Band { look: Look::Noise, points, gap: f64::INFINITY }
 }
 
-/// The residual against what one effect predicts of it.
+/// The residual over the prediction of one effect.
 pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
     let points: Vec<[f64; 2]> = of.points.iter().map(|point| [point.predicted, point.residual]).collect();
     let x = Scale::covering(points.iter().map(|point| point[0]));
@@ -273,7 +273,7 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
     Figure { drawing: plot.draw(), caption: caption.into() }
 }
 
-/// A straight line, cut where it leaves the range of y.
+/// A straight line, clipped to the range of y.
 fn clipped(line: Vec<[f64; 2]>, y: Scale) -> Vec<[f64; 2]> {
     let [Some(&a), Some(&b)] = [line.first(), line.last()] else { return line };
     let slope = (b[1] - a[1]) / (b[0] - a[0]);

@@ -7,7 +7,7 @@ use super::words;
 use crate::finding::{AxisGap, Finding, Gap};
 use crate::picture::Signal;
 
-/// An axis of the gap for people: `x_still` is "forward, still".
+/// Display name of an axis of the gap: `x_still` is "forward, still".
 pub(super) fn axis(name: &str) -> String {
     let (signal, how) = name.split_once('_').unwrap_or((name, ""));
     let signal = match signal {
@@ -19,7 +19,7 @@ pub(super) fn axis(name: &str) -> String {
     if how.is_empty() { signal.to_owned() } else { format!("{signal}, {how}") }
 }
 
-/// The axes of the gap as people read them: each signal as a whole, then still and moving.
+/// Axes of the gap in display order: each signal as a whole, then still and moving.
 pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
     let rank = |name: &str| {
         let signal = Signal::ALL.iter().position(|signal| name.split('_').next() == Some(signal.axis()));
@@ -31,7 +31,7 @@ pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
     axes
 }
 
-/// How many times noise the gap is, per axis; before only, or before and after.
+/// The gap as a multiple of noise, per axis; before only, or before and after.
 pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
     let rows: Vec<Row> = axes(gap)
         .into_iter()

@@ -1,4 +1,4 @@
-//! The drawings of what is left: whether it is white, and how surprising it is.
+//! Figures of the remaining residual: its whiteness and its normalised innovations.
 
 use super::document::{Figure, Text};
 use super::figures::{sentence, signal};
@@ -6,7 +6,7 @@ use super::svg::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot};
 use crate::picture::{SurpriseBin, Whiteness};
 
-/// The autocorrelation of what is left.
+/// Autocorrelation of the remaining residual.
 pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
     const LAGS: usize = 60;
     let lag = |n: usize| (n + 1) as f64 * block_s;
@@ -50,7 +50,7 @@ pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
     Figure { drawing: plot.draw(), caption: Text::default() }
 }
 
-/// How often the residual is how surprising: a class a bin, whatever its width.
+/// Histogram of the normalised innovations: one column per bin, independent of its width.
 pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
     let highest = bins.iter().flat_map(|bin| [bin.before, bin.after, bin.expected]).fold(0.0, f64::max);
     let columns = |[from, to]: [f64; 2], value: fn(&SurpriseBin) -> f64| -> Vec<[f64; 3]> {

@@ -1,4 +1,4 @@
-//! The report as one HTML file that needs nothing else: no script, no network, light or dark as the reader likes.
+//! The report as one self-contained HTML file: no script, no network, light or dark by the reader's setting.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::document::{Document, Figure, Inline, Piece, Table, Text};
 use super::escape::xml;
 use super::svg;
 
-/// Refuses whatever would come from elsewhere, should any ever slip in.
+/// Blocks all external resources, as a second line of defence.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
 
 /// Writes the page.

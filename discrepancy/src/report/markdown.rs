@@ -1,4 +1,4 @@
-//! The report as Markdown, with its drawings as files beside it.
+//! The report as Markdown, with its drawings as separate files.
 
 use std::fmt::Write;
 
@@ -61,7 +61,7 @@ fn table(table: &Table, out: &mut String) {
     }
 }
 
-/// Asterisks make words strong only where they touch them.
+/// Asterisks mark words as strong only if they are adjacent to them.
 fn strong(text: &str) -> String {
     let words = text.trim_end();
     format!("**{}**{}", escape::markdown(words), &text[words.len()..])

@@ -1,4 +1,4 @@
-//! The story of a finding, step by step.
+//! The sections of a report, step by step.
 
 mod again;
 mod change;
@@ -63,7 +63,7 @@ fn headline(report: &Report) -> Text {
     }
 }
 
-/// What no effect explains, and what it looks like most.
+/// The part that no effect explains, and its most similar effect.
 fn unexplained(finding: &Finding) -> Text {
     let text = Text::from("Something is missing in the model that nothing in the catalogue explains.");
     let most = finding.unexplained.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
@@ -73,13 +73,13 @@ fn unexplained(finding: &Finding) -> Text {
     }
 }
 
-/// Whether what no effect explains weighs more than all that was named.
+/// Whether the unexplained part outweighs all named effects.
 fn mostly_unexplained(finding: &Finding) -> bool {
     let named: f64 = finding.effects.iter().map(|named| named.log_odds).sum();
     finding.unexplained.iter().any(|generic| generic.log_odds > named)
 }
 
-/// A named effect with its surest parameter.
+/// A named effect with its most significant parameter.
 fn in_a_phrase(named: &Named) -> String {
     let words = words::candidate(&words::full_name(named));
     match surest(named) {
@@ -88,7 +88,7 @@ fn in_a_phrase(named: &Named) -> String {
     }
 }
 
-/// The parameter that is farthest from zero in σ.
+/// The parameter farthest from zero in σ.
 fn surest(named: &Named) -> Option<(&str, &Estimate)> {
     let sigmas = |estimate: &Estimate| estimate.value.abs() / estimate.sigma.max(f64::MIN_POSITIVE);
     let parameters = named.parameters.iter().map(|(name, estimate)| (name.as_str(), estimate));
@@ -112,13 +112,13 @@ fn numbers(finding: &Finding) -> Vec<[String; 3]> {
     numbers
 }
 
-/// Whether there is an "after" that differs from the "before".
+/// Whether "after" differs from "before".
 fn changed(finding: &Finding) -> bool {
     !finding.effects.is_empty()
 }
 
-/// Sets of names that explain the data alike: each effect with those that these data cannot tell from it; if none was
-/// accepted, what comes close to the first candidate.
+/// Sets of effects that explain the data equally well: each named effect with its indistinguishable alternatives; if
+/// none was accepted, the close rivals of the first candidate.
 fn alike(report: &Report) -> Vec<Vec<String>> {
     let with_family = |named: &Named| -> Vec<String> {
         std::iter::once(words::full_name(named)).chain(named.family.iter().cloned()).collect()

@@ -1,4 +1,5 @@
-//! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; none carries meaning alone.
+//! Plots, drawn as SVG without a script. Colours come from a style sheet, for light and dark; no information is
+//! conveyed by colour alone.
 
 mod frame;
 mod rows;
@@ -12,10 +13,10 @@ use frame::Frame;
 pub use rows::{Row, Rows};
 pub use scale::Scale;
 
-/// Colours of all plots. Okabe and Ito's palette, which people with any colour vision can tell apart.
+/// Colours of all plots: Okabe and Ito's palette, distinguishable with any colour vision.
 pub(super) const STYLE: &str = include_str!("plot.css");
 
-/// Width of every plot, in its own units: what fits twice on a page.
+/// Width of every plot, in its own units: two fit next to each other on a page.
 pub(super) const WIDTH: f64 = 540.0;
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 14.0;
@@ -26,7 +27,7 @@ const BOTTOM: f64 = 40.0;
 pub struct Drawing {
     /// Stem of its file's name, and its identifier in the page.
     pub name: String,
-    /// What is seen, in a few words.
+    /// A short title.
     pub title: String,
     /// Outer height.
     height: f64,
@@ -35,18 +36,18 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// A drawing of its own, 540 wide: `body` is SVG, in which names from elsewhere are escaped already.
+    /// A drawing 540 wide: `body` is SVG, in which external names are escaped already.
     pub fn new(name: &str, title: &str, description: &str, height: f64, body: String) -> Drawing {
         let (name, title, description) = (name.to_owned(), title.to_owned(), description.to_owned());
         Drawing { name, title, height, description, body }
     }
 
-    /// To stand in a page that has [`STYLE`].
+    /// For a page that contains [`STYLE`].
     pub(super) fn inline(&self) -> String {
         self.element("", "")
     }
 
-    /// As a file of its own.
+    /// As a separate file.
     pub(super) fn standalone(&self) -> String {
         let ground = format!("<style>{STYLE}</style><rect class=\"ground\" width=\"100%\" height=\"100%\"/>");
         let mut text = self.element(" xmlns=\"http://www.w3.org/2000/svg\" width=\"540\"", &ground);
@@ -67,20 +68,20 @@ impl Drawing {
     }
 }
 
-/// What a mark stands for; its name is its class in the style sheet.
+/// Meaning of a mark; its name is its class in the style sheet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
     /// The first of two.
     Before,
     /// The second of two, or the only one.
     After,
-    /// What is no more than noise.
+    /// Within noise.
     Noise,
-    /// What would be expected, or is aimed at.
+    /// Expected value or target.
     Expected,
-    /// What is suspicious.
+    /// Suspicious.
     Suspect,
-    /// Stillness.
+    /// Static poses.
     Still,
 }
 
@@ -97,68 +98,68 @@ impl Look {
     }
 }
 
-/// Something drawn into the axes.
+/// An element drawn in the axes.
 #[derive(Debug, Clone)]
 pub enum Mark {
-    /// From `−half` to `half`: x and half. Broken where there is nothing for longer than `gap`.
+    /// From `−half` to `half`: x and half. Interrupted at gaps longer than `gap`.
     Band {
-        /// How it looks.
+        /// Style.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
-        /// The longest distance in x over which it goes on.
+        /// Longest distance in x that is bridged.
         gap: f64,
     },
-    /// A line through points by x, broken likewise. If they are too many to be told apart (`is_dense`), it is the line
-    /// of their means within their range.
+    /// A line through points by x, interrupted likewise. Points too dense to be resolved (`is_dense`) are drawn as the
+    /// line of their means within their range.
     Line {
-        /// How it looks.
+        /// Style.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
-        /// The longest distance in x over which it goes on.
+        /// Longest distance in x that is bridged.
         gap: f64,
     },
-    /// A cloud.
+    /// A scatter plot.
     Dots {
-        /// How it looks.
+        /// Style.
         look: Look,
         /// x and y.
         points: Vec<[f64; 2]>,
     },
-    /// Columns from zero: begin, end, value.
+    /// Columns from zero: start, end, value.
     Columns {
-        /// How it looks.
+        /// Style.
         look: Look,
-        /// Begin, end, value.
+        /// Start, end, value.
         columns: Vec<[f64; 3]>,
     },
-    /// A stretch of x with a letter.
+    /// An interval of x with a letter.
     Stretch {
-        /// How it looks.
+        /// Style.
         look: Look,
-        /// Begin.
+        /// Start.
         from: f64,
         /// End.
         to: f64,
-        /// What it is called.
+        /// Its letter.
         letter: String,
     },
-    /// Stretches of x along the foot of the plot.
+    /// Intervals of x along the bottom of the plot.
     Strip {
-        /// How it looks.
+        /// Style.
         look: Look,
-        /// Begin and end of each.
+        /// Start and end of each.
         stretches: Vec<[f64; 2]>,
     },
 }
 
-/// Whether so many points of a line cannot be told apart.
+/// Whether a line has too many points to be resolved.
 pub(super) const fn is_dense(points: usize) -> bool {
     points > 6 * frame::COLUMNS
 }
 
-/// How an entry of the legend looks.
+/// Symbol of a legend entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Key {
     /// A line.
@@ -172,11 +173,11 @@ pub enum Key {
 /// An axis.
 #[derive(Debug, Clone)]
 pub struct Axis {
-    /// What it shows, with the unit.
+    /// Quantity and unit.
     pub label: String,
     /// Its range.
     pub scale: Scale,
-    /// Classes instead of a scale: where each stands, and its name.
+    /// Categories instead of a scale: position and name of each.
     pub classes: Vec<(f64, String)>,
 }
 
@@ -186,7 +187,7 @@ impl Axis {
         Axis { label: label.into(), scale, classes: Vec::new() }
     }
 
-    /// Where ticks stand, and their names.
+    /// Positions and labels of the ticks.
     fn named_ticks(&self, most: usize) -> Vec<(f64, String)> {
         if !self.classes.is_empty() {
             return self.classes.clone();
@@ -201,17 +202,17 @@ impl Axis {
 pub struct Plot {
     /// Identifier, unique in its page.
     pub name: String,
-    /// What is seen, in a few words.
+    /// A short title.
     pub title: String,
-    /// The same for those who do not see it.
+    /// Text alternative of the figure.
     pub description: String,
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub y: Axis,
-    /// What is drawn.
+    /// Elements.
     pub marks: Vec<Mark>,
-    /// What it means.
+    /// Legend entries.
     pub legend: Vec<(Key, Look, String)>,
 }
 
@@ -242,15 +243,15 @@ impl Plot {
 }
 
 impl Mark {
-    /// Whether the grid is drawn over it.
+    /// Whether it is drawn beneath the grid.
     fn is_behind(&self) -> bool {
         matches!(self, Mark::Band { .. } | Mark::Stretch { .. } | Mark::Strip { .. })
     }
 }
 
-/// Lays entries side by side; returns how many rows they took.
+/// Lays out entries in rows; returns the number of rows.
 pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
-    /// Advance of an average letter of the legend's type.
+    /// Average advance of a letter in the legend's font.
     const LETTER: f64 = 5.8;
     let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
     for (key, look, text) in entries {
@@ -274,7 +275,7 @@ pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, 
     (out, if entries.is_empty() { 0 } else { row + 1 })
 }
 
-/// A coordinate with a tenth of a unit, as short as it goes.
+/// A coordinate to a tenth of a unit, in the shortest form.
 pub(super) fn at(value: f64) -> String {
     let text = format!("{value:.1}");
     text.strip_suffix(".0").map_or(text.clone(), str::to_owned)

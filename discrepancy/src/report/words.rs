@@ -1,4 +1,4 @@
-//! Plain words: for effects and places, odds, and numbers with their uncertainty.
+//! Wording of effects and places, odds, and numbers with their uncertainty.
 
 mod effects;
 
@@ -9,7 +9,7 @@ use equipoise_core::body::Segment;
 use crate::finding::{Estimate, Named};
 pub(super) use effects::{effect, remedy};
 
-/// Where a named effect acts, as in a candidate's name: `right`, `T8`, or nothing.
+/// Place of a named effect, as in a candidate's name: `right`, `T8`, or empty.
 pub(super) fn place_name(place: &BTreeMap<String, serde_json::Value>) -> String {
     ["hand", "segment"]
         .iter()
@@ -45,7 +45,7 @@ pub(super) fn place_in_words(place: &str) -> String {
     }
 }
 
-/// `RightUpperArm` becomes `the right upper arm`; what is no segment stays as it is.
+/// `RightUpperArm` becomes `the right upper arm`; other names are returned unchanged.
 fn segment(name: &str) -> String {
     if !Segment::ALL.iter().any(|known| known.name() == name) {
         return name.to_owned();
@@ -60,7 +60,7 @@ fn segment(name: &str) -> String {
     words.replace("right shoulder", "right collarbone").replace("left shoulder", "left collarbone")
 }
 
-/// How much less likely something is, by the difference of log odds (natural), which is positive if it is.
+/// How much less likely an explanation is, by the difference of log odds (natural), positive if it is less likely.
 pub(super) fn less_likely(by: f64) -> String {
     match times(by) {
         None => "about as likely".to_owned(),
@@ -89,7 +89,7 @@ fn one_digit(value: f64) -> String {
     format!("{:.0}", (value / power).round() * power)
 }
 
-/// Three digits that count.
+/// Three significant digits.
 pub(super) fn number(value: f64) -> String {
     let decimals = decimals(value, 3);
     if !value.is_finite() {
@@ -101,12 +101,12 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
-/// Log odds: one decimal is more than anyone needs.
+/// Log odds with one decimal.
 pub(super) fn odds(log_odds: f64) -> String {
     if log_odds.is_finite() { format!("{log_odds:.1}").replace('-', "−") } else { "not known".to_owned() }
 }
 
-/// Two numbers as `value ± sigma`: as many decimals as σ has in two digits.
+/// Two numbers as `value ± sigma`, to two significant digits of σ.
 pub(super) fn with_sigma(value: f64, sigma: f64) -> String {
     if !(sigma.is_finite() && sigma > 0.0) || sigma < 1e-6 || !value.is_finite() {
         return format!("{} ± {}", number(value), number(sigma));
@@ -128,13 +128,13 @@ pub(super) fn estimate(estimate: &Estimate) -> String {
     if ["", "1"].contains(&estimate.unit) { value } else { format!("{value} {}", estimate.unit) }
 }
 
-/// The same in a unit that people use, where there is one.
+/// The same in an everyday unit, where there is one.
 pub(super) fn in_everyday_units(of: &Estimate) -> Option<String> {
     let (factor, unit) = everyday_unit(of.unit, of.value)?;
     Some(format!("{} {unit}", with_sigma(of.value * factor, of.sigma * factor)))
 }
 
-/// A size in everyday units, or in its own.
+/// A size in everyday units, or else in its original unit.
 pub(super) fn size(value: f64, unit: &str) -> String {
     let (factor, unit) = everyday_unit(unit, value).unwrap_or((1.0, unit));
     format!("{} {unit}", number(value * factor))
@@ -158,12 +158,12 @@ pub(super) fn seconds(time_s: f64) -> String {
     format!("{time_s:.1} s")
 }
 
-/// A part of the recording, as the command takes it.
+/// A part of the recording, in the syntax of the command line.
 pub(super) fn span(span_s: [f64; 2]) -> String {
     format!("{:.1}:{:.1}", span_s[0], span_s[1])
 }
 
-/// `3.1 times`, or that there is nothing to compare with.
+/// `3.1 times`, or a dash if there is no reference.
 pub(super) fn ratio(value: f64, floor: f64) -> String {
     if floor > 0.0 && value.is_finite() { format!("{:.1} times", value / floor) } else { "–".to_owned() }
 }

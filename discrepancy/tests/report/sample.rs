@@ -1,4 +1,5 @@
-//! A made-up finding with plausible figures, of any length, for looking at reports and for testing their laws.
+//! A made-up finding with plausible figures, of any length, for visual checks of reports and for tests of their
+//! invariants.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +16,7 @@ use equipoise_discrepancy::session::Spans;
 
 const BLOCK_S: f64 = 0.3;
 
-/// All that a report needs.
+/// Inputs of a report.
 pub(crate) struct Sample {
     pub(crate) finding: Finding,
     pub(crate) picture: Picture,
@@ -30,11 +31,11 @@ impl Sample {
     }
 }
 
-/// Numbers that look random and are always the same.
+/// Reproducible pseudo-random numbers.
 struct Chance(u64);
 
 impl Chance {
-    /// About normal, σ 1.
+    /// Approximately normal, σ 1.
     fn next(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
@@ -104,7 +105,7 @@ fn autocorrelation(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// A load in the right hand from a third of the work on; `share` of it is taken off by the change.
+/// A load in the right hand from a third of the work on; the change removes the fraction `share` of it.
 fn picture(work_s: f64, share: f64) -> Picture {
     let moments = moments(work_s);
     let before = |m: &Moment, axis: usize| m.effect[axis] + m.noise[axis];
@@ -345,7 +346,7 @@ pub(crate) fn named(work_s: f64) -> Sample {
     Sample { finding, picture, origin: origin(), toml: Some(toml.to_owned()) }
 }
 
-/// Nothing is missing.
+/// No effect is missing in the model.
 pub(crate) fn none(work_s: f64) -> Sample {
     let mut sample = named(work_s);
     let picture = &mut sample.picture;
@@ -380,7 +381,7 @@ pub(crate) fn none(work_s: f64) -> Sample {
     sample
 }
 
-/// Several explanations fit alike.
+/// Several explanations fit equally well.
 pub(crate) fn ambiguous(work_s: f64) -> Sample {
     let mut sample = named(work_s);
     sample.picture = picture(work_s, 0.0);

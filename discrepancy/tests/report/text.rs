@@ -1,6 +1,6 @@
-//! Reading a report back: its words without markup, and whether its markup is sound.
+//! Reads a report back: its words without markup, and whether its markup is well-formed.
 
-/// Words of a page as a reader sees them, without its drawings.
+/// Words of a page as displayed, without its drawings.
 pub(crate) fn html_words(html: &str) -> Vec<String> {
     let body = html.split_once("<body>").unwrap().1;
     let mut text = String::new();
@@ -8,7 +8,7 @@ pub(crate) fn html_words(html: &str) -> Vec<String> {
     while let Some(begin) = rest.find('<') {
         let end = begin + rest[begin..].find('>').unwrap();
         text.push_str(&rest[..begin]);
-        // Words on both sides of a tag are told apart.
+        // A tag separates words.
         text.push(' ');
         rest = rest[end + 1..].to_owned();
     }
@@ -19,7 +19,7 @@ pub(crate) fn html_words(html: &str) -> Vec<String> {
     words(&text)
 }
 
-/// Words of a Markdown text as a reader sees them, without its drawings.
+/// Words of a Markdown text as displayed, without its drawings.
 pub(crate) fn markdown_words(markdown: &str) -> Vec<String> {
     let mut text = String::new();
     for line in markdown.lines() {
@@ -41,7 +41,7 @@ pub(crate) fn markdown_words(markdown: &str) -> Vec<String> {
     words(&text)
 }
 
-/// Signs stand apart from words, wherever the markup put spaces.
+/// Separates signs from words, whatever spaces the markup has.
 fn words(text: &str) -> Vec<String> {
     let mut spaced = String::new();
     for letter in text.chars() {
@@ -51,7 +51,7 @@ fn words(text: &str) -> Vec<String> {
             spaced.push(letter);
         }
     }
-    // A full stop may stand behind markup.
+    // A full stop may follow markup.
     spaced
         .split_whitespace()
         .map(|word| word.trim_end_matches('.').to_owned())
@@ -75,7 +75,7 @@ pub(crate) fn attributes(markup: &str, name: &str) -> Vec<String> {
     markup.split(&begin).skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
 }
 
-/// Every tag is closed in order, every attribute is quoted, every ampersand begins an entity.
+/// Checks that every tag is closed in order, every attribute is quoted, every ampersand begins an entity.
 pub(crate) fn well_formed(markup: &str) -> Result<(), String> {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = without(markup, "<style>", "</style>");
@@ -123,7 +123,7 @@ pub(crate) fn without_code(markdown: &str) -> String {
     out
 }
 
-/// To behind the run of backticks that is as long as the one that began.
+/// Skips to the end of a run of backticks as long as the opening one.
 fn skip_code(letters: &mut std::iter::Peekable<std::str::Chars<'_>>) {
     let run = |letters: &mut std::iter::Peekable<std::str::Chars<'_>>| {
         std::iter::from_fn(|| letters.next_if_eq(&'`')).count()

@@ -1,4 +1,4 @@
-//! Sessions from simple means: a body of the table that goes through the poses of the library, a plate with coloured noise.
+//! Simple sessions: a body of the table in the poses of the library, on a plate with coloured noise.
 
 use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton};
 use equipoise_core::effect::{Effect, Observation, PARAMETERS_MAX, Place, Term};
@@ -8,9 +8,9 @@ use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
 use equipoise_discrepancy::session::{PARAMETERS, Session, Spans};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// How long a block is, s.
+/// Length of a block, s.
 const BLOCK_S: f64 = 0.4;
-/// A pose is held, then left, s.
+/// Duration of a static pose, s.
 const HELD_S: f64 = 2.4;
 const MOVED_S: f64 = 1.6;
 const MASS_KG: f64 = 75.0;
@@ -18,12 +18,12 @@ const GRAVITY: f64 = 9.81;
 /// Step of the numerical derivatives, s.
 const STEP_S: f64 = 0.04;
 
-/// Identification until here, clean work until there, work in question until the end, s.
+/// End of identification, of clean work, and of the work in question, s.
 pub(crate) const IDENTIFY_S: f64 = 120.0;
 pub(crate) const REFERENCE_S: f64 = 200.0;
 pub(crate) const END_S: f64 = 300.0;
 
-/// A person who has done everything right, and a plate with its noise.
+/// A session without errors of the subject, on a plate with noise.
 pub(crate) fn clean(seed: u64) -> Session {
     let mut blocks = Vec::new();
     let mut noise = Noise::new(seed);
@@ -65,7 +65,7 @@ pub(crate) fn clean(seed: u64) -> Session {
     }
 }
 
-/// Adds an effect to what was measured, from a time to another.
+/// Adds an effect to the measurements of an interval.
 pub(crate) fn hide(session: &mut Session, effect: Effect, place: Place, value: &[f64], span_s: [f64; 2]) {
     let mut all = [0.0; PARAMETERS_MAX];
     all[..value.len()].copy_from_slice(value);
@@ -78,7 +78,7 @@ pub(crate) fn hide(session: &mut Session, effect: Effect, place: Place, value: &
     }
 }
 
-/// Numbers that look random and are the same each time.
+/// Reproducible pseudo-random numbers.
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -117,7 +117,7 @@ impl Noise {
     }
 }
 
-/// From pose to pose of the library.
+/// Motion between poses of the library.
 struct Walk {
     seed: u64,
 }
@@ -197,7 +197,7 @@ impl Walk {
             phi_m: phi.0,
             grip_m: Side::BOTH.map(|side| [0.0, if side == Side::Left { 0.08 } else { -0.08 }, 0.0]),
             centre_m: body.com_m,
-            // This model leaves out that the body turns.
+            // This model omits the body's rotation.
             mass_share: [0.0; SEGMENTS],
             com_m: centre.into(),
             com_acceleration_m_per_s2: acceleration.into(),

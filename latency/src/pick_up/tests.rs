@@ -5,14 +5,14 @@ use super::*;
 
 const S: u64 = 1_000_000_000;
 
-/// A report of a consumer that began at `since_ns`.
+/// A report of a consumer that started at `since_ns`.
 fn report(name: &str, process_id: u32, since_ns: u64) -> PickUp {
     let mut report = PickUp { process_id, since_ns, time_ns: since_ns, ..PickUp::zeroed() };
     report.consumer[..name.len()].copy_from_slice(name.as_bytes());
     report
 }
 
-/// Enters states that were picked up so many ns after they were published.
+/// Adds states that were received this many ns after they were published.
 fn enter(report: &mut PickUp, times_ns: &[u64]) {
     for time_ns in times_ns {
         let state = State { published_ns: S, time_ns: S / 2, ..State::zeroed() };
@@ -20,7 +20,7 @@ fn enter(report: &mut PickUp, times_ns: &[u64]) {
     }
 }
 
-/// Times over nine decades, always the same.
+/// Deterministic pseudo-random times over nine decades.
 fn times(count: usize, mut seed: u64) -> Vec<u64> {
     let mut next = || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -47,7 +47,7 @@ fn percentiles_are_those_of_the_raw_times_to_a_bucket() {
             let told_ns = histogram.value_at_quantile(quantile);
             assert!(within_a_bucket(told_ns, raw[rank]), "{quantile}: {told_ns} for {}", raw[rank]);
         }
-        // The maximum is told by itself, so only hdrhistogram's own 0.1 % is lost.
+        // The maximum is transmitted separately, so only hdrhistogram's own 0.1 % is lost.
         let max_ns = raw[count - 1];
         assert!(histogram.max().abs_diff(max_ns) * 1000 <= max_ns, "{} for {max_ns}", histogram.max());
     }
@@ -59,7 +59,7 @@ fn only_what_happened_since_the_beginning_is_told() {
     enter(&mut told, &[4 * S; 100]);
     told.states_missed = 7;
     let mut pick_ups = PickUps::new(100 * S);
-    // The last word before the beginning, which a late subscriber gets at once.
+    // The last report before the start, which a late subscriber receives from the history.
     told.time_ns = 100 * S - 1;
     pick_ups.see(&told);
     assert!(pick_ups.reports.is_empty());
@@ -74,7 +74,7 @@ fn only_what_happened_since_the_beginning_is_told() {
     assert_eq!((consumer.name.as_str(), consumer.states, consumer.states_missed), ("a", 18, 9));
     let histogram = &consumer.times_ns[0];
     assert_eq!(histogram.len(), 18);
-    // The longest of its life lies before; the longest of ours is known to a bucket.
+    // The longest time of the run lies before the interval; the longest within it is resolved to a bucket.
     assert!(within_a_bucket(histogram.max(), 2_000), "{}", histogram.max());
 }
 
@@ -88,7 +88,7 @@ fn a_consumer_that_starts_anew_begins_afresh() {
     enter(&mut first, &[50; 10]);
     first.time_ns = 102 * S;
     pick_ups.see(&first);
-    // Killed and started: fewer states than before, all of them under our eyes.
+    // Restarted: fewer states than before, all within the interval.
     let mut second = report("a", 2, 103 * S);
     enter(&mut second, &[70; 3]);
     second.time_ns = 104 * S;

@@ -1,8 +1,9 @@
-//! The scene and the state of a station, live, for Foxglove and Lichtblick.
+//! Gateway to Foxglove and Lichtblick: publishes the scene and the state of a station live.
 //!
-//! The picture is the recorder's ([`equipoise_view::foxglove`]); what is added here is a beat that says at every turn how
-//! old the state is, or why there is none, and the WebSocket server of the `foxglove` crate. A viewer that reads too slowly
-//! loses the oldest messages of a queue of [`BACKLOG`]; nobody waits for it.
+//! Scene and state have the format of recordings ([`equipoise_view::foxglove`]). This crate adds a `beat` message at
+//! every tick, with the age of the state or the reason why there is none, and the WebSocket server of the `foxglove`
+//! crate. A viewer that reads too slowly loses the oldest messages of a queue of [`BACKLOG`]; publishing never waits
+//! for a viewer.
 #![forbid(unsafe_code)]
 
 pub mod beat;

@@ -7,13 +7,14 @@ use std::sync::{Arc, OnceLock};
 use equipoise_outlet_foxglove::FoxgloveOutlet;
 use equipoise_outlets::process::{Made, main_of, no_section};
 
-/// Whoever watches the program starts it again; until then it tells nobody that it serves.
+/// If the server ends, the process exits with an error instead of running on without it, so that the service manager
+/// restarts it.
 fn main() -> ExitCode {
     let ended = Arc::new(OnceLock::new());
     let tell = Arc::clone(&ended);
     let on_end = move |why: String| {
         let _ = tell.set(why);
-        // The way of every end: the loop of beats leaves, and takes the bus's things along.
+        // SIGTERM takes the usual way out: the publishing loop returns and releases its resources on the bus.
         let _ = signal_hook::low_level::raise(signal_hook::consts::SIGTERM);
     };
     let code = main_of("foxglove", |file| {

@@ -1,4 +1,4 @@
-//! The server, and what it is told.
+//! The WebSocket server and the messages that it publishes.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -12,13 +12,13 @@ use tracing::{error, info};
 
 use crate::beat::{self, Beat};
 
-/// Messages that wait for one viewer at the most; then the oldest go. A tenth of a second of all channels at 60 Hz.
+/// Longest queue of one viewer; beyond it the oldest messages are dropped. 0.1 s of all channels at 60 Hz.
 pub const BACKLOG: usize = 18;
 
-/// How often it is looked whether anybody is still served.
+/// How often to check that the server still runs.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// A station as Foxglove and Lichtblick see it.
+/// Publishes a station to Foxglove and Lichtblick.
 pub struct FoxgloveOutlet {
     scene: Arc<RawChannel>,
     state: Arc<RawChannel>,
@@ -28,19 +28,19 @@ pub struct FoxgloveOutlet {
     beats: u64,
     tally: Tally,
     looked: Instant,
-    /// Whoever is told when nobody is served any more.
+    /// Called once when the server has ended.
     on_end: Option<Box<dyn FnOnce(String) + Send>>,
-    /// Channels hang on it.
+    /// Must outlive the channels.
     _context: Arc<Context>,
-    /// The server's threads end with it.
+    /// Dropping it ends the server's threads.
     _runtime: tokio::runtime::Runtime,
 }
 
 impl FoxgloveOutlet {
-    /// Serves the station at an address; port 0 is any. `on_end` is told if the server ends by itself.
+    /// Serves the station at an address; port 0 selects a free one. `on_end` is called if the server ends by itself.
     ///
     /// # Errors
-    /// The address cannot be had.
+    /// The address cannot be bound.
     pub fn start(
         station: &str,
         listen: SocketAddr,
@@ -50,7 +50,7 @@ impl FoxgloveOutlet {
         let [scene, state] = [Channel::SCENE, Channel::STATE]
             .map(|channel| open(&context, channel.topic, channel.schema_name, channel.schema_text()));
         let beat = open(&context, beat::TOPIC, beat::SCHEMA_NAME, beat::schema().to_string());
-        // One thread is enough for pictures, and leaves the machine to the loop.
+        // One thread is enough for viewers, and leaves the other cores to the loop.
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("foxglove")
@@ -83,13 +83,13 @@ impl FoxgloveOutlet {
         })
     }
 
-    /// The port that is served.
+    /// The port on which the server listens.
     pub fn port(&self) -> u16 {
         self.server.port()
     }
 
-    /// The library ends its server for ever, without a word, at the first connection that it cannot accept, as when all of
-    /// the process's files are in use. Its port is free then.
+    /// The library's server ends for good, without an error, at the first connection that it cannot accept, for example
+    /// when the process has reached its limit of open files. Its port is then free, which is what this check detects.
     fn look_after_the_server(&mut self) {
         if self.looked.elapsed() < LOOK_EVERY {
             return;
@@ -102,7 +102,7 @@ impl FoxgloveOutlet {
         }
     }
 
-    /// Hands a message to the viewers of a channel; it is not even written where nobody looks.
+    /// Publishes a message to the viewers of a channel. Without viewers the message is not encoded.
     fn show(
         tally: &mut Tally,
         channel: &RawChannel,
@@ -137,8 +137,8 @@ fn open(
 }
 
 impl Outlet for FoxgloveOutlet {
-    /// Times are wall-clock times here, since viewers show them beside other live sources: that of the state's cycle, or
-    /// now without a state.
+    /// Messages carry wall-clock times, because viewers display them next to other live sources: the time of the
+    /// state's cycle, or now if there is no state.
     fn tell(&mut self, seen: &Seen) {
         self.look_after_the_server();
         self.beats += 1;
@@ -160,8 +160,8 @@ impl Outlet for FoxgloveOutlet {
         Self::show(tally, &self.beat, now_ns, || serde_json::to_string(&beat));
     }
 
-    /// `sent` counts each message once, however many look; what a slow viewer loses, the library does not tell: the gaps
-    /// in `beat` do.
+    /// `sent` counts each message once, regardless of the number of viewers. The library does not report the messages
+    /// that a slow viewer loses; gaps in `beat` reveal them.
     fn tally(&self) -> Tally {
         Tally { peers: self.server.client_count() as u64, ..self.tally }
     }

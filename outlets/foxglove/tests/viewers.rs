@@ -1,4 +1,4 @@
-//! Viewers over real sockets, speaking WebSocket by hand: one that reads, and one that has stopped.
+//! Viewers over real sockets, with a minimal WebSocket client: one that reads, and one that has stopped reading.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{Read, Write};
@@ -36,7 +36,7 @@ fn seen(cycle: u64) -> Seen {
     })
 }
 
-/// A viewer, as far as a test needs one (RFC 6455; the protocol is foxglove.sdk.v1).
+/// A viewer with the minimum that the tests need (RFC 6455; subprotocol foxglove.sdk.v1).
 struct Viewer(TcpStream);
 
 impl Viewer {
@@ -81,7 +81,7 @@ impl Viewer {
 
     fn say(&mut self, text: &str) {
         let length = u16::try_from(text.len()).unwrap();
-        // Masked, as clients must, by a mask that changes nothing.
+        // RFC 6455 requires clients to mask their frames; a zero mask leaves the bytes unchanged.
         let mut frame = vec![0x81, 0x80 | 126];
         frame.extend(length.to_be_bytes());
         frame.extend([0; 4]);
@@ -89,7 +89,7 @@ impl Viewer {
         self.0.write_all(&frame).unwrap();
     }
 
-    /// Subscribes to everything that is announced; the topics in the order of their subscriptions.
+    /// Subscribes to all advertised channels; returns the topics in the order of the subscriptions.
     fn subscribe_to_all(&mut self) -> Vec<String> {
         let mut topics = Vec::new();
         while topics.len() < 3 {
@@ -112,7 +112,7 @@ impl Viewer {
         topics
     }
 
-    /// The next message: its topic and its object.
+    /// The next message: its topic and its JSON object.
     fn message(&mut self, topics: &[String]) -> (String, Value) {
         loop {
             let (is_text, payload) = self.frame();
@@ -146,7 +146,8 @@ fn a_viewer_sees_scene_state_and_beat_and_then_the_reason_why_there_is_none() {
     let mut outlet = outlet();
     let mut viewer = Viewer::connect(outlet.port());
     let topics = viewer.subscribe_to_all();
-    // A subscription takes effect when the server has read it: states are told until all three came.
+    // A subscription takes effect when the server has read it, so states are published until all three topics have
+    // arrived.
     let mut found = std::collections::BTreeMap::new();
     let mut cycle = 0;
     while found.len() < 3 {
@@ -186,7 +187,7 @@ fn a_viewer_that_reads_nothing_costs_no_memory_and_delays_nobody() {
     let mut outlet = outlet();
     let mut stuck = Viewer::connect(outlet.port());
     stuck.subscribe_to_all();
-    // It never reads again. What the kernel holds for it is soon full, and a queue of BACKLOG after that.
+    // It never reads again: the kernel's socket buffer fills up, then the queue of BACKLOG messages.
     let mut cycle = 0;
     until("the stuck viewer is served", || {
         cycle += 1;
@@ -203,7 +204,7 @@ fn a_viewer_that_reads_nothing_costs_no_memory_and_delays_nobody() {
         outlet.tell(&seen(cycle));
     }
     let grown = resident().saturating_sub(before);
-    // Ten thousand scenes and states would be 100 MB.
+    // Ten thousand scenes and states take 100 MB.
     assert!(grown < 16 << 20, "{grown} bytes more, with a queue of {BACKLOG} messages");
     assert_eq!(outlet.tally().peers, 1, "it is still there");
 
@@ -220,13 +221,13 @@ fn a_viewer_that_reads_nothing_costs_no_memory_and_delays_nobody() {
                 break object;
             }
         }
-        // The server has a thread of its own, which must read the subscriptions.
+        // The server's own thread must first read the subscriptions.
         std::thread::sleep(Duration::from_millis(1));
     };
     assert!(beat["cycle"].as_u64() > Some(known), "the newest, not what the stuck one left: {beat}");
 }
 
-/// Ends the program when the test does, whatever comes.
+/// Kills the program when the test ends, also on panic.
 struct Program(std::process::Child);
 
 impl Drop for Program {
@@ -243,7 +244,7 @@ fn a_program_that_serves_nobody_any_more_ends_and_says_so() {
     let config = folder.path().join("station.toml");
     std::fs::write(&config, format!("station = \"end\"\n[outlets.foxglove]\nlisten = \"{address}\"\n"))
         .unwrap();
-    // Few files, so that a crowd of viewers is soon too much for it.
+    // A low limit of open files, so that a few viewers exceed it.
     let command = format!(
         "ulimit -n 60; exec {} --config {}",
         env!("CARGO_BIN_EXE_equipoise-outlet-foxglove"),

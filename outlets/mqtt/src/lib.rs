@@ -1,10 +1,10 @@
-//! Levels and counts of a station for plant dashboards, published to an MQTT broker.
+//! Gateway to an MQTT broker: publishes levels and counts of a station for plant dashboards.
 //!
-//! How a person moves does not leave the machine: a message names levels, phases and counts, nothing else, unless the
-//! configuration says otherwise ([`document`]). One message waits at most, the newest; a broker that is away or stuck costs
-//! nothing but what it misses, which is counted ([`mailbox`]).
+//! Body motion does not leave the machine: unless configured otherwise, a message contains levels, phases and counts
+//! only ([`document`]). At most one message waits, the newest; while the broker is unreachable or blocked, older ones
+//! are dropped and counted ([`mailbox`]).
 //!
-//! Floors, ground first: [`document`], [`mailbox`], [`timed`] → [`session`] → [`outlet`]
+//! Modules, lowest layer first: [`document`], [`mailbox`], [`timed`] → [`session`] → [`outlet`]
 #![forbid(unsafe_code)]
 
 pub mod document;

@@ -1,9 +1,10 @@
-//! Between the beat and the connection: one place, in which the newest message replaces the one before.
+//! Slot of one message between the publishing loop and the connection thread; a new message replaces one that still
+//! waits.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A mailbox.
+/// A slot for one message.
 #[derive(Debug)]
 pub struct Mailbox<T> {
     inner: Mutex<Inner<T>>,
@@ -17,14 +18,14 @@ struct Inner<T> {
     closed: bool,
 }
 
-/// What was in the mailbox.
+/// Result of a call of `take`.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Taken<T> {
     /// The newest message.
     Message(T),
-    /// None came in time.
+    /// No message within the time-out.
     Nothing,
-    /// None will come any more.
+    /// The mailbox is closed.
     Closed,
 }
 
@@ -38,14 +39,14 @@ impl<T> Default for Mailbox<T> {
 }
 
 impl<T> Mailbox<T> {
-    /// Puts a message in, in place of one that still waits. Never waits itself.
+    /// Stores a message and replaces one that still waits. Never blocks.
     pub fn put(&self, message: T) {
         let mut inner = self.inner();
         inner.replaced += u64::from(inner.waiting.replace(message).is_some());
         self.changed.notify_all();
     }
 
-    /// Takes the message out, waiting for one up to `longest`.
+    /// Removes and returns the message; waits for one for at most `longest`.
     pub fn take(&self, longest: Duration) -> Taken<T> {
         let idle = |inner: &mut Inner<T>| inner.waiting.is_none() && !inner.closed;
         let waited = self.changed.wait_timeout_while(self.inner(), longest, idle);
@@ -57,20 +58,20 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// Waits `long`, whatever comes meanwhile; false if the mailbox was closed.
+    /// Waits for `long`, regardless of messages; returns false if the mailbox was closed.
     pub fn pause(&self, long: Duration) -> bool {
         let open = |inner: &mut Inner<T>| !inner.closed;
         let waited = self.changed.wait_timeout_while(self.inner(), long, open);
         !waited.unwrap_or_else(PoisonError::into_inner).0.closed
     }
 
-    /// Whoever takes is told that it is over.
+    /// Closes the mailbox and wakes up the receiver.
     pub fn close(&self) {
         self.inner().closed = true;
         self.changed.notify_all();
     }
 
-    /// Messages that were replaced before they were taken.
+    /// Number of messages that were replaced before they were taken.
     pub fn replaced(&self) -> u64 {
         self.inner().replaced
     }

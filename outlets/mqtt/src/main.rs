@@ -1,4 +1,4 @@
-//! `equipoise-outlet-mqtt`: a station's levels and counts for plant dashboards.
+//! `equipoise-outlet-mqtt`: gateway for levels and counts of a station to plant dashboards.
 #![forbid(unsafe_code)]
 
 use std::process::ExitCode;

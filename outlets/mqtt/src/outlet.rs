@@ -1,4 +1,4 @@
-//! The outlet: every beat a message into the mailbox; a thread keeps the connection and takes them out.
+//! The gateway: each tick puts a message into the mailbox, and a thread maintains the connection and sends it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -14,14 +14,14 @@ use crate::document::{self, Summary};
 use crate::mailbox::{Mailbox, Taken};
 use crate::session::{PATIENCE, Session, Target, Trouble};
 
-/// So much of a trouble is logged.
+/// Longest error text in the log.
 const TROUBLE_CHARS_MAX: usize = 500;
 const BACKOFF_MIN: Duration = Duration::from_millis(500);
 const BACKOFF_MAX: Duration = Duration::from_secs(30);
-/// How often the thread looks up although there is nothing to send.
+/// Wake-up interval of the thread while there is nothing to send.
 const LOOK_UP: Duration = Duration::from_secs(60);
 
-/// One beat's payloads.
+/// Payloads of one tick.
 struct Message {
     summary: Vec<u8>,
     state: Option<Vec<u8>>,
@@ -35,7 +35,7 @@ struct Shared {
     connected: AtomicBool,
 }
 
-/// Publishes what a station knows.
+/// Publishes a station's states to an MQTT broker.
 pub struct Mqtt {
     station: String,
     motion: bool,
@@ -44,10 +44,10 @@ pub struct Mqtt {
 }
 
 impl Mqtt {
-    /// Reads certificates and passwords, and begins to connect. The broker need not be there.
+    /// Reads certificates and passwords, and starts to connect. The broker need not be reachable.
     ///
     /// # Errors
-    /// A file cannot be used, or no thread is to be had.
+    /// A file cannot be used, or the thread cannot be started.
     pub fn new(station: &str, config: &MqttConfig) -> anyhow::Result<Mqtt> {
         let target = Target::new(station, config)?;
         let shared = Arc::new(Shared::default());
@@ -65,7 +65,7 @@ impl Outlet for Mqtt {
         self.shared.mailbox.put(Message { summary, state });
     }
 
-    /// Beats that the broker has acknowledged; lost are those that a newer one replaced, or whose connection broke.
+    /// `sent`: ticks that the broker has acknowledged. `lost`: ticks replaced by a newer one or whose connection broke.
     fn tally(&self) -> Tally {
         Tally {
             sent: self.shared.sent.load(Ordering::Relaxed),
@@ -76,7 +76,7 @@ impl Outlet for Mqtt {
 }
 
 impl Drop for Mqtt {
-    /// Waits until the broker has heard that the station goes offline, but not for long: else its last will says so.
+    /// Waits for a limited time until the broker has acknowledged `offline`; otherwise the last will publishes it.
     fn drop(&mut self) {
         self.shared.mailbox.close();
         let end = Instant::now() + PATIENCE;
@@ -86,7 +86,7 @@ impl Drop for Mqtt {
     }
 }
 
-/// Keeps the connection.
+/// Maintains the connection.
 struct Keeper {
     shared: Arc<Shared>,
     target: Target,
@@ -108,7 +108,7 @@ impl Keeper {
             if taken > 0 {
                 (backoff, said) = (BACKOFF_MIN, None);
             }
-            // A broker gives reasons in words of its own.
+            // The text may come from the broker, so it is made printable and limited in length.
             let words = Printable { text: &trouble.to_string(), chars_max: TROUBLE_CHARS_MAX }.to_string();
             if said.as_ref() != Some(&words) {
                 warn!("{words}; it is tried again, every {} s at last", BACKOFF_MAX.as_secs());
@@ -121,7 +121,7 @@ impl Keeper {
         }
     }
 
-    /// Until the outlet ends; `taken` counts what the broker took.
+    /// Sends until the mailbox is closed or the connection fails; `taken` counts acknowledged messages.
     fn serve(&self, mut session: Session, taken: &mut u64) -> Result<(), Trouble> {
         self.shared.connected.store(true, Ordering::Relaxed);
         loop {
@@ -148,7 +148,7 @@ impl Keeper {
     }
 }
 
-/// Up to a half longer: the stations of a plant do not all come back to its broker in one instant.
+/// Adds up to 50 %, so that the stations of a plant do not all reconnect to the broker at the same instant.
 fn with_jitter(wait: Duration) -> Duration {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     wait + wait.mul_f64(f64::from(now.subsec_micros() % 1000) / 2000.0)

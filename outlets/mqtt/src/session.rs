@@ -1,8 +1,8 @@
-//! One connection to the broker: MQTT 3.1.1 of who publishes only.
+//! One connection to the broker, as an MQTT 3.1.1 client that publishes only.
 //!
-//! Quality of service 1, and one message under way: the broker's acknowledgement is the only word that it has taken a
-//! message, and so the only way to tell one that is stuck from one that is well. That a message may come twice does no
-//! harm, since every message is the whole of what is known. Packets are rumqttc's affair.
+//! Quality of service 1 with one message in flight: only the broker's acknowledgement distinguishes a working
+//! connection from a blocked one. Duplicates are harmless, because every message contains the complete current values.
+//! Packets are encoded and decoded by rumqttc.
 
 use std::io::{self, Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpStream, ToSocketAddrs};
@@ -21,29 +21,31 @@ use rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
 
 use crate::timed::Timed;
 
-/// How long the broker may take for an answer, and for its name, all of its addresses, TCP, TLS and welcome together.
+/// Time limit for each answer of the broker, and for resolving its name, connecting to its addresses, TLS and CONNACK
+/// together.
 pub const PATIENCE: Duration = Duration::from_secs(5);
-/// Answers are a few bytes.
+/// Largest accepted packet; the broker's answers take a few bytes.
 const PACKET_MAX: usize = 256 * 1024;
-/// Retained: whether the outlet is connected. The broker itself says that it no longer is.
+/// Retained message: whether the gateway is connected. The broker publishes `offline` itself when the connection breaks
+/// (last will).
 const ONLINE: &str = "online";
 const OFFLINE: &str = "offline";
 
-/// Why there is no connection, or no longer.
+/// Why the connection failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Trouble {
-    /// Name, TCP or TLS.
+    /// Name resolution, TCP or TLS failed.
     #[error("the broker cannot be reached: {0}")]
     Io(#[from] io::Error),
-    /// It does not want us.
+    /// The broker refused the connection.
     #[error("the broker refuses the connection: {0:?}; look at its users and rights")]
     Refused(ConnectReturnCode),
-    /// It does not speak MQTT 3.1.1.
+    /// The broker's answer is not valid MQTT 3.1.1.
     #[error("the broker's answer is not understood: {0}")]
     Answer(String),
 }
 
-/// What does not change from one connection to the next.
+/// Connection parameters, equal for all connections.
 pub struct Target {
     broker: String,
     port: u16,
@@ -54,24 +56,24 @@ pub struct Target {
     keep_alive_s: u16,
 }
 
-/// Why certificates are not used.
+/// Why certificates or passwords cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
-    /// A file of certificates, or the key.
+    /// A certificate file or the key is invalid.
     #[error("{path}: {what}; a PEM file is wanted")]
     Pem {
-        /// Which file.
+        /// Path of the file.
         path: String,
-        /// What is wrong.
+        /// What is wrong with it.
         what: String,
     },
-    /// Passwords or key.
+    /// The password or key file cannot be used.
     #[error(transparent)]
     Secret(#[from] SecretError),
-    /// The broker's name is none.
+    /// The broker's name is not a valid server name.
     #[error("outlets.mqtt.broker: {0}")]
     Name(#[from] InvalidDnsNameError),
-    /// Certificate and key do not fit.
+    /// Certificate and key do not match.
     #[error("outlets.mqtt.certificate_file: {0}")]
     Tls(#[from] rustls::Error),
 }
@@ -91,7 +93,7 @@ impl Target {
             login: login.and_then(|logins| logins.into_iter().next()),
             client_id: format!("equipoise-{station}"),
             online_topic: format!("equipoise/{station}/online"),
-            // Messages are the sign of life, so three that stay away are the end.
+            // Messages serve as keep-alive: three periods, at least 10 s.
             keep_alive_s: (3.0 / config.rate_hz).ceil().max(10.0) as u16,
         })
     }
@@ -167,10 +169,10 @@ pub struct Session {
 }
 
 impl Session {
-    /// Connects, leaves a last will, and says that the station is online.
+    /// Connects, registers the last will, and publishes `online`.
     ///
     /// # Errors
-    /// Why not.
+    /// The connection failed, or the broker refused it.
     pub fn open(target: &Target) -> Result<Session, Trouble> {
         let deadline = Instant::now() + PATIENCE;
         let timed = Timed::new(connect(target, deadline)?, deadline);
@@ -204,10 +206,10 @@ impl Session {
         }
     }
 
-    /// Publishes, and waits until the broker says that it has it.
+    /// Publishes a message, and waits for the broker's acknowledgement.
     ///
     /// # Errors
-    /// It does not say so in time; the connection is of no use any more.
+    /// No acknowledgement in time; the connection must be dropped.
     pub fn publish(&mut self, topic: &str, payload: Vec<u8>) -> Result<(), Trouble> {
         self.publish_as(topic, payload, false)
     }
@@ -230,10 +232,11 @@ impl Session {
         self.publish_as(&topic, online.as_bytes().to_vec(), true)
     }
 
-    /// Says that the station is offline, and goes. Who goes politely leaves no will behind, so it must be said.
+    /// Publishes `offline` and disconnects. After an orderly disconnect the broker discards the last will, so `offline`
+    /// must be published explicitly.
     ///
     /// # Errors
-    /// It could not be said; then the broker says it.
+    /// `offline` was not acknowledged; the broker then publishes the last will.
     pub fn close(mut self) -> Result<(), Trouble> {
         self.say(OFFLINE)?;
         self.send(&Packet::Disconnect)
@@ -275,8 +278,8 @@ fn connect(target: &Target, deadline: Instant) -> io::Result<TcpStream> {
     Err(last)
 }
 
-/// The addresses of a name. The system's look-up knows no deadline: it is asked in a thread, which is left when it is late
-/// and ends by itself.
+/// Resolves a name. The system's resolver has no time-out, so it runs in a thread; a late one is abandoned and ends by
+/// itself.
 fn addresses(broker: &str, port: u16, deadline: Instant) -> io::Result<Vec<SocketAddr>> {
     if let Ok(ip) = broker.parse::<IpAddr>() {
         return Ok(vec![SocketAddr::new(ip, port)]);
@@ -291,7 +294,7 @@ fn answer_until<T: Send + 'static>(
 ) -> io::Result<T> {
     let (tell, heard) = channel();
     std::thread::Builder::new().name("mqtt name".to_owned()).spawn(move || {
-        // Nobody waits for it any more if it is late.
+        // Sending fails if the caller has timed out.
         let _ = tell.send(ask());
     })?;
     let late = |_| io::Error::new(io::ErrorKind::TimedOut, "its name is not answered for in time");

@@ -1,4 +1,4 @@
-//! A socket on which everything together must be done by a deadline, however slowly the other end trickles.
+//! A socket with one deadline for all reads and writes together, however slowly the peer sends.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
@@ -12,12 +12,12 @@ pub struct Timed {
 }
 
 impl Timed {
-    /// Until `deadline`.
+    /// A socket whose operations must complete before `deadline`.
     pub fn new(socket: TcpStream, deadline: Instant) -> Timed {
         Timed { socket, deadline }
     }
 
-    /// What comes now must be done within `time`.
+    /// Sets the deadline to `time` from now.
     pub fn allow(&mut self, time: Duration) {
         self.deadline = Instant::now() + time;
     }
@@ -52,7 +52,7 @@ fn too_late() -> io::Error {
     io::Error::new(io::ErrorKind::TimedOut, "no answer in time")
 }
 
-/// A time-out of a blocking socket is called "would block".
+/// Blocking sockets report a time-out as `WouldBlock`; this converts it.
 fn name_time_out(error: io::Error) -> io::Error {
     if error.kind() == io::ErrorKind::WouldBlock { too_late() } else { error }
 }

@@ -1,4 +1,4 @@
-//! What is published, taken by a broker that does the least a broker can do. Mosquitto takes it in `.ci/mqtt`.
+//! Published messages, received by a minimal broker. `.ci/mqtt` tests against Mosquitto.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{Read, Write};
@@ -23,7 +23,7 @@ fn config(port: u16, keys: &str) -> MqttConfig {
     StationFile::read(file.path()).unwrap().outlets.mqtt.unwrap()
 }
 
-/// MVN's RightElbow.
+/// Joint index of MVN's RightElbow.
 const ELBOW: usize = 8;
 
 fn reading(valid: Validity) -> Seen {
@@ -47,7 +47,7 @@ fn silence() -> Seen {
     Err(NoReading::Silent { silent: Duration::from_secs(1) })
 }
 
-/// One connection as its broker sees it.
+/// One connection, on the broker's side.
 struct Guest {
     socket: TcpStream,
     unread: BytesMut,
@@ -172,7 +172,7 @@ fn a_broker_that_does_not_answer_holds_up_nobody_and_the_newest_is_told_when_it_
     stuck.publish();
     assert_eq!(stuck.json("equipoise/cell-7/summary")["sequence"], 9);
 
-    // It breaks off, and is there again.
+    // The connection breaks, and the gateway connects again.
     drop(stuck);
     outlet.tell(&silence());
     let mut next = Guest::accept(&listener);

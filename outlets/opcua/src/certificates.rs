@@ -1,4 +1,4 @@
-//! The folder of certificates: `own/cert.der`, `private/private.pem`, `trusted/`, `rejected/`.
+//! The certificate folder: `own/cert.der`, `private/private.pem`, `trusted/`, `rejected/`.
 
 use std::fs::{DirBuilder, Permissions};
 use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
@@ -9,25 +9,25 @@ use anyhow::{Context, bail};
 use opcua::crypto::{CertificateStore, X509Data};
 use tracing::{info, warn};
 
-/// The server's own certificate, in the folder.
+/// The server's certificate.
 pub const OWN: &str = "own/cert.der";
-/// Its private key.
+/// The server's private key.
 pub const KEY: &str = "private/private.pem";
 /// Certificates of clients that may connect.
 pub const TRUSTED: &str = "trusted";
-/// Those of clients that tried to.
+/// Certificates of clients that were rejected.
 pub const REJECTED: &str = "rejected";
 
-/// Every stranger leaves a file, so only the newest are kept.
+/// Every rejected client leaves a file, so only the newest are kept.
 const REJECTED_KEPT: usize = 50;
-/// Ten years: nobody is there to renew it, and clients trust this very certificate, not who signed it.
+/// Ten years: renewal would need manual work, and clients trust this certificate itself, not an issuer.
 const VALID_FOR_DAYS: u32 = 3650;
 const KEY_BITS: u32 = 2048;
 
-/// Where the folder is if the configuration does not say: `opcua` in the state directory.
+/// Default folder: `opcua` in the state directory.
 ///
 /// # Errors
-/// Nothing says where state is kept.
+/// No environment variable names the state directory.
 pub fn usual_folder() -> anyhow::Result<PathBuf> {
     let of = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let state = of("STATE_DIRECTORY")
@@ -37,10 +37,10 @@ pub fn usual_folder() -> anyhow::Result<PathBuf> {
     Ok(state.join("opcua"))
 }
 
-/// Makes the folder, and at the first start key and certificate. Nobody else can read the key.
+/// Creates the folder, and at the first start the key and the certificate. The key is readable by its owner only.
 ///
 /// # Errors
-/// The folder cannot be made or written, or holds one of certificate and key only.
+/// The folder cannot be created or written, or contains only one of certificate and key.
 pub fn prepare(pki: &Path, uri: &str, host: &str) -> anyhow::Result<()> {
     for folder in ["", "own", "private", TRUSTED, REJECTED] {
         let path = pki.join(folder);
@@ -86,7 +86,7 @@ fn warn_if_foreign(own: &Path, uri: &str) {
     }
 }
 
-/// Keeps the newest of the rejected certificates only.
+/// Deletes all but the newest rejected certificates.
 pub fn forget_strangers(pki: &Path) {
     let Ok(entries) = std::fs::read_dir(pki.join(REJECTED)) else { return };
     let when = |entry: &std::fs::DirEntry| entry.metadata().and_then(|facts| facts.modified());

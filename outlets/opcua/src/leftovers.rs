@@ -1,10 +1,10 @@
-//! What clients leave behind in the library, for which there is no other cure than a new server.
+//! Resources that disconnected clients leave behind in the OPC UA library, and that only a new server releases.
 //!
-//! A session that ends without a word (its link breaks) leaves its subscriptions, which live for as long as its client
-//! liked: there is no largest publishing interval. When one has expired, the library keeps it with what nobody
-//! acknowledged, for its last message has no taker. And it never forgets the items of a subscription that expired or was
-//! deleted: each costs time in every beat. None of this can be cleared away from outside. So it is counted, and before it
-//! becomes a burden the server ends; whoever watches the process starts it anew.
+//! A session that ends without closing (its link breaks) leaves its subscriptions, which live as long as its client
+//! requested: the publishing interval has no upper limit. The library keeps an expired subscription with its
+//! unacknowledged notifications, because its last message is never fetched. It also keeps the items of expired and
+//! deleted subscriptions; each costs time at every tick. The library offers no way to remove them. So they are counted,
+//! and the server ends before they become a burden; the service manager restarts the process.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -12,22 +12,22 @@ use std::time::Instant;
 use opcua::server::{ServerHandle, Subscription, SubscriptionCache};
 use opcua::types::{VariableId, Variant};
 
-/// Items that may be left: 20 values of each wait at worst, some 40 MB.
+/// Leftover items allowed: each holds up to 20 values, about 40 MB in total.
 pub const ITEMS_MAX: usize = 10_000;
-/// Subscriptions that may be left, also those without items of ours.
+/// Leftover subscriptions allowed, including those without items of this namespace.
 pub const SUBSCRIPTIONS_MAX: usize = 1_000;
 
-/// Subscriptions, and monitored items.
+/// Numbers of subscriptions and of monitored items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Held {
     /// Subscriptions.
     pub subscriptions: usize,
-    /// Items of them.
+    /// Monitored items of the subscriptions.
     pub items: usize,
 }
 
 impl Held {
-    /// Why the server has to end, if what it holds beyond what lives is too much.
+    /// The reason why the server must end if it holds too many resources beyond those of `living` sessions.
     pub fn too_much(self, living: Held) -> Option<String> {
         let items = self.items.saturating_sub(living.items);
         let subscriptions = self.subscriptions.saturating_sub(living.subscriptions);
@@ -41,7 +41,7 @@ impl Held {
     }
 }
 
-/// What belongs to sessions that live. Sessions that are gone with all they had are taken out of `sessions`.
+/// Resources of live sessions. Removes sessions that no longer have any from `sessions`.
 pub fn living(subscriptions: &SubscriptionCache, sessions: &mut BTreeSet<u32>) -> Held {
     let mut living = Held::default();
     let now = Instant::now();
@@ -59,7 +59,7 @@ pub fn living(subscriptions: &SubscriptionCache, sessions: &mut BTreeSet<u32>) -
     living
 }
 
-/// Subscriptions that the library holds: its own count, which those that expired never leave.
+/// Subscriptions held by the library, by its own counter, which includes expired ones.
 pub fn subscriptions_held(handle: &ServerHandle) -> usize {
     let count = VariableId::Server_ServerDiagnostics_ServerDiagnosticsSummary_CurrentSubscriptionCount;
     match handle.info().diagnostics.get(count).and_then(|count| count.value) {
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!(held(501, 60_000).too_much(held(500, 50_000)), None);
         assert!(held(501, 60_001).too_much(held(500, 50_000)).is_some());
         assert!(held(1_001, 0).too_much(held(0, 0)).is_some());
-        // Items of other nodes live, too, and are not among those that are held.
+        // Items of other namespaces also belong to live sessions, but are not counted in `held`.
         assert_eq!(held(0, 0).too_much(held(5, 5_000)), None);
     }
 }

@@ -1,11 +1,11 @@
-//! A station's states for PLCs and MES: an OPC UA server that is read only.
+//! Gateway for PLCs and MES: a read-only OPC UA server with a station's states.
 //!
-//! What it shows is one table ([`table`]): name, type, unit, what spoils it, and which time it is about. A value that
-//! must not be used has a bad status and no value ([`quality`], [`values`]); nothing is held over, not even when the
-//! outlet itself hangs ([`outlet`]).
+//! One table ([`table`]) declares all variables: name, type, unit, the validity flags that invalidate it, and the time
+//! it refers to. An invalid value has a bad status and no value ([`quality`], [`values`]); old values are never held,
+//! even if the gateway itself hangs ([`outlet`]).
 //!
-//! Floors, ground first: [`quality`] → [`table`] → [`values`] → [`space`] → [`nodes`]; [`users`], [`certificates`] → [`server`];
-//! [`leftovers`] → [`outlet`]
+//! Modules, lowest layer first: [`quality`] → [`table`] → [`values`] → [`space`] → [`nodes`]; [`users`],
+//! [`certificates`] → [`server`]; [`leftovers`] → [`outlet`]
 #![forbid(unsafe_code)]
 
 pub mod certificates;

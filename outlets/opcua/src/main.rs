@@ -1,4 +1,4 @@
-//! `equipoise-outlet-opcua`: a station's states for PLCs and MES.
+//! `equipoise-outlet-opcua`: gateway for a station's states to PLCs and MES.
 #![forbid(unsafe_code)]
 
 use std::process::ExitCode;
@@ -9,7 +9,7 @@ use equipoise_outlets::process::{Made, main_of, no_section};
 fn main() -> ExitCode {
     main_of("opcua", |file| {
         let config = file.outlets.opcua.as_ref().ok_or_else(|| no_section("opcua"))?;
-        // Without its server the process is of no use: whoever watches it starts it again.
+        // Without its server the process is useless: it exits, and the service manager restarts it.
         let on_end = |what: String| {
             tracing::error!("the server has ended: {what}");
             std::process::exit(1);

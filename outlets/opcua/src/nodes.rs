@@ -1,10 +1,10 @@
-//! Who keeps the nodes for the library: in memory, read only, and every new value is handed to whoever subscribed.
+//! Node manager for the library: nodes in memory, read only; every new value is passed to the subscribed items.
 //!
-//! Of two values that both have a SourceTimestamp the library holds the later one back if its sampling interval says so, or
-//! if the later one's time is the earlier; it then tells it with a time of its own making, even after a bad status that
-//! came meanwhile. One without a SourceTimestamp it passes on at once. So subscribers hear of a SourceTimestamp only where
-//! nothing can be held back: from items that were created with an interval (it is revised to none) and never modified, and
-//! as long as the time does not run backwards.
+//! If two values both have a SourceTimestamp, the library delays the later one when its sampling interval requires it
+//! or when its time is the earlier one; it then publishes it with a time of its own, even after a bad status that
+//! arrived in between. A value without a SourceTimestamp passes at once. Therefore subscribers receive a
+//! SourceTimestamp only where the library delays nothing: for items that were created with an interval (it is revised
+//! to "none") and never modified, and as long as the time does not run backwards.
 
 use std::collections::{BTreeSet, HashSet};
 use std::sync::{Mutex, PoisonError};
@@ -23,27 +23,27 @@ use opcua::types::{AttributeId, DataValue, DateTime, NodeId, StatusCode, Timesta
 
 use crate::space::NAMESPACE;
 
-/// The library's keeper of our nodes.
+/// Node manager of this namespace.
 pub type Keeper = InMemoryNodeManager<Nodes>;
 
-/// Shorter than any beat, and not zero, which the library would take for "not said".
+/// Shorter than any period, but not zero, which the library treats as "not specified".
 const EVERY_BEAT_MS: f64 = 1e-4;
 
-/// What we do otherwise than the library.
+/// Overrides of the library's default node manager.
 pub struct Nodes {
     namespace: NamespaceMetadata,
-    /// Items whose values are never held back, so that they may have a SourceTimestamp.
+    /// Items whose values the library never delays, so that they may have a SourceTimestamp.
     timed: Mutex<HashSet<MonitoredItemHandle>>,
-    /// Numbers of the sessions that have made items.
+    /// IDs of the sessions that have created items.
     sessions: Mutex<BTreeSet<u32>>,
 }
 
-/// The newest SourceTimestamp that subscribers of a node were told.
+/// The newest SourceTimestamp that was sent to subscribers of a node.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Newest(Option<DateTime>);
 
 impl Newest {
-    /// What may be told with its SourceTimestamp, for it does not run backwards: a wall clock that was set back does.
+    /// Whether a value may keep its SourceTimestamp: not if it runs backwards, as after the wall clock was set back.
     pub fn may_have_time(&mut self, value: &DataValue) -> bool {
         let is_later = value.source_timestamp >= self.0;
         if is_later {
@@ -53,16 +53,17 @@ impl Newest {
     }
 }
 
-/// The same without a SourceTimestamp.
+/// The value without its SourceTimestamp.
 fn without_time(mut value: DataValue) -> DataValue {
     (value.source_timestamp, value.source_picoseconds) = (None, None);
     value
 }
 
-/// Renews nodes and tells those who subscribed; how many items the library still knows, of whoever is gone, too.
+/// Updates the nodes and notifies subscribers; returns the number of items in the library, including those of ended
+/// sessions.
 ///
 /// # Errors
-/// There is no such node.
+/// A node does not exist.
 pub fn renew(
     keeper: &Keeper,
     subscriptions: &SubscriptionCache,
@@ -100,13 +101,13 @@ impl Nodes {
         self.timed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Numbers of the sessions that have made items.
+    /// IDs of the sessions that have created items.
     pub fn sessions(&self) -> std::sync::MutexGuard<'_, BTreeSet<u32>> {
         self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Makes the keeper, which has no nodes yet.
+/// Creates the node manager, without nodes.
 pub fn keeper() -> impl NodeManagerBuilder {
     InMemoryNodeManagerBuilder::new(|context: ServerContext, space: &mut AddressSpace| {
         let index = context.type_tree.write().namespaces_mut().add_namespace(NAMESPACE);
@@ -132,7 +133,8 @@ impl InMemoryNodeManagerImpl for Nodes {
         vec![self.namespace.clone()]
     }
 
-    /// The interval is revised to none: every beat is a sample. One that is asked for as the subscription's own cannot be.
+    /// Revises the sampling interval to "none": every tick is a sample. An interval equal to the subscription's own
+    /// (−1) cannot be revised.
     async fn create_value_monitored_items(
         &self,
         context: &RequestContext,
@@ -155,7 +157,7 @@ impl InMemoryNodeManagerImpl for Nodes {
         }
     }
 
-    /// The library has taken the interval that was asked for, whatever it is.
+    /// The library has accepted the requested interval unrevised, so these items lose their SourceTimestamp.
     async fn modify_monitored_items(&self, _: &RequestContext, items: &[&MonitoredItemUpdateRef]) {
         let mut timed = self.timed();
         for item in items {

@@ -1,4 +1,4 @@
-//! The outlet: every beat the values of all nodes, and a watch that withdraws them when beats stay away.
+//! The gateway: each tick updates all nodes, and a watchdog invalidates them if ticks cease.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -19,18 +19,18 @@ use crate::server::Server;
 use crate::users::Users;
 use crate::values::{Clocks, of_no_reading, of_seen};
 
-/// So many beats may stay away before values are withdrawn, and never less than [`SILENCE_MIN`].
+/// Missed ticks after which values are withdrawn, but not before [`SILENCE_MIN`].
 const BEATS_MISSED_MAX: f64 = 5.0;
 const SILENCE_MIN: Duration = Duration::from_millis(250);
-/// How often the watch looks.
+/// Interval of the watchdog.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How often it is counted what clients have left behind.
+/// How often the leftovers of disconnected clients are counted.
 const COUNT_EVERY: Duration = Duration::from_secs(2);
-/// How often certificates of strangers are cleared away.
+/// How often rejected certificates are cleaned up.
 const CLEAR_EVERY: Duration = Duration::from_secs(10);
-/// How long clients are given to hear that the server ends.
+/// Time for clients to receive the shutdown notification.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// `ServiceLevel` of a server with values, and of one without (OPC UA Part 4, 6.6.2).
+/// `ServiceLevel` of a server with values and of one without (OPC UA Part 4, 6.6.2).
 const SERVICE_LEVELS: [u8; 2] = [255, 1];
 
 /// The OPC UA server of a station.
@@ -41,7 +41,7 @@ pub struct OpcUa {
     beats: u64,
 }
 
-/// The nodes, for the beat and for the watch.
+/// The nodes, shared by the publishing loop and the watchdog.
 struct Board {
     handle: ServerHandle,
     keeper: Arc<Keeper>,
@@ -51,24 +51,24 @@ struct Board {
 
 struct Told {
     at: Instant,
-    /// Whether there was a state since the server began.
+    /// Whether any state was available since the server started.
     ever: bool,
-    /// Whether nodes hold values now.
+    /// Whether nodes have values now.
     has_values: bool,
-    /// How often the watch had to withdraw them.
+    /// How often the watchdog withdrew values.
     withdrawn: u64,
-    /// Monitored items that the library knew at the last beat.
+    /// Monitored items in the library at the last tick.
     items: usize,
-    /// Of each node.
+    /// One per node.
     newest: Vec<Newest>,
 }
 
 impl OpcUa {
-    /// A server at the configured address, which serves at once: until the first beat nothing has a value. `on_end` is told
-    /// if the server ends by itself.
+    /// Starts a server at the configured address; no node has a value before the first tick. `on_end` is called if the
+    /// server ends by itself.
     ///
     /// # Errors
-    /// Users, certificates or address cannot be had; in words for the person who wrote the configuration.
+    /// Users, certificates or address cannot be used; worded for the author of the configuration.
     pub fn new(
         station: &str,
         config: &OpcUaConfig,
@@ -93,7 +93,7 @@ impl OpcUa {
         Ok(OpcUa { board, server, thread, beats: 0 })
     }
 
-    /// Where it listens.
+    /// Address of the listening socket.
     pub fn address(&self) -> std::net::SocketAddr {
         self.server.address
     }
@@ -105,7 +105,7 @@ impl Outlet for OpcUa {
         self.board.show(seen);
     }
 
-    /// Beats that nodes were renewed at; lost are those that stayed away so long that values were withdrawn.
+    /// `sent`: ticks that updated the nodes. `lost`: intervals without ticks so long that values were withdrawn.
     fn tally(&self) -> Tally {
         let count = VariableId::Server_ServerDiagnostics_ServerDiagnosticsSummary_CurrentSessionCount;
         let peers = match self.server.handle.info().diagnostics.get(count).and_then(|count| count.value) {
@@ -117,7 +117,7 @@ impl Outlet for OpcUa {
 }
 
 impl Drop for OpcUa {
-    /// Clients are told; those that do not listen are not waited for.
+    /// Notifies clients of the shutdown, but waits at most 2 s for them.
     fn drop(&mut self) {
         self.server.handle.cancel();
         let end = Instant::now() + FAREWELL;
@@ -140,7 +140,7 @@ impl Board {
         self.put(&mut told, values, seen.is_ok());
     }
 
-    /// The lock is held meanwhile, so that the watch cannot overtake a beat.
+    /// The caller holds the lock, so that the watchdog cannot overtake a tick.
     fn put(&self, told: &mut Told, values: Vec<DataValue>, has_values: bool) {
         let renewed = renew(&self.keeper, self.handle.subscriptions(), &self.nodes, &mut told.newest, values);
         match renewed {
@@ -153,8 +153,8 @@ impl Board {
         }
     }
 
-    /// Takes back what nodes hold if beats have stayed away for too long. It is told at every look: who subscribed while
-    /// values were taken back hears of it, too.
+    /// Withdraws all values if ticks have ceased for too long. Repeated at every check, so that clients that subscribed
+    /// during the withdrawal are notified, too.
     fn withdraw_if_silent(&self, silence_max: Duration) {
         let mut told = self.told();
         let silent = told.at.elapsed();
@@ -169,7 +169,7 @@ impl Board {
         self.put(&mut told, values, false);
     }
 
-    /// Why the server has to end, if clients have left too much behind.
+    /// The reason why the server must end, if clients have left too many resources behind.
     fn left_behind(&self) -> Option<String> {
         let held =
             Held { subscriptions: leftovers::subscriptions_held(&self.handle), items: self.told().items };
@@ -177,7 +177,7 @@ impl Board {
     }
 }
 
-/// Watches until the server has to end; why.
+/// Runs the watchdog until the server must end; returns the reason.
 async fn watch(board: Arc<Board>, silence_max: Duration, pki: std::path::PathBuf) -> String {
     let (mut cleared, mut counted) = (Instant::now(), Instant::now());
     loop {

@@ -1,10 +1,10 @@
-//! Which status code says why there is no value.
+//! Status codes for missing values.
 
 use equipoise_client::NoReading;
 use equipoise_core::message::Validity;
 use opcua::types::StatusCode;
 
-/// Why a value that the state withholds is bad: the gravest of the raised reasons that spoil it.
+/// Status of an invalid value: that of the most severe group among its raised validity flags.
 pub fn of_withheld(raised: Validity) -> StatusCode {
     GROUPS
         .iter()
@@ -12,7 +12,7 @@ pub fn of_withheld(raised: Validity) -> StatusCode {
         .map_or(StatusCode::BadNoData, |(_, code)| *code)
 }
 
-/// Why every value is bad while there is no state; `ever`: whether there was one since the server began.
+/// Status of all values while there is no state; `ever`: whether there was one since the server started.
 pub fn of_no_reading(reason: &NoReading, ever: bool) -> StatusCode {
     match reason {
         NoReading::OtherClock { .. } => StatusCode::BadInvalidTimestamp,
@@ -22,7 +22,8 @@ pub fn of_no_reading(reason: &NoReading, ever: bool) -> StatusCode {
     }
 }
 
-/// Gravest first: what a technician must mend, what time mends, what the worker does, and that there is nothing to tell.
+/// Most severe first: sensor faults that need a technician, conditions that end with time, conditions caused by the
+/// worker, no load.
 const GROUPS: [(Validity, StatusCode); 4] = [
     (
         Validity::PLATE_FAULT

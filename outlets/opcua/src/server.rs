@@ -1,4 +1,4 @@
-//! The server in a thread of its own: address, security, limits.
+//! The server in its own thread: address, security, limits.
 
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
@@ -19,35 +19,35 @@ use crate::nodes::{Keeper, keeper};
 use crate::space::{NAMESPACE, build};
 use crate::users::Users;
 
-/// A client that takes nothing, or is gone without a word, is cut off after so long.
+/// Time-out of a client that acknowledges nothing or has vanished (TCP user time-out and keep-alive).
 const CUT_OFF_AFTER: Duration = Duration::from_secs(10);
-/// Waiting connections that the kernel keeps.
+/// Length of the kernel's accept queue.
 const BACKLOG: i32 = 64;
-/// Subscriptions of one session.
+/// Maximum number of subscriptions per session.
 const SUBSCRIPTIONS_MAX: usize = 5;
-/// Values of one variable that wait for a slow client.
+/// Maximum queue length of a monitored item, for slow clients.
 const QUEUE_MAX: usize = 20;
-/// Publishing intervals until a subscription that nobody asks after is given up.
+/// Maximum number of publishing intervals without a publish request before a subscription expires.
 const LIFETIME_MAX: u32 = 300;
 
-/// What all of a server's parts know of each other.
+/// Shared parts of the server.
 pub struct Server {
-    /// The library's own handle.
+    /// The library's server handle.
     pub handle: ServerHandle,
-    /// Keeps the nodes.
+    /// The node manager.
     pub keeper: Arc<Keeper>,
     /// The nodes, in the order of [`crate::values::rows`].
     pub nodes: Vec<NodeId>,
-    /// Where it listens.
+    /// Address of the listening socket.
     pub address: SocketAddr,
     inner: Option<(Runtime, opcua::server::Server, TcpListener)>,
 }
 
 impl Server {
-    /// Makes certificates where there are none, takes the address, and builds the nodes. Nobody is served yet.
+    /// Creates missing certificates, binds the address, and builds the nodes. Connections are not served yet.
     ///
     /// # Errors
-    /// Address or folder cannot be had, or the library refuses the configuration.
+    /// The address or the folder cannot be used, or the library rejects the configuration.
     pub fn new(station: &str, config: &OpcUaConfig, pki: &Path, users: Users) -> anyhow::Result<Server> {
         let listener = listen(config.listen)
             .with_context(|| format!("cannot serve at {} (outlets.opcua.listen)", config.listen))?;
@@ -57,7 +57,7 @@ impl Server {
         certificates::prepare(pki, &uri, &host)?;
         let builder = builder(station, config, &host, &uri, address.port()).pki_dir(pki);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        // The library starts tasks already while it builds.
+        // The library starts tasks while it builds the server.
         let within = runtime.enter();
         let (inner, handle) = builder
             .with_node_manager(keeper())
@@ -73,11 +73,11 @@ impl Server {
         Ok(Server { handle, keeper, nodes, address, inner: Some((runtime, inner, listener)) })
     }
 
-    /// Serves in a thread of its own, until the handle is cancelled; `on_end` is told if it ends otherwise. `beside` runs
-    /// beside it, and ends it with a reason.
+    /// Serves in a thread of its own until the handle is cancelled; `on_end` is called if the server ends otherwise.
+    /// The future `beside` runs concurrently and ends the server when it returns a reason.
     ///
     /// # Errors
-    /// No thread is to be had, or it serves already.
+    /// The thread cannot be started, or the server already runs.
     pub fn serve(
         &mut self,
         beside: impl Future<Output = String> + Send + 'static,
@@ -101,7 +101,8 @@ impl Server {
     }
 }
 
-/// Connections inherit the time-out: without it the library would keep, and even spin on, one whose client reads nothing.
+/// Connections inherit the time-out of the listener: without it the library keeps, and even busy-polls, a connection
+/// whose client reads nothing.
 fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
     let socket = Socket::new(Domain::for_address(address), Type::STREAM, Some(Protocol::TCP))?;
     socket.set_reuse_address(true)?;
@@ -155,7 +156,7 @@ fn builder(station: &str, config: &OpcUaConfig, host: &str, uri: &str, port: u16
     builder
 }
 
-/// Without security on loopback only. What the standard calls deprecated is not offered.
+/// No security on loopback only. Policies that the standard deprecates are not offered.
 fn policies(config: &OpcUaConfig) -> Vec<(&'static str, SecurityPolicy)> {
     let mut all = vec![
         ("basic256sha256", SecurityPolicy::Basic256Sha256),

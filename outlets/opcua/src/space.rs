@@ -1,4 +1,5 @@
-//! The address space: an object for the station, a folder of joints under it, and every row of the table.
+//! The address space: an object for the station, a folder of joints below it, and a variable for every row of the
+//! table.
 
 use equipoise_core::body::Joint;
 use opcua::nodes::{ObjectBuilder, VariableBuilder};
@@ -11,12 +12,13 @@ use opcua::types::{
 use crate::table::{Row, Type, Unit};
 use crate::values::rows;
 
-/// Namespace of the nodes. Clients look its index up by this name; the number at its end grows when nodes change.
+/// Namespace of the nodes. Clients look up its index by this URI; the number at its end is incremented when nodes
+/// change.
 pub const NAMESPACE: &str = "urn:equipoise:station:1";
-/// Where the numbers of units are from (OPC UA Part 8).
+/// Namespace of the unit IDs (OPC UA Part 8).
 const UNITS: &str = "http://www.opcfoundation.org/UA/units/un/cefact";
 
-/// The id of a row's node: `STATION/NAME`, or `STATION/Joints/JOINT/NAME`.
+/// Node ID of a row: `STATION/NAME`, or `STATION/Joints/JOINT/NAME`.
 pub fn node_id(namespace: u16, station: &str, row: &Row, joint: Option<Joint>) -> NodeId {
     NodeId::new(namespace, path(station, row, joint))
 }
@@ -28,7 +30,7 @@ fn path(station: &str, row: &Row, joint: Option<Joint>) -> String {
     }
 }
 
-/// Puts the station's nodes in place, each without a value yet; their ids in the order of [`rows`].
+/// Inserts the station's nodes without values; returns their IDs in the order of [`rows`].
 pub fn build(space: &mut AddressSpace, namespace: u16, station: &str) -> Vec<NodeId> {
     let station_id = NodeId::new(namespace, station);
     ObjectBuilder::new(&station_id, QualifiedName::new(namespace, station), station)
@@ -100,7 +102,7 @@ fn insert_properties(space: &mut AddressSpace, row: &Row, id: &NodeId, path: &st
     }
 }
 
-/// Properties have the standard's own names, so they are of its namespace; their ids are ours.
+/// Properties have browse names of the standard's namespace; their node IDs are in this namespace.
 fn insert_property(
     space: &mut AddressSpace,
     of: &NodeId,

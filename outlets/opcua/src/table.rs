@@ -1,4 +1,5 @@
-//! The variables of a station, each declared once: address space, values and the table of docs/consumers/opcua.md follow.
+//! The variables of a station, each declared once; address space, values and the table of docs/consumers/opcua.md
+//! derive from this declaration.
 
 use equipoise_client::Reading;
 use equipoise_core::body::Joint;
@@ -7,12 +8,12 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 use opcua::types::{DataTypeId, Variant};
 
-/// Which time a value belongs to.
+/// Time that a value refers to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum About {
     /// The cycle of the state (`State::time_ns`).
     Cycle,
-    /// The moment that was worked through (`State::suit_sample_time_ns`), tens of milliseconds before.
+    /// The sample time of the results (`State::suit_sample_time_ns`), tens of milliseconds before the cycle.
     Moment,
 }
 
@@ -21,22 +22,22 @@ pub enum About {
 pub enum Type {
     /// True or false.
     Boolean,
-    /// A count or a set of bits.
+    /// A count or a bit set.
     UInt64,
     /// Text.
     Text,
-    /// Any number of texts.
+    /// List of texts.
     Texts,
     /// One number.
     Double,
-    /// So many numbers.
+    /// Array of this many numbers.
     Doubles(u32),
-    /// A number with a name: UInt32, as MultiStateDiscreteType with EnumStrings.
+    /// Enumeration: UInt32, as MultiStateDiscreteType with EnumStrings.
     State(&'static [&'static str]),
 }
 
 impl Type {
-    /// The data type of the standard.
+    /// The standard's data type.
     pub fn data_type(self) -> DataTypeId {
         match self {
             Type::Boolean => DataTypeId::Boolean,
@@ -71,21 +72,21 @@ impl Unit {
     }
 }
 
-/// One variable, of the station or of each joint.
+/// One variable of the station or of each joint.
 pub struct Row {
-    /// Browse name, and end of the node's id.
+    /// Browse name, and last part of the node ID.
     pub name: &'static str,
     /// Type.
     pub of: Type,
-    /// Unit; `None` for what has none.
+    /// Unit; `None` if the variable has none.
     pub unit: Option<Unit>,
-    /// The time it belongs to.
+    /// Time that the value refers to.
     pub about: About,
-    /// What spoils it.
+    /// Validity flags that invalidate the value.
     pub spoilers: Validity,
-    /// What it says.
+    /// Description.
     pub meaning: &'static str,
-    /// Its value, if nothing spoils it; the joint is of no account in rows of the station.
+    /// The value, if no flag invalidates it; rows of the station ignore the joint.
     pub value: fn(&Reading, Joint) -> Option<Variant>,
 }
 
@@ -94,9 +95,9 @@ const TORQUES: Validity = Validity::SPOILS_TORQUES;
 const LIFTED: Validity = Validity::SPOILS_LIFTED_MASS;
 const BACK: Validity = Validity::SPOILS_BACK;
 
-/// Names of a phase's number, in order.
+/// Names of the phases, by number.
 pub const PHASES: [&str; 4] = ["waiting", "identifying", "monitoring", "degraded"];
-/// Names of a level's number, in order.
+/// Names of the levels, by number.
 pub const LEVELS: [&str; 6] = ["none", "green", "orange", "red", "above_max", "undecided"];
 
 /// The station's own variables.
@@ -242,12 +243,12 @@ pub const JOINT: [Row; 6] = [
 
 type Value = fn(&Reading, Joint) -> Option<Variant>;
 
-/// What the state always tells.
+/// A row that no flag invalidates.
 const fn cycle(name: &'static str, of: Type, unit: Option<Unit>, meaning: &'static str, value: Value) -> Row {
     Row { name, of, unit, about: About::Cycle, spoilers: NEVER, meaning, value }
 }
 
-/// What is about the moment that was worked through, and may be spoilt.
+/// A row that refers to the sample time of the results and that flags may invalidate.
 const fn moment(
     name: &'static str,
     of: Type,
@@ -277,7 +278,7 @@ mod tests {
 
     #[test]
     fn units_have_the_numbers_of_the_standard() {
-        // Part 8 gives the rule, and its table of units these.
+        // The rule and the numbers are from OPC UA Part 8.
         assert_eq!(NEWTON_METRE.id(), 20053);
         assert_eq!(NEWTON.id(), 5_129_559);
         assert_eq!(KILOGRAM.id(), 4_933_453);

@@ -1,4 +1,4 @@
-//! Who may read.
+//! Users with read access.
 
 use std::time::Duration;
 
@@ -12,12 +12,12 @@ use tracing::warn;
 use equipoise_core::message::Printable;
 use equipoise_files::secret::Login;
 
-/// Characters of a refused user's name that go to the log.
+/// Longest user name in the log when access is refused.
 const NAME_CHARS_MAX: usize = 64;
-/// Who guesses waits so long for every answer.
+/// Delay after a wrong password, against guessing.
 const AFTER_A_WRONG_PASSWORD: Duration = Duration::from_secs(1);
 
-/// Those who may read; all may read the same, and nobody may write.
+/// Users with read access to all nodes; no user has write access.
 #[derive(Debug)]
 pub struct Users {
     logins: Vec<Login>,
@@ -25,14 +25,14 @@ pub struct Users {
 }
 
 impl Users {
-    /// Those of a file, and whether who names no user may read too.
+    /// Users of a file; `anonymous`: whether clients without a user name may read.
     pub fn new(logins: Vec<Login>, anonymous: bool) -> Users {
         Users { logins, anonymous }
     }
 
     fn knows(&self, name: &str, password: &str) -> bool {
         let mut found = false;
-        // Every login is looked at, and digests are compared: how long it takes says nothing about either.
+        // Every login is checked and digests are compared, so that the time taken reveals neither names nor passwords.
         for login in &self.logins {
             let same = Sha256::digest(login.password.as_bytes()) == Sha256::digest(password.as_bytes());
             found |= same & (login.name == name);
@@ -71,7 +71,7 @@ impl AuthManager for Users {
             token_type,
             issued_token_type: UAString::null(),
             issuer_endpoint_url: UAString::null(),
-            // As the endpoint's own.
+            // Null: same as the endpoint's policy.
             security_policy_uri: UAString::null(),
         };
         let anonymous = self.anonymous.then(|| policy(UAString::from("anonymous"), UserTokenType::Anonymous));

@@ -1,4 +1,4 @@
-//! What the station knows, as the values of all nodes: a good one, or a bad status and none.
+//! Converts a state to the values of all nodes: each has a good status and a value, or a bad status and none.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -12,7 +12,7 @@ use opcua::types::{DataValue, DateTime, StatusCode, Variant};
 use crate::quality;
 use crate::table::{About, JOINT, Row, STATION};
 
-/// One instant by both clocks: the bus's, and the wall clock that OPC UA speaks of.
+/// One instant on both clocks: the bus's, and the UTC wall clock of OPC UA.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Clocks {
     /// CLOCK_MONOTONIC, ns.
@@ -21,22 +21,23 @@ pub struct Clocks {
     pub utc_ns: u64,
 }
 
-/// Between the epochs of OPC UA (1601) and of Unix (1970), s.
+/// Offset between the epochs of OPC UA (1601) and of Unix (1970), s.
 const EPOCHS_APART_S: i64 = 11_644_473_600;
 const NS_PER_TICK: u64 = 100;
 const TICKS_PER_S: i64 = 10_000_000;
 
 impl Clocks {
-    /// Now. Taken anew for every beat, so that a wall clock that was set is followed.
+    /// Reads both clocks. Called at every tick, so that conversions follow a wall clock that was set.
     pub fn now() -> Clocks {
         let before_ns = now_ns();
         let utc = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        // What lies between the two readings is shared out evenly.
+        // The wall clock is read between two readings of the monotonic clock; their midpoint is taken as the same
+        // instant.
         let monotonic_ns = before_ns + now_ns().saturating_sub(before_ns) / 2;
         Clocks { monotonic_ns, utc_ns: utc.as_nanos() as u64 }
     }
 
-    /// The wall clock's time of a stamp of the bus.
+    /// Converts a bus time stamp to UTC.
     pub fn utc(&self, stamp_ns: u64) -> DateTime {
         let utc_ns = if stamp_ns <= self.monotonic_ns {
             self.utc_ns.saturating_sub(self.monotonic_ns - stamp_ns)
@@ -47,13 +48,13 @@ impl Clocks {
     }
 }
 
-/// Every row in the order of the nodes, with the joint it is for.
+/// All rows in the order of the nodes, with the joint of each.
 pub fn rows() -> impl Iterator<Item = (&'static Row, Option<Joint>)> {
     let of_joints = Joint::ALL.into_iter().flat_map(|joint| JOINT.iter().map(move |row| (row, Some(joint))));
     STATION.iter().map(|row| (row, None)).chain(of_joints)
 }
 
-/// The values of all rows; `ever`: whether there was a state since the server began.
+/// Values of all rows; `ever`: whether there was a state since the server started.
 pub fn of_seen(seen: &Seen, ever: bool, clocks: Clocks) -> Vec<DataValue> {
     match seen {
         Ok(reading) => rows().map(|(row, joint)| of_row(row, joint, reading, clocks)).collect(),
@@ -61,7 +62,7 @@ pub fn of_seen(seen: &Seen, ever: bool, clocks: Clocks) -> Vec<DataValue> {
     }
 }
 
-/// The values of all rows while there is no state.
+/// Values of all rows while there is no state.
 pub fn of_no_reading(reason: &NoReading, ever: bool, clocks: Clocks) -> Vec<DataValue> {
     let code = quality::of_no_reading(reason, ever);
     let now = clocks.utc(clocks.monotonic_ns);
@@ -74,7 +75,7 @@ fn of_row(row: &Row, joint: Option<Joint>, reading: &Reading, clocks: Clocks) ->
         return nothing(quality::of_withheld(Validity(state.valid & row.spoilers.0)), server);
     }
     let Some(value) = (row.value)(reading, joint.unwrap_or(Joint::ALL[0])) else {
-        // Told, but there is nothing to say.
+        // The flags allow a value, but none exists.
         return nothing(StatusCode::BadNoData, server);
     };
     let about_ns = match row.about {
@@ -91,11 +92,11 @@ fn of_row(row: &Row, joint: Option<Joint>, reading: &Reading, clocks: Clocks) ->
     }
 }
 
-/// No value, and so no time that it would be about: the library would take one that lies after the next value's for a
-/// reason to hold that back.
+/// No value, and therefore no SourceTimestamp: a SourceTimestamp later than the next value's would make the library
+/// delay that value.
 fn nothing(code: StatusCode, server: DateTime) -> DataValue {
     DataValue {
-        // `None` would lose the status on its way through the library: it is read back as good.
+        // With `None` the library loses the status and returns it as good.
         value: Some(Variant::Empty),
         status: Some(code),
         source_timestamp: None,

@@ -1,4 +1,5 @@
-//! The server over loopback, asked by the client of its own library. A client of others asks it in `.ci/opcua`.
+//! The server over loopback, queried by the client of the same library. `.ci/opcua` queries it with an independent
+//! client.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "support/mod.rs"]
@@ -23,7 +24,7 @@ use opcua::types::{
 use support::{reading, silence};
 
 const PATIENCE: Duration = Duration::from_secs(20);
-/// A session of which nothing is heard for so long is at its end.
+/// Session time-out.
 const SESSION: Duration = Duration::from_secs(8);
 
 struct Station {
@@ -177,7 +178,7 @@ fn subscriptions_hear_of_a_value_and_of_its_end() {
         let subscription = session.create_subscription(every, 60, 20, 0, 0, true, callback).await.unwrap();
         let id = NodeId::new(index(&session).await, "cell-7/LiftedMass");
         let mut item = MonitoredItemCreateRequest::from(id);
-        // With a place for one value alone, each that replaces another has the overflow bit in its status.
+        // With a queue of one value, each replacement sets the overflow bit in the status.
         item.requested_parameters.queue_size = 10;
         session.create_monitored_items(subscription, TimestampsToReturn::Both, vec![item]).await.unwrap();
         let good = || Ok(reading(Validity(0)));
@@ -197,7 +198,7 @@ fn subscriptions_hear_of_a_value_and_of_its_end() {
     });
 }
 
-/// A state that differs from all before it.
+/// A state that differs from all earlier ones.
 fn other(number: u64) -> Seen {
     let mut reading = reading(Validity(0));
     reading.state.cycle = number;
@@ -206,7 +207,7 @@ fn other(number: u64) -> Seen {
 
 #[test]
 fn no_interval_brings_an_old_value_after_its_end() {
-    // The subscription's own, a long one, and both asked for afterwards.
+    // The subscription's own interval, a long one, and both set by a later modification.
     for (created, modified) in [(-1.0, None), (60_000.0, None), (0.0, Some(-1.0)), (100.0, Some(60_000.0))] {
         let mut station = Station::new("rate_hz = 50.0");
         run(async {
@@ -239,7 +240,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
                 assert_eq!(answer.await.unwrap()[0].status_code, StatusCode::Good);
             }
             let mut number = 0;
-            // Every beat is a sample, whatever was asked for.
+            // Every tick is a sample, whatever interval was requested.
             let mut good = 0;
             let begun = tokio::time::Instant::now();
             while good < 5 {
@@ -258,7 +259,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
             let gone = StatusCode::BadNoCommunication;
             let waiting = async { while heard.recv().await.is_some_and(|status| status != gone) {} };
             assert!(tokio::time::timeout(PATIENCE, waiting).await.is_ok(), "its end is not heard");
-            // Ten publishing intervals, in which the watch tells the end again.
+            // Ten publishing intervals, during which the watchdog repeats the bad status.
             tokio::time::sleep(10 * every).await;
             while let Ok(status) = heard.try_recv() {
                 assert_eq!(status, gone, "{created} {modified:?}: after the end");
@@ -267,7 +268,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
     }
 }
 
-/// A subscription that nobody waits for in vain: it lives as long as its session, and for hours after that.
+/// A subscription whose notifications are ignored: it lives as long as its session, and for hours after that.
 async fn subscribe(session: &Session, items: usize) -> u32 {
     let silent = DataChangeCallback::new(|_, _| ());
     let every = Duration::from_secs(60);
@@ -279,7 +280,7 @@ async fn subscribe(session: &Session, items: usize) -> u32 {
     subscription
 }
 
-/// A client that comes and goes, and leaves the library with `items`, whether or not it deletes its subscription.
+/// A client that connects, leaves `items` in the library, and disconnects, with or without deleting its subscription.
 async fn come_and_go(station: &Station, items: usize, deletes: bool) {
     let leaving = station.plain().await.unwrap();
     let subscription = subscribe(&leaving, items).await;
@@ -302,7 +303,8 @@ fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden_and_what_live
             come_and_go(&station, 1000, deletes).await;
             assert_eq!(read(&living, "Lifts").await.status(), StatusCode::BadWaitingForInitialData);
         }
-        // Longer than sessions live, and some counts: 12 000 items, of which 4 000 live.
+        // Longer than the session time-out and several counting intervals: 12 000 items, of which 4 000 belong to a
+        // live session.
         let begun = tokio::time::Instant::now();
         while begun.elapsed() < SESSION + Duration::from_secs(5) {
             station.outlet.tell(&Ok(reading(Validity(0))));
@@ -320,7 +322,7 @@ fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden_and_what_live
                 Ok(why) => break why,
                 Err(_) => assert!(begun.elapsed() < PATIENCE, "15 000 items, and none was missed"),
             }
-            // It stays alive until the end.
+            // A request keeps the session alive.
             let server: NodeId = VariableId::Server_NamespaceArray.into();
             let _ = living.read(&[server.into()], TimestampsToReturn::Both, 0.0).await;
             tokio::time::sleep(Duration::from_millis(50)).await;

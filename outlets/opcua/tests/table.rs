@@ -1,6 +1,6 @@
-//! The tables of `docs/consumers/opcua.md` are written from the declaration of the nodes:
-//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-outlet-opcua --test table` writes them, and without that the test looks
-//! whether they are what would be written.
+//! The tables of `docs/consumers/opcua.md` are generated from the declaration of the nodes:
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-outlet-opcua --test table` writes them; without the variable the test
+//! compares them.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! Laws of what is told: a good status has a value, any other has none, and both clocks mean the same time.
+//! Properties of the published values: a good status has a value, any other has none, and both time stamps agree.
 
 #[path = "support/mod.rs"]
 mod support;

@@ -1,9 +1,9 @@
-//! What may stand in a register of `[outlets.rtde]`: names, kinds, groups.
+//! Values that `[outlets.rtde]` can write into registers: names, types, groups.
 
 use equipoise_core::body::Joint;
 use equipoise_core::message::Validity;
 
-/// Registers when the configuration names none.
+/// Default registers.
 pub(super) const DEFAULT: [(&str, u8); 12] = [
     ("sequence", 24),
     ("state", 25),
@@ -19,40 +19,41 @@ pub(super) const DEFAULT: [(&str, u8); 12] = [
     ("reach_m", 29),
 ];
 
-/// A value that can stand in a register.
+/// A value for a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Value {
-    /// Grows by one with each package: 1 … 2³¹ − 1, then 1 again. 0: nothing was written yet.
+    /// Increments with each package: 1 … 2³¹ − 1, then 1 again. 0: not written yet.
     Sequence,
-    /// 0: nothing was written yet; 1: there is a current state; else why there is none, see the table below.
+    /// 0: not written yet; 1: there is a current state; otherwise the reason why there is none, see the table below.
     State,
-    /// Number of the daemon's life, from 1 in each life of the outlet; without a state the last one, 0 before any.
+    /// Number of the daemon's life, from 1 in each life of the gateway; without a state that of the last one, 0 before
+    /// any.
     DaemonLife,
     /// The 31 lower bits of `State::valid`; −1 without a state.
     Valid,
-    /// Groups of values that may be used: bit n is the n-th of [`Validity::SPOILERS`].
+    /// Groups of usable values: bit n is the n-th of [`Validity::SPOILERS`].
     Usable,
-    /// What the station's sensors never give.
+    /// Quantities that the station's sensors never provide.
     NotGiven,
-    /// The phase's number; −1 without a state.
+    /// Number of the phase; −1 without a state.
     Phase,
-    /// The highest of all levels: an undecided joint counts as the worst.
+    /// The highest level of all joints; an undecided joint counts as the worst.
     WorstLevel,
-    /// Index of the joint that comes closest to its limit; −1 while torques are withheld.
+    /// Index of the joint closest to its limit; −1 while torques are invalid.
     WorstJoint,
-    /// Age of the state, s; −1 without one.
+    /// Age of the state, s; −1 without a state.
     AgeS,
-    /// Age of the moment that the values are about, s; −1 without one.
+    /// Age of the sample time of the results, s; −1 without one.
     MomentAgeS,
     /// Overload torque of the worst joint, N m.
     WorstTorqueNm,
-    /// 1-σ of it, N m.
+    /// 1-σ of the worst joint's torque, N m.
     WorstSigmaNm,
-    /// That torque over its limit.
+    /// Torque of the worst joint divided by its limit.
     WorstShare,
-    /// Mass in the hands, kg.
+    /// Lifted mass, kg.
     LiftedMassKg,
-    /// 1-σ of it, kg.
+    /// 1-σ of the lifted mass, kg.
     LiftedMassSigmaKg,
     /// Horizontal distance from the middle of the ankles to the load, m.
     ReachM,
@@ -60,11 +61,11 @@ pub enum Value {
     DeltaFzN,
     /// Compression of the L5/S1 disc, N.
     L5s1CompressionN,
-    /// Where the load should move: world X.
+    /// Direction in which moving the load relieves the worst joint: world X.
     AdviceX,
-    /// World Y.
+    /// The same direction, world Y.
     AdviceY,
-    /// World Z.
+    /// The same direction, world Z.
     AdviceZ,
     /// Level of one joint.
     Level(Joint),
@@ -74,13 +75,13 @@ pub enum Value {
     Fatigue(Joint),
 }
 
-/// One row: the value, its name, whether it is a whole number, which group of values it belongs to, what it says.
+/// One row: value, name, whether it is an integer, group of values it belongs to, description.
 type Row = (Value, &'static str, bool, Option<Validity>, &'static str);
 
 const TORQUES: Option<Validity> = Some(Validity::SPOILS_TORQUES);
 const LIFTED: Option<Validity> = Some(Validity::SPOILS_LIFTED_MASS);
 
-/// All values but those of single joints.
+/// All values except those per joint.
 #[rustfmt::skip]
 const ROWS: [Row; 22] = [
     (Value::Sequence, "sequence", true, None, "grows by 1 with each package, 1 to 2³¹ − 1, then 1 again; 0: nobody has written yet"),
@@ -108,7 +109,7 @@ const ROWS: [Row; 22] = [
 ];
 
 impl Value {
-    /// The value of a configuration's name.
+    /// The value with this name in the configuration.
     pub fn of_name(name: &str) -> Option<Value> {
         if let Some((value, ..)) = ROWS.iter().find(|(_, row, ..)| *row == name) {
             return Some(*value);
@@ -133,12 +134,12 @@ impl Value {
         ROWS.iter().find(|(value, ..)| *value == self)
     }
 
-    /// Whether it is a whole number.
+    /// Whether it is an integer.
     pub fn is_whole(self) -> bool {
         self.row().map_or(matches!(self, Value::Level(_)), |(_, _, whole, ..)| *whole)
     }
 
-    /// The reasons that spoil it; none for what says how things are.
+    /// Validity flags that invalidate it; `None` for values that are always valid.
     pub fn needs(self) -> Option<Validity> {
         match self {
             Value::Level(_) | Value::TorqueNm(_) => TORQUES,
@@ -148,7 +149,7 @@ impl Value {
     }
 }
 
-/// The table of docs/consumers/rtde.md: name, kind, group, what it says.
+/// The table of docs/consumers/rtde.md: name, type, group, description.
 pub fn rtde_values() -> impl Iterator<Item = (&'static str, &'static str, &'static str, &'static str)> {
     ROWS.iter().map(|(_, name, whole, needs, says)| {
         let group = Validity::SPOILERS.iter().find(|(spoilers, _)| Some(*spoilers) == *needs);
@@ -156,17 +157,17 @@ pub fn rtde_values() -> impl Iterator<Item = (&'static str, &'static str, &'stat
     })
 }
 
-/// A value and where it goes.
+/// A value and its register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Register {
-    /// What stands there.
+    /// The value written.
     pub value: Value,
-    /// 24 to 47.
+    /// Register number, 24 to 47.
     pub number: u8,
 }
 
 impl Register {
-    /// The controller's name of the register.
+    /// Name of the register in the controller.
     pub fn name(self) -> String {
         let kind = if self.value.is_whole() { "int" } else { "double" };
         format!("input_{kind}_register_{}", self.number)

@@ -1,4 +1,4 @@
-//! The connection to a controller: made in a thread of its own, used without waiting.
+//! Connection to a controller: established in a thread of its own, used without blocking.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -12,55 +12,55 @@ use tracing::{info, warn};
 use super::wire::{self, Kind, PROTOCOL, Word};
 use crate::config::Register;
 
-/// From dialling to the exchange's start, all in all: who says something now and then, but never what it was asked, would
-/// otherwise never be dialled again.
+/// Time limit from connecting to the start of the exchange. Without it, a peer that sends data but never the expected
+/// answer would block reconnection.
 const START_WITHIN: Duration = Duration::from_secs(4);
-/// Texts of the controller that go to the log in [`TEXTS_WITHIN`]; one that sends nothing else would fill it.
+/// Maximum number of the controller's text messages logged per [`TEXTS_WITHIN`]; a flood of them would fill the log.
 const TEXTS_MAX: usize = 8;
-/// A person who reads the log can follow that; more is a fault that the first ones name.
+/// At this rate the log stays readable; more messages indicate a fault that the first ones name.
 const TEXTS_WITHIN: Duration = Duration::from_secs(10);
-/// Characters of a register's type; the longest of RTDE, `VECTOR6UINT32`, has 13.
+/// Longest type name quoted in the log; the longest of RTDE, `VECTOR6UINT32`, has 13 characters.
 const TYPE_CHARS_MAX: usize = 32;
-/// After a refusal or a lost connection it is tried again after this, and after twice as long each time.
+/// First pause before reconnecting after a refusal or a lost connection; each further failure doubles it.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(1);
 const TRY_AGAIN_AFTER_MAX: Duration = Duration::from_secs(30);
-/// What the controller is asked to send: it starts no exchange without an output, and its packages are its sign of life.
+/// Output requested from the controller: it starts no exchange without one, and its packages serve as its sign of life.
 const OUTPUT: &str = "timestamp";
-/// How often; it takes the next lower rate that divides its own.
+/// Requested output rate; the controller uses the next lower rate that divides its own.
 const OUTPUT_HZ: f64 = 50.0;
-/// A controller that is quiet for so long is told nothing more: what the network keeps for it would come late.
+/// After this silence of the controller nothing more is sent: data queued in the network would arrive late.
 const HOLD_AFTER: Duration = Duration::from_millis(100);
-/// A controller that is quiet, takes or acknowledges nothing for so long is left: TCP itself would wait for minutes, and
-/// then deliver as new what is minutes old.
+/// After this time in which the controller sends, accepts or acknowledges nothing, the connection is closed: TCP itself
+/// would wait for minutes, and then deliver stale data as new.
 const LEAVE_AFTER: Duration = Duration::from_millis(300);
 
 /// Why a controller cannot be written to.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum LinkError {
-    /// The network.
+    /// A network error.
     #[error("{0}; is the robot switched on, and RTDE not blocked in its security settings?")]
     Io(#[from] io::Error),
-    /// It said too little in the time it had.
+    /// No complete answer within the time limit.
     #[error("it did not answer within {} s; is this the RTDE port, 30004?", START_WITHIN.as_secs())]
     Late,
-    /// It answered something else.
+    /// The answer has an unexpected package type.
     #[error("it answered a package of type {0:#04x}; is this the RTDE port, 30004?")]
     Answer(u8),
-    /// Too old.
+    /// The controller does not support this protocol version.
     #[error("it does not speak version {PROTOCOL} of the protocol: RTDE needs a newer controller")]
     Protocol,
-    /// Registers that cannot be had.
+    /// Registers are unavailable or have another type.
     #[error("{0}")]
     Registers(String),
-    /// It sends no sign of life.
+    /// The controller does not provide the output that serves as sign of life.
     #[error("it does not send its {OUTPUT}, and starts no exchange without an output")]
     Output,
-    /// It did not start.
+    /// The controller refused to start the exchange.
     #[error("it did not start the exchange")]
     Start,
 }
 
-/// Writes texts of the controller to the log, not too many.
+/// Logs text messages of the controller, with a rate limit.
 #[derive(Debug)]
 struct Texts {
     since: Instant,
@@ -91,30 +91,30 @@ impl Texts {
     }
 }
 
-/// A stream on which data packages of one recipe may be sent.
+/// A connection on which data packages of one recipe may be sent.
 #[derive(Debug)]
 pub(super) struct Started {
     stream: TcpStream,
     recipe: u8,
-    /// Bytes of a package that the network did not take yet: the next one may not begin before.
+    /// Rest of a package that the network has not accepted yet; it must go out before the next package.
     rest: Vec<u8>,
     heard: Vec<u8>,
     took_at: Instant,
-    /// When its last data package was found.
+    /// When the last data package was received.
     heard_at: Instant,
     texts: Texts,
 }
 
-/// What became of a package.
+/// Result of sending a package.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sent {
     Whole,
-    /// An earlier one is still on its way, or the controller is quiet.
+    /// Dropped: an earlier package is still being sent, or the controller is silent.
     Dropped,
 }
 
 impl Started {
-    /// Hands a package to the network if it takes one now; never waits.
+    /// Sends a package if the network accepts one now; never blocks.
     pub(super) fn send(&mut self, words: impl IntoIterator<Item = Word>) -> io::Result<Sent> {
         self.listen()?;
         self.flush()?;
@@ -151,7 +151,7 @@ impl Started {
         Ok(())
     }
 
-    /// What the controller says meanwhile: signs of life, texts for the log. Also how its end is noticed.
+    /// Reads the controller's packages: signs of life, and texts for the log. Also detects a closed connection.
     fn listen(&mut self) -> io::Result<()> {
         let mut bytes = [0; 4096];
         loop {
@@ -172,7 +172,7 @@ impl Started {
     }
 }
 
-/// A conversation with a controller that is dialled, and when it must have come to its end.
+/// A handshake with a controller, and the deadline for its completion.
 struct Asking {
     stream: TcpStream,
     end: Instant,
@@ -185,12 +185,13 @@ impl Asking {
         let end = Instant::now() + START_WITHIN;
         let stream = TcpStream::connect_timeout(&robot, START_WITHIN)?;
         stream.set_nodelay(true)?;
-        // What the network has not delivered when the controller is left must never be.
+        // Data that is undelivered when the connection closes must never arrive: reset instead of a graceful close.
         SockRef::from(&stream).set_linger(Some(Duration::ZERO))?;
         Ok(Asking { stream, end, texts: Texts::new() })
     }
 
-    /// Asks for an answer of the same kind; texts in between go to the log, and data may come before the answer to a start.
+    /// Sends a request and waits for an answer of the same type. Texts in between are logged, and data may precede the
+    /// answer to a start.
     fn ask(&mut self, kind: Kind, payload: &[u8]) -> Result<Vec<u8>, LinkError> {
         self.write_all(&wire::package(kind, payload)).map_err(late)?;
         loop {
@@ -205,14 +206,14 @@ impl Asking {
         }
     }
 
-    /// What is left of the time.
+    /// Time until the deadline.
     fn left(&self) -> io::Result<Duration> {
         let left = self.end.saturating_duration_since(Instant::now());
         if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(left) }
     }
 }
 
-/// The time that is left holds for each piece of a package: one may come byte by byte.
+/// Each read gets the remaining time, because a package may arrive byte by byte.
 impl Read for Asking {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         self.stream.set_read_timeout(Some(self.left()?))?;
@@ -231,7 +232,7 @@ impl Write for Asking {
     }
 }
 
-/// A socket whose time-out has passed says that it would block.
+/// Blocking sockets report a time-out as `WouldBlock`.
 fn late(error: io::Error) -> LinkError {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => LinkError::Late,
@@ -239,7 +240,7 @@ fn late(error: io::Error) -> LinkError {
     }
 }
 
-/// Connects, negotiates and starts.
+/// Connects, negotiates the recipes, and starts the exchange.
 fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
     let mut asking = Asking::begin(robot)?;
     if asking.ask(Kind::Protocol, &PROTOCOL.to_be_bytes())?.first() != Some(&1) {
@@ -277,7 +278,7 @@ fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
     })
 }
 
-/// The recipe's number, if every register can be had and is of the kind that is written.
+/// The recipe number, if every register is available and has the written type.
 fn recipe_number(answer: &[u8], recipe: &[Register], names: &[String]) -> Result<u8, LinkError> {
     let (number, types) = answer.split_first().map_or((0, &[][..]), |(number, types)| (*number, types));
     let types = String::from_utf8_lossy(types).into_owned();
@@ -306,7 +307,7 @@ fn recipe_number(answer: &[u8], recipe: &[Register], names: &[String]) -> Result
     Ok(number)
 }
 
-/// Whoever asks for a connection, and how often in vain.
+/// Establishes connections, with back-off after failures.
 #[derive(Debug)]
 pub(super) struct Dialling {
     robot: SocketAddr,
@@ -323,7 +324,7 @@ impl Dialling {
         Dialling { robot, recipe, coming: None, due, pause: TRY_AGAIN_AFTER, said: String::new() }
     }
 
-    /// A connection, if one is ready now.
+    /// Returns a connection if one is ready; never blocks.
     pub(super) fn poll(&mut self) -> Option<Started> {
         let Some(coming) = &self.coming else {
             if Instant::now() >= self.due {
@@ -349,7 +350,7 @@ impl Dialling {
         }
     }
 
-    /// The controller is left, and dialled again after a pause. The same trouble is said once.
+    /// Schedules a reconnection after a pause. A repeated reason is logged once.
     pub(super) fn lost(&mut self, why: &str) {
         if self.said != why {
             warn!("{}: {why}; tried again from {} s on", self.robot, self.pause.as_secs());
@@ -359,7 +360,7 @@ impl Dialling {
         self.pause = (2 * self.pause).min(TRY_AGAIN_AFTER_MAX);
     }
 
-    /// Packages go out: the next trouble begins with the short pause.
+    /// Packages go out: reset the back-off.
     pub(super) fn went_well(&mut self) {
         self.pause = TRY_AGAIN_AFTER;
     }
@@ -369,7 +370,7 @@ impl Dialling {
         let (robot, recipe) = (self.robot, self.recipe.clone());
         let thread = std::thread::Builder::new().name("rtde dialling".to_owned());
         let begun = thread.spawn(move || {
-            // Nobody waits for it any more when the program ends.
+            // Sending fails only if the program is ending.
             let _ = tell.send(start(robot, &recipe));
         });
         match begun {

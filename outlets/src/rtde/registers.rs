@@ -1,4 +1,4 @@
-//! What the robot finds in each register.
+//! Values of the registers.
 
 use equipoise_client::NoReading;
 use equipoise_core::body::Joint;
@@ -8,16 +8,16 @@ use super::wire::Word;
 use crate::config::Value;
 use crate::outlet::Seen;
 
-/// What the outlet itself knows.
+/// Counters that the gateway itself maintains.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Counts {
-    /// Number of the package.
+    /// Sequence number of the package.
     pub(super) sequence: i32,
-    /// Number of the daemon's life that was heard last; 0 before any.
+    /// Number of the daemon's life in the last state received; 0 before any.
     pub(super) daemon_life: u32,
 }
 
-/// What is written now.
+/// The value to write now.
 pub(super) fn word(value: Value, counts: Counts, seen: &Seen) -> Word {
     match value {
         Value::Sequence => Word::Int(counts.sequence),
@@ -30,7 +30,7 @@ pub(super) fn word(value: Value, counts: Counts, seen: &Seen) -> Word {
     }
 }
 
-/// 1 with a state, else the number of the reason.
+/// 1 with a state, otherwise the number of the reason why there is none.
 fn state_number(seen: &Seen) -> i32 {
     match seen {
         Ok(_) => 1,
@@ -41,7 +41,7 @@ fn state_number(seen: &Seen) -> i32 {
     }
 }
 
-/// What a register holds while there is no state.
+/// Register value while there is no state.
 fn nothing(value: Value) -> Word {
     match value {
         Value::Valid | Value::Phase | Value::WorstJoint => Word::Int(-1),

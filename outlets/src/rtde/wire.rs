@@ -1,6 +1,6 @@
 //! Packages of RTDE, protocol version 2, as a client of the controller sends and reads them.
 //!
-//! After Universal Robots' "Real-Time Data Exchange (RTDE) Guide". All numbers are big-endian.
+//! Source: Universal Robots' "Real-Time Data Exchange (RTDE) Guide". All numbers are big-endian.
 //!
 //! | package | type | from the client | from the controller |
 //! |---|---|---|---|
@@ -17,12 +17,12 @@ use std::io::{self, Read};
 
 use equipoise_core::message::Printable;
 
-/// The version that is asked for.
+/// Protocol version requested.
 pub(super) const PROTOCOL: u16 = 2;
-/// Bytes of a header.
+/// Header length in bytes.
 const HEADER_BYTES: usize = 3;
 
-/// Types of packages.
+/// Package types.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Kind {
@@ -57,13 +57,13 @@ pub(super) fn package(kind: Kind, payload: &[u8]) -> Vec<u8> {
     [&size.to_be_bytes()[..], &[kind as u8], payload].concat()
 }
 
-/// The data package of a recipe.
+/// A data package of a recipe.
 pub(super) fn data(recipe: u8, words: impl IntoIterator<Item = Word>) -> Vec<u8> {
     let mut payload = vec![recipe];
     for word in words {
         match word {
             Word::Int(value) => payload.extend(value.to_be_bytes()),
-            // The controller would take NaN; a register must never hold one.
+            // The controller accepts NaN, but a register must never contain one.
             Word::Double(value) => {
                 payload.extend((if value.is_finite() { value } else { 0.0 }).to_be_bytes());
             }
@@ -72,10 +72,10 @@ pub(super) fn data(recipe: u8, words: impl IntoIterator<Item = Word>) -> Vec<u8>
     package(Kind::Data, &payload)
 }
 
-/// Type and payload of the next package.
+/// Reads type and payload of the next package.
 ///
 /// # Errors
-/// What the stream says, and a size that no package has.
+/// Read errors of the stream, or an invalid package size.
 pub(super) fn read(from: &mut impl Read) -> io::Result<(u8, Vec<u8>)> {
     let mut header = [0; HEADER_BYTES];
     from.read_exact(&mut header)?;
@@ -88,7 +88,7 @@ pub(super) fn read(from: &mut impl Read) -> io::Result<(u8, Vec<u8>)> {
     Ok((header[2], payload))
 }
 
-/// The first whole package in `bytes`, which it is taken out of.
+/// Removes the first complete package from `bytes` and returns its type and payload.
 pub(super) fn take(bytes: &mut Vec<u8>) -> Option<(u8, Vec<u8>)> {
     let size = usize::from(u16::from_be_bytes([*bytes.first()?, *bytes.get(1)?])).max(HEADER_BYTES);
     if bytes.len() < size {
@@ -98,10 +98,10 @@ pub(super) fn take(bytes: &mut Vec<u8>) -> Option<(u8, Vec<u8>)> {
     Some((package[2], package[HEADER_BYTES..].to_vec()))
 }
 
-/// Message and source of a text, 255 bytes each by their lengths; and `: `.
+/// Message and source of a text, at most 255 bytes each, and `: `.
 const TEXT_CHARS_MAX: usize = 512;
 
-/// The words of a text message, fit for a log: who says what.
+/// Source and message of a text package, made printable for the log.
 pub(super) fn text(payload: &[u8]) -> String {
     let part = |from: usize| {
         let length = usize::from(payload.get(from).copied().unwrap_or(0));

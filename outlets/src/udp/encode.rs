@@ -1,4 +1,4 @@
-//! A reading, or the reason why there is none, as a datagram.
+//! Encodes a reading, or the reason why there is none, as a datagram.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use equipoise_client::{NoReading, Reading};
@@ -7,25 +7,25 @@ use equipoise_core::message::{State, Validity};
 use super::layout::{FIELDS, Field, Kind, LENGTH, Number};
 use crate::outlet::Seen;
 
-/// The CRC-32 of Ethernet and of zlib.
+/// CRC-32 of Ethernet and zlib.
 pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// Everything that a datagram is made of.
+/// Contents of a datagram.
 #[derive(Debug)]
 pub struct Told<'a> {
     /// Name of the station.
     pub station: &'a str,
     /// When the sender started, ns since 1970.
     pub session_ns: u64,
-    /// Number of the datagram in the session, from 1.
+    /// Sequence number of the datagram in the session, from 1.
     pub sequence: u64,
-    /// How many daemons were heard in the session.
+    /// Number of the daemon's life since the session started.
     pub daemon_life: u16,
-    /// 0 with a state, else why there is none: an index of [`STATUSES`].
+    /// 0 with a state, otherwise why there is none: an index of [`STATUSES`].
     pub status: u32,
-    /// What the status is about, ns.
+    /// Duration that the status refers to, ns.
     pub status_ns: u64,
-    /// The state, and what is known of it. Without one every reason is raised, and ages are as large as can be.
+    /// The state with its ages. Without a state all validity flags are set and all ages have the maximum value.
     pub reading: Reading,
 }
 
@@ -33,7 +33,7 @@ pub struct Told<'a> {
 pub const STATUSES: [&str; 5] = ["current", "silent", "stale", "other_clock", "bus"];
 
 impl<'a> Told<'a> {
-    /// What is told of `seen`.
+    /// Contents of the datagram for `seen`.
     pub fn new(station: &'a str, session_ns: u64, sequence: u64, daemon_life: u16, seen: &Seen) -> Told<'a> {
         let (status, status_ns) = status(seen);
         let reading = seen.as_ref().map_or_else(|_| nothing(), Clone::clone);
@@ -45,7 +45,7 @@ impl<'a> Told<'a> {
         &self.reading.state
     }
 
-    /// Groups of values that may be used: bit n is the n-th of [`Validity::SPOILERS`].
+    /// Groups of usable values: bit n is the n-th of [`Validity::SPOILERS`].
     pub(super) fn usable(&self) -> u32 {
         let valid = self.reading.validity();
         let groups = Validity::SPOILERS.iter().enumerate();
@@ -53,7 +53,7 @@ impl<'a> Told<'a> {
     }
 }
 
-/// Number of the status, and the time it is about.
+/// Number of the status, and the duration that it refers to.
 fn status(seen: &Seen) -> (u32, u64) {
     let ns = |time: &std::time::Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
     match seen {
@@ -65,7 +65,7 @@ fn status(seen: &Seen) -> (u32, u64) {
     }
 }
 
-/// In the place of a reading: who forgets to look at the status finds no value that may be used.
+/// Placeholder without a state: all values are invalid, also for a receiver that ignores the status.
 fn nothing() -> Reading {
     let state = State {
         valid: u64::MAX,
@@ -86,7 +86,7 @@ fn nothing() -> Reading {
     }
 }
 
-/// The datagram.
+/// Encodes the datagram.
 pub fn encode(told: &Told<'_>) -> [u8; LENGTH] {
     let mut bytes = [0; LENGTH];
     let mut rest = &mut bytes[..];
@@ -102,7 +102,7 @@ pub fn encode(told: &Told<'_>) -> [u8; LENGTH] {
     bytes
 }
 
-/// A spoilt value is zero.
+/// An invalid value is encoded as zero.
 fn value(field: &Field, told: &Told<'_>, at: usize) -> Number {
     let spoilt = field.needs.is_some_and(|spoilers| told.reading.validity().any_of(spoilers));
     if spoilt { Number::Whole(0) } else { (field.value)(told, at) }
@@ -117,7 +117,7 @@ fn write(place: &mut [u8], kind: Kind, number: Number) {
     place.copy_from_slice(&bytes.to_le_bytes()[..place.len()]);
 }
 
-/// Never NaN, never infinite: a message holds neither, and no value of it is as large as a binary32 may be.
+/// Never NaN or infinite: messages contain neither, and no value reaches the range of binary32.
 fn real(value: f64) -> f32 {
     if value.is_finite() { value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32 } else { 0.0 }
 }

@@ -1,7 +1,7 @@
-//! The bytes of a datagram, declared once: the encoder, the table of docs/consumers/udp.md, the C header and the Python
-//! module are all made from [`FIELDS`].
+//! Layout of a datagram, declared once: the encoder, the table of docs/consumers/udp.md, the C header and the Python
+//! module all derive from [`FIELDS`].
 //!
-//! Little-endian, each number at a multiple of its size, nothing between them. A change of layout or of meaning is a new
+//! Little-endian, each number aligned to its size, without padding. A change of layout or of meaning requires a new
 //! [`VERSION`].
 
 use equipoise_core::body::JOINTS;
@@ -14,9 +14,9 @@ use Number::{Real, Whole};
 
 /// The first four bytes.
 pub const MAGIC: [u8; 4] = *b"EQPU";
-/// Number of this layout.
+/// Version of this layout.
 pub const VERSION: u16 = 2;
-/// Bytes of a datagram.
+/// Length of a datagram in bytes.
 pub const LENGTH: usize = {
     let (mut at, mut bytes) = (0, 0);
     while at < FIELDS.len() {
@@ -25,15 +25,15 @@ pub const LENGTH: usize = {
     }
     bytes
 };
-/// Bytes of a station's name.
+/// Length of a station's name in bytes.
 const STATION_BYTES: usize = 32;
 
 const _: () = assert!(LENGTH <= 1400, "a datagram must fit into one packet of every network");
 
-/// What a field's numbers are.
+/// Number type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A byte of text; texts are filled up with zeros.
+    /// A byte of text; texts are padded with zeros.
     Char,
     /// Unsigned, 1 byte.
     U8,
@@ -48,7 +48,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Bytes of one number.
+    /// Size of one number in bytes.
     pub const fn bytes(self) -> usize {
         match self {
             Char | U8 => 1,
@@ -58,7 +58,7 @@ impl Kind {
         }
     }
 
-    /// The name in the table of the documents.
+    /// Name of the type in the documentation.
     pub const fn name(self) -> &'static str {
         match self {
             Char => "char",
@@ -71,35 +71,35 @@ impl Kind {
     }
 }
 
-/// One number, before it is written.
+/// One number before encoding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
-    /// A whole number, or a byte of text.
+    /// An integer, or a byte of text.
     Whole(u64),
-    /// Everything else.
+    /// A real number.
     Real(f64),
 }
 
 /// One field of the datagram.
 #[derive(Debug)]
 pub struct Field {
-    /// Its name, units last.
+    /// Name, ending in the unit.
     pub name: &'static str,
-    /// What its numbers are.
+    /// Type of its numbers.
     pub kind: Kind,
-    /// How many: `[]` one, `[n]` a row, `[n, m]` a table, row by row.
+    /// Shape: `[]` a scalar, `[n]` a vector, `[n, m]` a matrix in row-major order.
     pub shape: &'static [usize],
-    /// Unit, for people.
+    /// Unit, for the documentation.
     pub unit: &'static str,
-    /// The field is zero while one of these reasons is raised: one of [`Validity::SPOILERS`]. `None`: never.
+    /// The field is zero while one of these validity flags is raised: one of [`Validity::SPOILERS`]. `None`: never.
     pub needs: Option<Validity>,
-    /// What it says.
+    /// Description.
     pub meaning: &'static str,
     pub(super) value: fn(&Told<'_>, usize) -> Number,
 }
 
 impl Field {
-    /// How many numbers.
+    /// Number of elements.
     pub const fn count(&self) -> usize {
         let (mut at, mut count) = (0, 1);
         while at < self.shape.len() {
@@ -109,7 +109,7 @@ impl Field {
         count
     }
 
-    /// How many bytes.
+    /// Size in bytes.
     pub const fn bytes(&self) -> usize {
         self.count() * self.kind.bytes()
     }
@@ -117,7 +117,7 @@ impl Field {
 
 type Value = fn(&Told<'_>, usize) -> Number;
 
-/// A number that says how things are, whatever `valid` says.
+/// A field that is valid regardless of `valid`.
 const fn always(
     name: &'static str,
     kind: Kind,
@@ -129,7 +129,7 @@ const fn always(
     Field { name, kind, shape, unit, needs: None, meaning, value }
 }
 
-/// Real numbers that are zero while a reason of `needs` is raised.
+/// Real numbers that are zero while a flag of `needs` is raised.
 const fn unless(
     needs: Validity,
     name: &'static str,
@@ -145,7 +145,7 @@ const TORQUES: Validity = Validity::SPOILS_TORQUES;
 const BACK: Validity = Validity::SPOILS_BACK;
 const PER_JOINT: &[usize] = &[JOINTS];
 
-/// The whole datagram, in order.
+/// All fields in order.
 #[rustfmt::skip]
 pub const FIELDS: &[Field] = &[
     always("magic", Char, &[4], "", "`EQPU`", |_, at| Whole(u64::from(MAGIC[at]))),
@@ -247,7 +247,8 @@ pub const FIELDS: &[Field] = &[
 
 fn flags(told: &Told<'_>) -> u64 {
     let (reading, state) = (&told.reading, told.state());
-    // The second told once of a daemon started anew, and so was lost with its datagram: `daemon_life` says it in each.
+    // Bit 1 was a one-time restart flag, which was lost if its datagram was lost; `daemon_life` in each datagram
+    // replaces it.
     let bits = [reading.is_new, false, state.static_pose != 0, state.converged != 0];
     bits.into_iter().enumerate().map(|(bit, is)| u64::from(is) << bit).sum()
 }

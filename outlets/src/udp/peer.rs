@@ -1,4 +1,4 @@
-//! One address that datagrams go to.
+//! One destination address of datagrams.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
-/// A socket that cannot be made (no route, no such network yet) is tried again this often, and a peer that refused counts
-/// as absent for so long.
+/// Retry interval for a socket that cannot be created (no route, network not up yet); a peer that refused counts as
+/// absent for the same time.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(1);
 
-/// An address, and how sending to it goes.
+/// An address, and the state of sending to it.
 #[derive(Debug)]
 pub(super) struct Peer {
     address: SocketAddr,
@@ -20,7 +20,7 @@ pub(super) struct Peer {
     troubled: bool,
     /// Datagrams handed to the network.
     pub(super) sent: u64,
-    /// Datagrams that came back refused, or were not taken by the network.
+    /// Datagrams that were refused, or not accepted by the network.
     pub(super) lost: u64,
 }
 
@@ -29,11 +29,11 @@ impl Peer {
         Peer { address, socket: None, opened: None, failed: None, troubled: false, sent: 0, lost: 0 }
     }
 
-    /// Hands a datagram to the network, or counts it as lost; never waits.
+    /// Hands a datagram to the network, or counts it as lost; never blocks.
     pub(super) fn send(&mut self, bytes: &[u8]) {
         let outcome = self.try_send(bytes);
         let outcome = match outcome {
-            // It is about an earlier datagram, and this one was not sent yet.
+            // The error refers to an earlier datagram; this one was not sent yet.
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => {
                 self.fail(&error);
                 self.try_send(bytes)
@@ -57,7 +57,7 @@ impl Peer {
         }
     }
 
-    /// Whether nothing was refused lately.
+    /// Whether no datagram was refused recently.
     pub(super) fn takes(&self) -> bool {
         self.socket.is_some() && self.failed.is_none_or(|failed| failed.elapsed() >= TRY_AGAIN_AFTER)
     }
@@ -70,7 +70,7 @@ impl Peer {
         socket.send(bytes).map(|_| ())
     }
 
-    /// Connected, so that the kernel tells what the other end refuses.
+    /// The socket is connected, so that the kernel reports refusals by the peer.
     fn open(&mut self) -> std::io::Result<()> {
         if self.opened.is_some_and(|opened| opened.elapsed() < TRY_AGAIN_AFTER) {
             return Ok(());
@@ -97,8 +97,8 @@ impl Peer {
     }
 }
 
-/// A connected socket keeps the source that it was given: if this machine's address has changed, it never sends again. Who
-/// refuses, or has no room now, is reached all the same.
+/// A connected socket keeps its source address: after a change of this machine's address it can never send again. A
+/// peer that refuses, or has no buffer space now, can still be reached.
 fn wants_another_socket(error: ErrorKind) -> bool {
     !matches!(error, ErrorKind::ConnectionRefused | ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
@@ -119,13 +119,13 @@ mod tests {
         let (listener, address) = listener();
         let mut peer = Peer::new(address);
         peer.send(b"one");
-        // As after a change of this machine's address: this socket's every send fails, with EDESTADDRREQ.
+        // Simulates a change of this machine's address: every send on this socket fails, with EDESTADDRREQ.
         let lame = UdpSocket::bind("127.0.0.1:0").unwrap();
         peer.socket = Some(lame);
         peer.send(b"lost");
         assert!(peer.socket.is_none());
         assert_eq!((peer.sent, peer.lost), (1, 1));
-        // It is opened again once the second has passed.
+        // The socket is reopened only after a second.
         peer.send(b"lost");
         assert_eq!((peer.sent, peer.lost), (1, 2));
         peer.opened = None;

@@ -1,8 +1,8 @@
-//! A controller's side of RTDE, version 2, from Universal Robots' guide; it knows nothing of the outlet's encoder.
+//! Controller side of RTDE, version 2, after Universal Robots' guide; independent of the gateway's encoder.
 //!
-//! Input registers 0 to 47 of ints and doubles. A register belongs to the client that set it up first, until that one
-//! leaves: others are told `IN_USE`. What is no such register is `NOT_FOUND`. Like Universal Robots' own it starts no exchange
-//! without an output recipe; of outputs it has `timestamp` alone.
+//! Integer and double input registers 0 to 47. A register belongs to the first client that sets it up, until that
+//! client disconnects: others get `IN_USE`. Other names get `NOT_FOUND`. As on a real controller, no exchange starts
+//! without an output recipe; the only output is `timestamp`.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -10,32 +10,32 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// How it behaves, and what it holds.
+/// Behaviour and contents of the simulated controller.
 #[derive(Default)]
 pub(crate) struct Controller {
-    /// The registers' values, ints as well.
+    /// Values of the registers, integers included.
     pub(crate) inputs: Mutex<BTreeMap<String, f64>>,
-    /// Who writes which.
+    /// The client that owns each register.
     owners: Mutex<BTreeMap<String, u64>>,
-    /// Data packages taken.
+    /// Data packages received.
     pub(crate) packages: AtomicU64,
     /// Connections so far.
     pub(crate) clients: AtomicU64,
-    /// It speaks version 1 only.
+    /// Supports protocol version 1 only.
     pub(crate) is_old: AtomicBool,
-    /// After the start it reads nothing any more, and leaves when that ends.
+    /// After the start it reads nothing, and disconnects when this is reset.
     pub(crate) hangs: AtomicBool,
-    /// It leaves whoever sends data.
+    /// Disconnects from a client that sends data.
     pub(crate) leaves: AtomicBool,
-    /// It refuses to start.
+    /// Refuses to start.
     pub(crate) refuses_start: AtomicBool,
-    /// It reads, but sends no data.
+    /// Reads, but sends no data.
     pub(crate) is_mute: AtomicBool,
     /// Data packages sent.
     pub(crate) told: AtomicU64,
 }
 
-/// Serves until the test ends.
+/// Serves in the background until the test ends.
 pub(crate) fn serve(controller: Arc<Controller>, listener: TcpListener) {
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
@@ -46,7 +46,7 @@ pub(crate) fn serve(controller: Arc<Controller>, listener: TcpListener) {
                     Conversation { controller: &controller, client, recipes: Vec::new(), output_hz: None };
                 let closing = stream.try_clone();
                 conversation.run(stream);
-                // The thread that sends has a handle of its own.
+                // The sending thread has a handle of its own, so the socket is shut down explicitly.
                 let _gone = closing.and_then(|stream| stream.shutdown(std::net::Shutdown::Both));
                 controller.owners.lock().unwrap().retain(|_, owner| *owner != client);
             });
@@ -54,7 +54,7 @@ pub(crate) fn serve(controller: Arc<Controller>, listener: TcpListener) {
     });
 }
 
-/// A controller at a free port.
+/// Starts a controller on a free port.
 pub(crate) fn start() -> (Arc<Controller>, SocketAddr) {
     let controller = Arc::new(Controller::default());
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -67,11 +67,11 @@ struct Conversation<'a> {
     controller: &'a Arc<Controller>,
     client: u64,
     recipes: Vec<Vec<String>>,
-    /// Rate of the output recipe, once there is one.
+    /// Rate of the output recipe, once it is set up.
     output_hz: Option<f64>,
 }
 
-/// The type of an input, or that there is no such input: the guide's table, without its bit registers.
+/// Type of an input, or `NOT_FOUND`: the guide's table without its bit registers.
 fn kind_of(name: &str) -> &'static str {
     let number = |prefix: &str| name.strip_prefix(prefix).and_then(|number| number.parse::<u8>().ok());
     let exists = |number: Option<u8>| number.is_some_and(|number| number < 48);
@@ -92,7 +92,7 @@ fn kind_of(name: &str) -> &'static str {
     }
 }
 
-/// The first number of `bytes`, which it is taken out of.
+/// Removes the first number from `bytes` and returns it.
 fn taken(kind: &str, bytes: &mut &[u8]) -> f64 {
     let size = match kind {
         "UINT8" => 1,
@@ -132,7 +132,7 @@ impl Conversation<'_> {
                 }
             };
             if kind == b'S' {
-                // It may say something at any time, and a real one's data can be there before its answer.
+                // A controller may send texts at any time, and a real one's data may precede its answer.
                 let _gone = write_package(&mut stream, b'M', &text("hello", "RTDE", 3));
                 if answer == [1] {
                     self.tell(&stream);
@@ -171,7 +171,7 @@ impl Conversation<'_> {
         [&[u8::from(is_right)], answers.join(",").as_bytes()].concat()
     }
 
-    /// Sends the outputs until the client is gone.
+    /// Sends the outputs until the client disconnects.
     fn tell(&self, stream: &TcpStream) {
         let (Some(rate_hz), Ok(mut stream)) = (self.output_hz, stream.try_clone()) else { return };
         let controller = Arc::clone(self.controller);
@@ -243,7 +243,8 @@ pub(crate) fn text(message: &str, source: &str, level: u8) -> Vec<u8> {
     [part(message), part(source), vec![level]].concat()
 }
 
-/// Not a test: with `EQUIPOISE_RTDE_CONTROLLER` an address, a controller that prints its registers until it is ended.
+/// Not a test: with `EQUIPOISE_RTDE_CONTROLLER` set to an address, serves a controller that prints its registers until
+/// it is killed.
 #[test]
 fn serves() {
     let Some(address) = std::env::var_os("EQUIPOISE_RTDE_CONTROLLER") else { return };

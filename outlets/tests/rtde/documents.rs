@@ -1,4 +1,4 @@
-//! The table of docs/consumers/rtde.md is that of the code; `EQUIPOISE_WRITE=1` writes it.
+//! Compares the table of docs/consumers/rtde.md with the code; `EQUIPOISE_WRITE=1` writes it.
 
 use std::fmt::Write as _;
 use std::path::Path;

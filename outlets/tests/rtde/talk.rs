@@ -1,4 +1,4 @@
-//! What arrives in the registers, and what becomes of the outlet when the controller does not want it.
+//! Values that arrive in the registers, and behaviour of the gateway when the controller rejects it.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -19,14 +19,14 @@ use equipoise_outlets::rtde::Rtde;
 use crate::controller::{Controller, package, start, text};
 use crate::states::{reading, reasons, state};
 
-/// Nothing here should ever take this long; not a measurement.
+/// Test time-out, far above the expected duration; not a measurement.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn config(robot: SocketAddr, registers: &str) -> RtdeConfig {
     toml::from_str(&format!("robot = \"{robot}\"\n{registers}")).unwrap()
 }
 
-/// Tells until the controller has taken a package of it.
+/// Sends until the controller has received a package with this state.
 fn tell_until_taken(outlet: &mut Rtde, controller: &Controller, seen: &Seen) -> BTreeMap<String, f64> {
     let (begun, before) = (Instant::now(), controller.packages.load(SeqCst));
     while controller.packages.load(SeqCst) < before + 1 {
@@ -34,7 +34,7 @@ fn tell_until_taken(outlet: &mut Rtde, controller: &Controller, seen: &Seen) -> 
         assert!(begun.elapsed() < PATIENCE, "no package arrives: {}", outlet.tally());
         std::thread::sleep(Duration::from_millis(2));
     }
-    // What is told from here on is the last package that arrives.
+    // This is the last package sent; wait until it arrives.
     let sequence = "input_int_register_24";
     outlet.tell(seen);
     let told = outlet.tally().sent + outlet.tally().lost;
@@ -167,7 +167,7 @@ fn another_life_of_the_daemon_is_told_and_outlasts_its_silence() {
     }
 }
 
-/// Tells until something is so.
+/// Sends until a condition holds.
 fn tell_until(outlet: &mut Rtde, what: &str, mut is_so: impl FnMut(&Rtde) -> bool) {
     let begun = Instant::now();
     while !is_so(outlet) {
@@ -186,7 +186,7 @@ fn a_register_of_another_client_is_not_taken_and_tried_again() {
     tell_until(&mut second, "it was refused", |_| controller.clients.load(SeqCst) >= 3);
     assert_eq!((second.tally().sent, second.tally().peers), (0, 0));
     assert!(second.tally().lost > 0);
-    // Other registers are free.
+    // Other registers are still available.
     let others = "registers = { sequence = 40, state = 41 }";
     let mut third = Rtde::new(&config(robot, others)).unwrap();
     tell_until(&mut third, "it writes others", |third| third.tally().peers == 1);
@@ -229,7 +229,8 @@ fn a_controller_that_comes_late_or_leaves_is_found_again() {
     tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
 }
 
-/// Tells at the rate of a station until the controller is left; how many packages went out meanwhile, and how many not.
+/// Sends at the rate of a station until the connection is closed; returns how many packages were sent and how many lost
+/// meanwhile.
 fn tell_until_left(outlet: &mut Rtde) -> (u64, u64) {
     let (begun, before) = (Instant::now(), outlet.tally());
     while outlet.tally().peers == 1 {
@@ -265,7 +266,7 @@ fn a_controller_without_a_sign_of_life_is_left() {
     tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
 }
 
-/// A peer that says something all the time, and never what it is asked: `chatter`, a few bytes at a time.
+/// A peer that keeps sending `chatter`, a few bytes at a time, and never the expected answer.
 fn chatterer(chatter: Vec<u8>) -> (Arc<AtomicU64>, SocketAddr) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let robot = listener.local_addr().unwrap();
@@ -288,7 +289,7 @@ fn chatterer(chatter: Vec<u8>) -> (Arc<AtomicU64>, SocketAddr) {
 #[test]
 fn a_peer_that_talks_but_never_answers_is_left_and_dialled_again() {
     let text = package(b'M', &text("still busy", "RTDE", 2));
-    // A package that never ends: each of its bytes comes in time.
+    // A package that never ends, although each of its bytes arrives in time.
     let endless = [&[0xff, 0xff, b'V'][..], &[0; 61]].concat();
     let talks = [text, endless].map(chatterer);
     let mut outlets = talks.each_ref().map(|(_, robot)| Rtde::new(&config(*robot, "")).unwrap());

@@ -1,4 +1,4 @@
-//! The bytes, read back by the table of the documents alone.
+//! Reads the bytes back by the table of the documentation alone.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -13,13 +13,13 @@ use crate::states::{reading, reasons, state};
 
 const DOCUMENT: &str = include_str!("../../../docs/consumers/udp.md");
 
-/// What a row of the table says of a datagram: its numbers, and the group that it needs.
+/// A decoded row of the table: its numbers, and its group of values.
 struct Row {
     numbers: Vec<f64>,
     group: String,
 }
 
-/// A number of so many bytes, little-endian, as the documents say.
+/// Decodes a little-endian number; returns it and its size in bytes.
 fn number(kind: &str, bytes: &[u8]) -> (f64, usize) {
     match kind {
         "char" | "u8" => (f64::from(bytes[0]), 1),
@@ -31,7 +31,7 @@ fn number(kind: &str, bytes: &[u8]) -> (f64, usize) {
     }
 }
 
-/// Reads a datagram as somebody would who has nothing but the page.
+/// Decodes a datagram by the documentation page alone.
 fn by_the_documents(datagram: &[u8]) -> HashMap<String, Row> {
     let table = DOCUMENT.split("| offset |").nth(1).unwrap();
     let mut rows = HashMap::new();

@@ -1,4 +1,4 @@
-//! What is written from the one table: the documents, the C header, the Python module.
+//! Files generated from the layout table: documentation, C header, Python module.
 
 use std::fmt::Write as _;
 use std::path::Path;

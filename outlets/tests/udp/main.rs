@@ -1,6 +1,6 @@
-//! The UDP outlet: its table in the documents and in both readers, its bytes, and its sockets.
+//! Tests of the UDP gateway: its table in the documentation and in both readers, its bytes, and its sockets.
 //!
-//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-outlets --test udp` writes what is made from the table.
+//! `EQUIPOISE_WRITE=1 cargo test -p equipoise-outlets --test udp` writes the files that are generated from the table.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod bytes;

@@ -1,4 +1,4 @@
-//! The reference readers take what the outlet sends, and refuse everything else by its reason.
+//! The reference readers accept the gateway's datagrams, and reject everything else with the right reason.
 
 use std::collections::HashMap;
 use std::io::{BufRead as _, BufReader};
@@ -17,7 +17,7 @@ use crate::states::{reading, state};
 
 const CLIENTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../clients");
 
-/// A program that listens and prints a line for each datagram; ended with the test.
+/// A program that receives and prints a line for each datagram; killed when the test ends.
 struct Reader {
     child: Child,
     lines: BufReader<ChildStdout>,
@@ -32,7 +32,7 @@ impl Drop for Reader {
 }
 
 impl Reader {
-    /// With "each" it prints a line for each datagram, else a line a second.
+    /// With "each" it prints a line per datagram, otherwise a line per second.
     fn start(program: &mut Command, each: &[&str]) -> Reader {
         program.args(["0", "cell-7", "60"]).args(each).stdout(Stdio::piped());
         let mut child = program.spawn().unwrap();
@@ -49,13 +49,13 @@ impl Reader {
         line.trim_end().to_owned()
     }
 
-    /// Stops it, as work of its own would, or lets it go on.
+    /// Suspends the reader, as if it were busy, or resumes it.
     fn signal(&self, signal: &str) {
         let sent = Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap();
         assert!(sent.success());
     }
 
-    /// The first line that knows the cycle, or a later one.
+    /// The first line whose cycle is at least `cycle`.
     fn line_from(&mut self, cycle: u64) -> HashMap<String, i64> {
         loop {
             let line = self.line();
@@ -69,7 +69,7 @@ impl Reader {
         }
     }
 
-    /// What it says of a datagram.
+    /// The reader's line for a datagram.
     fn said(&mut self, bytes: &[u8]) -> String {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.send_to(bytes, ("127.0.0.1", self.port)).unwrap();
@@ -81,7 +81,7 @@ fn datagram(session_ns: u64, sequence: u64, seen: &Seen) -> Vec<u8> {
     encode(&Told::new("cell-7", session_ns, sequence, 1, seen)).to_vec()
 }
 
-/// Changed, with a sum that fits.
+/// A modified datagram with a correct checksum.
 fn changed(bytes: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     let mut bytes = bytes[..bytes.len() - 4].to_vec();
     change(&mut bytes);
@@ -90,7 +90,7 @@ fn changed(bytes: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     bytes
 }
 
-/// What a reader must say of a datagram with all its values.
+/// Expected output of a reader for a datagram with all values valid.
 fn taken(sequence: u64) -> String {
     let state = state();
     format!(
@@ -159,7 +159,7 @@ fn compiled(scratch: &Path) -> PathBuf {
     program
 }
 
-/// A station that tells, at one clock.
+/// A simulated sender with one clock.
 struct Sender {
     socket: UdpSocket,
     begun: Instant,
@@ -171,7 +171,7 @@ impl Sender {
         Sender { socket: UdpSocket::bind("127.0.0.1:0").unwrap(), begun: Instant::now(), sequence: 0 }
     }
 
-    /// A state of this moment, 2 ms after the one before. Its cycle is the datagram's number.
+    /// Sends current states, 2 ms apart. The cycle equals the sequence number.
     fn send(&mut self, to: &Reader, datagrams: u64) {
         for _ in 0..datagrams {
             sleep(Duration::from_millis(2));
@@ -186,7 +186,7 @@ impl Sender {
     }
 }
 
-/// 50 datagrams wait for a second in the socket of a reader that is busy: it says the newest, and how old that is.
+/// 50 datagrams wait for a second in the socket of a suspended reader: it must output the newest one, with its age.
 fn busy(mut start: impl FnMut() -> Reader) {
     for before in [0, 20] {
         let (mut reader, mut sender) = (start(), Sender::new());
@@ -203,7 +203,7 @@ fn busy(mut start: impl FnMut() -> Reader) {
         let all = before as i64 + 50;
         assert_eq!((told["cycle"], told["taken"], told["missed"]), (all, all, 0), "{told:?}");
         assert!(told["age_ms"] >= 1000 && told["speed_percent"] == 0, "{told:?}");
-        // What comes without delay then is not held to be late.
+        // Datagrams that then arrive without delay must not count as late.
         sender.send(&reader, 3);
         sleep(Duration::from_millis(50));
         let until = Instant::now();
@@ -241,7 +241,7 @@ fn the_python_reader_takes_and_refuses() {
     }
 }
 
-/// Who has no Python may build all the same; where all must hold (`CI` is set), it must be there.
+/// Python is optional for a local build, but required if `CI` is set.
 fn has_python() -> bool {
     let is_there = Command::new("python3").arg("--version").output().is_ok();
     assert!(is_there || std::env::var_os("CI").is_none(), "no python3, and CI is set: install it");

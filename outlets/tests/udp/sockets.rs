@@ -1,4 +1,4 @@
-//! Real sockets: every address gets every datagram, and none holds up another.
+//! Real sockets: every address gets every datagram, and no address blocks another.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::process::Command;
@@ -32,7 +32,7 @@ fn sequence(bytes: &[u8]) -> u64 {
 #[test]
 fn all_receivers_get_the_same_and_one_that_refuses_is_counted() {
     let (one, two) = (receiver(), receiver());
-    // Nobody listens here any more.
+    // The receiver is closed, so datagrams to it are refused.
     let refusing = receiver().1;
     let mut outlet = Udp::new("cell-7", &[one.1, refusing, two.1]);
     for number in 1..=50 {
@@ -89,7 +89,7 @@ fn who_comes_back_gets_the_next_one() {
 fn a_receiver_that_does_not_read_holds_nobody_up() {
     let (stuck, reading_one) = (receiver(), receiver());
     let mut outlet = Udp::new("cell-7", &[stuck.1, reading_one.1]);
-    // Far more than any buffer of a socket holds.
+    // Far more than any socket buffer holds.
     for number in 1..=20_000 {
         outlet.tell(&Ok(reading(state())));
         assert_eq!(sequence(&received(&reading_one.0)), number);
@@ -100,7 +100,7 @@ fn a_receiver_that_does_not_read_holds_nobody_up() {
 #[test]
 fn an_address_without_a_way_is_counted_and_the_others_are_served() {
     let (socket, address) = receiver();
-    // A network that is documentation only, with a source that cannot reach it: or the packets go out and are lost.
+    // 100::/64 is a discard-only prefix: sending either fails or is lost, depending on the machine's routes.
     let nowhere: SocketAddr = "[100::1]:9".parse().unwrap();
     let mut outlet = Udp::new("cell-7", &[nowhere, address]);
     for number in 1..=10 {
@@ -111,7 +111,7 @@ fn an_address_without_a_way_is_counted_and_the_others_are_served() {
     assert_eq!(tally.sent + tally.lost, 20, "{tally}");
 }
 
-/// Changes the links of the network namespace that it runs in.
+/// Changes the links of its network namespace.
 #[test]
 #[ignore = "needs a network namespace of its own: .ci/run udp-address"]
 fn after_a_change_of_the_machines_address_it_sends_again() {

@@ -1,4 +1,4 @@
-//! States that have a different value in every place.
+//! Test states with a different value in every field.
 
 use bytemuck::Zeroable;
 use equipoise_client::Reading;
@@ -6,7 +6,7 @@ use equipoise_core::body::JOINTS;
 use equipoise_core::message::layout::{Message, Primitive};
 use equipoise_core::message::{State, Validity};
 
-/// Every number of the state is another one, and nothing is withheld.
+/// A state with all numbers different, and all values valid.
 pub(crate) fn state() -> State {
     let mut state = State::zeroed();
     let bytes = bytemuck::bytes_of_mut(&mut state);
@@ -33,7 +33,7 @@ pub(crate) fn state() -> State {
     state
 }
 
-/// A reading of it.
+/// A reading with this state.
 pub(crate) fn reading(state: State) -> Reading {
     Reading {
         state,
@@ -47,7 +47,7 @@ pub(crate) fn reading(state: State) -> Reading {
     }
 }
 
-/// Every set of reasons with one reason alone, none, and all.
+/// Every single validity flag alone, none, and all.
 pub(crate) fn reasons() -> Vec<Validity> {
     let alone = Validity::NAMES.iter().map(|(reason, _)| *reason);
     let all = alone.clone().fold(Validity::default(), Validity::and);

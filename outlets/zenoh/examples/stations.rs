@@ -1,4 +1,4 @@
-//! Many stations' outlets in one process, without daemons, to see what a router and a dashboard bear:
+//! Many stations' gateways in one process, without daemons, to test the load of a router and a dashboard:
 //! `stations ENDPOINT COUNT RATE_HZ SECONDS`.
 
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ fn main() -> anyhow::Result<()> {
         body: false,
         file: None,
     };
-    // As on as many machines: each with a session and a link of its own.
+    // Each station has a session and a link of its own, as if on separate machines.
     let mut outlets = std::thread::scope(|scope| {
         let open = |number| ZenohOutlet::open(&format!("simulated-{number}"), &config);
         let opening: Vec<_> = (1..=count).map(|number| scope.spawn(move || open(number))).collect();
@@ -37,7 +37,7 @@ fn main() -> anyhow::Result<()> {
         joined.collect::<anyhow::Result<Vec<_>>>()
     })?;
     let end = Instant::now() + Duration::from_secs_f64(seconds.parse().context("SECONDS")?);
-    // Nor do they all speak in one moment: each beat is one station's.
+    // Stations take turns: each tick publishes one station.
     let mut beats = Beats::new(rate_hz * f64::from(count), Instant::now());
     for beat in 0.. {
         std::thread::sleep(beats.wait(Instant::now()));
@@ -51,7 +51,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Every value is told, as at a station that is identified and loaded: the longest message.
+/// The longest message: all values valid, as at a station that is identified and loaded.
 fn full(cycle: u64) -> Seen {
     let state = State { cycle, phase: 2, torque_limit_nm: [100.0; JOINTS], ..State::zeroed() };
     let moment_age_ns = Some(0);

@@ -1,7 +1,7 @@
-//! Writing CDR as ROS 2 has it: little-endian, version 1 of the encoding, each number at a multiple of its size, counted
-//! from the end of the four bytes at the head (OMG DDS-RTPS 2.5 §10.5 and DDS-XTypes 1.3 §7.4.1).
+//! Writer for CDR as used by ROS 2: little-endian, version 1 of the encoding, each number aligned to its size, counted
+//! from the end of the four header bytes (OMG DDS-RTPS 2.5 §10.5 and DDS-XTypes 1.3 §7.4.1).
 
-/// The encapsulation's identifier, CDR_LE, and its options, none.
+/// Encapsulation identifier CDR_LE, and options, none.
 const HEAD: [u8; 4] = [0, 1, 0, 0];
 
 /// A message that is being written.
@@ -17,7 +17,7 @@ impl Default for Cdr {
 }
 
 impl Cdr {
-    /// The message with its head.
+    /// The message with its header.
     pub fn finish(self) -> Vec<u8> {
         self.bytes
     }
@@ -58,19 +58,19 @@ impl Cdr {
         self.aligned(&value.to_le_bytes());
     }
 
-    /// `string`: its length and a zero at its end are counted.
+    /// `string`: the length includes the terminating zero.
     pub fn string(&mut self, text: &str) {
         self.length(text.len() + 1);
         self.bytes.extend_from_slice(text.as_bytes());
         self.bytes.push(0);
     }
 
-    /// `float64[N]`, without a length.
+    /// `float64[N]`, without length prefix.
     pub fn array<const N: usize>(&mut self, values: [f64; N]) {
         values.into_iter().for_each(|value| self.f64(value));
     }
 
-    /// A sequence of anything: how many, and each by `write`.
+    /// A sequence: its length, then each item by `write`.
     pub fn sequence<T>(
         &mut self,
         items: impl ExactSizeIterator<Item = T>,
@@ -82,13 +82,13 @@ impl Cdr {
         }
     }
 
-    /// A sequence of at most one: what is absent is an empty one.
+    /// A sequence of at most one item; an absent value is an empty sequence.
     pub fn optional<T>(&mut self, value: Option<T>, write: impl FnMut(&mut Cdr, T)) {
         self.sequence(value.into_iter(), write);
     }
 
     fn length(&mut self, length: usize) {
-        // Nothing of a state comes near four thousand million.
+        // No sequence of a state approaches 2³² items.
         self.u32(u32::try_from(length).unwrap_or(u32::MAX));
     }
 }

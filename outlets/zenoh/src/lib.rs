@@ -1,6 +1,6 @@
-//! A station's states on other machines, by Zenoh: JSON for dashboards, and CDR for ROS 2 nodes on `rmw_zenoh`.
+//! Gateway to other machines over Zenoh: JSON for dashboards, and CDR for ROS 2 nodes on `rmw_zenoh`.
 //!
-//! Floors, ground first: [`cdr`] → [`ros`] → [`json`] → [`session`] → [`outlet`]
+//! Modules, lowest layer first: [`cdr`] → [`ros`] → [`json`] → [`session`] → [`outlet`]
 #![forbid(unsafe_code)]
 
 pub mod cdr;

@@ -1,4 +1,4 @@
-//! What is published at a beat, under which keys, and how.
+//! The gateway: messages of a tick, their keys and their transport settings.
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -19,34 +19,35 @@ use crate::session;
 /// How often peers are counted.
 const COUNT_EVERY: Duration = Duration::from_secs(1);
 
-/// A station's publisher.
+/// Publisher of a station.
 pub struct ZenohOutlet {
     station: String,
-    /// The session's name, which others see in liveliness tokens.
+    /// ID of the session, which liveliness tokens contain.
     session_id: String,
     json: Stream,
     ros: Stream,
     gid: [u8; 16],
-    /// The worker's mass and centre of mass too.
+    /// Whether to publish the worker's mass and centre of mass.
     with_body: bool,
     json_period: Duration,
     json_due: Instant,
     counted: Instant,
     tally: Tally,
-    /// They are taken back when they are dropped; the session outlives them.
+    /// Dropping them withdraws the tokens; the session outlives them.
     _tokens: Vec<LivelinessToken>,
     session: Session,
 }
 
-/// One key and how many messages were put there.
+/// A publisher on one key, and the number of messages it published.
 struct Stream {
     publisher: Publisher<'static>,
     sequence: u64,
 }
 
 impl Stream {
-    /// Whoever is slow loses messages: nothing here waits. What is urgent is sent at once, a packet each; the rest waits
-    /// up to a millisecond for others that go the same way, which spares a router and a dashboard of many stations.
+    /// Slow subscribers lose messages: publishing never blocks. Urgent messages are sent at once, one per packet;
+    /// others wait up to a millisecond for messages on the same link, which reduces the load of a router and of a
+    /// dashboard of many stations.
     fn declare(session: &Session, key: &str, encoding: Encoding, urgent: bool) -> anyhow::Result<Stream> {
         let publisher = session
             .declare_publisher(key.to_owned())
@@ -60,21 +61,21 @@ impl Stream {
     }
 }
 
-/// The key of a station's JSON; dashboards subscribe to `equipoise/*/state`.
+/// Key of a station's JSON; dashboards subscribe to `equipoise/*/state`.
 pub fn json_key(station: &str) -> String {
     format!("equipoise/{station}/state")
 }
 
-/// The liveliness token that stands while a station's outlet runs and can be reached.
+/// Liveliness token that exists while a station's gateway runs and is reachable.
 pub fn alive_key(station: &str) -> String {
     format!("equipoise/{station}/alive")
 }
 
 impl ZenohOutlet {
-    /// Opens a session by the configuration and declares what will be published.
+    /// Opens a session as configured and declares publishers and tokens.
     ///
     /// # Errors
-    /// As [`session::open`].
+    /// Those of [`session::open`].
     pub fn open(station: &str, config: &ZenohConfig) -> anyhow::Result<ZenohOutlet> {
         ZenohOutlet::on(session::open(config)?, station, config)
     }
@@ -152,7 +153,8 @@ impl Outlet for ZenohOutlet {
         }
     }
 
-    /// What a peer's full queue drops is not counted here, for Zenoh does not tell: the peer sees it by the sequence.
+    /// Messages dropped by a peer's full queue are not counted, because Zenoh does not report them; the peer detects
+    /// them by the sequence number.
     fn tally(&self) -> Tally {
         self.tally
     }
@@ -165,7 +167,7 @@ fn count<E>(tally: &mut Tally, put: Result<(), E>) {
     }
 }
 
-/// The wall clock, ns since 1970; 0 before that.
+/// Wall-clock time, ns since 1970; 0 if it is earlier.
 fn unix_ns() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
 }

@@ -1,5 +1,6 @@
-//! How ROS 2 nodes on `rmw_zenoh` find and read a station, by ros2/rmw_zenoh: docs/design.md, and of rmw_zenoh_cpp/src/detail
-//! `liveliness_utils.cpp` (keys, tokens, GID) and `attachment_helpers.cpp`.
+//! Names and metadata by which ROS 2 nodes on `rmw_zenoh` discover and read a station. Source: ros2/rmw_zenoh,
+//! docs/design.md, and in rmw_zenoh_cpp/src/detail `liveliness_utils.cpp` (keys, tokens, GID) and
+//! `attachment_helpers.cpp`.
 
 mod message;
 mod names;
@@ -7,14 +8,14 @@ mod names;
 pub use message::state_message;
 pub use names::RosNames;
 
-/// The message's type as DDS writes it.
+/// DDS type name of the message.
 pub const TYPE_NAME: &str = "equipoise_msgs::msg::dds_::State_";
-/// SHA-256 of the type's description (REP 2016): another definition of any message in it is another number.
-/// `tests/type_hash.rs` works it out of `clients/ros2/equipoise_msgs/msg`.
+/// SHA-256 of the type description (REP 2016); it changes with any message definition that the type contains.
+/// `tests/type_hash.rs` computes it from `clients/ros2/equipoise_msgs/msg`.
 pub const TYPE_HASH: &str = "RIHS01_79eedb78768fc291d31ff82aa164bf0d7ca3a3a33714b4488a51a88094a8ec7d";
 
-/// What `rmw_zenoh` wants beside every message: sequence and source time as little-endian 64-bit integers, and the
-/// publisher's GID after its length.
+/// Attachment that `rmw_zenoh` requires with every message: sequence number and source time as little-endian 64-bit
+/// integers, then the length and the bytes of the publisher's GID.
 pub fn attachment(sequence: u64, now_unix_ns: u64, gid: [u8; 16]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(33);
     bytes.extend_from_slice(&sequence.to_le_bytes());

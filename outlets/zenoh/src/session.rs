@@ -1,4 +1,4 @@
-//! The Zenoh session: only the links that were asked for, and nothing that waits.
+//! The Zenoh session: only configured links, and no blocking on slow peers.
 
 use std::path::Path;
 
@@ -8,18 +8,18 @@ use equipoise_outlets::config::ZenohConfig;
 use serde_json::Value;
 use zenoh::{Config, Session, Wait};
 
-/// A session by the configuration. A router that is not there yet is connected to when it comes.
+/// Opens a session as configured. A router that is not reachable yet is connected to later.
 ///
 /// # Errors
-/// An endpoint or a file that Zenoh does not understand, or an address that cannot be listened at.
+/// Zenoh rejects an endpoint or a file, or cannot listen at an address.
 pub fn open(config: &ZenohConfig) -> anyhow::Result<Session> {
     zenoh::open(settings(config)?).wait().map_err(|error| {
         anyhow!("cannot open a Zenoh session: {error}; see outlets.zenoh.connect and .listen")
     })
 }
 
-/// Zenoh's own defaults would listen at every address and look for others by multicast. Gossip tells a router whom it must
-/// hand messages on to; whoever it tells of is not connected to: links are the configuration's affair.
+/// Zenoh's defaults would listen at every address and discover peers by multicast. Gossip stays on, because a router
+/// needs it for forwarding, but discovered peers are never connected to: only configured links are used.
 const OWN: [(&str, &str); 5] = [
     ("mode", "\"peer\""),
     ("connect/endpoints", "[]"),
@@ -28,7 +28,8 @@ const OWN: [(&str, &str); 5] = [
     ("scouting/gossip/autoconnect", r#"{"router": [], "peer": [], "client": []}"#),
 ];
 
-/// Zenoh's defaults, ours in their place, what the file says in place of ours, and what the section says in place of all.
+/// Merges settings; in order of increasing precedence: Zenoh's defaults, the defaults of this gateway, the file, the
+/// section of the configuration.
 fn settings(config: &ZenohConfig) -> anyhow::Result<Config> {
     let mut settings = match &config.file {
         Some(path) => of_file(path).with_context(|| format!("outlets.zenoh.file = {}", path.display()))?,
@@ -46,35 +47,35 @@ fn settings(config: &ZenohConfig) -> anyhow::Result<Config> {
         }
     }
     refuse_open_secrets(&settings)?;
-    // A queue that is full is a peer that does not read: it loses the message, and the next beat does not wait for it.
+    // A full queue means that the peer does not read: drop the message at once, so that the next tick is not delayed.
     set(&mut settings, "transport/link/tx/queue/congestion_control/drop/wait_before_drop", "0")?;
-    // Batches that wait for a peer; with two, of 64 KiB each, messages are lost whenever the machine is busy for a moment.
+    // Batches queued per peer; with two of 64 KiB each, short busy periods of the machine already lose messages.
     for priority in ["real_time", "data"] {
         set(&mut settings, &format!("transport/link/tx/queue/size/{priority}"), "4")?;
     }
     Ok(settings)
 }
 
-/// What the file says, if nobody else can read it: passwords and keys may stand in it.
+/// Reads the file, if only its owner has access: it may contain passwords and keys.
 fn of_file(path: &Path) -> anyhow::Result<Config> {
     let text = secret::read(path)?;
     let is_json = path.extension().is_some_and(|ending| ending == "json5" || ending == "json");
-    // Zenoh opens other forms itself.
+    // Zenoh parses other formats itself.
     let read = if is_json { Config::from_json5(&text) } else { Config::from_file(path) };
     read.map_err(|error| anyhow!("{error}"))
 }
 
-/// Keys of Zenoh's that name a file with a private key or passwords.
+/// Zenoh settings that name a file with a private key or passwords.
 const SECRET_FILES: [&str; 4] = [
     "transport/link/tls/listen_private_key",
     "transport/link/tls/connect_private_key",
     "transport/auth/usrpwd/dictionary_file",
     "transport/auth/pubkey/private_key_file",
 ];
-/// An endpoint may name its own: `tls/host:port#connect_private_key_file=PATH;…`.
+/// An endpoint may name such a file, too: `tls/host:port#connect_private_key_file=PATH;…`.
 const SECRET_OF_ENDPOINT: &str = "_private_key_file";
 
-/// Refuses files with keys and passwords that others can read: Zenoh itself takes them.
+/// Rejects files with keys and passwords that other users can read; Zenoh itself accepts them.
 fn refuse_open_secrets(settings: &Config) -> anyhow::Result<()> {
     for key in SECRET_FILES {
         if let Some(path) = serde_json::from_str::<Option<String>>(&get(settings, key)?)? {
@@ -91,7 +92,7 @@ fn refuse_open_secrets(settings: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Address, name and path of each file with a key that an endpoint names.
+/// Endpoint address, parameter name and path of each key file that an endpoint names.
 fn own_files(endpoint: &str) -> impl Iterator<Item = (&str, &str, &str)> {
     let (address, own) = endpoint.split_once('#').unwrap_or((endpoint, ""));
     let pairs = own.split(';').filter_map(|pair| pair.split_once('='));
@@ -100,7 +101,7 @@ fn own_files(endpoint: &str) -> impl Iterator<Item = (&str, &str, &str)> {
         .map(move |(name, path)| (address, name, path))
 }
 
-/// Every text in a value: endpoints are a list, or lists by the mode of the session.
+/// Collects all strings of a value: endpoints are a list, or lists per session mode.
 fn texts(value: Value, found: &mut Vec<String>) {
     match value {
         Value::String(text) => found.push(text),
@@ -125,7 +126,7 @@ mod tests {
     use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt as _;
 
-    /// A station's folder, in which nobody else can read anything yet.
+    /// A station's folder; its Zenoh file is readable by its owner only, unless a test changes that.
     struct Folder(tempfile::TempDir);
 
     impl Folder {
@@ -144,7 +145,7 @@ mod tests {
             std::fs::set_permissions(self.path(name), Permissions::from_mode(mode)).expect("its mode");
         }
 
-        /// What Zenoh is told with its file and these keys.
+        /// Resulting settings with the folder's file and these keys.
         fn settings(&self, keys: &str) -> anyhow::Result<Config> {
             let station = format!("station = \"s\"\n[outlets.zenoh]\nfile = \"zenoh.json5\"\n{keys}\n");
             self.put("station.toml", &station, 0o644);
@@ -153,7 +154,7 @@ mod tests {
         }
     }
 
-    /// What Zenoh is told with this file and these keys.
+    /// Resulting settings with this file and these keys.
     fn with_file(file: &str, keys: &str) -> Config {
         Folder::with(file).settings(keys).expect("Zenoh understands it")
     }
@@ -208,7 +209,7 @@ mod tests {
             folder.put("secret", "s", 0o600);
             assert!(folder.settings("").is_ok(), "{named}: nobody else can read it");
         }
-        // Those of the section, too.
+        // Key files named in the section are checked, too.
         let folder = Folder::with("{}");
         folder.put("secret", "s", 0o644);
         let keys = format!("connect = {}", endpoint.replace("PATH", &folder.path("secret")));

@@ -1,4 +1,4 @@
-//! What the outlet writes, read back field by field as the definitions in `clients/ros2` say.
+//! Decodes the gateway's messages field by field, by the definitions in `clients/ros2`.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod msg;
@@ -15,7 +15,7 @@ use equipoise_view::state_json::StateJson;
 use msg::{Definitions, Many};
 use serde_json::{Map, Value, json};
 
-/// Reads CDR, little-endian, by definitions.
+/// Decodes little-endian CDR by the definitions.
 struct Reader<'a> {
     all: &'a Definitions,
     bytes: &'a [u8],
@@ -92,7 +92,7 @@ fn read(bytes: &[u8]) -> Value {
     value
 }
 
-/// A state whose every number is another.
+/// A state with all numbers different.
 fn full_state() -> State {
     let mut state = State { cycle: 71, phase: 2, worst_joint: 3, lifts: 4, mass_kg: 72.5, ..State::zeroed() };
     state.torque_nm = std::array::from_fn(|joint| [joint as f64, joint as f64 + 0.25, -(joint as f64)]);
@@ -178,7 +178,7 @@ fn every_value_arrives_in_the_field_that_the_definition_gives_it() {
     assert_eq!(message["fatigue"][5]["fatigue"], json!(0.05));
 }
 
-// By the JSON's rules, which have tests of their own: what it leaves out must be empty here.
+// Reference: the JSON, which has tests of its own. Fields absent there must be empty here.
 #[test]
 fn each_reason_empties_what_it_spoils_and_nothing_else() {
     let pairs = [

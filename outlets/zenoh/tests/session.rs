@@ -1,4 +1,4 @@
-//! The outlet and a subscriber, each with a Zenoh session of its own, over TCP on loopback.
+//! The gateway and a subscriber, with a Zenoh session each, over TCP on loopback.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 use zenoh::{Config, Session, Wait};
 
-/// What is awaited comes within this, or the test has failed.
+/// Test time-out.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn config(port: u16) -> ZenohConfig {
@@ -59,7 +59,7 @@ fn seen(cycle: u64) -> Seen {
     })
 }
 
-/// Tells `seen` until `count` samples have come, or for as long as it may take.
+/// Publishes `seen` until `count` samples have arrived or the time-out passes.
 fn tell_until(
     outlet: &mut ZenohOutlet,
     seen: &Seen,
@@ -137,7 +137,7 @@ fn with_a_file_only_what_was_asked_for_listens() {
     for table in ["tcp", "tcp6", "udp", "udp6"] {
         let table = std::fs::read_to_string(format!("/proc/self/net/{table}")).unwrap_or_default();
         for row in table.lines().skip(1).map(|row| row.split_whitespace().collect::<Vec<_>>()) {
-            // 0A: listens; 07: a datagram socket that has no other end.
+            // 0A: listening TCP socket; 07: unconnected UDP socket.
             if !["0A", "07"].contains(&row[3]) || !ours.contains(&format!("socket:[{}]", row[9])) {
                 continue;
             }

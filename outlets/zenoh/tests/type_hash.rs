@@ -1,5 +1,6 @@
-//! The type's hash, worked out of the definitions as REP 2016 and rosidl_generator_type_description say: SHA-256 of the
-//! description as JSON with Python's usual separators, referenced types by name. Without it no subscriber finds the topic.
+//! Computes the type's hash from the definitions as REP 2016 and rosidl_generator_type_description specify: SHA-256 of
+//! the description as JSON with Python's default separators, referenced types sorted by name. With a wrong hash no
+//! subscriber matches the topic.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod msg;
@@ -56,7 +57,7 @@ fn description(all: &Definitions, name: &str) -> String {
     format!("{{\"type_name\": \"{name}\", \"fields\": [{}]}}", fields.join(", "))
 }
 
-// As ROS 2 Jazzy has them in its own packages.
+// Hashes from the packages of ROS 2 Jazzy.
 #[test]
 fn the_hashes_of_ros_2_come_out() {
     let all = msg::of_others();

@@ -10,9 +10,9 @@ use crate::faults::Faults;
 use crate::plate_server::{PlateServer, Wish};
 use crate::wires::ati_rdt::{Family, Page};
 
-/// Of a pound-force.
+/// Newtons per pound-force.
 const NEWTONS: f64 = 4.448_221_615_260_5;
-/// Of an inch.
+/// Metres per inch.
 const METRES: f64 = 0.0254;
 
 /// The device.
@@ -57,13 +57,13 @@ impl AtiRdt {
         })
     }
 
-    /// Its owner has set pounds and inches: the page says what a count is in those.
+    /// Sets the units to pounds and inches; the page reports the scale of the counts in them.
     #[must_use]
     pub fn in_pounds(self) -> AtiRdt {
         AtiRdt { pounds: true, ..self }
     }
 
-    /// Where its page is.
+    /// Address of its page.
     pub fn page_address(&self) -> SocketAddr {
         self.page.address()
     }

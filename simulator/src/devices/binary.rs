@@ -15,11 +15,11 @@ pub struct Binary {
     mounting: Mounting,
 }
 
-/// Speed of its line, if it has one, baud.
+/// Baud rate of its serial line.
 const BAUD: u32 = 921_600;
 
 impl Binary {
-    /// A plate that sends so many frames a second.
+    /// A plate that sends frames at this rate.
     pub fn new(mut line: Line, rate_hz: f64, mounting: Mounting) -> Binary {
         line.port().set_baud(BAUD);
         Binary { line, rate_hz, mounting }

@@ -13,15 +13,15 @@ pub struct Bota {
     line: Line,
     dialogue: Dialogue,
     mounting: Mounting,
-    /// The host that was greeted.
+    /// Session of the host that has received the greeting.
     greeted: u64,
 }
 
-/// The filter's length that makes 200 samples a second.
+/// Filter length for 200 samples a second.
 const SINC: u32 = 256;
 
 impl Bota {
-    /// A sensor that runs.
+    /// A running sensor.
     pub fn new(mut line: Line, mounting: Mounting) -> Bota {
         let dialogue = Dialogue::new(SINC);
         line.port().set_baud(dialogue.baud);
@@ -32,7 +32,7 @@ impl Bota {
 impl Device for Bota {
     fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
         let heard = self.line.port().hear()?;
-        // Powered by the line that was just opened, it starts then.
+        // The sensor is powered by the line and starts when it is opened.
         if self.line.is_open() && self.greeted != self.line.port().session() {
             self.greeted = self.line.port().session();
             self.line.answer(Dialogue::GREETING)?;

@@ -1,4 +1,4 @@
-//! What presses on a device: the same person, felt by plates of any axes and sign, or by soles.
+//! Load on a device: the same simulated human as measured by plates of any axes and sign, or by insoles.
 
 use equipoise_core::body::Side;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -9,7 +9,7 @@ use crate::person::Person;
 use crate::plate::Plate;
 use crate::two_plates::ground_reaction_per_foot;
 
-/// What a device measures at one moment.
+/// Inputs of a device at one sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Felt {
     /// Simulated time, s.
@@ -18,36 +18,36 @@ pub struct Felt {
     pub number: u32,
     /// The device's own time of it, s.
     pub device_s: f64,
-    /// What each plate's sensor feels, in its axes, about its origin.
+    /// Wrench on each plate's sensor, in its axes, about its origin.
     pub plates: Vec<Wrench>,
-    /// What presses on the left and the right sole.
+    /// Load of the left and right sole.
     pub soles: [Sole; 2],
 }
 
-/// What presses on one sole.
+/// Load of one sole.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sole {
     /// Force along the sole's normal, N.
     pub normal_n: f64,
-    /// Where it acts from the sole's middle: X to the tip, Y to the left, m.
+    /// Point of action from the middle of the sole: X to the tip, Y to the left, m.
     pub cop_m: Vector2<f64>,
     /// Length and width of the sole, m.
     pub size_m: [f64; 2],
 }
 
-/// How a plate is built in.
+/// Mounting of a plate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Mounting {
-    /// Where it stands.
+    /// Pose of the plate.
     pub plate: Plate,
-    /// Its z points down and its y to the other side, as those of Kistler and AMTI.
+    /// Its z axis points down and its y axis to the other side, as with Kistler and AMTI.
     pub z_down: bool,
-    /// It tells the force on the person instead of that on itself.
+    /// Reports the force on the person instead of the force on the sensor.
     pub reaction: bool,
 }
 
 impl Mounting {
-    /// What the sensor tells when the ground does `on_person` to the person, about the origin on the floor.
+    /// Output of the sensor for a wrench `on_person` of the ground on the person, about the origin on the floor.
     pub fn tells(&self, on_person: &Wrench) -> Wrench {
         let felt = self.plate.felt(&self.plate.in_the_station(on_person));
         let sign = if self.reaction { -1.0 } else { 1.0 };
@@ -56,7 +56,7 @@ impl Mounting {
         Wrench { force_n: turn * felt.force_n * sign, moment_nm: turn * felt.moment_nm * sign }
     }
 
-    /// The keys of a configuration that say so, for the section `table`.
+    /// The matching keys of a configuration, for the section `table`.
     pub fn config(&self, table: &str) -> String {
         let Plate { origin_m, yaw_rad, surface_height_m, .. } = self.plate;
         format!(
@@ -69,7 +69,7 @@ impl Mounting {
     }
 }
 
-/// What is under a person.
+/// Devices under a person.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ground {
     /// One plate under both feet.
@@ -78,7 +78,7 @@ pub enum Ground {
     Two([Mounting; 2]),
 }
 
-/// Each foot's part of the ground's action, and what the soles feel of it.
+/// Part of the ground reaction on each foot, and the resulting load of the soles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnFeet {
     /// On the person, about the origin of the floor: left, right.
@@ -88,7 +88,7 @@ pub struct OnFeet {
 }
 
 impl OnFeet {
-    /// What a worker's feet bear at a time, each pressing where it likes: `press_m` from the ankles.
+    /// Load of a worker's feet at a time, with the pressure point of each foot `press_m` from its ankle.
     pub fn of(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> OnFeet {
         let wrench = ground_reaction_per_foot(worker, time_s, press_m);
         let body = worker.sample(time_s);
@@ -96,13 +96,13 @@ impl OnFeet {
         OnFeet { wrench, soles }
     }
 
-    /// The whole, on the person, about the origin of the floor.
+    /// The sum, on the person, about the origin of the floor.
     pub fn whole(&self) -> Wrench {
         let [left, right] = self.wrench;
         Wrench { force_n: left.force_n + right.force_n, moment_nm: left.moment_nm + right.moment_nm }
     }
 
-    /// What plates under these feet feel.
+    /// Wrenches on the plates under these feet.
     pub fn on(&self, ground: &Ground) -> Vec<Wrench> {
         match ground {
             Ground::One(plate) => vec![plate.tells(&self.whole())],
@@ -113,7 +113,7 @@ impl OnFeet {
     }
 }
 
-/// A wrench on a foot as its sole feels it: what presses along the sole's normal, and where.
+/// Load of a sole by a wrench on its foot: force along the sole's normal, and its point of action.
 fn sole(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> Sole {
     let (index, extent) = (side.foot().index(), person.sole_m);
     let world_from_foot = body.world_from_segment[index];
@@ -156,7 +156,7 @@ mod tests {
             reaction: false,
         };
         let told = feet.on(&Ground::Two([at(0.2), at(-0.2)]));
-        // Load reads positive on a sensor whose z points down.
+        // On a sensor whose z axis points down, a load is positive.
         assert!(told.iter().all(|plate| plate.force_n.z > 100.0));
         let sum: f64 = told.iter().map(|plate| plate.force_n.z).sum();
         assert!((sum - feet.whole().force_n.z).abs() < 1e-9);
@@ -170,7 +170,7 @@ mod tests {
         for (z_down, reaction) in [(false, false), (false, true), (true, false), (true, true)] {
             let told = Mounting { plate, z_down, reaction }.tells(&feet.whole());
             let ([x, y], h) = ([told.force_n.x, told.force_n.y], plate.surface_height_m);
-            // The surface lies h against a z that points down, and along one that points up.
+            // The surface is at −h along a z axis that points down, and at +h along one that points up.
             let h = if z_down { -h } else { h };
             let in_plate = Vector2::new(h * x - told.moment_nm.y, h * y + told.moment_nm.x) / told.force_n.z;
             let upright = Vector3::new(in_plate.x, if z_down { -in_plate.y } else { in_plate.y }, 0.0);

@@ -1,4 +1,4 @@
-//! As much HTTP as a small device has: one request, one answer, closed.
+//! A minimal HTTP server, as in a small device: one request, one response, close.
 
 use std::io;
 use std::net::SocketAddr;
@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use super::port::Port;
 use super::tcp::TcpPort;
 
-/// Nobody sends a device more than this, bytes.
+/// Maximum size of a request, bytes.
 const REQUEST_MAX: usize = 1 << 16;
 
 /// A request.
@@ -14,7 +14,7 @@ const REQUEST_MAX: usize = 1 << 16;
 pub struct Request {
     /// `GET`, `POST`.
     pub method: String,
-    /// The path, without what is behind a question mark.
+    /// The path, without the query string.
     pub path: String,
     /// The body.
     pub body: String,
@@ -37,15 +37,15 @@ impl HttpPort {
         Ok(HttpPort { port: TcpPort::bind(address)?, session: 0, heard: Vec::new() })
     }
 
-    /// Where it listens.
+    /// The listening address.
     pub fn address(&self) -> SocketAddr {
         self.port.address()
     }
 
-    /// The next request, once it is whole; [`Self::answer`] answers it.
+    /// The next request, once complete; [`Self::answer`] answers it.
     ///
     /// # Errors
-    /// Those of this machine.
+    /// Errors of the operating system.
     pub fn request(&mut self) -> io::Result<Option<Request>> {
         let bytes = self.port.hear()?;
         if self.port.session() != self.session {
@@ -65,7 +65,7 @@ impl HttpPort {
     /// Answers and closes.
     ///
     /// # Errors
-    /// Those of this machine.
+    /// Errors of the operating system.
     pub fn answer(&mut self, status: &str, kind: &str, body: &str) -> io::Result<()> {
         let head = format!(
             "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
@@ -90,7 +90,7 @@ impl HttpPort {
     }
 }
 
-/// A request that is whole.
+/// Parses a complete request.
 fn parsed(heard: &[u8]) -> Option<Request> {
     let end = heard.windows(4).position(|four| four == b"\r\n\r\n")?;
     let head = String::from_utf8_lossy(&heard[..end]).into_owned();

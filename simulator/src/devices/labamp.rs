@@ -1,4 +1,5 @@
-//! A Kistler LabAmp with a plate of eight channels: set up over HTTP, streaming over a TCP port that it opens for it.
+//! A Kistler LabAmp with a plate of eight channels: configured over HTTP, streaming over a TCP port that it opens on
+//! request.
 
 use std::io;
 use std::net::SocketAddr;
@@ -12,7 +13,7 @@ use super::{Asked, Device, Suffered};
 use crate::faults::Faults;
 use crate::wires::labamp::{self, Asked as Rest, EightChannels, Signal};
 
-/// What its eight channels are called, in force.
+/// Unit of its eight channels, force.
 const UNIT: &str = "N";
 
 /// The amplifier.
@@ -28,9 +29,9 @@ pub struct LabAmp {
     opened: u32,
     sequence: u32,
     scans: Vec<Vec<f32>>,
-    /// Device time of the first scan that waits, s.
+    /// Device time of the first pending scan, s.
     first_s: f64,
-    /// The clock's time of day when the device's time was zero, s.
+    /// Unix time at device time zero, s.
     unix_s: f64,
 }
 
@@ -85,7 +86,8 @@ impl LabAmp {
         Ok(None)
     }
 
-    /// Scans that say the same: no body changes within a millisecond, and nobody has the time to compute 200 000 a second.
+    /// Number of scans with the same values: a body hardly changes within a millisecond, and 200 000 evaluations a
+    /// second would take too long.
     fn repeated(&self) -> f64 {
         (self.rate_hz / 2500.0).ceil()
     }

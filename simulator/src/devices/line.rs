@@ -1,4 +1,4 @@
-//! A port with a bad day: what a device sends arrives as the faults of its way leave it, and each is counted.
+//! A port with faults: packets pass through the connection's faults, and each fault is counted.
 
 use std::io;
 
@@ -7,14 +7,14 @@ use crate::faults::{Faults, FaultyStream};
 
 pub use crate::faults::Suffered;
 
-/// A port behind faults. Samples go through them, answers of a dialogue do not.
+/// A port behind faults. They affect samples, not the answers of a dialogue.
 pub struct Line {
     port: Box<dyn Port>,
     stream: FaultyStream,
 }
 
 impl Line {
-    /// A way without faults yet.
+    /// A connection without faults so far.
     pub fn new(port: Box<dyn Port>, seed: u64) -> Line {
         Line { port, stream: FaultyStream::new(Faults::default(), seed) }
     }
@@ -39,7 +39,7 @@ impl Line {
         self.port.is_open()
     }
 
-    /// Sends a packet of so many samples through the faults; nothing happens without a host.
+    /// Sends a packet with this number of samples through the faults; does nothing without a host.
     ///
     /// # Errors
     /// Those of the port.
@@ -57,7 +57,7 @@ impl Line {
         self.port.write(&bytes)
     }
 
-    /// Sends an answer, whole and undamaged.
+    /// Sends an answer, complete and undamaged.
     ///
     /// # Errors
     /// Those of the port.
@@ -65,12 +65,12 @@ impl Line {
         self.port.write(bytes)
     }
 
-    /// What became of what was sent.
+    /// Counters of the sent samples.
     pub fn suffered(&self) -> Suffered {
         self.stream.suffered()
     }
 
-    /// Another way from the next packet on.
+    /// Replaces the faults from the next packet on.
     pub fn set_faults(&mut self, faults: Faults) {
         self.stream.set_faults(faults);
     }

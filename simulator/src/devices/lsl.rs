@@ -13,11 +13,11 @@ use crate::wires::lsl::{
     take_request, time_data,
 };
 
-/// Which channel is what.
+/// Assignment of the channels.
 const CHANNELS: &str = "fx = \"Fx\"\nfy = \"Fy\"\nfz = \"Fz\"\nmx = \"Mx\"\nmy = \"My\"\nmz = \"Mz\"\n";
-/// The outlet's clock when the device's time was zero, s: it runs since the computer was started.
+/// The outlet's clock at device time zero, s: it counts since the computer's start.
 const CLOCK_S: f64 = 5000.0;
-/// Groups in which streams are looked for on one machine and in one network.
+/// Multicast groups for discovery on one machine and in one network.
 const GROUPS: [Ipv4Addr; 2] = [Ipv4Addr::new(224, 0, 0, 183), Ipv4Addr::new(239, 255, 172, 215)];
 
 /// The outlet.
@@ -35,8 +35,8 @@ pub struct Lsl {
 }
 
 impl Lsl {
-    /// An outlet of a name whose samples come from an address (port 0: any free one). A discoverable one is found by its name;
-    /// the port of its other services is then one where those are looked for, if there is a free one.
+    /// An outlet with a name, whose samples come from an address (port 0: any free one). A discoverable one is found by
+    /// its name; the port of its other services is then one of the discovery range, if one is free.
     ///
     /// # Errors
     /// Those of the sockets.
@@ -72,7 +72,7 @@ impl Lsl {
             discoverable,
             feed: Line::new(Box::new(feed), seed),
             service: Some(service),
-            // Another outlet of this computer may have the port to itself.
+            // Another outlet of this computer may hold the port exclusively.
             discovery: if discoverable { discovery().ok() } else { None },
             session: 0,
             heard: Vec::new(),
@@ -87,7 +87,7 @@ impl Lsl {
                 let (length, from) = match socket.recv_from(&mut bytes) {
                     Ok(received) => received,
                     Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                    // An answer that nobody wanted any more.
+                    // The peer no longer waits for an answer.
                     Err(_) => break,
                 };
                 let (answer, to) = match question(&bytes[..length]) {
@@ -106,12 +106,12 @@ impl Lsl {
     }
 }
 
-/// Where streams are looked for: shared with every other outlet of this computer.
+/// The discovery port, shared with every other outlet of this computer.
 fn discovery() -> io::Result<UdpSocket> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, DISCOVERY_PORT))?;
     socket.set_nonblocking(true)?;
     for group in GROUPS {
-        // A machine without a network has no group to join; what is asked of it directly is answered still.
+        // Without a network, joining a group fails; unicast queries are still answered.
         let _ = socket.join_multicast_v4(&group, &Ipv4Addr::LOCALHOST);
         let _ = socket.join_multicast_v4(&group, &Ipv4Addr::UNSPECIFIED);
     }
@@ -142,7 +142,7 @@ impl Device for Lsl {
                 Request::Feed { .. } => self.feed.answer(b"LSL/110 404 Not found")?,
                 Request::ShortInfo(_) | Request::Unknown => {}
             }
-            // All but the feed is said once, and the connection ends.
+            // All responses except the feed are sent once, and the connection is closed.
             self.feed.port().hang_up();
         }
         Ok(Asked::default())
@@ -183,7 +183,7 @@ impl Device for Lsl {
     }
 
     fn config(&self) -> String {
-        // One that is found needs no address.
+        // A discoverable outlet needs no address.
         let [address, _] =
             if self.discoverable { [String::new(), String::new()] } else { self.feed.config("ground") };
         format!(

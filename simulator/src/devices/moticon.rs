@@ -1,4 +1,4 @@
-//! Moticon's insoles, as their software sends them on.
+//! Moticon's insoles, in the data stream of their software.
 
 use core::fmt::Write;
 use std::io;
@@ -9,7 +9,7 @@ use super::{Asked, Device, Suffered};
 use crate::faults::Faults;
 use crate::wires::moticon::{Channel, Insole, datagram};
 
-/// The insoles, the phone and the software in one.
+/// Insoles, phone and software in one.
 pub struct Moticon {
     line: Line,
     channels: Vec<Channel>,
@@ -19,14 +19,14 @@ pub struct Moticon {
 }
 
 impl Moticon {
-    /// Insoles of that size (length, width, m) whose user ticked these channels.
+    /// Insoles of a size (length, width, m) with the selected channels.
     pub fn new(line: Line, channels: &[Channel], rate_hz: f64, size_m: [f64; 2]) -> Moticon {
         Moticon { line, channels: channels.to_vec(), rate_hz, size_m }
     }
 }
 
-/// What one sole says: its load and where, spread over sixteen cells alike, and at rest. Both insoles count y towards the
-/// outer edge; no source says which way Moticon's do.
+/// Data of one sole: its load and centre of pressure, spread evenly over sixteen cells, at rest. Both insoles count y
+/// towards the outer edge; the direction of Moticon's y axis is undocumented.
 fn insole(sole: &Sole, outward: f64) -> Insole {
     let [length, width] = sole.size_m;
     let area_cm2 = length * width * 1e4;
@@ -49,7 +49,7 @@ impl Device for Moticon {
     }
 
     fn measure(&mut self, felt: &Felt) -> io::Result<()> {
-        // The insole fits the foot: its own size is that of the sole.
+        // The insole fits the foot: its size equals the sole's.
         let [left, right] = felt.soles.map(|sole| Sole { size_m: self.size_m, ..sole });
         let feet = [insole(&left, 1.0), insole(&right, -1.0)];
         self.line.send(datagram(felt.device_s, &feet, &self.channels).as_bytes(), 1)

@@ -1,4 +1,4 @@
-//! Xsens MVN as a device among the others: it streams a person's frames over UDP, or over TCP to a host that listens.
+//! Xsens MVN as a device: it streams a person's frames over UDP, or over TCP to a listening host.
 
 use std::io;
 
@@ -8,7 +8,7 @@ use super::{Asked, Device, Suffered};
 use crate::faults::Faults;
 use crate::wire::SuitFrame;
 
-/// What the suit sees at a simulated time (s), under its own counter and time (ms).
+/// The suit's frame at a simulated time (s), with its own counter and time (ms).
 pub type See = Box<dyn Fn(f64, u32, u32) -> SuitFrame + Send>;
 
 /// MVN.
@@ -16,13 +16,13 @@ pub struct Mvn {
     line: Line,
     rate_hz: f64,
     see: See,
-    /// Datagrams that tell who it is, sent once a second.
+    /// Datagrams with identity and calibration, sent once a second.
     introduction: Vec<Vec<u8>>,
     tcp: bool,
 }
 
 impl Mvn {
-    /// MVN at the end of a line (TCP or UDP) that sends what `see` says.
+    /// MVN at the end of a line (TCP or UDP) that sends the frames of `see`.
     pub fn new(mut line: Line, rate_hz: f64, see: See, introduction: Vec<Vec<u8>>) -> Mvn {
         let tcp = !line.port().keeps_boundaries();
         Mvn { line, rate_hz, see, introduction, tcp }
@@ -46,7 +46,7 @@ impl Device for Mvn {
             }
         }
         let frame = (self.see)(felt.time_s, felt.number, (felt.device_s * 1000.0) as u32);
-        // Its first datagram is the pose; without it the others are no sample.
+        // Its first datagram is the pose; the others alone are no sample.
         let datagrams = frame.datagrams().map_err(io::Error::other)?;
         for (samples, datagram) in [1].into_iter().chain(core::iter::repeat(0)).zip(datagrams) {
             self.line.send(&datagram, samples)?;

@@ -1,4 +1,4 @@
-//! Two devices that are one ground for the daemon: side by side with a foot on each, or a plate and insoles.
+//! Two devices that form one ground device for the daemon: adjacent plates with a foot on each, or a plate and insoles.
 
 use std::io;
 
@@ -25,7 +25,7 @@ impl Pair {
     }
 }
 
-/// A section of one device, as that of one foot.
+/// Turns one device's section into that of one foot.
 fn of_foot(config: &str, foot: &str) -> String {
     config.replacen("\n", &format!("\nfoot = \"{foot}\"\n"), 1)
 }

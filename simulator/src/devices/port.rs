@@ -1,51 +1,51 @@
-//! A way between a device and a host, as the device has it.
+//! A connection between a device and a host, device side.
 
 use std::io;
 
 /// The device's end of a serial line, a TCP connection or a UDP socket.
 pub trait Port: Send {
-    /// What the host has said since the last call; lets a host in that waits at the door.
+    /// Bytes received from the host since the last call; accepts a pending connection.
     ///
     /// # Errors
-    /// Those of this machine; that nobody is there is none.
+    /// Errors of the operating system; an absent host is no error.
     fn hear(&mut self) -> io::Result<Vec<u8>>;
 
-    /// Whether a host is there to listen.
+    /// Whether a host is connected.
     fn is_open(&self) -> bool;
 
-    /// Grows by one for every host that comes: what was agreed with the one before is void.
+    /// Increments with every new host: settings agreed with the previous one are void.
     fn session(&self) -> u64;
 
-    /// Sends bytes as they are; nothing happens without a host. What a slow host does not take is lost.
+    /// Sends bytes unchanged; does nothing without a host. Bytes that a slow host does not accept are lost.
     ///
     /// # Errors
     /// As [`Self::hear`].
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Whether each call of [`Self::write`] is a datagram of its own.
+    /// Whether each call of [`Self::write`] is a separate datagram.
     fn keeps_boundaries(&self) -> bool {
         false
     }
 
-    /// Speed of the device's end, baud; only a serial line has one.
+    /// Sets the baud rate of the device's end; only a serial line has one.
     fn set_baud(&mut self, _baud: u32) {}
 
-    /// Ends the connection, where there is one, as a device that is done with its host.
+    /// Closes the connection, where there is one, from the device's side.
     fn hang_up(&mut self) {}
 
-    /// Pulled out.
+    /// Disconnects the device.
     fn unplug(&mut self);
 
-    /// Back under the same name.
+    /// Reconnects it under the same name.
     ///
     /// # Errors
-    /// The name was taken meanwhile.
+    /// The name is in use by now.
     fn plug(&mut self) -> io::Result<()>;
 
-    /// What it is, as a configuration says: `serial`, `tcp`, `udp`.
+    /// Its kind in a configuration: `serial`, `tcp`, `udp`.
     fn kind(&self) -> &'static str;
 
-    /// The keys of a configuration that lead here, for the section `table`, in two parts: those of the section itself, and
-    /// sections below it.
+    /// The configuration keys for this connection, for the section `table`, in two parts: those of the section itself,
+    /// and its subsections.
     fn config(&self, table: &str) -> [String; 2];
 }

@@ -12,10 +12,10 @@ use crate::wires::qtm::{
     parameters, take_packet, text_packet,
 };
 
-/// Frames of the cameras a second, and forces of each.
+/// Camera frames a second, and force samples per frame.
 const FRAMES_HZ: f64 = 100.0;
 const FORCES_OF_A_FRAME: u32 = 10;
-/// The event of a program that ends.
+/// The event of a program that terminates.
 const SHUTTING_DOWN: u8 = 12;
 
 /// The program.
@@ -26,7 +26,7 @@ pub struct Qtm {
     session: u64,
     heard: Vec<u8>,
     stream: Option<Stream>,
-    /// Forces since the last frame that was sent.
+    /// Forces since the last sent frame.
     gathered: Vec<Plate>,
     frame: u32,
     forces: u32,
@@ -40,7 +40,7 @@ struct Stream {
 }
 
 impl Qtm {
-    /// With so many plates of the same kind.
+    /// QTM with this number of plates of the same kind.
     pub fn new(line: Line, plates: usize, mounting: Mounting) -> Qtm {
         Qtm {
             line,
@@ -85,7 +85,7 @@ impl Qtm {
     }
 }
 
-/// A force as QTM tells it: force, moment, and where it acts on the plane of the sensor's origin, mm.
+/// A force in QTM's format: force, moment, and point of application on the plane of the sensor's origin, mm.
 fn told(Wrench { force_n: f, moment_nm: m }: &Wrench) -> [f32; 9] {
     let at_mm = if f.z.abs() < 5.0 { [0.0; 2] } else { [-1000.0 * m.y / f.z, 1000.0 * m.x / f.z] };
     [f.x, f.y, f.z, m.x, m.y, m.z, at_mm[0], at_mm[1], 0.0].map(|number| number as f32)
@@ -156,7 +156,7 @@ impl Device for Qtm {
     }
 
     fn unplug(&mut self) {
-        // Ended in order, it says so.
+        // A regular end is announced.
         let _ = self.line.answer(&packet(Kind::Event, &[SHUTTING_DOWN]));
         self.line.port().unplug();
     }

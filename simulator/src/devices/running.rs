@@ -1,4 +1,4 @@
-//! A device in a thread of its own, with the clock and the jitter that it has.
+//! Runs a device in its own thread, with its clock and jitter.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,28 +15,28 @@ use crate::faults::Faults;
 use crate::noise::PlateNoise;
 use crate::random::Random;
 
-/// How often a device listens while no sample is due, s.
+/// Polling interval while no sample is due, s.
 const LISTEN_S: f64 = 0.004;
 
-/// What presses on the feet at a simulated time, s.
+/// Load of the feet at a simulated time, s.
 pub type Load = Arc<dyn Fn(f64) -> OnFeet + Send + Sync>;
 
-/// How a device keeps time.
+/// A device's clock and delays.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pace {
     /// CLOCK_MONOTONIC at simulated time 0, ns.
     pub start_ns: u64,
-    /// How much faster than true time the device's clock runs, millionths.
+    /// Rate error of the device's clock, ppm; positive if fast.
     pub drift_ppm: f64,
-    /// A sample is sent up to so much after it was measured, s.
+    /// Maximum delay from measurement to sending, s.
     pub jitter_s: f64,
     /// White noise of every plate.
     pub noise: Option<PlateNoise>,
-    /// Luck.
+    /// Random seed.
     pub seed: u64,
 }
 
-/// Orders to the thread, and what it tells.
+/// Commands to the thread, and its counters.
 #[derive(Debug, Default)]
 struct Orders {
     faults: Option<Faults>,
@@ -46,7 +46,7 @@ struct Orders {
     measured: u64,
 }
 
-/// A device that runs. Dropped, it stops.
+/// A running device. Dropping it stops it.
 pub struct Running {
     config: String,
     orders: Arc<Mutex<Orders>>,
@@ -58,7 +58,7 @@ impl Running {
     /// Starts a device under a load.
     ///
     /// # Errors
-    /// There is no room for another thread.
+    /// The thread could not be created.
     pub fn start(mut device: Box<dyn Device>, ground: Ground, load: Load, pace: Pace) -> io::Result<Running> {
         let config = device.config();
         let orders = Arc::new(Mutex::new(Orders { plugged: true, ..Orders::default() }));
@@ -81,22 +81,22 @@ impl Running {
         &self.config
     }
 
-    /// The way to the host is another from the next sample on.
+    /// Replaces the connection's faults from the next sample on.
     pub fn set_faults(&self, faults: Faults) {
         self.order(|orders| orders.faults = Some(faults));
     }
 
-    /// Pulls the device out, or plugs it in again.
+    /// Disconnects or reconnects the device.
     pub fn plug(&self, plugged: bool) {
         self.order(|orders| orders.plugged = plugged);
     }
 
-    /// It says nothing (or speaks again), though it is there.
+    /// Stops or resumes sending; the device stays connected.
     pub fn silence(&self, silent: bool) {
         self.order(|orders| orders.silent = silent);
     }
 
-    /// What became of what it sent, up to its last sample.
+    /// Counters of the sent samples, up to the last one.
     pub fn suffered(&self) -> Suffered {
         self.order(|orders| orders.suffered)
     }
@@ -109,7 +109,7 @@ impl Running {
     /// Stops it.
     ///
     /// # Errors
-    /// What ended it before its time.
+    /// The error that ended the device early.
     pub fn stop(mut self) -> io::Result<()> {
         self.join()
     }
@@ -123,7 +123,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Who drops without asking does not want to know.
+        // Dropped without `stop`: errors are ignored.
         let _ = self.join();
     }
 }
@@ -133,7 +133,7 @@ struct Runner {
     load: Load,
     pace: Pace,
     random: Random,
-    /// What each plate felt when it was last told that this is nothing.
+    /// Wrench of each plate at its last zeroing.
     zero: Vec<Wrench>,
     plugged: bool,
 }
@@ -142,7 +142,7 @@ impl Runner {
     fn run(&mut self, device: &mut dyn Device, orders: &Mutex<Orders>, stop: &AtomicBool) -> io::Result<()> {
         let faster = 1.0 + self.pace.drift_ppm * 1e-6;
         let mut clock = DeviceClock::new(device.rate_hz() * faster);
-        // The first sample is one of now, whenever simulated time began.
+        // The first sample is taken now, whenever simulated time began.
         let mut number = 0_u32;
         let begun_s = self.now_s();
         while !stop.load(Ordering::Relaxed) {

@@ -1,7 +1,7 @@
-//! A serial line: a pair of pseudo-terminals. The host opens a name that stays the same however often the device is
-//! pulled out; the device has the other end.
+//! A serial line: a pair of pseudo-terminals. The host opens a name that stays the same across reconnections; the
+//! device has the other end.
 //!
-//! Pseudo-terminals have no speed, so the device looks at the one that the host has set: if it is not its own, both hear
+//! Pseudo-terminals have no baud rate, so the device reads the host's setting: if it differs from its own, both receive
 //! only noise, as on a real line.
 
 use std::fs::File;
@@ -16,10 +16,10 @@ use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 use super::port::Port;
 use crate::random::Random;
 
-/// What a converter keeps for a host that is late, bytes.
+/// Buffer of a USB converter for a slow host, bytes.
 const WAITING_MAX: usize = 1 << 16;
 
-/// A host's end counts as open once this is so: a line that still echoes is being opened.
+/// A host's end counts as open once these are cleared: a line that still echoes is being opened.
 const NOT_YET: LocalModes = LocalModes::ECHO.union(LocalModes::ICANON);
 
 /// The device's end.
@@ -30,26 +30,26 @@ pub struct SerialPort {
     baud: u32,
     session: u64,
     host: Host,
-    /// Sent, and not yet taken by the system.
+    /// Written, and not yet accepted by the kernel.
     waiting: Vec<u8>,
     noise: Random,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Host {
-    /// Nobody has opened the line.
+    /// No process has opened the line.
     Away,
-    /// Somebody has, at another speed than ours.
+    /// Open at a different baud rate.
     Deaf,
-    /// Somebody has, and we understand each other.
+    /// Open at the device's baud rate.
     There,
 }
 
 impl SerialPort {
-    /// A line under a name (a symbolic link, made here and removed with the port), at the device's speed.
+    /// A line with a name (a symbolic link, created here and removed with the port), at the device's baud rate.
     ///
     /// # Errors
-    /// The name is taken, or there are no pseudo-terminals.
+    /// The name is in use, or there are no pseudo-terminals.
     pub fn new(name: &Path, baud: u32) -> io::Result<SerialPort> {
         let noise = Random::new(u64::from(baud), "serial noise");
         let mut port = SerialPort {
@@ -99,7 +99,7 @@ impl Port for SerialPort {
         let heard = match master.read(&mut bytes) {
             Ok(length) => bytes[..length].to_vec(),
             Err(error) if error.kind() == ErrorKind::WouldBlock => Vec::new(),
-            // What the system says when no host has the line open.
+            // The kernel's error if no host has the line open.
             Err(error) if error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error()) => {
                 self.host = Host::Away;
                 return Ok(Vec::new());
@@ -107,7 +107,7 @@ impl Port for SerialPort {
             Err(error) => return Err(error),
         };
         self.look()?;
-        // At another speed the bits are others.
+        // At another baud rate the bits differ.
         Ok(if self.host == Host::There { heard } else { Vec::new() })
     }
 
@@ -130,7 +130,7 @@ impl Port for SerialPort {
                 self.waiting.extend(noise);
             }
         }
-        // A host that does not read for so long misses all of it, as a converter's memory overflows.
+        // If the host stops reading, the buffer overflows and its content is lost, as in a converter.
         if self.waiting.len() > WAITING_MAX {
             self.waiting.clear();
         }
@@ -148,7 +148,7 @@ impl Port for SerialPort {
     }
 
     fn unplug(&mut self) {
-        // As with a converter that is pulled out: the name goes, and whoever has it open is told.
+        // As when a USB converter is unplugged: the name disappears, and processes that hold it open get an error.
         if self.master.take().is_some() {
             let _ = std::fs::remove_file(&self.name);
         }
@@ -164,7 +164,7 @@ impl Port for SerialPort {
         unlockpt(&master)?;
         let slave = ptsname(&master, Vec::new())?;
         let slave = slave.into_string().map_err(io::Error::other)?;
-        // Opened and closed once: only then does the system tell when nobody has it open.
+        // Open and close it once: only then does the kernel report that no process has it open.
         let opened = File::options().read(true).write(true).open(&slave)?;
         let mut settings = tcgetattr(&opened)?;
         settings.make_raw();

@@ -1,11 +1,11 @@
-//! TCP, the device being the server: one host at a time, the later one wins.
+//! TCP with the device as the server: one host at a time, a new one replaces the previous.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use super::port::Port;
 
-/// More than this and the host has stopped reading: it is cut off, bytes.
+/// A host with more pending bytes than this has stopped reading and is disconnected.
 const WAITING_MAX: usize = 1 << 20;
 
 /// The device's listening end.
@@ -29,7 +29,7 @@ impl TcpPort {
         Ok(port)
     }
 
-    /// Where it listens.
+    /// The listening address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -45,14 +45,14 @@ impl TcpPort {
                     self.session += 1;
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                // Whoever knocked has gone again.
+                // The peer has closed the connection already.
                 Err(_) => break,
             }
         }
         Ok(())
     }
 
-    /// Sends what waits; a host that went away or stopped reading is forgotten.
+    /// Sends pending bytes; drops a host that has disconnected or stopped reading.
     fn flush(&mut self) {
         let Some(host) = &mut self.host else { return };
         while !self.waiting.is_empty() {
@@ -109,7 +109,7 @@ impl Port for TcpPort {
 
     fn plug(&mut self) -> io::Result<()> {
         if self.listener.is_none() {
-            // The standard library's listener takes the address again at once (SO_REUSEADDR).
+            // The standard library's listener can bind the same address again at once (SO_REUSEADDR).
             let listener = TcpListener::bind(self.address)?;
             listener.set_nonblocking(true)?;
             self.address = listener.local_addr()?;
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
-    /// Asks until there is an answer, for a bounded time.
+    /// Polls until there is a result, for a bounded time.
     fn until<Found>(mut look: impl FnMut() -> Option<Found>) -> Found {
         for _ in 0..2000 {
             if let Some(found) = look() {

@@ -1,4 +1,4 @@
-//! TCP, the device being the client: it knocks until it is let in.
+//! TCP with the device as the client: it retries until it is connected.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use super::port::Port;
 
-/// Between two knocks.
+/// Interval between connection attempts.
 const AGAIN: Duration = Duration::from_millis(100);
-/// How long one knock lasts: a host that is there answers at once.
+/// Timeout of one attempt: a present host answers at once.
 const KNOCK: Duration = Duration::from_millis(100);
-/// More than this and the host has stopped reading: it is left, bytes.
+/// A host with more pending bytes than this has stopped reading and is disconnected.
 const WAITING_MAX: usize = 1 << 20;
 
 /// The device's connecting end.

@@ -9,7 +9,7 @@ use super::{Asked, Device, Suffered};
 use crate::faults::Faults;
 use crate::wires::tec_gihan::{BAUD, Dialogue, PlateInfo, block};
 
-/// Blocks that the controller keeps for a host that is late with its request.
+/// Blocks that the controller buffers for a host that is late with its request.
 const KEPT: usize = 10;
 
 /// The controller.

@@ -16,7 +16,7 @@ pub struct Text {
     mounting: Mounting,
 }
 
-/// Speed of its line, if it has one, baud.
+/// Baud rate of its serial line.
 const BAUD: u32 = 115_200;
 
 impl Text {

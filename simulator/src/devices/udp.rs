@@ -1,4 +1,4 @@
-//! UDP, the device sending of itself to the address that it was given.
+//! UDP: the device sends unsolicited to a given address.
 
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, UdpSocket};
@@ -40,7 +40,7 @@ impl Port for UdpPort {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let Some(socket) = &self.socket else { return Ok(()) };
         match socket.send_to(bytes, self.target) {
-            // Nobody listens: a sender does not care.
+            // No listener: irrelevant for a sender.
             Err(error) if error.kind() != ErrorKind::ConnectionRefused => Err(error),
             _ => Ok(()),
         }

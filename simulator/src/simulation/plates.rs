@@ -15,15 +15,15 @@ use crate::plate_server::{PlateServer, Wish};
 use crate::random::Random;
 use crate::two_plates::ground_reaction_per_foot;
 
-/// The noise of each plate is its own.
+/// Independent noise streams of the plates.
 const NOISE: [&str; 2] = ["plate noise", "second plate noise"];
 
-/// What is on the plates.
+/// Load of the plates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum OnPlates {
     /// The worker.
     Worker,
-    /// Nobody, nothing.
+    /// Unloaded.
     Nothing,
     /// A dead weight, with the point that its centre of mass is above, m.
     Mass {
@@ -32,11 +32,11 @@ pub enum OnPlates {
         /// World x and y, m.
         at_m: [f64; 2],
     },
-    /// A pointed rod that somebody presses on a point and leans around it.
+    /// A pointed rod pressed on a point and tilted around it by a person.
     Rod {
         /// Vertical force, N.
         press_n: f64,
-        /// Horizontal force, which goes round once in 4 s, N.
+        /// Horizontal force, which rotates once in 4 s, N.
         lean_n: f64,
         /// World x and y, m.
         at_m: [f64; 2],
@@ -44,7 +44,7 @@ pub enum OnPlates {
 }
 
 impl OnPlates {
-    /// What the plate does to a thing on it at a time.
+    /// Wrench of the plate on the object at a time.
     fn wrench(self, worker: impl FnOnce() -> Wrench, time_s: f64) -> Wrench {
         let at = |[x, y]: [f64; 2], force_n: Vector3<f64>| Wrench::at(Vector3::new(x, y, 0.0), force_n);
         match self {
@@ -60,7 +60,7 @@ impl OnPlates {
 }
 
 impl Shared {
-    /// Serves the first plate (0) or the second until told to stop.
+    /// Serves the first plate (0) or the second until the stop flag is set.
     pub(super) fn run_plate(&self, mut server: PlateServer, which: usize) -> io::Result<()> {
         let settings = &self.settings.plate;
         let (plate, rate_hz) = self.plate(which);
@@ -81,7 +81,7 @@ impl Shared {
             }
             let time_s = clock.time_s();
             let felt = plate.felt(&plate.in_the_station(&self.pressed(which, time_s)));
-            // Each sample has noise of its own, whether or not those before it were asked for.
+            // Each sample has independent noise, whether or not those before it were requested.
             let mut random = Random::numbered(self.settings.seed, NOISE[which], number - 1);
             let felt = settings.noise.on(felt, &mut random);
             if wish == Some(Wish::SetBias) {
@@ -110,7 +110,7 @@ impl Shared {
         }
     }
 
-    /// What a plate does to what is on it, on the simulated floor at a time. A thing lies on the first plate.
+    /// Wrench of a plate on its load, on the simulated floor at a time. An object lies on the first plate.
     fn pressed(&self, which: usize, time_s: f64) -> Wrench {
         let on_plates = *self.on_plates.read().unwrap_or_else(PoisonError::into_inner);
         let here = if which == 0 || on_plates == OnPlates::Worker { on_plates } else { OnPlates::Nothing };

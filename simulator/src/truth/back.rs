@@ -7,7 +7,7 @@ use crate::dynamics::external_wrench;
 use crate::motion::{BodyState, DIFFERENCE_S, Worker};
 use crate::person::Person;
 
-/// What the pelvis does to the body above L5/S1, world axes.
+/// Wrench of the pelvis on the body above L5/S1, world axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BackLoad {
     /// Force, N: weight and inertia of the upper body and of the box.
@@ -19,13 +19,13 @@ pub struct BackLoad {
 }
 
 impl BackLoad {
-    /// The load of the low back at a time, about a point that lies `offset_m` (axes of segment L5) from the simulated
-    /// joint: a measured joint never lies exactly where the person's own does.
+    /// The load of the low back at a time, about a point `offset_m` (axes of segment L5) from the simulated joint: a
+    /// measured joint never coincides exactly with the true one.
     pub fn of(worker: &Worker, time_s: f64, offset_m: Vector3<f64>) -> BackLoad {
         BackLoad::of_states(worker.person(), &worker.around(time_s), offset_m)
     }
 
-    /// The same from the states a difference before, at, and a difference after a time.
+    /// The same from the states one difference before, at, and one difference after a time.
     pub(super) fn of_states(person: &Person, around: &[BodyState; 3], offset_m: Vector3<f64>) -> BackLoad {
         let above = |segment: Segment| segment.is_distal_to(Segment::L5);
         let wrench = external_wrench(person, around, DIFFERENCE_S, above);
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn in_motion_the_pelvis_and_the_legs_balance_the_ground() {
-        // Newton and Euler for the pelvis and the legs alone must give the difference of both wrenches.
+        // Newton–Euler for the pelvis and the legs alone must give the difference of both wrenches.
         let mut worker = Worker::with_habits(Person::new(3, 1.77, 72.0), 3, Habits::ORDINARY);
         for (index, intention) in [BEND, Intention::STAND, LIFTING[0]].iter().enumerate() {
             worker.intend(intention, 0.8 * index as f64, 0.8);

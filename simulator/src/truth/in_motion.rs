@@ -1,8 +1,8 @@
-//! Overload while everything moves: the torques of one motion with the box, less those of the same motion without it.
+//! Overload in motion: the torques of a motion with the box, minus those of the same motion without it.
 //!
-//! The body's own weight and inertia are the same both times and cancel at every joint. What stays is the box's force
-//! on the hands, `−m (a + g ẑ)` in three dimensions, and how the ground's wrench differs, force, shear and the free
-//! moment about the vertical, each at its own centre of pressure.
+//! The body's own weight and inertia are equal in both and cancel at every joint. The remainder is the box's force on
+//! the hands, `−m (a + g ẑ)` in three dimensions, and the difference of the ground's wrenches, force, shear and the
+//! free moment about the vertical, each at its own centre of pressure.
 
 use equipoise_core::body::{JOINTS, Joint};
 use nalgebra::{Vector2, Vector3};
@@ -11,14 +11,14 @@ use super::{Force, foot_forces};
 use crate::dynamics::Wrench;
 use crate::motion::BodyState;
 
-/// A force on a segment with a couple.
+/// A force and a couple on a segment.
 #[derive(Debug, Clone, Copy)]
 struct Contact {
     force: Force,
     couple_nm: Vector3<f64>,
 }
 
-/// What differs between the motion with and the motion without the box.
+/// Differences between the motion with and the motion without the box.
 #[derive(Debug, Clone, Copy)]
 pub struct Difference<'a> {
     /// The body in this motion.
@@ -32,7 +32,7 @@ pub struct Difference<'a> {
 }
 
 impl Difference<'_> {
-    /// Torque that the box asks of each joint in this motion, world axes, N m.
+    /// Torque that the box requires of each joint in this motion, world axes, N m.
     pub fn overload_nm(&self) -> [Vector3<f64>; JOINTS] {
         let hands = self.on_hands.iter().map(|force| Contact { force: *force, couple_nm: Vector3::zeros() });
         let without = self.feet(&self.without).map(|foot| Contact {
@@ -49,7 +49,7 @@ impl Difference<'_> {
         })
     }
 
-    /// The ground's wrench, shared between the feet: shear and free moment as the vertical force.
+    /// The ground's wrench, distributed over the feet: shear and free moment in proportion to the vertical force.
     fn feet(&self, ground: &Wrench) -> [Contact; 2] {
         let cop_m: Vector2<f64> = ground.cop_m();
         let free_nm = ground.moment_nm - cop_m.push(0.0).cross(&ground.force_n);
@@ -99,8 +99,8 @@ mod tests {
 
     #[test]
     fn the_pelvis_is_in_balance_in_motion() {
-        // Beyond L5S1 hangs the box, beyond the hips the ground's answer to it. Both moments, carried to one point,
-        // must cancel: the box is a point, so its rate of angular momentum is all in its force.
+        // Distal to L5S1 is the box, distal to the hips the ground's reaction to it. Both moments, moved to one point,
+        // must cancel: the box is a point, so its rate of angular momentum is contained in its force.
         let worker = lifting(Realism::SEVERE.habits(5));
         let mut largest_nm = 0.0_f64;
         for decisecond in 10..110 {
@@ -110,7 +110,7 @@ mod tests {
             let pelvis_m = truth.body.origin_m[Segment::Pelvis.index()];
             let up_n = -truth.load_force_in_motion_n;
             let spine = torque("L5S1") - (origin("L5S1") - pelvis_m).cross(&-up_n);
-            // What the ground does more, hip by hip: the shares of both wrenches.
+            // Additional ground reaction, hip by hip: the fractions of both wrenches.
             let hips = ["LeftHip", "RightHip"];
             let on_foot_n = |ground: &Wrench, k: usize| {
                 let feet = foot_forces(&truth.body, [Vector2::zeros(); 2], ground.cop_m(), ground.force_n.z);

@@ -1,4 +1,4 @@
-//! Who it is and how the suit was calibrated, as MVN tells once a second: types 12 and 13.
+//! Identity and calibration of the suit, as MVN sends them once a second: types 12 and 13.
 
 use equipoise_core::body::{Joint, SEGMENTS, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -10,7 +10,7 @@ use crate::wires::mvn::describe::{Point, meta, null_pose};
 use crate::wires::mvn::items::JOINT_POINTS;
 use crate::wires::mvn::{Stamp, TooLong};
 
-/// Name and null pose of a person; the null pose's points in datagrams of their own.
+/// Name and null pose of a person; the null pose's points in separate datagrams.
 ///
 /// # Errors
 /// Never for 23 segments; the encoders' own.
@@ -21,7 +21,7 @@ pub fn introduction(person: &Person, avatar: u8) -> Result<Vec<Vec<u8>>, TooLong
     let height = crate::pose::straight_height_m(person);
     let origin = origins_m(person, Vector3::z() * height, &[UnitQuaternion::identity(); SEGMENTS]);
     let segments: [(&str, [f32; 3]); SEGMENTS] = core::array::from_fn(|i| {
-        // MVN writes these two with a capital inside.
+        // MVN writes these two with an inner capital.
         let name = match Segment::ALL[i] {
             Segment::RightForearm => "RightForeArm",
             Segment::LeftForearm => "LeftForeArm",

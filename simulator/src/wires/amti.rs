@@ -1,11 +1,12 @@
-//! AMTI plates with a serial line (AccuSway, AccuGait): single bytes to agree, then frames of twelve tagged words.
+//! AMTI plates with a serial line (AccuSway, AccuGait): single bytes for negotiation, then frames of twelve tagged
+//! words.
 //!
-//! After the public receiver `App-AMTIForcePlate` of the Lab Streaming Layer project. What no source tells, and is assumed
-//! here: a stop brings the device back to its first speed, and so does switching it off and on.
+//! After the public receiver `App-AMTIForcePlate` of the Lab Streaming Layer project. Assumed here without a source: a
+//! stop resets the device to its initial rate, and so does a power cycle.
 
-/// The speed at which a device that was just switched on listens, baud.
+/// Baud rate after power-on.
 pub const FIRST_BAUD: u32 = 57_600;
-/// The speed at 100 and 200 Hz.
+/// Baud rate at 100 and 200 Hz.
 pub const FAST_BAUD: u32 = 115_200;
 /// Length of a plate's frame.
 pub const FRAME_LEN: usize = 24;
@@ -13,11 +14,11 @@ pub const FRAME_LEN: usize = 24;
 const STOP: u8 = 0x52;
 const AUTO_ZERO: u8 = 0x53;
 const START: u8 = 0x51;
-/// Rates: the byte that asks for it (and is echoed), samples a second, speed of the line from then on.
+/// Rates: the byte that requests it (and is echoed), samples a second, baud rate from then on.
 const RATES: [(u8, f64, u32); 3] =
     [(0x72, 50.0, FIRST_BAUD), (0x66, 100.0, FAST_BAUD), (0x76, 200.0, FAST_BAUD)];
 
-/// What the host has brought the device to do.
+/// State of the device, as set by the host.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dialogue {
     /// One or two plates at the box.
@@ -26,19 +27,19 @@ pub struct Dialogue {
     pub streaming: bool,
     /// Samples a second.
     pub rate_hz: f64,
-    /// Speed of the line, baud.
+    /// Baud rate of the line.
     pub baud: u32,
-    /// How often the load was taken as zero.
+    /// Number of zeroings.
     pub zeroed: u32,
 }
 
 impl Dialogue {
-    /// A box that was just switched on.
+    /// A box after power-on.
     pub fn new(plates: u8) -> Dialogue {
         Dialogue { plates, streaming: false, rate_hz: 50.0, baud: FIRST_BAUD, zeroed: 0 }
     }
 
-    /// Hears one byte of the host; what is answered, and at which speed: an echo goes out at the old one.
+    /// Processes one byte of the host; returns the answer and its baud rate: an echo goes out at the old one.
     pub fn hear(&mut self, byte: u8) -> Option<u8> {
         let second = u8::from(self.plates == 2);
         match byte {
@@ -47,7 +48,7 @@ impl Dialogue {
                 self.baud = FIRST_BAUD;
                 None
             }
-            // Beginning and zeroing are not for a device that is sending.
+            // Start and zeroing are ignored while the device is streaming.
             _ if self.streaming => None,
             AUTO_ZERO => {
                 self.zeroed += 1;
@@ -78,7 +79,7 @@ pub fn frame(counts: [i16; 12], trigger: bool) -> [u8; FRAME_LEN] {
     bytes
 }
 
-/// Four corners, each with three gauges: how much a count is worth, and where the corners are.
+/// Four corners, each with three gauges: the scale of a count, and the positions of the corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gauges {
     /// Newtons of a count across and along the vertical.
@@ -87,11 +88,11 @@ pub struct Gauges {
     pub half_m: [f64; 2],
 }
 
-/// Signs of the corners' places.
+/// Signs of the corners' coordinates.
 const CORNERS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]];
 
 impl Gauges {
-    /// An ordinary plate: as sensitive as the one whose matrix is public.
+    /// An ordinary plate: with the sensitivity of the published matrix.
     pub const ORDINARY: Gauges = Gauges { newtons_per_count: [0.039, 0.39], half_m: [0.18, 0.18] };
 
     /// The calibration matrix, rows Fx Fy Fz Mx My Mz in N and N m, columns the twelve channels.
@@ -111,7 +112,7 @@ impl Gauges {
         matrix
     }
 
-    /// The counts that make this wrench (N, N m) by the matrix, as near as whole counts come.
+    /// The counts for a wrench (N, N m) by the matrix, rounded to whole counts.
     pub fn counts(&self, force_n: [f64; 3], moment_nm: [f64; 3]) -> [i16; 12] {
         let ([across, along], [half_x, half_y]) = (self.newtons_per_count, self.half_m);
         let turning = moment_nm[2] / (4.0 * (half_x * half_x + half_y * half_y));

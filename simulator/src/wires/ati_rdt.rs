@@ -1,12 +1,12 @@
 //! ATI's raw data transfer (Net F/T, Axia): requests of 8 bytes, records of 36, big-endian, over UDP; and the page
-//! `netftapi2.xml` that tells what a count is worth.
+//! `netftapi2.xml` with the scale of the counts.
 //!
 //! After ATI 9620-05-Net FT, section 10, and the Axia manuals.
 
 /// The device's port.
 pub const DEFAULT_PORT: u16 = 49152;
 
-/// What a host may ask. Numbers that one family of devices knows and the other does not are ignored by the other.
+/// Host commands. Command numbers of the other family are ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
     /// 0: no more records.
@@ -17,7 +17,7 @@ pub enum Command {
     StreamBlocks,
     /// 0x41.
     ResetLatch,
-    /// 0x42: the present load is zero.
+    /// 0x42: zero the present load.
     Bias,
 }
 
@@ -31,7 +31,8 @@ pub enum Family {
     Axia,
 }
 
-/// A host's request: what, and how many records (0: without end). `None` if a device of the family would not answer.
+/// A host's request: command, and number of records (0: without end). `None` if a device of the family would not
+/// answer.
 pub fn request(bytes: &[u8], family: Family) -> Option<(Command, u32)> {
     let [0x12, 0x34, high, low, count @ ..] = bytes else { return None };
     let command = match (u16::from_be_bytes([*high, *low]), family) {
@@ -52,7 +53,7 @@ pub struct Record {
     pub rdt_sequence: u32,
     /// The sensor's own count of samples.
     pub ft_sequence: u32,
-    /// 0 is sound.
+    /// 0 means no fault.
     pub status: u32,
     /// Fx Fy Fz in counts.
     pub force_counts: [i32; 3],
@@ -74,7 +75,7 @@ impl Record {
     }
 }
 
-/// What `netftapi2.xml` says.
+/// Content of `netftapi2.xml`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Page {
     /// Counts per unit of force and of torque.

@@ -1,9 +1,9 @@
-//! Frames with sync bytes, sequence and check sum, as home-made plates send them: `A5 5A`, a number, a time, six floats,
-//! and CRC-16/CCITT-FALSE over all before it. Little-endian.
+//! Frames with sync bytes, sequence and check sum, as home-made plates send them: `A5 5A`, a number, a time, six
+//! floats, and CRC-16/CCITT-FALSE over all before it. Little-endian.
 
 use super::crc;
 
-/// What a frame begins with.
+/// First bytes of a frame.
 pub const SYNC: [u8; 2] = [0xa5, 0x5a];
 /// Length of a frame.
 pub const FRAME_LEN: usize = 34;

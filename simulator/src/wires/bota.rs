@@ -1,4 +1,5 @@
-//! Bota SensONE and Rokubi with a serial line: frames with a check sum, and a short dialogue of letters to set them up.
+//! Bota SensONE and Rokubi with a serial line: frames with a check sum, and a short dialogue of letters for
+//! configuration.
 //!
 //! After the makers' public examples (`readSerialFrame.m`, `bota_serial_example.py`). Little-endian.
 
@@ -6,11 +7,11 @@ use super::crc;
 
 /// Length of a frame.
 pub const FRAME_LEN: usize = 37;
-/// The speed of a device that nobody has set otherwise, baud.
+/// Factory setting of the baud rate.
 pub const BAUD: u32 = 460_800;
-/// Speeds by their number in the command `c`.
+/// Baud rates by their number in the command `c`.
 const BAUDS: [u32; 5] = [9_600, 57_600, 115_200, 230_400, 460_800];
-/// Seconds of a sample at a filter length of one.
+/// Sample period at a filter length of one, s.
 const SINC_S: f64 = 0.000_019_531_25;
 
 /// One sample.
@@ -39,26 +40,26 @@ impl Frame {
     }
 }
 
-/// What the host has brought the device to do.
+/// State of the device, as set by the host.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dialogue {
-    /// Frames are sent; while it is set up they are not.
+    /// Frames are sent; not during configuration.
     pub running: bool,
-    /// Length of the filter, which makes the rate.
+    /// Length of the filter, which determines the rate.
     pub sinc: u32,
-    /// Speed of the line, baud; a new one holds when it runs again.
+    /// Baud rate of the line; a new one applies when it runs again.
     pub baud: u32,
     next_baud: u32,
     line: String,
 }
 
 impl Dialogue {
-    /// A device that was just switched on: it runs.
+    /// A device after power-on: it runs.
     pub fn new(sinc: u32) -> Dialogue {
         Dialogue { running: true, sinc, baud: BAUD, next_baud: BAUD, line: String::new() }
     }
 
-    /// What it says when it is switched on.
+    /// Message at power-on.
     pub const GREETING: &'static [u8] = b"App Init\r\n";
 
     /// Samples a second.
@@ -66,7 +67,7 @@ impl Dialogue {
         1.0 / (SINC_S * f64::from(self.sinc))
     }
 
-    /// Hears a byte of the host; what is answered.
+    /// Processes a byte of the host; returns the answer.
     pub fn hear(&mut self, byte: u8) -> Option<String> {
         match byte {
             b'C' if self.line.is_empty() => {
@@ -79,7 +80,7 @@ impl Dialogue {
                 self.baud = self.next_baud;
                 Some(acknowledged('R'))
             }
-            // Commands end with their last field, a digit; who sends line ends all the same does no harm.
+            // Commands end with their last field, a digit; additional line ends are harmless.
             b'\r' | b'\n' => None,
             _ => {
                 self.line.push(char::from(byte));

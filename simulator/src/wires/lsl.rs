@@ -1,41 +1,41 @@
-//! The Lab Streaming Layer: who has the stream (UDP), what the clocks say (UDP), and the samples (TCP), protocol 1.10.
+//! The Lab Streaming Layer: discovery (UDP), clock queries (UDP), and the samples (TCP), protocol 1.10.
 //!
 //! After the sources of `liblsl`: `udp_server`, `tcp_server`, `sample` and `stream_info_impl`.
 
-/// Where questions for streams are heard.
+/// Port of discovery queries.
 pub const DISCOVERY_PORT: u16 = 16_571;
-/// Where outlets answer on each computer.
+/// Service ports of the outlets of each computer.
 pub const SERVICE_PORTS: core::ops::Range<u16> = 16_572..16_604;
 /// The tag of a sample with a time; one without is 1.
 const TAG_TIMED: u8 = 2;
-/// What the test samples bear as their time.
+/// Timestamp of the test samples.
 const TEST_TIME: f64 = 123_456.789;
 
-/// What a stream says of itself.
+/// Description of a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Info {
     /// Name of the stream.
     pub name: String,
     /// Its content type.
     pub kind: String,
-    /// What each channel is called, and its unit.
+    /// Label and unit of each channel.
     pub channels: Vec<(String, String)>,
-    /// Samples a second; 0 for none in particular.
+    /// Samples a second; 0 for an irregular rate.
     pub rate_hz: f64,
-    /// Names this outlet, whatever its stream is called.
+    /// Identifies this outlet, whatever its stream's name.
     pub uid: String,
     /// TCP port of the samples, UDP port of the clock.
     pub ports: [u16; 2],
 }
 
-/// How `liblsl` writes a number: 16 digits in all.
+/// Number format of `liblsl`: 16 significant digits.
 fn number(value: f64) -> String {
     let whole = format!("{value:.0}").len();
     format!("{value:.*}", 16_usize.saturating_sub(whole))
 }
 
 impl Info {
-    /// The XML, with (`full`) or without what the channels are.
+    /// The XML, with (`full`) or without the channel descriptions.
     pub fn to_xml(&self, full: bool) -> String {
         let mut xml = String::from("<?xml version=\"1.0\"?>\n<info>\n");
         let mut tag = |name: &str, value: &str| xml += &format!("\t<{name}>{value}</{name}>\n");
@@ -70,7 +70,7 @@ impl Info {
         xml
     }
 
-    /// Whether a question is about this stream: `name='Plate' and type='Force'`. Terms that are no equality are not met.
+    /// Whether a query matches this stream: `name='Plate' and type='Force'`. Terms other than equalities do not match.
     pub fn matches(&self, query: &str) -> bool {
         query.trim().is_empty()
             || query.split(" and ").all(|term| {
@@ -89,28 +89,28 @@ impl Info {
     }
 }
 
-/// What comes over UDP.
+/// UDP queries.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Question {
-    /// Who has such a stream? The answer goes to this port of whoever asks.
+    /// Query for streams. The answer goes to this port of the sender.
     ShortInfo {
-        /// What is looked for.
+        /// The query.
         query: String,
         /// The port to answer to.
         port: u16,
-        /// Goes back with the answer.
+        /// Returned with the answer.
         id: String,
     },
-    /// What time is it?
+    /// Clock query.
     Time {
-        /// Goes back.
+        /// Returned with the answer.
         wave: i64,
-        /// When it was asked, on the asker's clock; goes back.
+        /// Send time, on the client's clock; returned.
         sent_s: f64,
     },
 }
 
-/// Understands a datagram.
+/// Parses a datagram.
 pub fn question(bytes: &[u8]) -> Option<Question> {
     let text = core::str::from_utf8(bytes).ok()?;
     let mut lines = text.lines();
@@ -131,28 +131,28 @@ pub fn question(bytes: &[u8]) -> Option<Question> {
     }
 }
 
-/// The answer to who has the stream.
+/// The answer to a discovery query.
 pub fn short_info(id: &str, info: &Info) -> Vec<u8> {
     format!("{id}\r\n{}", info.to_xml(false)).into_bytes()
 }
 
-/// The answer to what time it is: when it was asked (theirs), heard and answered (ours), s.
+/// The answer to a clock query: send time (client), receive and answer times (outlet), s.
 pub fn time_data(wave: i64, sent_s: f64, heard_s: f64, answered_s: f64) -> Vec<u8> {
     format!(" {wave} {} {} {}", number(sent_s), number(heard_s), number(answered_s)).into_bytes()
 }
 
-/// What a client asks over TCP: a whole request, its length included.
+/// A client's TCP request: complete, including its length.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Request {
-    /// All that there is to know.
+    /// The full stream information.
     FullInfo,
-    /// What discovery would say, if the query fits.
+    /// The short information, if the query matches.
     ShortInfo(String),
-    /// The samples, of this outlet (empty: any).
+    /// The samples of this outlet (empty: any).
     Feed {
-        /// Protocol the client speaks, for example 110.
+        /// The client's protocol version, for example 110.
         version: u32,
-        /// Which outlet.
+        /// Identifier of the outlet.
         uid: String,
         /// 4321 if the client is big-endian.
         byte_order: u32,
@@ -161,7 +161,7 @@ pub enum Request {
     Unknown,
 }
 
-/// Takes a request off what a client has sent; `None` while it is not whole.
+/// Removes a request from the received bytes; `None` while it is incomplete.
 pub fn take_request(bytes: &mut Vec<u8>) -> Option<Request> {
     let text = String::from_utf8_lossy(bytes).into_owned();
     let (first, rest) = text.split_once("\r\n")?;
@@ -191,7 +191,7 @@ pub fn take_request(bytes: &mut Vec<u8>) -> Option<Request> {
     Some(Request::Feed { version, uid, byte_order: byte_order.unwrap_or(1234) })
 }
 
-/// What the outlet answers to a request for samples: headers, then two test samples.
+/// The outlet's answer to a request for samples: headers, then two test samples.
 pub fn feed_header(info: &Info) -> Vec<u8> {
     let mut bytes = format!(
         "LSL/110 200 OK\r\nUID: {}\r\nByte-Order: 1234\r\nSuppress-Subnormals: 0\r\nData-Protocol-Version: 110\r\n\r\n",

@@ -1,17 +1,17 @@
-//! Moticon OpenGo over UDP: a datagram a sample, decimals with a space between, and no header.
+//! Moticon OpenGo over UDP: one datagram per sample, decimals separated by spaces, and no header.
 //!
-//! After four public receivers. Which fields are sent, and in which order, is what the user ticked.
+//! After four public receivers. The user selects the fields and their order.
 
 use core::fmt::Write;
 
-/// What one insole tells.
+/// Data of one insole.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Insole {
     /// Acceleration, g.
     pub acceleration_g: [f64; 3],
     /// Angular velocity, °/s.
     pub turning_deg_per_s: [f64; 3],
-    /// Centre of pressure from the middle, as parts of the insole's length (to the tip) and width.
+    /// Centre of pressure from the middle, as fractions of the insole's length (to the tip) and width.
     pub cop: [f64; 2],
     /// Sixteen cells, N/cm².
     pub pressure: [f64; 16],
@@ -19,7 +19,7 @@ pub struct Insole {
     pub force_n: f64,
 }
 
-/// A channel that the user may tick, for one or both feet.
+/// A channel that the user may select, for one or both feet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Channel {
     /// Three of acceleration.
@@ -38,7 +38,7 @@ pub enum Channel {
 pub const ALL: [Channel; 5] =
     [Channel::Acceleration, Channel::Turning, Channel::Cop, Channel::Pressure, Channel::Force];
 
-/// How many decimals a channel is written with.
+/// Number of decimals of a channel.
 fn written(insole: &Insole, channel: Channel) -> (usize, Vec<f64>) {
     match channel {
         Channel::Acceleration => (2, insole.acceleration_g.to_vec()),

@@ -1,19 +1,19 @@
 //! Xsens MVN's network streamer: big-endian datagrams of a 24-byte header and a payload of one type.
 //!
-//! After the network streaming specification, revision N, with what real datagrams say otherwise: type 02 in metres, a
-//! datagram with fingers in one piece, null poses with a datagram counter that has no end.
+//! After the network streaming specification, revision N, except where real datagrams differ: type 02 in metres, a
+//! datagram with fingers in one piece, null poses with a datagram counter without an end mark.
 
 pub mod describe;
 pub mod items;
 
-/// Where MVN sends to unless told otherwise: 9 X 6 M 3 E.
+/// MVN's default destination port: 9 X 6 M 3 E.
 pub const DEFAULT_PORT: u16 = 9763;
 /// Length of the header.
 pub const HEADER_LEN: usize = 24;
 /// The datagram counter of a sample's only datagram.
 pub const ONLY_DATAGRAM: u8 = 0x80;
 
-/// A payload beyond 65 535 bytes or 255 items: the header cannot say it.
+/// A payload beyond 65 535 bytes or 255 items, which the header cannot represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{items} items in {bytes} bytes do not fit a datagram of MVN")]
 pub struct TooLong {
@@ -23,14 +23,14 @@ pub struct TooLong {
     pub bytes: usize,
 }
 
-/// What every datagram of a sample bears.
+/// Header fields of every sample datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stamp {
     /// +1 for every sample of the suit.
     pub sample_counter: u32,
     /// Milliseconds of the suit's clock.
     pub time_code_ms: u32,
-    /// Character; tracked objects come after the people.
+    /// Character; tracked objects are numbered after the people.
     pub avatar: u8,
     /// Body segments (23; 0 before MVN 2019), props and finger segments (0 or 40).
     pub segments: [u8; 3],
@@ -71,14 +71,14 @@ impl Stamp {
     }
 }
 
-/// Numbers as the wire has them.
+/// Numbers in wire format.
 fn floats(out: &mut Vec<u8>, numbers: &[f32]) {
     for number in numbers {
         out.extend_from_slice(&number.to_be_bytes());
     }
 }
 
-/// A length and a text, without an end mark.
+/// A length and a text, without a terminator.
 fn text(out: &mut Vec<u8>, text: &str) {
     out.extend_from_slice(&(text.len() as u32).to_be_bytes());
     out.extend_from_slice(text.as_bytes());
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn the_header_is_that_of_a_real_datagram() {
-        // Sample 6681 at 27 837 ms, as a real MVN sent it.
+        // Sample 6681 at 27 837 ms, sent by a real MVN.
         let stamp = Stamp::of_a_body(6681, 27_837, 0);
         let bytes = stamp.datagram(b"01", ONLY_DATAGRAM, 23, &[0; 644]).unwrap();
         let expected = *b"MXTP01\x00\x00\x1a\x19\x80\x17\x00\x00\x6c\xbd\x00\x17\x00\x00\x00\x00\x02\x84";

@@ -2,16 +2,16 @@
 //!
 //! After the makers' public client `qualisys_python_sdk`.
 
-/// The port that speaks little-endian.
+/// The little-endian port.
 pub const PORT: u16 = 22_223;
-/// What QTM says to whoever connects.
+/// QTM's greeting for a new connection.
 pub const WELCOME: &str = "QTM RT Interface connected";
 
 /// Types of packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Kind {
-    /// A text that says what is wrong.
+    /// An error message.
     Error = 0,
     /// A command or the answer to one.
     Command = 1,
@@ -19,9 +19,9 @@ pub enum Kind {
     Xml = 2,
     /// A frame.
     Data = 3,
-    /// Nothing to stream.
+    /// No more data to stream.
     NoMoreData = 4,
-    /// One byte: what happened.
+    /// One byte: the event.
     Event = 6,
 }
 
@@ -33,14 +33,14 @@ pub fn packet(kind: Kind, content: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A text with its end mark.
+/// A text with its terminator.
 pub fn text_packet(kind: Kind, text: &str) -> Vec<u8> {
     let mut content = text.as_bytes().to_vec();
     content.push(0);
     packet(kind, &content)
 }
 
-/// What one plate tells in a frame.
+/// Data of one plate in a frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plate {
     /// Its number, from 1.
@@ -76,7 +76,7 @@ pub fn force_component(plates: &[Plate]) -> Vec<u8> {
     component(4, &content)
 }
 
-/// Component 15: one force of each plate, the last; a plate without any tells none.
+/// Component 15: the last force of each plate; a plate without forces is left out.
 pub fn force_single_component(plates: &[Plate]) -> Vec<u8> {
     let with_force: Vec<_> =
         plates.iter().filter_map(|plate| Some((plate.id, plate.forces.last()?))).collect();
@@ -97,14 +97,14 @@ pub fn data(timestamp_us: i64, frame: u32, components: &[Vec<u8>]) -> Vec<u8> {
     packet(Kind::Data, &content)
 }
 
-/// What a client asks.
+/// A client's command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Command {
-    /// Stream so many frames a second (`None`: all), with these components.
+    /// Stream at this rate (`None`: all frames), with these components.
     Stream {
         /// `Frequency:…`; `AllFrames` is `None`.
         rate_hz: Option<f64>,
-        /// `FrequencyDivisor:…`: only every so many frames.
+        /// `FrequencyDivisor:…`: only every n-th frame.
         divisor: u32,
         /// `Force`.
         force: bool,
@@ -117,11 +117,11 @@ pub enum Command {
     Parameters,
     /// Answered with this text.
     Answered(String),
-    /// Not understood.
+    /// Unknown command.
     Unknown,
 }
 
-/// Understands a command's text.
+/// Parses a command's text.
 pub fn command(text: &str) -> Command {
     let words: Vec<&str> = text.trim_end_matches('\0').split_whitespace().collect();
     let is = |word: &str, name: &str| word.eq_ignore_ascii_case(name);
@@ -143,7 +143,7 @@ pub fn command(text: &str) -> Command {
     }
 }
 
-/// Takes the first whole packet off what a client has sent: its type and its text.
+/// Removes the first complete packet from the received bytes: its type and its text.
 pub fn take_packet(bytes: &mut Vec<u8>) -> Option<(u32, String)> {
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
     let (size, kind) = (word(0)?.max(8) as usize, word(4)?);
@@ -155,7 +155,7 @@ pub fn take_packet(bytes: &mut Vec<u8>) -> Option<(u32, String)> {
     Some((kind, text))
 }
 
-/// The plates' settings: size and corners (mm), as QTM has them.
+/// The plates' settings: size and corners (mm), in QTM's format.
 pub fn parameters(plates: &[[[f64; 3]; 4]]) -> String {
     let mut xml = String::from(
         "<QTM_Parameters_Ver_1.25><Force><Unit_Length>mm</Unit_Length><Unit_Force>N</Unit_Force>",

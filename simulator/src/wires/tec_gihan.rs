@@ -1,8 +1,9 @@
-//! Tec Gihan's force plate controller: lines of ASCII, then raw blocks of little-endian 16-bit numbers, each asked for.
+//! Tec Gihan's force plate controller: lines of ASCII, then raw blocks of little-endian 16-bit numbers, each on
+//! request.
 //!
 //! After the makers' public client `forceplate-python`. No header, no check sum.
 
-/// Speed of the line, baud.
+/// Baud rate of the line.
 pub const BAUD: u32 = 1_000_000;
 /// Counts of the full scale.
 const FULL_COUNTS: f64 = 30_000.0;
@@ -20,7 +21,7 @@ const RATES: [(&str, f64, usize); 8] = [
 ];
 const RANGES: [&str; 3] = ["3kN", "6kN", "10kN"];
 
-/// What is known of a plate.
+/// Data of a plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateInfo {
     /// Serial number.
@@ -58,14 +59,14 @@ pub fn block(plates: &[Vec<[i16; 6]>]) -> Vec<u8> {
     plates.iter().flatten().flatten().flat_map(|count| count.to_le_bytes()).collect()
 }
 
-/// What the controller does.
+/// State of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// It waits.
+    /// Idle.
     Idle,
-    /// It measures.
+    /// Measuring.
     Measure,
-    /// It waits for its trigger.
+    /// Waiting for its trigger.
     Waiting,
 }
 
@@ -74,11 +75,11 @@ pub enum State {
 pub struct Dialogue {
     /// The plates at it.
     pub plates: Vec<PlateInfo>,
-    /// What it does.
+    /// Its state.
     pub state: State,
-    /// Blocks that were asked for and not yet sent: the first by `START`, each further by `DT`.
+    /// Blocks requested and not yet sent: the first by `START`, each further by `DT`.
     pub owed: u32,
-    /// How often the load was taken as zero.
+    /// Number of zeroings.
     pub zeroed: u32,
     rate: usize,
     range: usize,
@@ -86,7 +87,7 @@ pub struct Dialogue {
 }
 
 impl Dialogue {
-    /// A controller that was just switched on: 1000 Hz, 3 kN.
+    /// A controller after power-on: 1000 Hz, 3 kN.
     pub fn new(plates: Vec<PlateInfo>) -> Dialogue {
         Dialogue { plates, state: State::Idle, owed: 0, zeroed: 0, rate: 3, range: 0, line: Vec::new() }
     }
@@ -101,12 +102,12 @@ impl Dialogue {
         RATES[self.rate].2
     }
 
-    /// The range in force, an index of [`PlateInfo::full_scale`].
+    /// The active range, an index of [`PlateInfo::full_scale`].
     pub fn range(&self) -> usize {
         self.range
     }
 
-    /// Hears a byte of the host; what is answered.
+    /// Processes a byte of the host; returns the answer.
     pub fn hear(&mut self, byte: u8) -> Option<String> {
         if byte != b'\n' {
             self.line.push(byte);
@@ -122,7 +123,7 @@ impl Dialogue {
             return Some("SPS_OK".into());
         }
         if let Some(range) = line.strip_prefix("RANGE_") {
-            // Taken without an answer.
+            // Accepted without an answer.
             self.range = RANGES.iter().position(|name| *name == range).unwrap_or(self.range);
             return None;
         }

@@ -1,6 +1,6 @@
 //! Lines of text, as home-made plates, microcontrollers and other programs send them.
 
-/// How the lines are written.
+/// Format of the lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Style {
     /// Between the fields.

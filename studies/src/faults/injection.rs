@@ -1,19 +1,19 @@
-//! What sensors say when they fail without saying so, put on their samples in simulated time.
+//! Sensor faults without a fault flag, applied to the samples in simulated time.
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::message::{GroundSample, SuitSample};
 
-/// How long a glitch lasts, s.
+/// Duration of a glitch, s.
 const GLITCH_S: f64 = 0.02;
-/// How long everything else lasts, s.
+/// Duration of all other faults, s.
 const LASTS_S: f64 = 3.0;
-/// A saturated channel ends here, share of the vertical force when it begins.
+/// Rail of a saturated channel, as a fraction of the vertical force at the fault's start.
 const RAIL_SHARE: f64 = 1.02;
 
-/// A failure of a sensor.
+/// A sensor fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// No failure: what is told without one.
+    /// No fault: the reference.
     None,
     /// The wrench times two, for an instant.
     DoubleGlitch,
@@ -25,60 +25,60 @@ pub enum Fault {
     Double,
     /// Half the wrench.
     HalfGain,
-    /// A fifth more.
+    /// Gain 20 % too high.
     GainHigh,
-    /// A fifth less.
+    /// Gain 20 % too low.
     GainLow,
-    /// The vertical force goes no farther than a rail.
+    /// The vertical force is limited by a rail.
     Saturated,
     /// The vertical force is at a rail.
     AtTheRail,
-    /// The wrench with the other sign.
+    /// The wrench with inverted sign.
     Flipped,
-    /// The moments with the other sign: the centre of pressure is mirrored.
+    /// The moments with inverted sign: the centre of pressure is mirrored.
     MomentsFlipped,
-    /// One moment with the other sign.
+    /// One moment with inverted sign.
     OneMomentFlipped,
     /// The channels of two moments swapped.
     MomentsSwapped,
-    /// The same reading again and again.
+    /// A constant reading.
     FrozenPlate,
     /// One channel is frozen.
     FrozenChannel,
-    /// 300 N more from one sample to the next.
+    /// An offset of 300 N from one sample to the next.
     Offset,
-    /// Nothing but zeros.
+    /// All zeros.
     DeadPlate,
     /// 200 N of noise.
     NoisyPlate,
-    /// What the plate shows is 0.3 s old.
+    /// The plate's readings are 0.3 s old.
     LatePlate,
-    /// The same pose again and again.
+    /// A constant pose.
     FrozenSuit,
-    /// No segment is turned.
+    /// Identity orientation of all segments.
     IdentityQuaternions,
-    /// No segment of the arms is turned.
+    /// Identity orientation of the arm segments.
     IdentityArms,
-    /// One forearm is turned by 60° about the vertical.
+    /// One forearm is rotated by 60° about the vertical.
     ForearmTurned,
     /// Left and right are swapped.
     SidesSwapped,
-    /// The whole body is 0.5 m aside for one sample.
+    /// The whole body is displaced by 0.5 m for one sample.
     SuitSpike,
-    /// The whole body is 0.5 m aside.
+    /// The whole body is displaced by 0.5 m.
     SuitLeap,
-    /// The whole body is turned by 90° about the vertical.
+    /// The whole body is rotated by 90° about the vertical.
     SuitTurned,
-    /// Centimetres for metres, nearly: all places times 1.2.
+    /// A scale error: all positions times 1.2.
     SuitScaled,
-    /// One counter that is not the next.
+    /// One counter value out of sequence.
     OddCounter,
 }
 
-/// What a fault remembers.
+/// State of a fault.
 #[derive(Debug, Clone, Default)]
 pub struct Injection {
-    /// When it begins and ends, s.
+    /// Its start and end, s.
     span_s: [f64; 2],
     ground: Option<GroundSample>,
     suit: Option<SuitSample>,
@@ -156,7 +156,7 @@ impl Fault {
         }
     }
 
-    /// How long it lasts, s.
+    /// Its duration, s.
     pub fn lasts_s(self) -> f64 {
         match self {
             Fault::DoubleGlitch | Fault::HalfGlitch => GLITCH_S,
@@ -240,12 +240,12 @@ impl Fault {
 }
 
 impl Injection {
-    /// A fault that begins at a simulated time, s.
+    /// A fault that starts at a simulated time, s.
     pub fn at(begins_s: f64, fault: Fault) -> Injection {
         Injection { span_s: [begins_s, begins_s + fault.lasts_s()], ..Injection::default() }
     }
 
-    /// Puts the fault on what the sensors say at a time, s.
+    /// Applies the fault to the samples of a time, s.
     pub fn put(&mut self, fault: Fault, now_s: f64, suit: &mut [SuitSample], ground: &mut [GroundSample]) {
         let is_on = (self.span_s[0]..self.span_s[1]).contains(&now_s);
         for sample in ground.iter_mut() {
@@ -269,7 +269,7 @@ impl Injection {
     }
 }
 
-/// Turns an orientation about the world's vertical.
+/// Rotates an orientation about the world's vertical.
 fn turn(wxyz: &mut [f64; 4], by_deg: f64) {
     let half = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, by_deg.to_radians());
     let [w, x, y, z] = *wxyz;

@@ -180,7 +180,7 @@ fn bench(choices: &BenchChoices) -> Result<(), String> {
     let order = choices.draw.order(out, choices.twins);
     let judged = score::bench(&order, &choices.ask.asking(), tell_judged);
     if choices.out.is_none() {
-        // Only truths are left in it, and all that matters of them is among what was judged.
+        // Only truth files remain in it; the results contain everything required of them.
         let _ = std::fs::remove_dir_all(&passing);
     }
     show(&judged?, choices.ask.json.as_deref())

@@ -1,4 +1,4 @@
-//! How each kind of effect is put into body, suit or plate of a simulator, at a random place and direction.
+//! Adds each kind of effect to body, suit or plate of a simulator, at a random place and direction.
 
 use std::f64::consts::TAU;
 
@@ -13,18 +13,18 @@ use nalgebra::{Vector2, Vector3};
 use super::ladder::nominal;
 use super::truth::{Hidden, Spans};
 
-/// What is hidden in one session.
+/// The hidden effects of one session.
 #[derive(Debug, Clone, Default)]
 pub struct Drawn {
     /// For the simulator.
     pub hidden: scene::Hidden,
-    /// For the judge.
+    /// For the evaluator.
     pub effects: Vec<Hidden>,
     /// Whether the model runs without inertia.
     pub without_inertia: bool,
 }
 
-/// Who is concerned, and when.
+/// The session's circumstances: body and time spans.
 #[derive(Debug, Clone, Copy)]
 pub struct Circumstances<'a> {
     /// The body.
@@ -49,7 +49,7 @@ fn direction(random: &mut Random) -> Vector2<f64> {
     Vector2::new(cos, sin)
 }
 
-/// Where a limb's things are worn: left and right alike but mirrored.
+/// Side of an effect on a limb: left or right, mirrored.
 fn side_of(random: &mut Random) -> (Side, f64) {
     if random.happens(0.5) { (Side::Left, 1.0) } else { (Side::Right, -1.0) }
 }
@@ -58,7 +58,7 @@ fn of_side(side: Side, left: Segment) -> Segment {
     if side == Side::Left { left } else { left.mirrored() }
 }
 
-/// Puts a kind of a size into a simulator, and says what the judge is told of it.
+/// Adds an effect of a kind and a size to the simulator; returns its description for the evaluator.
 pub fn put(
     kind: &str,
     size: f64,
@@ -88,14 +88,14 @@ pub fn put(
     told
 }
 
-/// What the judge is told of an effect.
+/// Description of an effect for the evaluator.
 #[derive(Debug, Clone)]
 pub struct Told {
     /// `hand` or `segment`, and which.
     pub place: Option<(&'static str, String)>,
     /// By the catalogue's names and in its units.
     pub parameters: Vec<(&'static str, f64)>,
-    /// In words, where the name does not say it.
+    /// A description, where the name is insufficient.
     pub description: String,
 }
 
@@ -201,7 +201,7 @@ fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &
                 vec![("ax_m", bound_m.x), ("ay_m", bound_m.y), ("tau_s", tau_s)],
             )
         }
-        // A lower cutoff does more.
+        // A lower cutoff has a larger effect.
         _ => {
             let cutoff_hz = nominal(kind) / size;
             (PlateFault::LowPass(cutoff_hz), vec![("cutoff_hz", cutoff_hz)])
@@ -230,7 +230,7 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             let trunk = kind.ends_with("T8");
             let arm = pick(random, &[Segment::LeftUpperArm, Segment::LeftForearm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, arm) };
-            // A forearm bears half of what an upper arm does.
+            // A forearm's heading has half the effect of an upper arm's.
             let is_forearm = [Segment::LeftForearm, Segment::RightForearm].contains(&segment);
             let radians = signed.to_radians() * if is_forearm { 2.0 } else { 1.0 };
             told.on(segment);
@@ -241,7 +241,8 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             let trunk = kind.ends_with("T8");
             let limb = pick(random, &[Segment::LeftUpperLeg, Segment::LeftUpperArm]);
             let segment = if trunk { Segment::T8 } else { of_side(side, limb) };
-            // Along a limb a turn shows little; of the trunk, turns about the upright least. An upper arm bears less.
+            // A rotation about a limb's own axis has little effect; of the trunk, rotations about the vertical have the
+            // least. An upper arm has less effect than a thigh.
             let (axis, share) = match segment {
                 Segment::LeftUpperArm | Segment::RightUpperArm => (Vector3::new(1.0, 0.2, 1.0), 1.5),
                 _ => (Vector3::new(1.0, 1.0, 0.2), 1.0),
@@ -269,7 +270,7 @@ fn of_the_body(
     if kind == "periodic_sway" {
         let hertz = random.between(0.21, 0.33);
         let amplitude_m = 1e-3 * nominal(kind) * size;
-        // Of a mass at the height of a chest, inertia adds `ω² z/g` to what its weight does.
+        // For a mass at chest height, inertia adds `ω² z/g` to the effect of its weight.
         let inertia = (TAU * hertz).powi(2) * 0.72 * at.person.height_m / 9.81;
         let moves_m = amplitude_m / (share(Segment::T8) * (1.0 + inertia));
         let breath = BodyChange::Breath(Segment::T8, Vector3::x() * moves_m, hertz);
@@ -286,9 +287,9 @@ fn of_the_body(
     told.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);
 }
 
-/// What the catalogue does not have. "Detectable" means here: a column of the very physics that is hidden, with its true
-/// shape (work less that of the clean twin, whitened by the program's own noise), reaches log odds of about 15 in half of
-/// the sessions. Nobody knows the true shape, so rung 1 is not easy; below it there is nothing to be seen.
+/// Effects outside the catalogue. "Detectable" means here: a column of the hidden physics, with its true shape (work
+/// minus that of the clean twin, whitened by the program's own noise), reaches log odds of about 15 in half of the
+/// sessions. The program does not have the true shape, so rung 1 is not easy; below it no detection is possible.
 fn outside(
     kind: &str,
     size: f64,
@@ -313,8 +314,8 @@ fn outside(
                 format!("the trunk leaves its place by {:.0} mm per radian of bend", 15.0 * size);
         }
         "outside magnetic_region" => {
-            // Iron at a bench disturbs every sensor that comes near it, not one: all of an arm. A forearm alone carries
-            // so little that 40° of it are not seen.
+            // Iron at a bench disturbs every sensor near it: all of an arm. A forearm alone has so little mass that 40°
+            // of it are undetectable.
             let arm = [Segment::LeftForearm, Segment::LeftUpperArm, Segment::LeftHand];
             let aside = if side == Side::Left { 0.2 } else { -0.2 };
             let centre_m = Vector3::new(0.25, aside, 0.60 * height_m);
@@ -331,7 +332,8 @@ fn outside(
         }
         "outside tissue_slip" => {
             let segment = pick(random, &[Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
-            // The joint between two spine segments turns little; a thigh carries all that stands on it.
+            // The joint between two spine segments rotates little; the rotation of a thigh moves the whole body above
+            // it.
             let nominal = if segment == Segment::T8 { 0.4 } else { 0.04 };
             let rate = nominal * size * sign(random);
             drawn.hidden.suit.push((SuitFault::Slip(segment, rate), span));

@@ -1,13 +1,13 @@
-//! What is declared as not to be told apart by these data (the method's table of confusable effects), for the judge.
+//! Effects declared as indistinguishable by these data (the method's table of confusable effects), for the evaluator.
 
-/// Labels (name with place) that may stand for each other wherever they come.
+/// Labels (name with place) that are always interchangeable.
 const ALIKE: [&[&str]; 10] = [
     &["plate_offset", "unbalanced_parameters Pelvis"],
     &["plate_yaw", "suit_heading_drift"],
     &["suit_lag", "plate_lowpass", "inertia"],
     &["worn_mass Pelvis", "worn_mass LeftUpperLeg", "worn_mass RightUpperLeg"],
     &["worn_mass T8", "segment_misalignment T8"],
-    // An upright trunk that is turned about the upright is turned about its own axis.
+    // A rotation of an upright trunk about the vertical is one about its own axis.
     &["segment_heading T8", "segment_misalignment T8"],
     &["hand_load right", "worn_mass RightForearm"],
     &["hand_load left", "worn_mass LeftForearm"],
@@ -15,7 +15,7 @@ const ALIKE: [&[&str]; 10] = [
     &["hand_load left", "hand_contact left"],
 ];
 
-/// Explanations that are declared for what the catalogue does not have.
+/// Declared explanations of effects outside the catalogue.
 const FOR_OUTSIDE: [(&str, &[&str]); 2] = [
     ("outside spine_shape", &["segment_misalignment T8"]),
     (
@@ -28,7 +28,7 @@ const FOR_OUTSIDE: [(&str, &[&str]); 2] = [
     ),
 ];
 
-/// Whether two labels are one family; a label is of its own.
+/// Whether two labels belong to one family; a label belongs to its own.
 pub fn are_family(one: &str, other: &str) -> bool {
     one == other
         || ALIKE.iter().any(|alike| alike.contains(&one) && alike.contains(&other))
@@ -40,15 +40,15 @@ fn by_rule(one: &str, other: &str) -> bool {
     let (name, place) = one.split_once(' ').unwrap_or((one, ""));
     let (other_name, other_place) = other.split_once(' ').unwrap_or((other, ""));
     match (name, other_name) {
-        // The vertical force alone does not say which.
+        // The vertical force alone cannot distinguish them.
         ("force_gain", "worn_mass") => true,
-        // A crooked sensor is a changed φ of its segment: one and the same column.
+        // A misaligned sensor is a changed φ of its segment: the same column.
         ("segment_misalignment", "unbalanced_parameters") => place == other_place,
         _ => false,
     }
 }
 
-/// Whether a label is declared for something outside the catalogue, or is the very column of one that is.
+/// Whether a label is declared for an effect outside the catalogue, or has the same column as a declared one.
 pub fn is_declared_for(kind: &str, label: &str) -> bool {
     let same = |declared: &&str| by_rule(declared, label);
     let declared = |labels: &[&str]| labels.contains(&label) || labels.iter().any(same);

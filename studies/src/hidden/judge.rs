@@ -158,7 +158,7 @@ impl Judged {
         let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
         self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
         for label in effects.iter().map(told_label) {
-            // One effect in two spans, as one that turns over, is one.
+            // Count one effect in two spans, such as one with a flipped sign, once.
             if !self.named.contains(&label) {
                 self.named.push(label);
             }

@@ -1,4 +1,4 @@
-//! What may be hidden, where, and how large: nominal detectable sizes and the rungs about them.
+//! Possible hidden effects, their places and sizes: nominal detectable sizes and the rungs around them.
 
 use equipoise_simulator::burden::Span;
 use equipoise_simulator::random::Random;
@@ -6,9 +6,9 @@ use equipoise_simulator::random::Random;
 use super::effects::{self, Circumstances, Drawn, pick};
 use super::truth::Hidden;
 
-/// Sizes that are hidden, over the nominal detectable size.
+/// Hidden sizes, relative to the nominal detectable size.
 pub const RUNGS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// Singles of the catalogue, by name and what of its places.
+/// Single effects of the catalogue, by name and place.
 pub const CATALOGUE: [&str; 26] = [
     "hand_load right",
     "hand_load left",
@@ -37,8 +37,8 @@ pub const CATALOGUE: [&str; 26] = [
     "periodic_sway",
     "unbalanced_parameters",
 ];
-/// Nominal detectable size of each, in a unit for people, as `hidden detectable` measured it and rounded. Of a low pass
-/// larger is a lower cutoff.
+/// Nominal detectable size of each, in an everyday unit, as measured by `hidden detectable` and rounded. For a low pass
+/// a larger size is a lower cutoff.
 pub const NOMINAL: [(&str, f64, &str); 25] = [
     ("hand_load right", 0.25, "kg"),
     ("hand_load left", 0.25, "kg"),
@@ -71,7 +71,7 @@ pub fn nominal(kind: &str) -> f64 {
     NOMINAL.iter().find(|(name, ..)| *name == kind).map_or(1.0, |(_, size, _)| *size)
 }
 
-/// What the catalogue does not have.
+/// Effects outside the catalogue.
 pub const OUTSIDE: [&str; 7] = [
     "outside shoulder_blades",
     "outside spine_shape",
@@ -81,7 +81,7 @@ pub const OUTSIDE: [&str; 7] = [
     "outside load_cell",
     "outside elastic_band",
 ];
-/// Pairs take one of each: something on the body, and something of a sensor.
+/// Pairs have one of each: one on the body, and one of a sensor.
 const OF_A_PAIR: [&[&str]; 2] = [
     &[
         "hand_load right",
@@ -101,7 +101,7 @@ const OF_A_PAIR: [&[&str]; 2] = [
         "segment_heading arm",
     ],
 ];
-/// What may be there while the worker is identified.
+/// Effects that may be present during identification.
 const FROM_THE_BEGINNING: [&str; 9] = [
     "plate_offset",
     "plate_yaw",
@@ -113,7 +113,7 @@ const FROM_THE_BEGINNING: [&str; 9] = [
     "suit_lag",
     "segment_misalignment T8",
 ];
-/// What may turn over within the work.
+/// Effects whose sign may flip within the work.
 const MAY_FLIP: [&str; 6] = [
     "plate_offset",
     "plate_yaw",
@@ -123,13 +123,13 @@ const MAY_FLIP: [&str; 6] = [
     "segment_misalignment T8",
 ];
 
-/// Everything that is drawn once before anything is drawn twice: 40 kinds.
+/// All 40 kinds, each drawn once before any is drawn twice.
 pub fn deck() -> Vec<&'static str> {
     let rest = ["pair", "pair", "pair", "clean", "clean", "clean", "clean coloured"];
     CATALOGUE.into_iter().chain(OUTSIDE).chain(rest).collect()
 }
 
-/// Draws what a kind hides.
+/// Draws the parameters of a kind.
 pub fn draw(kind: &str, size: f64, random: &mut Random, at: &Circumstances) -> Drawn {
     let mut drawn = Drawn::default();
     if kind.starts_with("clean") {
@@ -137,7 +137,7 @@ pub fn draw(kind: &str, size: f64, random: &mut Random, at: &Circumstances) -> D
     }
     if kind == "pair" {
         for choices in OF_A_PAIR {
-            // Each of a pair must be visible by itself.
+            // Each of a pair must be detectable by itself.
             hide(pick(random, choices), size.max(1.0), random, at, &mut drawn);
         }
     } else {
@@ -146,7 +146,7 @@ pub fn draw(kind: &str, size: f64, random: &mut Random, at: &Circumstances) -> D
     drawn
 }
 
-/// When it is there: mostly in all of the work.
+/// Its time span: mostly the whole work.
 fn span_of(kind: &str, random: &mut Random, at: &Circumstances) -> (Span, bool) {
     let [start_s, end_s] = at.spans.work;
     let whole = Span { from_s: start_s, to_s: f64::INFINITY, flips_at_s: None };
@@ -162,7 +162,7 @@ fn span_of(kind: &str, random: &mut Random, at: &Circumstances) -> (Span, bool) 
     if (0.15..0.30).contains(&luck) && may_come_and_go {
         let length_s = end_s - start_s;
         let from_s = start_s + (0.15 + 0.25 * share) * length_s;
-        // Half of these go again before the end.
+        // Half of these end before the end of the work.
         let to_s = if share < 0.5 { from_s + 0.45 * length_s } else { f64::INFINITY };
         return (Span { from_s, to_s, flips_at_s: None }, false);
     }
@@ -183,7 +183,7 @@ fn hide(kind: &str, size: f64, random: &mut Random, at: &Circumstances, drawn: &
         parameters: told.parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         span_s: [span.from_s.max(0.0), span.to_s.min(at.length_s)],
         flips_at_s: span.flips_at_s,
-        // Inertia is missing or it is not: it has no rungs.
+        // Inertia is either missing or not: it has no rungs.
         size: if kind == "inertia" { 1.0 } else { size },
         from_beginning,
         description,

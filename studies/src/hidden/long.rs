@@ -1,7 +1,7 @@
-//! Long recordings, and what a program needs for them: seconds, and memory at its highest.
+//! Long recordings, and the program's resources for them: time and peak memory.
 //!
-//! Twenty hours are not simulated: some minutes are, and their last part comes again and again, from standing straight
-//! to standing straight.
+//! Of twenty hours only some minutes are simulated; their last part is repeated, from standing straight to standing
+//! straight.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -22,7 +22,7 @@ use crate::sensors::EPOCH_NS;
 use crate::subject::Subject;
 use crate::table::{Cell, Table};
 
-/// Poses, and from one to the next, s.
+/// Number of poses, and the interval between them, s.
 const POSES: usize = 16;
 const POSE_S: f64 = 4.0;
 const WITHIN_S: f64 = 1.4;
@@ -30,31 +30,31 @@ const WITHIN_S: f64 = 1.4;
 const CLEAN_S: f64 = 120.0;
 /// From one posture of the work to the next, s.
 const WORK_S: f64 = 2.5;
-/// What the right hand then carries, kg.
+/// Load of the right hand after that, kg.
 const HIDDEN_KG: f64 = 1.5;
-/// The load hangs and the body stands straight, s after the clean work.
+/// Time after the clean work at which the load hangs and the body stands straight, s.
 const SETTLED_S: f64 = 5.0;
-/// How often a running program's memory is looked at.
+/// Sampling interval of a running program's memory.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// How long, and how many of the samples there are.
+/// Length of the recording, and decimation of its samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Long {
-    /// How long the recording is, s.
+    /// Length of the recording, s.
     pub length_s: f64,
-    /// So much of it is simulated, s; what is longer comes again.
+    /// Simulated part, s; the rest is a repetition.
     pub simulated_s: f64,
-    /// Every so many of the suit's 60 samples a second, and of the plate's 250.
+    /// Decimation factors of the suit's 60 samples a second and of the plate's 250.
     pub every: [u32; 2],
 }
 
 impl Long {
-    /// All samples of suit and plate, ten minutes of them simulated.
+    /// All samples of suit and plate, with ten minutes simulated.
     pub fn of(length_s: f64) -> Long {
         Long { length_s, simulated_s: length_s.min(600.0), every: [1; 2] }
     }
 
-    /// When the load is taken, s.
+    /// Time at which the load is taken, s.
     pub fn taken_s(&self) -> f64 {
         2.0 + POSES as f64 * POSE_S + CLEAN_S
     }
@@ -109,7 +109,7 @@ impl Long {
         Ok(())
     }
 
-    /// Poses, clean work, and the same work with a load in the right hand, all on one spot.
+    /// Poses, clean work, and the same work with a load in the right hand, all at one place.
     fn script(&self, subject: &Subject) -> Script {
         let habits = Habits { right_hand_share: 1.0, ..subject.habits() };
         let mut worker = Worker::with_habits(subject.person(), subject.seed, habits);
@@ -165,7 +165,7 @@ struct Writer {
 }
 
 impl Writer {
-    /// Writes a sample as if it had come so much later.
+    /// Writes a sample with its time shifted.
     fn write(&mut self, told: &Told, later_ns: u64) -> Result<(), WriteError> {
         let stream = usize::from(matches!(told, Told::Ground(_)));
         let number = self.written[stream];
@@ -188,21 +188,21 @@ impl Writer {
     }
 }
 
-/// What a program needed for a recording.
+/// Resources that a program used for a recording.
 #[derive(Debug, Clone)]
 pub struct Needed {
     /// Wall-clock time, s.
     pub seconds: f64,
     /// Resident memory at its highest, bytes.
     pub peak_bytes: u64,
-    /// What it said, `reconcile --json`.
+    /// Its output, `reconcile --json`.
     pub finding: Value,
 }
 
-/// Has a program reconcile a recording and watches its memory.
+/// Runs the program's reconciliation of a recording and monitors its memory.
 ///
 /// # Errors
-/// A sentence: it cannot be run, or it failed.
+/// A message: it cannot be run, or it failed.
 pub fn reconcile(program: &Path, recording: &Path) -> Result<Needed, String> {
     let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", program.display());
     let out = recording.with_extension("json");
@@ -214,7 +214,7 @@ pub fn reconcile(program: &Path, recording: &Path) -> Result<Needed, String> {
     let status_file = PathBuf::from(format!("/proc/{}/status", child.id()));
     let mut peak_bytes = 0;
     let status = loop {
-        // It only grows, so the last look is at most a moment behind the end.
+        // The value only grows, so the last reading is close to the final one.
         peak_bytes = high_water_bytes(&status_file).unwrap_or(peak_bytes);
         if let Some(status) = child.try_wait().map_err(|error| failed(&error))? {
             break status;
@@ -223,7 +223,7 @@ pub fn reconcile(program: &Path, recording: &Path) -> Result<Needed, String> {
     };
     let seconds = started.elapsed().as_secs_f64();
     let text = std::fs::read_to_string(&out).map_err(|error| failed(&error))?;
-    // It was only a place for the output.
+    // The file was required only for the output.
     let _ = std::fs::remove_file(&out);
     if !status.success() {
         return Err(failed(&status));
@@ -240,10 +240,10 @@ fn high_water_bytes(status: &Path) -> Option<u64> {
     Some(1024 * kibibytes)
 }
 
-/// Makes a recording of each length in turn, has the program reconcile it, and deletes it; lengths in hours.
+/// Makes a recording of each length in turn, runs the program's reconciliation, and deletes it; lengths in hours.
 ///
 /// # Errors
-/// A sentence: a file cannot be written, or the program failed.
+/// A message: a file cannot be written, or the program failed.
 pub fn table(program: &Path, folder: &Path, hours: &[f64]) -> Result<Table, String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
     let mut table = Table::new(
@@ -257,7 +257,7 @@ pub fn table(program: &Path, folder: &Path, hours: &[f64]) -> Result<Table, Stri
             .map_err(|error| format!("{}: {error}", recording.display()))?;
         let needed = reconcile(program, &recording);
         let file_bytes = std::fs::metadata(&recording).map_or(0, |metadata| metadata.len());
-        // What cannot be deleted is only in the way.
+        // A file that cannot be deleted does no harm.
         let _ = std::fs::remove_file(&recording);
         let Needed { seconds, peak_bytes, finding } = needed?;
         let named: Vec<&str> = finding["effects"]

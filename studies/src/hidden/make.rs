@@ -1,4 +1,4 @@
-//! Makes sessions: a recording each, and beside it the truth.
+//! Generates sessions: a recording each, and a separate file with the truth.
 
 use std::path::{Path, PathBuf};
 
@@ -12,24 +12,24 @@ use super::scenario::{self, Lengths};
 use super::truth::Truth;
 use crate::subject::{Subject, ask_all};
 
-/// What to make.
+/// An order for sessions.
 #[derive(Debug, Clone)]
 pub struct Order {
-    /// Where to.
+    /// Destination folder.
     pub out: PathBuf,
-    /// How many.
+    /// Number of sessions.
     pub sessions: usize,
-    /// Everything random follows from it.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Only kinds whose name begins so.
+    /// Only kinds whose name starts with this.
     pub only: Option<String>,
     /// Short sessions.
     pub fast: bool,
-    /// Also the same sessions with nothing hidden, in `twins`.
+    /// Also the same sessions without a hidden effect, in `twins`.
     pub twins: bool,
 }
 
-/// One session to be made: which kind, how large, and its own seed.
+/// Plan of one session: kind, size and seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Name of the recording without its ending.
@@ -38,14 +38,14 @@ pub struct Plan {
     pub kind: &'static str,
     /// One of [`RUNGS`].
     pub size: f64,
-    /// Everything random of the session.
+    /// Seed of the session.
     pub seed: u64,
 }
 
-/// What an order comes to: every kind once before any twice, sizes in turn, all by the seed.
+/// Plans of an order: every kind once before any twice, sizes in turn, all by the seed.
 ///
 /// # Errors
-/// No kind's name begins as asked.
+/// No kind's name starts as requested.
 pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
     let wanted = |kind: &&str| order.only.as_deref().is_none_or(|only| kind.starts_with(only));
     let deck: Vec<&'static str> = ladder::deck().into_iter().filter(wanted).collect();
@@ -64,7 +64,7 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
             let other = index + random.between(0.0, (cards.len() - index) as f64) as usize;
             cards.swap(index, other);
         }
-        // Each kind climbs all rungs before it comes to one again; kinds start on different ones.
+        // Each kind passes all rungs before a repetition; kinds start on different ones.
         dealt.extend(
             cards.into_iter().map(|(card, kind)| (kind, RUNGS[(card * 3 + round as usize) % RUNGS.len()])),
         );
@@ -82,10 +82,10 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
     Ok(dealt.into_iter().enumerate().map(plan).collect())
 }
 
-/// Makes all of them, as many at once as there are processors; `done` is told of each.
+/// Generates all sessions, in parallel on all processors; `done` is called for each.
 ///
 /// # Errors
-/// A sentence: a folder or file cannot be written, or nothing is called so.
+/// A message: a folder or file cannot be written, or a name is unknown.
 pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, String> {
     let plans = plans(order)?;
     prepare(order)?;
@@ -100,7 +100,7 @@ pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, S
 /// Makes the folders.
 ///
 /// # Errors
-/// A sentence: one cannot be made.
+/// A message: one cannot be made.
 pub fn prepare(order: &Order) -> Result<(), String> {
     let twins = order.twins.then(|| order.out.join("twins"));
     for folder in [Some(order.out.join("truth")), twins].into_iter().flatten() {
@@ -113,12 +113,12 @@ pub fn prepare(order: &Order) -> Result<(), String> {
 /// Makes one session.
 ///
 /// # Errors
-/// A sentence: a file exists or cannot be written.
+/// A message: a file exists or cannot be written.
 pub fn make_one(plan: &Plan, order: &Order) -> Result<Truth, String> {
     let Session { subject, noise, script, drawn, tells_reference } = draw(plan, order.fast);
     let clean = Station::new(&script, Default::default(), noise, plan.seed);
     let mut station = Station::new(&script, drawn.hidden.clone(), noise, plan.seed);
-    // A few poses fewer than there are, so that the learning has ended when free work begins.
+    // Slightly fewer poses than there are, so that identification has ended when free work begins.
     let poses_min = if order.fast { 6 } else { 12 };
     let config =
         |without_inertia| recording::config_toml(&subject, &plan.session, poses_min, without_inertia);
@@ -160,18 +160,18 @@ pub fn make_one(plan: &Plan, order: &Order) -> Result<Truth, String> {
     Ok(truth)
 }
 
-/// Everything random of a session, drawn.
+/// All random choices of a session.
 #[derive(Debug, Clone)]
 pub struct Session {
-    /// Who works.
+    /// The subject.
     pub subject: Subject,
-    /// How coloured the sensors' errors are.
+    /// Size of the sensors' coloured errors.
     pub noise: Noise,
-    /// What is done.
+    /// The activity.
     pub script: scenario::Script,
-    /// What is hidden.
+    /// The hidden effects.
     pub drawn: Drawn,
-    /// Whether the program is told of the reference.
+    /// Whether the program receives the reference span.
     pub tells_reference: bool,
 }
 
@@ -181,7 +181,7 @@ pub fn draw(plan: &Plan, fast: bool) -> Session {
     let subject = Subject::somebody(plan.seed);
     let mut random = Random::new(plan.seed, "hidden");
     let noise = if plan.kind.ends_with("coloured") { Noise::COLOURED } else { Noise::ORDINARY };
-    // Half a millimetre of breath at the plate.
+    // Respiration of half a millimetre at the plate.
     let habits = Habits { breathing_m: 0.0015, breathing_hz: random.between(0.2, 0.33), ..subject.habits() };
     let script = scenario::play(&subject, habits, &lengths);
     let person = subject.person();

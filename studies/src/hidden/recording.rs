@@ -1,4 +1,4 @@
-//! A session as a recording: what suit and plate say, in the order in which they say it.
+//! A session as a recording: the samples of suit and plate in order of time.
 
 use std::path::Path;
 
@@ -24,22 +24,22 @@ pub const SUIT_HZ: u32 = 60;
 pub const PLATE_HZ: u32 = 250;
 /// 1-σ of every sample's time, ns.
 const TIME_SIGMA_NS: u64 = 1_000;
-/// Every so many plate samples the size of what is hidden is looked at.
+/// Number of plate samples between evaluations of the hidden effect's size.
 const LOOK_EVERY: u32 = 25;
 
-/// How coloured the noise is.
+/// Size of the coloured noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Coloured errors over the ordinary ones.
+    /// Coloured errors relative to the ordinary ones.
     pub factor: f64,
-    /// What to call it.
+    /// Its name.
     pub name: &'static str,
 }
 
 impl Noise {
-    /// As suits and plates are.
+    /// Ordinary suits and plates.
     pub const ORDINARY: Noise = Noise { factor: 1.0, name: "ordinary" };
-    /// A trap: two and a half times as much that comes and goes slowly.
+    /// A stress case: slow errors two and a half times as large.
     pub const COLOURED: Noise = Noise { factor: 2.5, name: "coloured" };
 }
 
@@ -52,7 +52,7 @@ pub struct Station {
 }
 
 impl Station {
-    /// A script with what is hidden in it; the noise is the same whatever is.
+    /// A script with hidden effects; the noise is independent of them.
     pub fn new(script: &Script, hidden: Hidden, noise: Noise, seed: u64) -> Station {
         let colours = SuitColours::ORDINARY.times(noise.factor);
         let length_s = script.length_s + 1.0;
@@ -67,10 +67,10 @@ impl Station {
         }
     }
 
-    /// Hands out every sample in order of time.
+    /// Passes every sample to `take`, in order of time.
     ///
     /// # Errors
-    /// What `take` returns.
+    /// The error of `take`.
     pub fn play<E>(&mut self, mut take: impl FnMut(Sample) -> Result<(), E>) -> Result<(), E> {
         let (mut suit, mut ground) = (0, 0);
         loop {
@@ -126,14 +126,14 @@ impl Station {
         Sample::Ground { message: Box::new(message), number, time_s, faulty }
     }
 
-    /// How far motion takes the centre of pressure from the centre of mass, m.
+    /// Distance of the centre of pressure from the centre of mass caused by motion, m.
     fn motion_m(&self, time_s: f64) -> Vector2<f64> {
         let body = self.scene.body(time_s);
         let centre_m = centre_m(&self.scene.worker.person().segment_mass_kg, &body.com_m);
         self.scene.ground_reaction(time_s).cop_m() - centre_m.xy()
     }
 
-    /// Where the body's centre of mass is by what the suit says, with the true masses, m.
+    /// Centre of mass of the body by the suit's data, with the true masses, m.
     fn centre_seen_m(&self, time_s: f64) -> Vector2<f64> {
         let person = self.scene.worker.person();
         let (origin_m, rotation) = self.scene.seen(time_s);
@@ -150,18 +150,18 @@ pub enum Sample {
     Suit(Box<SuitSample>),
     /// Of the plate.
     Ground {
-        /// As it is told.
+        /// The message as published.
         message: Box<GroundSample>,
-        /// Which one.
+        /// Number of the sample.
         number: u32,
-        /// When, s.
+        /// Time, s.
         time_s: f64,
         /// Without the plate's noise.
         faulty: Wrench,
     },
 }
 
-/// Writes a session. Returns how large what is hidden is in the work, mm ([`super::truth::Truth::effect_mm`]).
+/// Writes a session. Returns the size of the hidden effect in the work, mm ([`super::truth::Truth::effect_mm`]).
 ///
 /// # Errors
 /// The file exists or cannot be written.
@@ -196,21 +196,21 @@ pub fn write(
         .map(|(time_s, cop_m)| {
             let with = cop_m - station.centre_seen_m(*time_s);
             let without = clean.scene.ground_reaction(*time_s).cop_m() - clean.centre_seen_m(*time_s);
-            // Of a model without inertia, all that motion does is missing.
+            // For a model without inertia, the whole effect of motion is missing.
             if without_inertia { clean.motion_m(*time_s) } else { with - without }.norm_squared()
         })
         .sum();
     Ok(1e3 * (square_m2 / looks.len().max(1) as f64).sqrt())
 }
 
-/// The configuration that a recording bears: what the station's people know of worker, suit and plate.
+/// The configuration in a recording: the station's data of worker, suit and plate.
 pub fn config_toml(subject: &Subject, id: &str, poses_min: usize, without_inertia: bool) -> String {
     let sex = match subject.sex {
         Sex::Female => "female",
         Sex::Male => "male",
         Sex::Unstated => "unstated",
     };
-    // Scales and measuring tapes show so many digits.
+    // Resolution of scales and measuring tapes.
     let (mass_kg, height_m) =
         ((subject.mass_kg * 10.0).round() / 10.0, (subject.height_m * 100.0).round() / 100.0);
     let motion = if without_inertia { "\n[overload]\nmotion = \"paper\"\n" } else { "" };
@@ -365,7 +365,7 @@ mod tests {
             let expected = if segment == equipoise_core::body::Segment::T8 { radians.abs() } else { 0.0 };
             assert!((angle - expected).abs() < 2e-3, "{segment:?}: {angle}");
         }
-        // Everything above hangs on the turned trunk; the feet stay.
+        // Everything distal to the rotated trunk moves with it; the feet stay.
         let hand = equipoise_core::body::Segment::LeftHand.index();
         assert_ne!(seen.position_m[hand], without.position_m[hand]);
     }

@@ -1,4 +1,4 @@
-//! What the worker does: stands, takes poses, works freely, and steps to other places on the plate.
+//! Activity of the worker: standing, poses, free work, and steps to other places on the plate.
 
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::balance::Standing;
@@ -12,12 +12,12 @@ use nalgebra::Vector2;
 use super::truth::{Spans, Standing as Stands};
 use crate::subject::Subject;
 
-/// How long everything takes.
+/// Durations of the parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lengths {
-    /// Fewest and most poses while the worker is identified.
+    /// Minimum and maximum number of poses during identification.
     pub poses: [usize; 2],
-    /// Work known to be clean, s.
+    /// Work declared clean, s.
     pub reference_s: f64,
     /// Work in question, s.
     pub work_s: f64,
@@ -30,7 +30,7 @@ impl Lengths {
     pub const FAST: Lengths = Lengths { poses: [7, 8], reference_s: 30.0, work_s: 30.0 };
 }
 
-/// Standing straight at first, s: bones and weight are learnt.
+/// Initial standing, s: segment lengths and weight are measured.
 const FIRST_S: f64 = 4.0;
 /// A pose is held for this long, s.
 const HELD_S: f64 = 2.5;
@@ -38,25 +38,25 @@ const HELD_S: f64 = 2.5;
 const MOVE_S: f64 = 1.2;
 /// Standing up straight before a step, s.
 const RISE_S: f64 = 1.2;
-/// A turn by this much lets the plate's axes be told from the body's, degrees.
+/// A turn by this angle separates errors of the plate's axes from those of the body's, degrees.
 const TURNED_DEG: f64 = 25.0;
 
 /// A session's script, played.
 #[derive(Debug, Clone)]
 pub struct Script {
-    /// Who works, with all orders given.
+    /// The worker, with all commands given.
     pub worker: Worker,
-    /// Which part is what.
+    /// Phases of the recording.
     pub spans: Spans,
-    /// When all is over, s.
+    /// Its length, s.
     pub length_s: f64,
-    /// Where the worker stands.
+    /// Standing places of the worker.
     pub places: Vec<Stands>,
     /// Whether the worker turned in the work.
     pub turned: bool,
 }
 
-/// Has the subject go through a session.
+/// Runs the subject through a session.
 pub fn play(subject: &Subject, habits: Habits, lengths: &Lengths) -> Script {
     let mut random = Random::new(subject.seed, "script");
     let mut played = Player {
@@ -78,7 +78,7 @@ pub fn play(subject: &Subject, habits: Habits, lengths: &Lengths) -> Script {
     Script { worker, spans, length_s: now_s, places, turned }
 }
 
-/// Two or three other places in most sessions, and when within the work.
+/// Two or three other places in most sessions, and their times within the work.
 fn elsewhere(work_s: f64, random: &mut Random) -> Vec<(f64, Place)> {
     if random.happens(0.15) {
         return Vec::new();
@@ -87,7 +87,7 @@ fn elsewhere(work_s: f64, random: &mut Random) -> Vec<(f64, Place)> {
     let first_to_the_left = random.happens(0.5);
     (0..count)
         .map(|index| {
-            // So that there is time left at the last of them.
+            // Leaves time at the last of them.
             let when = (f64::from(index) + random.between(0.35, 0.65)) / (f64::from(count) + 0.4);
             let place = place(random, 5.0);
             let far = if random.happens(0.2) { 90.0 } else { random.between(28.0, 42.0) };
@@ -123,7 +123,7 @@ impl Player {
         }
     }
 
-    /// Free work; `steps` are places to go to, each at a share of the time.
+    /// Free work; `steps` are places to walk to, each with its fraction of the time.
     fn work(&mut self, for_s: f64, steps: &[(f64, Place)], random: &mut Random) {
         let (start_s, end_s) = (self.now_s, self.now_s + for_s);
         let mut steps = steps.iter().peekable();
@@ -154,7 +154,7 @@ impl Player {
         self.now_s = from_s + 0.5;
     }
 
-    /// Something that this body can do.
+    /// A random intention that is feasible for this body.
     fn feasible(&self, random: &mut Random) -> Intention {
         let person = self.worker.person();
         let standing = Standing { person, com_m: &person.com_m, stance: self.worker.stance(), load_kg: 0.0 };
@@ -169,7 +169,7 @@ impl Player {
     }
 }
 
-/// A bend, a reach, a squat, a turn of the trunk, or just standing, with the arms anywhere.
+/// A bend, a reach, a squat, a rotation of the trunk, or just standing, with random arms.
 fn something(random: &mut Random) -> Intention {
     let kind = random.unit();
     let mut between = |low: f64, high: f64| random.between(low, high);

@@ -1,4 +1,4 @@
-//! Has a program reconcile sessions it knows nothing of, and judges what it says.
+//! Runs a program's reconciliation on sessions of unknown truth, and evaluates its findings.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -12,17 +12,17 @@ use super::make::{self, Order};
 use super::truth::Truth;
 use crate::subject::ask_all;
 
-/// How to ask the program.
+/// How to run the program.
 #[derive(Debug, Clone)]
 pub struct Asking {
     /// The program: `equipoise`.
     pub program: PathBuf,
-    /// Let it find the spans itself.
+    /// Whether the program has to find the spans itself.
     pub finds_spans: bool,
 }
 
 impl Asking {
-    /// Whether there is such a program at all: better known before an hour of sessions than after.
+    /// Checks that the program exists, before rather than after an hour of sessions.
     fn check(&self) -> Result<(), String> {
         let asked = Command::new(&self.program).arg("--version").output();
         let missing = |error| {
@@ -35,7 +35,7 @@ impl Asking {
     }
 }
 
-/// What a session has: its recording, its truth, and its clean twin where there is one.
+/// Files of a session: recording, truth, and clean twin if there is one.
 #[derive(Debug, Clone)]
 struct Files {
     recording: PathBuf,
@@ -55,16 +55,16 @@ impl Files {
 
     fn delete(&self) {
         for file in [Some(&self.recording), self.twin.as_ref()].into_iter().flatten() {
-            // What cannot be deleted is only in the way.
+            // A file that cannot be deleted does no harm.
             let _ = std::fs::remove_file(file);
         }
     }
 }
 
-/// Judges every session of a folder, as many at once as there are processors; `done` is told of each.
+/// Evaluates every session of a folder, in parallel on all processors; `done` is called for each.
 ///
 /// # Errors
-/// A sentence: the folder has no truth, or a truth cannot be read.
+/// A message: the folder has no truth, or a truth cannot be read.
 pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
     let entries = std::fs::read_dir(folder.join("truth"))
         .map_err(|error| format!("{}: {error}; make sessions first", folder.join("truth").display()))?;
@@ -81,10 +81,10 @@ pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
     judged.into_iter().collect()
 }
 
-/// Makes sessions one by one, has each judged, and deletes its recording.
+/// Makes sessions one by one, evaluates each, and deletes its recording.
 ///
 /// # Errors
-/// As of making and judging.
+/// As of making and evaluating.
 pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
     let plans = make::plans(order)?;
     asking.check()?;
@@ -106,7 +106,7 @@ fn score_one(files: &Files, asking: &Asking) -> Result<Judged, String> {
         .map_err(|error| format!("cannot read {}: {error}", files.truth.display()))?;
     let truth: Truth =
         serde_json::from_str(&text).map_err(|error| format!("{}: {error}", files.truth.display()))?;
-    // The truth's spans are for the command line; what is hidden stays closed until the program has spoken.
+    // Only the truth's spans are used for the command line; the hidden effect is not accessed before the finding.
     let started = Instant::now();
     let printed = ask(&files.recording, &truth, asking);
     let seconds = started.elapsed().as_secs_f64();
@@ -117,7 +117,7 @@ fn score_one(files: &Files, asking: &Asking) -> Result<Judged, String> {
     Ok(judge(&truth, printed.as_ref().map_err(String::as_str), twin_mm, seconds))
 }
 
-/// Runs `reconcile` on a recording; what it prints, or why it prints nothing.
+/// Runs `reconcile` on a recording; returns its output, or the reason if there is none.
 fn ask(recording: &Path, truth: &Truth, asking: &Asking) -> Result<Value, String> {
     let out = recording.with_extension("reconciled");
     let mut command = Command::new(&asking.program);
@@ -131,7 +131,7 @@ fn ask(recording: &Path, truth: &Truth, asking: &Asking) -> Result<Value, String
     }
     command.arg("--json").arg("--out").arg(&out);
     let output = command.output().map_err(|error| format!("{}: {error}", asking.program.display()))?;
-    // The report is not looked at here.
+    // The report is not used here.
     let _ = std::fs::remove_dir_all(&out);
     serde_json::from_slice(&output.stdout).map_err(|error| {
         let told = String::from_utf8_lossy(&output.stderr);
@@ -151,7 +151,7 @@ mod tests {
     use serde_json::json;
     use std::os::unix::fs::PermissionsExt;
 
-    /// A program that says the same of every recording, if it is asked as it should be.
+    /// A program that prints the same finding for every recording, if its arguments are as expected.
     fn program(folder: &Path, said: &Value, asked_for: &str) -> PathBuf {
         let path = folder.join("equipoise");
         let script = format!(

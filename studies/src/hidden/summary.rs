@@ -1,4 +1,4 @@
-//! What many judged findings come to.
+//! Summary of many evaluated findings.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use super::ladder::{NOMINAL, RUNGS};
 use crate::table::{Cell, Table};
 use crate::tally::percent;
 
-/// An effect counts as detected at a size from this share of sessions on.
+/// An effect counts as detected at a size from this fraction of sessions on.
 const DETECTED: f64 = 0.8;
 
 /// All tables.
@@ -19,7 +19,7 @@ fn share(part: usize, whole: usize) -> Cell {
     if whole == 0 { Cell::Nothing } else { Cell::Number(100.0 * part as f64 / whole as f64) }
 }
 
-/// Singles whose size is known to the model: not those that were there while the worker was identified.
+/// Single effects of defined size: not those present during identification.
 fn singles(judged: &[Judged]) -> impl Iterator<Item = &Judged> {
     judged.iter().filter(|one| one.class == Class::Single && !one.from_beginning)
 }
@@ -126,7 +126,7 @@ fn by_size(judged: &[Judged]) -> Table {
     table
 }
 
-/// What is said first of a session.
+/// The first statement about a session.
 fn said(one: &Judged) -> String {
     match (one.verdict.as_str(), one.named.first()) {
         ("named", Some(label)) => name_of(label).to_owned(),
@@ -197,7 +197,7 @@ fn parameters(judged: &[Judged]) -> Table {
     table
 }
 
-/// The smallest size of each effect from which on it is named in four sessions of five.
+/// The smallest size of each effect from which on it is named in four of five sessions.
 pub fn detectable(judged: &[Judged]) -> Table {
     let mut table =
         Table::new("Minimum detectable size", &["effect", "exact", "name or family", "unit", "sessions"]);

@@ -1,4 +1,4 @@
-//! The figure: bones, joints, soles.
+//! The figure: bones, joints, support polygon.
 
 use equipoise_core::body::{Joint, SEGMENTS, Segment, Side};
 use equipoise_core::cycle::sole::FootShape;
@@ -14,12 +14,12 @@ const BONE_M: f64 = 0.03;
 const HEAD_M: f64 = 0.2;
 const FLOOR_LINE_M: f64 = 0.008;
 
-/// The pose as it is, and as it is asked for (the paper's Fig. 5: blue and black).
+/// Colours of the present and the suggested pose (the paper's Fig. 5: blue and black).
 pub(super) const BODY: Color = Color::new(0.16, 0.38, 0.78, 1.0);
 pub(super) const ASKED: Color = Color::new(0.1, 0.1, 0.1, 0.5);
 const SOLE: Color = Color::new(0.5, 0.5, 0.5, 0.9);
 
-/// Every segment as a line to its parent's origin.
+/// Every segment as a line from its parent's origin.
 pub(super) fn bones(origin_m: &[[f64; 3]; SEGMENTS], color: Color) -> Line {
     let mut points: Vec<Vector3> = Vec::with_capacity(2 * SEGMENTS);
     for segment in Segment::ALL {
@@ -30,13 +30,13 @@ pub(super) fn bones(origin_m: &[[f64; 3]; SEGMENTS], color: Color) -> Line {
     Line::new(LineType::List, BONE_M, points, color)
 }
 
-/// The head, a little above its joint.
+/// The head, half its diameter above its joint.
 pub(super) fn head(origin_m: &[[f64; 3]; SEGMENTS], color: Color) -> Sphere {
     let [x, y, z] = origin_m[Segment::Head.index()];
     Sphere { pose: Pose::at([x, y, z + 0.5 * HEAD_M]), size: [HEAD_M; 3].into(), color }
 }
 
-/// A sphere for each joint: the worse its level, the larger, so that colour is not all that tells it.
+/// A sphere for each joint, larger for a worse level, so that the level is visible without colour.
 pub(super) fn joints(state: &State) -> Vec<Sphere> {
     let told = |number: u32| {
         let level = Level::from_number(number).unwrap_or(Level::None);
@@ -62,7 +62,8 @@ pub(super) fn look(level: Level) -> (f64, Color) {
     }
 }
 
-/// The support polygon on the floor: the hull of both soles, drawn by stature. `None` where the feet point nowhere.
+/// The support polygon on the floor: convex hull of both foot outlines, scaled by body height. `None` if the feet have
+/// no heading.
 pub(super) fn support(origin_m: &[[f64; 3]; SEGMENTS], height_m: f64) -> Option<Line> {
     let mut turns = [UnitQuaternion::identity(); SEGMENTS];
     for side in Side::BOTH {
@@ -97,7 +98,7 @@ pub(super) fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
             }
             chain.push(point);
         }
-        // The last is the first of the other chain.
+        // The last point is also the first of the other chain.
         chain.pop();
         chain
     };

@@ -10,7 +10,7 @@ pub(super) struct Short(pub(super) f64);
 
 impl Serialize for Short {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        // + 0.0 makes zero of negative zero.
+        // + 0.0 converts negative zero to zero.
         serializer.serialize_f64((self.0 * 1e4).round() / 1e4 + 0.0)
     }
 }

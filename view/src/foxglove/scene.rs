@@ -1,4 +1,4 @@
-//! The scene of a moment: who stands where, what is pressed, what is asked for.
+//! The scene of one state: pose, centres of pressure, suggested pose, advice.
 
 use equipoise_core::body::{SEGMENTS, Side};
 use equipoise_core::message::{State, Validity};
@@ -11,9 +11,9 @@ use super::primitives::{Arrow, Color, Cylinder, Entity, Pose, SceneUpdate, Short
 use crate::suggested_pose::{SuggestedPose, height_m};
 use crate::words;
 
-/// The only coordinate frame: the station's world, X forward, Y left, Z up.
+/// The only coordinate frame: the station world, X forward, Y left, Z up.
 pub const FRAME: &str = "station";
-/// How long a picture is shown when none follows it.
+/// Lifetime of an entity that is not updated.
 pub const LIFETIME_NS: u64 = NS_PER_S;
 
 const FIGURE: &str = "figure";
@@ -23,7 +23,7 @@ const MEASURED: &str = "centre of pressure, measured";
 const ESTIMATED: &str = "centre of pressure, estimated";
 const ADVICE: &str = "advice";
 const WORDS: &str = "words";
-/// All that there may be.
+/// All entity IDs.
 const ALL: [&str; 7] = [FIGURE, ASKED, SUPPORT, MEASURED, ESTIMATED, ADVICE, WORDS];
 
 const FORCE_M_PER_N: f64 = 1e-3;
@@ -33,7 +33,8 @@ const ESTIMATED_COLOR: Color = Color::new(0.0, 0.6, 0.65, 0.6);
 const ADVICE_COLOR: Color = Color::new(0.1, 0.5, 0.2, 0.9);
 const TEXT_COLOR: Color = Color::new(0.35, 0.35, 0.35, 1.0);
 
-/// A state at `time_ns` of the viewer's clock. What its `valid` spoils is not drawn; the reasons are written.
+/// Scene of a state at `time_ns` of the viewer's clock. Values invalidated by `valid` are not drawn; the flags appear
+/// as text.
 pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
     let entity = |id| Entity::new(id, FRAME, time_ns, LIFETIME_NS);
     let origin_m = segments(state);
@@ -69,7 +70,7 @@ pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
         });
     }
     if let Some(cop_m) = state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m) {
-        // Two σ to each side, and never too small to be seen.
+        // Two σ in each direction, and large enough to be visible.
         let size_m = state.cop_sigma_m.map(|sigma_m| (4.0 * sigma_m).max(COP_M));
         entities.push(Entity { cylinders: vec![disc(cop_m, size_m, ESTIMATED_COLOR)], ..entity(ESTIMATED) });
     }
@@ -77,14 +78,14 @@ pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
     SceneUpdate::of(&ALL, time_ns, entities)
 }
 
-/// Nothing but words: why there is no state.
+/// A scene with text only: why there is no state.
 pub fn nothing(why: &str, time_ns: u64) -> SceneUpdate {
     let words =
         Entity { texts: vec![text(why.to_owned())], ..Entity::new(WORDS, FRAME, time_ns, LIFETIME_NS) };
     SceneUpdate::of(&ALL, time_ns, vec![words])
 }
 
-/// Where the segments are; `None` while the suit is silent.
+/// Segment origins; `None` while the suit is stale.
 fn segments(state: &State) -> Option<&[[f64; 3]; SEGMENTS]> {
     state
         .unless(Validity::SUIT_STALE, &state.segment_origin_m)
@@ -98,9 +99,9 @@ fn disc([x, y]: [f64; 2], [width_x_m, width_y_m]: [f64; 2], color: Color) -> Cyl
     Cylinder { pose, size, bottom_scale: Short(1.0), top_scale: Short(1.0), color }
 }
 
-/// An arrow from a point into a direction that is no zero vector.
+/// An arrow from a point in a direction, which must not be zero.
 fn arrow(from_m: [f64; 3], direction: [f64; 3], length_m: f64, color: Color) -> Arrow {
-    // An arrow's own direction is X; the opposite of it has no shortest turn.
+    // An arrow points along X; for the opposite direction the shortest rotation is not unique.
     let turn = UnitQuaternion::rotation_between(&Vector::x(), &Vector::from(direction))
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector::z_axis(), std::f64::consts::PI));
     let head_m = 0.05_f64.min(0.5 * length_m);
@@ -114,12 +115,12 @@ fn arrow(from_m: [f64; 3], direction: [f64; 3], length_m: f64, color: Color) -> 
     }
 }
 
-/// The vertical reaction of the ground, a metre for 1000 N.
+/// The vertical ground reaction, 1 m per 1000 N.
 fn reaction([x, y]: [f64; 2], force_n: f64) -> Arrow {
     arrow([x, y, 0.0], [0.0, 0.0, 1.0], force_n * FORCE_M_PER_N, MEASURED_COLOR)
 }
 
-/// Where the load should move, from between the hands.
+/// Direction in which to move the load, from the midpoint between the hands.
 fn advice(state: &State, origin_m: &[[f64; 3]; SEGMENTS]) -> Option<Arrow> {
     let direction = state.unless(Validity::SPOILS_TORQUES, state.advice_direction)?;
     let hands = Side::BOTH.map(|side| Vector::from(origin_m[side.hand().index()]));
@@ -127,10 +128,10 @@ fn advice(state: &State, origin_m: &[[f64; 3]; SEGMENTS]) -> Option<Arrow> {
     (direction != [0.0; 3]).then(|| arrow(from_m, direction, 0.25, ADVICE_COLOR))
 }
 
-/// The phase, and a line for each reason.
+/// The phase, and a line for each validity flag.
 fn told(state: &State) -> String {
     let mut lines = vec![words::phase(state).to_owned()];
-    // What is wrong; what to do stands behind the colon.
+    // Only the part before the colon, which names the condition; the remedy follows it.
     let what = |text: &'static str| text.split(':').next().unwrap_or(text).to_owned();
     lines.extend(words::reasons(state).into_iter().map(|reason| what(reason.text)));
     lines.join("\n")

@@ -1,5 +1,5 @@
-//! The schema of `foxglove.SceneUpdate` in JSON: the well-known one's fields, written down anew. `.ci/scene.py` reads
-//! scenes into the messages that Foxglove itself publishes, which refuse a field that they do not have.
+//! JSON schema of `foxglove.SceneUpdate`, with the fields of the well-known schema. `.ci/scene.py` parses scenes with
+//! the messages that Foxglove itself publishes, which reject unknown fields.
 
 use serde_json::{Value, json};
 
@@ -36,14 +36,14 @@ fn time(title: &str) -> Value {
     object(title, &[("sec", json!({"type": "integer", "minimum": 0})), ("nsec", nsec)])
 }
 
-/// A number that has names.
+/// An enumeration.
 fn choice(title: &str, names: &[&str]) -> Value {
     let one = |(number, name): (usize, &&str)| json!({"title": name, "const": number});
     let one_of: Vec<Value> = names.iter().enumerate().map(one).collect();
     json!({"title": title, "oneOf": one_of})
 }
 
-/// Kinds of primitives that a scene of ours never holds: their arrays are empty.
+/// Kinds of primitives that are never used: their arrays are empty.
 fn never(title: &str) -> Value {
     array(object(title, &[]))
 }

@@ -1,4 +1,4 @@
-//! What is drawn, and what is not.
+//! Tests of what is drawn and what is not.
 
 use bytemuck::Zeroable;
 use equipoise_core::body::{Joint, Segment, Side, Skeleton};
@@ -14,7 +14,7 @@ use crate::suggested_pose::height_m as stature_m;
 
 const TIME_NS: u64 = 12_000_000_034;
 
-/// Somebody who stands upright, with every value told.
+/// A person standing upright, with all values valid.
 fn standing() -> State {
     let mut state = monitoring();
     state.segment_origin_m = Skeleton::nominal(1.77).t_pose_m().map(|[x, y, z]| [x, y, z + 0.95]);
@@ -126,7 +126,7 @@ fn the_support_polygon_holds_both_ankles() {
         .collect();
     for side in Side::BOTH {
         let [x, y, _] = state.segment_origin_m[side.foot().index()];
-        // A point in a convex, counter-clockwise polygon lies on the left of every edge.
+        // A point inside a convex, counter-clockwise polygon lies left of every edge.
         for (a, b) in points.iter().zip(points.iter().cycle().skip(1)) {
             assert!((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0.0, "{side:?}");
         }
@@ -137,7 +137,7 @@ fn the_support_polygon_holds_both_ankles() {
 fn stature_comes_from_the_bones_whatever_the_pose() {
     for height_m in [1.5, 1.77, 2.0] {
         let mut origin_m = Skeleton::nominal(height_m).t_pose_m();
-        // A forearm that points elsewhere.
+        // A forearm with another direction.
         let [elbow, hand] = [Segment::LeftForearm, Segment::LeftHand].map(Segment::index);
         let length_m =
             (nalgebra::Vector3::from(origin_m[hand]) - nalgebra::Vector3::from(origin_m[elbow])).norm();

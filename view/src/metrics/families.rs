@@ -1,4 +1,4 @@
-//! What is counted, under which names: seconds and metres, `_total` for what only grows.
+//! Metric families and their names: seconds and metres, `_total` for counters.
 
 use std::fmt;
 
@@ -13,26 +13,26 @@ use prometheus_client::registry::{Registry, Unit};
 
 use crate::state_json::level_name;
 
-/// A state older than this tells nothing about now: its values are left out.
+/// A state older than this is not current: its values are left out.
 const OLD_NS: u64 = NS_PER_S;
-/// Levels a joint can have, `Level::None` included.
+/// Number of levels of a joint, `Level::None` included.
 const LEVELS: usize = 6;
 
-/// In how many cycles each joint had each level, by number.
+/// Number of cycles per joint and level.
 pub type JointCycles = [[u64; LEVELS]; JOINTS];
 
-/// One stream's adapter, and its names of its refusals.
+/// Health of one stream's adapter, and the names of its refusal reasons.
 #[derive(Debug, Clone)]
 pub struct Stream {
     /// `suit` or `ground`.
     pub name: &'static str,
-    /// The adapter's newest word.
+    /// Newest health message of the adapter.
     pub health: Option<AdapterHealth>,
-    /// The names of its reasons, in order.
+    /// Names of the refusal reasons, in order.
     pub reasons: &'static [&'static str],
 }
 
-/// What is known at one moment.
+/// Input of a scrape.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
     /// Now, CLOCK_MONOTONIC.
@@ -43,17 +43,17 @@ pub struct Snapshot {
     pub version: &'static str,
     /// The newest state.
     pub state: Option<State>,
-    /// The newest cycle.
+    /// The newest cycle record.
     pub record: Option<CycleRecord>,
     /// Suit and ground.
     pub streams: [Stream; 2],
-    /// The board of incidents.
+    /// The incidents.
     pub incidents: Option<Incidents>,
     /// Levels counted since the start.
     pub joint_cycles: JointCycles,
 }
 
-/// The whole answer in the OpenMetrics format.
+/// The whole response in OpenMetrics format.
 pub(super) fn open_metrics(snapshot: &Snapshot) -> Result<String, fmt::Error> {
     let station = ("station".into(), snapshot.station.clone().into());
     let mut registry = Registry::with_prefix_and_labels("equipoise", [station].into_iter());
@@ -66,7 +66,7 @@ pub(super) fn open_metrics(snapshot: &Snapshot) -> Result<String, fmt::Error> {
 /// One sample of a family: labels and value.
 type Sample<'a, T, const N: usize> = ([(&'static str, &'a str); N], T);
 
-/// Writes families, leaving out those without a sample.
+/// Writes metric families, leaving out those without samples.
 struct Families<'a>(DescriptorEncoder<'a>);
 
 impl Families<'_> {
@@ -198,7 +198,7 @@ impl Snapshot {
         families.gauges(("incident_active", None), "1 while an incident goes on", &active)
     }
 
-    /// What the newest state says; nothing of it once it is old, but that it is.
+    /// Metrics of the newest state; if it is old, only that it is.
     fn now(&self, families: &mut Families<'_>) -> fmt::Result {
         let fresh = self.state.filter(|state| self.now_ns.saturating_sub(state.time_ns) < OLD_NS);
         let is_fresh = f64::from(u8::from(fresh.is_some()));

@@ -1,14 +1,14 @@
-//! The same text in Prometheus's own format, 0.0.4.
+//! Converts OpenMetrics text to Prometheus's own format, 0.0.4.
 //!
-//! OpenMetrics names a counter's family without its `_total` and has two kinds of lines more. Older readers and
-//! `promtool check metrics` want the name that the samples have.
+//! OpenMetrics names a counter's family without its `_total` and has two more kinds of lines. Older readers and
+//! `promtool check metrics` require the name of the samples.
 
-/// Translates what `prometheus-client` writes.
+/// Translates the output of `prometheus-client`.
 pub(super) fn of_open_metrics(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut lines = text.lines().peekable();
     while let Some(line) = lines.next() {
-        // A family begins with its help, and its type stands in the next line.
+        // A family starts with its help line; its type is in the next line.
         if let Some((name, help)) = line.strip_prefix("# HELP ").and_then(|rest| rest.split_once(' ')) {
             let kind = lines.peek().and_then(|next| next.rsplit(' ').next()).unwrap_or("untyped");
             let (name, kind) = match kind {

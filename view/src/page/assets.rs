@@ -1,13 +1,14 @@
-//! The files of the pages, inside the program. `view/web` builds them; `view/assets/LIBRARIES.md` says whose they are.
+//! Static files of the pages, embedded in the program. `view/web` builds them; `view/assets/LIBRARIES.md` lists the
+//! libraries in them.
 
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 
-/// A file: its path on the server, its type, its text.
+/// A file: path on the server, content type, content.
 pub(super) type Asset = (&'static str, &'static str, &'static str);
 
-/// All of them.
+/// All files.
 pub(super) const ASSETS: [Asset; 8] = [
     ("/", HTML, include_str!("../../assets/worker.html")),
     ("/worker.js", SCRIPT, include_str!("../../assets/worker.js")),

@@ -1,4 +1,4 @@
-//! Taking connections, and what each may cost. Every limit of the page's server stands here.
+//! Accepts connections and limits their cost. All limits of the page's server are defined here.
 
 use std::io;
 use std::net::TcpListener;
@@ -14,42 +14,42 @@ use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 use tokio::time::timeout;
 
-/// Open connections at once; a browser opens up to six. One more is told so and closed.
+/// Maximum number of open connections; a browser opens up to six. Further ones get a 503 response and are closed.
 pub(super) const CONNECTIONS_MAX: usize = 64;
-/// A request's line and headers must be there after this long, and a connection that asks for nothing is closed.
+/// Time limit for a request's line and headers, and for an idle connection.
 const HEADERS_WITHIN: Duration = Duration::from_secs(10);
-/// Headers of one request.
+/// Maximum number of headers of a request.
 const HEADERS_MAX: usize = 64;
-/// A request's line and headers together; hyper takes no less than 8 KiB.
+/// Maximum size of a request's line and headers together; hyper requires at least 8 KiB.
 const HEADERS_BYTES_MAX: usize = 16 * 1024;
-/// A client that takes nothing of what was sent is given up after this long.
+/// A client that acknowledges nothing of the sent data for this long is disconnected.
 const UNREAD_FOR_MAX: Duration = Duration::from_secs(30);
-/// About four frames: a browser that stops reading finds the newest state after it, not a minute of old ones.
+/// About four frames: a browser that has paused reading gets the newest state next, not a minute of old ones.
 const SEND_BUFFER_BYTES: usize = 16 * 1024;
-/// How long open connections get to end after a stop.
+/// Time for open connections to end after a stop.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// When the system has no file descriptor left, trying at once again would only keep it busy.
+/// Pause after a failed accept: without free file descriptors, retrying at once would only consume CPU time.
 const AFTER_A_FAILURE: Duration = Duration::from_millis(100);
 
 const TOO_MANY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nConnection: close\r\n\
     Content-Length: 64\r\n\r\nToo many connections to the page are open; close one, try again\n";
 
-/// Serves `routes` until `stopped` says so (or its sender is gone); then calls `farewell`, which is to end what would
-/// never end by itself.
+/// Serves `routes` until `stopped` completes (or its sender is dropped); then calls `farewell`, which must end endless
+/// responses.
 pub(crate) async fn serve(
     listener: TcpListener,
     routes: Router,
     stopped: oneshot::Receiver<()>,
     farewell: impl FnOnce(),
 ) {
-    // Fails only without a reactor, and this runs inside one.
+    // Fails only without a reactor; this function runs inside one.
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
     let open = Arc::new(GracefulShutdown::new());
     let taking = tokio::spawn(take(listener, routes, Arc::downgrade(&open)));
     let _ = stopped.await;
     taking.abort();
-    // Until it has ended it may hold on to a watcher.
+    // The task may hold a watcher until it has ended.
     let _ = taking.await;
     farewell();
     if let Some(open) = Arc::into_inner(open) {
@@ -65,7 +65,7 @@ async fn take(listener: tokio::net::TcpListener, routes: Router, open: std::sync
             continue;
         };
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else {
-            // Whoever is not ready for a short sentence goes without.
+            // Best effort: a client that cannot take the short response at once is closed without it.
             let _ = stream.try_write(TOO_MANY);
             continue;
         };
@@ -75,7 +75,7 @@ async fn take(listener: tokio::net::TcpListener, routes: Router, open: std::sync
     }
 }
 
-/// All of it only makes the page smoother; without it the page works.
+/// All options are optimisations; the page works without them.
 fn prepare(stream: &TcpStream) -> io::Result<()> {
     let socket = socket2::SockRef::from(stream);
     socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
@@ -90,7 +90,7 @@ async fn converse(stream: TcpStream, routes: Router, watcher: Watcher, place: Ow
         .max_headers(HEADERS_MAX)
         .max_buf_size(HEADERS_BYTES_MAX)
         .serve_connection(TokioIo::new(stream), TowerToHyperService::new(routes));
-    // How a client ends its connection is its own affair.
+    // Errors at the end of a connection are the client's and are ignored.
     let _ = watcher.watch(connection).await;
     drop(place);
 }

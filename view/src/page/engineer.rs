@@ -1,8 +1,8 @@
-//! The engineer's routes: facts, history, report, and the only way in, commands.
+//! The engineer's routes: facts, history, report, and commands, the only write access.
 //!
-//! A command is a `POST` without a body that brings the command token in a header of its own. No form and no other site's
-//! script can send that header (a browser asks first, and is told no), and the cookie that opens the page does not count:
-//! whoever looks may not command. An `Origin` that is not this page's is refused even with the token.
+//! A command is a `POST` without a body that has the command token in a header of its own. Neither a form nor another
+//! site's script can send that header (the browser's preflight request is refused), and the cookie of the page does not
+//! count: read access does not permit commands. A foreign `Origin` is refused even with the token.
 
 use std::convert::Infallible;
 use std::sync::{Arc, Weak};
@@ -22,13 +22,13 @@ use tokio_stream::{Stream, StreamExt};
 
 use super::station::{Engineer, PageCommand, Station};
 
-/// Where the command token is looked for.
+/// Header with the command token.
 pub const COMMAND_HEADER: &str = "x-equipoise-command";
-/// How often facts are told to those who look.
+/// How often facts are sent to viewers.
 const FACTS_EVERY: Duration = Duration::from_secs(1);
-/// How soon somebody who has just come is noticed.
+/// How often to check for new viewers.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-/// One at a time: whoever sends a second before the first is answered has pressed twice.
+/// One at a time: a second command before the first reply is an accidental double click.
 const COMMANDS_AT_ONCE: usize = 1;
 
 type Facts = Option<Arc<str>>;
@@ -36,12 +36,12 @@ type Facts = Option<Arc<str>>;
 #[derive(Clone)]
 struct Desk {
     engineer: Engineer,
-    /// Gone once the page is stopped.
+    /// Invalid after the page has stopped.
     told: Weak<watch::Sender<Facts>>,
     places: Arc<Semaphore>,
 }
 
-/// The routes, and the task that asks for facts while somebody looks; it ends when it is aborted.
+/// The routes, and the task that polls facts while there are viewers; it runs until it is aborted.
 pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + Send + 'static) {
     let told = Arc::new(watch::Sender::new(None));
     let desk = Desk {
@@ -69,7 +69,7 @@ async fn tell(station: Arc<dyn Station>, told: Arc<watch::Sender<Facts>>) {
         let came = now > watchers;
         watchers = now;
         if watchers == 0 {
-            // Whoever comes next is told nothing old.
+            // The next viewer must not get old facts.
             told.send_if_modified(|facts| facts.take().is_some());
         } else if came || last.is_none_or(|last| last.elapsed() >= FACTS_EVERY) {
             last = Some(Instant::now());
@@ -153,7 +153,8 @@ async fn act(desk: Desk, headers: &HeaderMap, command: Option<PageCommand>) -> R
     }
 }
 
-/// Whether the request comes from a page of this very address, as far as a browser says; scripts say nothing of it.
+/// Whether the request comes from a page of this address, by the browser's headers; requests without such headers
+/// (scripts) pass.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name: header::HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
     let ours = match (text(header::ORIGIN), text(header::HOST)) {

@@ -1,4 +1,4 @@
-//! Who may ask, and what a browser may do with the answer.
+//! Access control, and security headers of responses.
 
 use std::net::IpAddr;
 
@@ -10,14 +10,14 @@ use axum::response::{Html, IntoResponse, Response};
 
 use super::token::Token;
 
-/// Path and query of a request; the longest that the page asks for has a token in it.
+/// Maximum length of a request's path and query; the longest one of the page contains a token.
 const TARGET_BYTES_MAX: usize = 1024;
 
-/// Everything the page needs comes from here, and nothing on it may be framed, posted or evaluated.
+/// All resources come from this server; framing, forms and evaluated scripts are forbidden.
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
      connect-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// A report is one file with styles and drawings of its own; nothing in it runs, asks or is sent anywhere.
+/// A report is one file with inline styles and drawings; scripts and requests are forbidden.
 const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox; \
      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -30,18 +30,19 @@ const ANSWER_HEADERS: [(HeaderName, HeaderValue); 6] = [
     (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
 ];
 
-/// Whom the page answers.
+/// Access rules of the page.
 #[derive(Debug, Clone)]
 pub(crate) struct Access {
-    /// Only requests that name loopback as their host: a name that an attacker's DNS points here is refused.
+    /// Require loopback as the request's host; refuses a name that an attacker's DNS resolves to this machine (DNS
+    /// rebinding).
     pub(crate) loopback_only: bool,
-    /// Only requests that bring it.
+    /// Require this token.
     pub(crate) token: Option<Token>,
-    /// Cookies know no ports; two pages of one PC have cookies of two names.
+    /// Part of the cookie's name: cookies are not separated by port, so two pages on one PC need different names.
     pub(crate) port: u16,
 }
 
-/// Answers those who may ask, and tells browsers what they may do with any answer.
+/// Checks access, and adds security headers to every response.
 pub(crate) async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
     let is_report = request.uri().path() == "/report";
     let mut response = match access.refusal(&request) {
@@ -58,7 +59,7 @@ pub(crate) async fn guard(State(access): State<Access>, request: Request, next: 
 }
 
 impl Access {
-    /// What to answer in place of what was asked for; `None` if it may be answered.
+    /// The refusal of a request; `None` if it is permitted.
     fn refusal(&self, request: &Request) -> Option<Response> {
         let refused = |status: StatusCode, sentence: &'static str| Some((status, sentence).into_response());
         if target_bytes(request.uri()) > TARGET_BYTES_MAX {
@@ -104,10 +105,10 @@ impl Access {
         format!("equipoise_page_{}", self.port)
     }
 
-    /// Has the browser keep the cookie and go on without the token in its address.
+    /// Sets the cookie and reloads the page without the token in its address.
     ///
-    /// A page that goes on by itself rather than a redirection: after a click in a mail, a redirection would still
-    /// count as coming from there, and a cookie of the same site only would not be sent along.
+    /// Uses a page with a refresh instead of a redirect: after a click in an e-mail, a redirect would still count as
+    /// cross-site, and the browser would not send the SameSite cookie.
     fn welcome(&self, token: &Token) -> Response {
         let cookie =
             format!("{}={}; Path=/; HttpOnly; SameSite=Strict", self.cookie_name(), token.cookie_value());
@@ -124,7 +125,7 @@ fn wanting() -> Response {
         .into_response()
 }
 
-/// The token in an address: only the front door takes it.
+/// The token in a URL; accepted for `/` only.
 fn token_of(uri: &Uri) -> Option<&str> {
     uri.query().filter(|_| uri.path() == "/")?.split('&').find_map(|pair| pair.strip_prefix("token="))
 }
@@ -144,7 +145,7 @@ fn names_loopback(headers: &HeaderMap, uri: &Uri) -> bool {
     host.to_str().is_ok_and(is_loopback) && uri.host().is_none_or(is_loopback)
 }
 
-/// Whether `host`, with or without a port, is this machine by name or by number.
+/// Whether `host`, with or without a port, is this machine's loopback name or address.
 fn is_loopback(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => match rest.split_once(']') {
@@ -162,7 +163,7 @@ fn is_loopback(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
 }
 
-/// Which one is left open: a tunnel has another port than the page.
+/// Any port is accepted, because a tunnel has another port than the page.
 fn is_port(text: &str) -> bool {
     text.bytes().all(|byte| byte.is_ascii_digit()) && text.parse::<u16>().is_ok_and(|port| port > 0)
 }

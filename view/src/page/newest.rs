@@ -1,4 +1,4 @@
-//! From the feed to whoever watches: only the newest frame is kept, so nobody can fall behind.
+//! Distributes frames from the feed to viewers: only the newest frame is kept, so that no viewer falls behind.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,24 +9,24 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use super::{FRAME_RATE_HZ, PageFrame};
 use crate::banner::{Banner, Headline};
 
-/// After this long without a new cycle, the service is called silent, again and again at this pace.
+/// Time without a new cycle after which the service is reported silent, repeatedly at this interval.
 const SILENT_AFTER: Duration = Duration::from_secs(1);
 
-/// What there is to tell: the newest texts, made once for all watchers.
+/// The newest texts, generated once for all viewers.
 #[derive(Debug, Clone)]
 pub(super) enum Newest {
-    /// The feed gives nothing, or nothing new.
+    /// The feed returned no new frame.
     Silent,
-    /// A state of within the last second.
+    /// A state of the last second.
     State {
-        /// For the page's script.
+        /// JSON for the page's script.
         frame: Arc<str>,
-        /// For `/api/state`.
+        /// JSON for `/api/state`.
         state: Arc<str>,
     },
 }
 
-/// Asks `feed` at the page's rate and tells `newest`, for ever.
+/// Polls `feed` at the page's rate and updates `newest`, for ever.
 pub(super) async fn follow<F>(mut feed: F, newest: watch::Sender<Newest>)
 where
     F: FnMut() -> Option<PageFrame>,
@@ -38,7 +38,7 @@ where
     let mut told = Instant::now();
     loop {
         ticks.tick().await;
-        // Both numbers: a daemon that starts anew counts its cycles anew.
+        // Compares both numbers, because cycle numbers start again when the daemon restarts.
         let news = feed().filter(|frame| shown != Some((frame.state.cycle, frame.state.time_ns)));
         if let Some(frame) = news {
             shown = Some((frame.state.cycle, frame.state.time_ns));

@@ -1,4 +1,4 @@
-//! The routes, and the life of the server.
+//! The routes, and the lifetime of the server.
 
 use std::convert::Infallible;
 use std::net::TcpListener;
@@ -20,7 +20,7 @@ use super::newest::{Newest, follow};
 use super::station::Engineer;
 use super::{PageFrame, connections, engineer};
 
-/// Serves until `stopped` says so (or its sender is gone).
+/// Serves until `stopped` completes (or its sender is dropped).
 pub(super) async fn serve<F>(
     listener: TcpListener,
     access: Access,
@@ -35,7 +35,7 @@ pub(super) async fn serve<F>(
     let (more, telling) = engineer.map(engineer::routes).unzip();
     let telling = telling.map(tokio::spawn);
     let routes = pages(watched).merge(more.unwrap_or_default()).layer(from_fn_with_state(access, guard));
-    // Both take the senders of what is watched with them: that ends the event streams.
+    // Aborting both tasks drops the senders, which ends the event streams.
     let farewell = || {
         follower.abort();
         if let Some(telling) = telling {
@@ -58,7 +58,7 @@ fn pages(newest: watch::Receiver<Newest>) -> Router {
         .with_state(newest)
 }
 
-/// The newest frame at once, then every newer one; a client that is slow misses the ones between.
+/// Sends the newest frame at once, then every newer one; a slow client skips frames.
 async fn events(
     State(newest): State<watch::Receiver<Newest>>,
 ) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {

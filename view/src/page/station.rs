@@ -1,33 +1,33 @@
-//! What the engineer's page needs beyond frames, and who provides it.
+//! Interface between the engineer's page and the station.
 
 use std::fmt;
 use std::sync::Arc;
 
 use super::token::Token;
 
-/// The most characters of a subject's id (`Command::subject`).
+/// Maximum length of a subject's id (`Command::subject`).
 const SUBJECT_CHARS_MAX: usize = 64;
 
-/// What the engineer's page may ask of the daemon.
+/// Commands from the engineer's page to the daemon.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PageCommand {
-    /// Learn from held poses from now on.
+    /// Start identification from held poses.
     IdentifyStart,
-    /// End learning and monitor with what is known.
+    /// End identification and monitor with the present estimate.
     IdentifyStop,
-    /// Forget every pose and start anew.
+    /// Discard all poses and restart identification.
     IdentifyReset,
-    /// Ask for another pose.
+    /// Suggest another pose.
     PoseSkip,
-    /// Take what the empty plate shows as zero.
+    /// Set the reading of the empty plate as zero.
     Tare,
     /// Load a stored profile by its pseudonymous id.
     SubjectLoad(String),
 }
 
 impl PageCommand {
-    /// The command of an address `/api/command/NAME` or `/api/command/NAME/SUBJECT`; `None` if there is no such command,
-    /// or its subject is missing, out of place, or no id.
+    /// The command of a URL `/api/command/NAME` or `/api/command/NAME/SUBJECT`; `None` if there is no such command, or
+    /// its subject is missing, superfluous or invalid.
     pub(super) fn named(name: &str, subject: Option<&str>) -> Option<PageCommand> {
         match (name, subject) {
             ("identify-start", None) => Some(PageCommand::IdentifyStart),
@@ -46,31 +46,31 @@ fn is_id(text: &str) -> bool {
     (1..=SUBJECT_CHARS_MAX).contains(&text.len()) && text.bytes().all(plain)
 }
 
-/// Who knows more of the station than its states. All of it is asked for on threads of the page, never on the loop's.
+/// Provides data beyond the states. All methods are called on threads of the page, never on the loop's.
 pub trait Station: Send + Sync + 'static {
-    /// The facts of the moment as a JSON object: incidents, sensors, latencies, what the filter holds. Asked for about
-    /// once a second, and only while somebody looks. Must not block.
+    /// Current facts as a JSON object: incidents, sensors, latencies, contents of the filter. Called about once a
+    /// second while there are viewers. Must not block.
     fn facts(&self) -> String;
 
-    /// How numbers went over the last minutes, as a JSON object, for whoever opens the page late. Must not block.
+    /// Time series of the last minutes as a JSON object, for a page that is opened later. Must not block.
     fn history(&self) -> String;
 
-    /// The report on what the model lacks, an HTML file; `None` if none was written. May wait for the disk.
+    /// The report on effects that the model lacks, an HTML file; `None` if there is none. May block on the disk.
     fn report(&self) -> Option<String>;
 
-    /// Asks the daemon; its sentence, or why not. May wait for the daemon, two seconds or so.
+    /// Sends a command to the daemon and returns its reply. May block on the daemon, about two seconds.
     ///
     /// # Errors
-    /// The daemon refuses, or does not answer: the sentence that says so.
+    /// The daemon refuses or does not reply; contains the text for the page.
     fn command(&self, command: &PageCommand) -> Result<String, String>;
 }
 
 /// The engineer's part of a page.
 #[derive(Clone)]
 pub struct Engineer {
-    /// Who knows.
+    /// Source of the data.
     pub station: Arc<dyn Station>,
-    /// What every command must bring; without it the page takes none.
+    /// Token that every command must contain; without it the page accepts none.
     pub command_token: Option<Token>,
 }
 

@@ -1,14 +1,14 @@
-//! The secret that a request must bring when the page can be reached from other machines.
+//! The secret that requests must contain if the page can be reached from other machines.
 
 use std::fmt;
 
 use sha2::{Digest, Sha256};
 
-/// The fewest characters of a token: with the 16 digits of `equipoise token`, 128 bits.
+/// Minimum length of a token; 32 hexadecimal digits from `equipoise token` are 128 bits.
 pub const TOKEN_CHARS_MIN: usize = 32;
-/// The most characters of a token.
+/// Maximum length of a token.
 pub const TOKEN_CHARS_MAX: usize = 256;
-/// A secret that is only ever compared. Kept as digests; neither its `Debug` nor anything else tells it.
+/// A secret that is only compared. Stored as digests; neither its `Debug` nor any other output reveals it.
 #[derive(Clone, Copy)]
 pub struct Token {
     secret: [u8; 32],
@@ -22,18 +22,18 @@ impl fmt::Debug for Token {
 }
 
 impl Token {
-    /// A token of this text; `None` if it is too short, too long, or holds other characters than an address may.
+    /// Creates a token; `None` if the text is too short, too long, or has characters that a URL does not allow.
     pub fn new(text: &str) -> Option<Token> {
         let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
         if !(TOKEN_CHARS_MIN..=TOKEN_CHARS_MAX).contains(&text.len()) || !text.bytes().all(plain) {
             return None;
         }
-        // What a browser keeps is not the token: it opens this page and nothing else that may share the secret.
+        // The cookie differs from the token: it opens this page only, and no other service that shares the secret.
         let cookie = digest(format!("equipoise page cookie\n{text}").as_bytes());
         Some(Token { secret: digest(text.as_bytes()), cookie })
     }
 
-    /// Whether both are one secret: two doors with one key are one door.
+    /// Whether both tokens have the same secret, and therefore do not separate two permissions.
     pub fn is_the_same_as(&self, other: &Token) -> bool {
         same(&self.secret, &other.secret)
     }
@@ -43,12 +43,12 @@ impl Token {
         same(&digest(given.as_bytes()), &self.secret)
     }
 
-    /// Whether `given` is what a browser was told to keep.
+    /// Whether `given` is the cookie.
     pub(super) fn is_cookie(&self, given: &str) -> bool {
         same(&digest(given.as_bytes()), &digest(self.cookie_value().as_bytes()))
     }
 
-    /// What a browser that brought the token is told to keep in its place.
+    /// Value of the cookie, which replaces the token in the browser.
     pub(super) fn cookie_value(&self) -> String {
         self.cookie.iter().map(|byte| format!("{byte:02x}")).collect()
     }
@@ -58,8 +58,7 @@ fn digest(bytes: &[u8]) -> [u8; 32] {
     Sha256::digest(bytes).into()
 }
 
-/// Takes the same time wherever the two differ. That both are digests hides how much of a guess was right even if it
-/// did not.
+/// Compares in constant time. Even without that, comparing digests would not reveal how much of a guess was right.
 fn same(a: &[u8; 32], b: &[u8; 32]) -> bool {
     let differing = a.iter().zip(b).fold(0, |differing, (a, b)| differing | (a ^ b));
     std::hint::black_box(differing) == 0

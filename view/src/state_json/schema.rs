@@ -1,21 +1,21 @@
-//! The JSON schema of a state, from one table of its keys; a test holds the table against the JSON itself.
+//! JSON schema of a state, generated from one table of its keys; a test compares the table with the JSON.
 
 use equipoise_core::body::Joint;
 use equipoise_core::message::{GroundDevice, Validity, state::NotGiven};
 use equipoise_core::overload::Level;
 use serde_json::{Map, Value, json};
 
-/// What stands under a key.
+/// Type of a key's value.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
     Number,
-    /// So many numbers.
+    /// Array of this many numbers.
     Numbers(usize),
     Count,
     YesNo,
-    /// One of these; empty: any name.
+    /// One of these names; empty: any name.
     Name(&'static [&'static str]),
-    /// Several of the names of a table.
+    /// An array of names from a table.
     Names(fn() -> Vec<&'static str>),
     /// A number for each joint.
     PerJoint,
@@ -23,11 +23,11 @@ pub(super) enum Kind {
     Joints,
 }
 
-/// Whether a key is always there.
+/// Whether a key is always present.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum There {
     Always,
-    /// Absent where its value must not be used, or is not known.
+    /// Absent if its value is invalid or unavailable.
     IfKnown,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Key(pub(super) &'static str, pub(super) Kind, pub(super) There
 use Kind::{Count, Joints, Name, Names, Number, Numbers, PerJoint, YesNo};
 use There::{Always, IfKnown};
 
-/// Every key in the order of the JSON, with what people are told of it.
+/// Every key in the order of the JSON, with its description.
 #[rustfmt::skip]
 pub(super) const KEYS: &[Key] = &[
     Key("t", Number, Always, "when the cycle was due, s of the recording machine's CLOCK_MONOTONIC"),

@@ -1,4 +1,4 @@
-//! The exact text of states, and what is left out of them.
+//! Tests of the exact JSON text, and of keys that are left out.
 
 use super::schema::{KEYS, Key, There};
 use super::*;
@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use equipoise_core::message::state::Phase;
 use serde_json::Value;
 
-/// A state with every value.
+/// A state with all values.
 pub(crate) fn monitoring() -> State {
     let mut state = State::zeroed();
     state.cycle = 7;
@@ -205,7 +205,7 @@ fn the_schema_has_the_keys_of_the_json_in_their_order() {
     (whole.not_given, whole.body_refused) = (0, BodyRefusal::Stale as u32);
     let text = StateJson::new(&whole, 1.5).to_text().unwrap();
     assert_eq!(misfits(&schema, &parsed(&whole)), [""; 0]);
-    // `not_given` is there exactly when something is not.
+    // `not_given` is present exactly if a quantity is unavailable.
     let mut at = 0;
     for Key(name, ..) in KEYS.iter().filter(|Key(name, ..)| *name != "not_given") {
         let found = text[at..].find(&format!("\"{name}\":"));

@@ -9,7 +9,7 @@ use ratatui::text::Line;
 use super::{Sensor, Watch, cut, heading};
 use crate::incident_words::{span, words};
 
-/// The stages that are told: both paths, and the loop's own.
+/// Stages displayed: both paths, and the loop's own.
 const STAGES: [(Stage, &str); 5] = [
     (Stage::SuitToState, "suit to state"),
     (Stage::GroundToState, "ground to state"),
@@ -18,9 +18,9 @@ const STAGES: [(Stage, &str); 5] = [
     (Stage::LoopToState, "due to state"),
 ];
 
-/// What goes on, the newest first, as many as there is room for; of the others how many.
+/// Active incidents, newest first, as many as fit; then the number of the others.
 pub(super) fn incidents(watch: &Watch<'_>, height: u16) -> Vec<Line<'static>> {
-    // While the daemon is silent so is its board.
+    // While the daemon is silent, its incidents are out of date.
     let Some(incidents) = watch.incidents.filter(|_| watch.state.is_some()) else { return Vec::new() };
     let mut active: Vec<_> = incidents.active().collect();
     active.sort_by_key(|kind| core::cmp::Reverse(incidents.last_begun_ns[*kind as usize]));
@@ -75,7 +75,7 @@ fn counts(sensor: &Sensor) -> String {
     text
 }
 
-/// Percentiles of the path since the screen was opened, and what was missed.
+/// Percentiles of the latency since the screen was opened, and counts of missed deadlines and slots.
 pub(super) fn latency(watch: &Watch<'_>) -> Vec<Line<'static>> {
     let Some(report) = watch.latency.filter(|report| report.cycles > 0) else {
         return vec![heading("Latency"), Line::raw(" -")];

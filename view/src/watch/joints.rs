@@ -12,11 +12,11 @@ use super::{cut, faint, heading};
 use crate::state_json::level_name;
 use crate::words;
 
-/// The longest name of a joint in words.
+/// Length of the longest joint name in words.
 const NAME_WIDTH: usize = 22;
-/// Torque, level and fatigue behind the bar.
+/// Width of torque, level and fatigue after the bar.
 const FIGURES_WIDTH: usize = 40;
-/// Narrower than this a bar says nothing.
+/// Narrower bars are not informative and are left out.
 const BAR_MIN: usize = 6;
 const BAR_MAX: usize = 40;
 
@@ -29,13 +29,13 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// A joint's torque over its limit; `None` where the limit is not known.
+/// A joint's torque divided by its limit; `None` if the limit is unavailable.
 fn share(state: &State, joint: Joint) -> Option<f64> {
     let limit_nm = state.torque_limit_nm[joint.index()];
     (limit_nm > 0.0).then(|| words::torque_nm(state, joint) / limit_nm)
 }
 
-/// All joints, the one closest to its limit first, those without a limit last.
+/// All joints, sorted by their torque relative to the limit, those without a limit last.
 fn worst_first(state: &State) -> Vec<(Joint, Option<f64>)> {
     let mut joints: Vec<_> = Joint::ALL.into_iter().map(|joint| (joint, share(state, joint))).collect();
     joints.sort_by(|(_, a), (_, b)| b.unwrap_or(-1.0).total_cmp(&a.unwrap_or(-1.0)));
@@ -75,7 +75,7 @@ fn overload(state: &State, width: usize) -> Vec<Line<'static>> {
     [title].into_iter().chain(worst_first(state).into_iter().map(row)).collect()
 }
 
-/// What is still known while torques are withheld: who is tired. A zero here is knowledge.
+/// Fatigue per joint, which stays valid while torques are withheld; joints with zero are left out.
 fn fatigue(state: &State, width: usize) -> Vec<Line<'static>> {
     let mut joints = Joint::ALL.to_vec();
     joints.sort_by(|a, b| state.fatigue[b.index()].total_cmp(&state.fatigue[a.index()]));
@@ -98,14 +98,14 @@ fn fatigue(state: &State, width: usize) -> Vec<Line<'static>> {
     lead.into_iter().chain(rows).collect()
 }
 
-/// A bar in eighths of a column; a share above 1 fills it.
+/// A bar with a resolution of an eighth of a column; a share above 1 fills it.
 fn bar(share: f64, width: usize) -> String {
     const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
     let eighths = (share.clamp(0.0, 1.0) * 8.0 * width as f64).round() as usize;
     format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])
 }
 
-/// The colour of a level; its word stands beside it.
+/// Colour of a level; its name is displayed as well.
 fn colour(level: u32) -> Color {
     match level_name(level) {
         "green" => Color::Green,

@@ -1,4 +1,4 @@
-//! Load, low back and what has added up over the shift.
+//! Load, low back and accumulated exposure of the shift.
 
 use equipoise_core::message::State;
 use ratatui::text::Line;
@@ -6,7 +6,7 @@ use ratatui::text::Line;
 use super::{cut, heading};
 use crate::terminal;
 
-/// Each value on a line of its own; `-` where it is withheld.
+/// One value per line; `-` if it is withheld.
 pub(super) fn lines(state: &State, width: u16) -> Vec<Line<'static>> {
     let or_withheld = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
     let rows = [
@@ -23,7 +23,7 @@ pub(super) fn lines(state: &State, width: u16) -> Vec<Line<'static>> {
     }
 }
 
-/// How far the identification is.
+/// Progress of the identification.
 pub(super) fn progress(state: &State) -> String {
     terminal::progress(state)
 }

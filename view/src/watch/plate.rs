@@ -1,4 +1,4 @@
-//! The feet from above: support, centres of pressure and mass, hands. The worker faces up, so left is left.
+//! The feet from above: support polygon, centres of pressure and mass, hands. Forward is up, so left is left.
 
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::message::{State, Validity};
@@ -11,16 +11,17 @@ use ratatui::widgets::canvas::{Canvas, Context, Line};
 
 use super::{faint, heading};
 
-/// The least that is shown in each direction, m.
+/// Minimum extent of the view in each direction, m.
 const SHOWN_MIN_M: f64 = 0.5;
-/// Around what is shown, m.
+/// Margin around the contents, m.
 const BORDER_M: f64 = 0.05;
-/// Half the width of a foot that is drawn, m.
+/// Half the width of a drawn foot, m.
 const FOOT_HALF_WIDTH_M: f64 = 0.045;
-/// The heel behind the ankle and the tip before the ball, over the length from ankle to ball.
+/// Distances of the heel behind the ankle and of the tip in front of the ball, relative to the length from ankle to
+/// ball.
 const HEEL_BACK: f64 = 0.25;
 const TIP_FORWARD: f64 = 0.3;
-/// Corners of an ellipse.
+/// Number of corners of an ellipse.
 const ELLIPSE: usize = 24;
 
 /// World X (forward) and Y (left), m.
@@ -65,7 +66,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
     frame.render_widget(canvas, area);
 }
 
-/// The outline of each foot as the page has it: from a little behind the ankle to the tip of the toes.
+/// Outlines of the feet as on the page: from a little behind the ankle to the tip of the toes.
 fn soles(state: &State) -> Vec<Vec<Point>> {
     if state.suit_sample_time_ns == 0 || state.validity().any_of(Validity::SPOILS_COM) {
         return Vec::new();
@@ -97,7 +98,7 @@ fn hands(state: &State) -> Vec<(Point, &'static str)> {
     vec![(at(Segment::LeftHand), "L"), (at(Segment::RightHand), "R")]
 }
 
-/// What is shown, X and Y from least to most, with one scale: a dot of a terminal is as high as it is wide.
+/// Limits of the view in X and Y, with one scale for both: a dot of a terminal is as high as it is wide.
 fn bounds(points: &[Point], area: Rect) -> Option<[[f64; 2]; 2]> {
     if points.is_empty() || area.width == 0 || area.height == 0 {
         return None;
@@ -115,7 +116,7 @@ fn bounds(points: &[Point], area: Rect) -> Option<[[f64; 2]; 2]> {
     Some([[x - half_x, x + half_x], [y - half_y, y + half_y]])
 }
 
-/// On the canvas Y, which points left, goes from right to left.
+/// The canvas's horizontal axis is −Y, because world Y points left.
 fn polygon(context: &mut Context<'_>, corners: &[Point], color: Color) {
     for (index, from) in corners.iter().enumerate() {
         let to = corners[(index + 1) % corners.len()];
@@ -127,7 +128,7 @@ fn mark(context: &mut Context<'_>, at: Point, text: &'static str, color: Color) 
     context.print(-at[1], at[0], Span::styled(text, Style::new().fg(color)));
 }
 
-/// Two sigma: the true point is inside in about 86 of 100 cases.
+/// Two sigma: contains the true point with a probability of about 86 %.
 fn ellipse(middle: Point, sigma: [f64; 2]) -> Vec<Point> {
     (0..ELLIPSE)
         .map(|corner| {

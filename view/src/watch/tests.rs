@@ -60,7 +60,7 @@ fn empty() -> Watch<'static> {
     }
 }
 
-/// The screen's lines, as they would be read.
+/// Draws the screen and returns its lines.
 fn drawn(watch: &Watch<'_>, (width, height): (u16, u16)) -> Vec<String> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
     terminal.draw(|frame| draw(frame, watch)).unwrap();
@@ -124,7 +124,7 @@ fn what_is_withheld_is_on_no_screen() {
     }
     let lines = drawn(&Watch { state: Some(&state), ..empty() }, (120, 40));
     place(&lines, "ground  silent");
-    // It is known, whatever goes on now.
+    // Fatigue stays valid while other values are withheld.
     assert!(lines[place(&lines, "% tired")].contains("left knee"));
 }
 

@@ -1,24 +1,24 @@
-//! The tables of sentences, one file a language. Everything that people read on the page stands there; what a state means
-//! in plain English ([`crate::words`]) is read from the English one.
+//! Tables of texts, one file per language. They contain all texts of the page; the plain English of a state
+//! ([`crate::words`]) comes from the English table.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// Every language: its code, and its table as JSON, keys to sentences.
+/// All languages: code, and table as JSON from keys to texts.
 pub const TABLES: [(&str, &str); 3] =
     [("en", include_str!("en.json")), ("de", include_str!("de.json")), ("it", include_str!("it.json"))];
 
 type Table = BTreeMap<String, String>;
 
-// Tests read every table, so that a broken one never comes this far.
+// Tests parse every table, so this cannot fail.
 static ENGLISH: LazyLock<Table> = LazyLock::new(|| serde_json::from_str(TABLES[0].1).unwrap_or_default());
 
-/// The English sentence of a key.
+/// The English text of a key.
 pub fn english(key: &str) -> Option<&'static str> {
     ENGLISH.get(key).map(String::as_str)
 }
 
-/// The English sentence of `key` in a group of keys; `name` itself if a later version says something unknown.
+/// The English text of `key` in a group of keys; `name` itself if it has none, as for names of a later version.
 pub(crate) fn english_or(group: &str, name: &'static str) -> &'static str {
     english(&format!("{group}.{name}")).unwrap_or(name)
 }
@@ -38,7 +38,7 @@ mod tests {
         TABLES.iter().map(|(code, text)| (*code, serde_json::from_str(text).unwrap())).collect()
     }
 
-    /// What stands in braces, to be filled in.
+    /// Placeholders in braces.
     fn places(sentence: &str) -> BTreeSet<&str> {
         sentence.split('{').skip(1).filter_map(|rest| rest.split_once('}')).map(|(place, _)| place).collect()
     }
@@ -84,7 +84,7 @@ mod tests {
         }
     }
 
-    /// A table that was copied and never translated would pass all else.
+    /// Detects a table that was copied and never translated.
     #[test]
     fn languages_differ() {
         let tables = tables();

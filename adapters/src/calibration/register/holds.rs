@@ -1,24 +1,24 @@
-//! Finds the times of standing still in a stream of moments, each at another place than those before.
+//! Detects intervals of quiet standing in a stream of samples, each at a position different from the earlier ones.
 
 use super::Hold;
 
-/// How long a hold lasts, ns.
+/// Duration of a hold, ns.
 const HOLD_NS: u64 = 2_000_000_000;
-/// Moments farther apart are a gap, ns.
+/// A longer interval between samples is a gap, ns.
 const GAP_NS: u64 = 300_000_000;
-/// A place is another one from this distance on, m, or this turn, rad.
+/// Minimum distance, m, or rotation, rad, that makes another position.
 const ELSEWHERE: (f64, f64) = (0.08, 0.35);
 
-/// One moment of somebody on a plate.
+/// One sample of a person on a plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// When, ns.
+    /// Sample time, ns.
     pub time_ns: u64,
-    /// Which stance: it changes with every step.
+    /// Stance number: it increments with every step.
     pub stance: u32,
-    /// Whether the body holds still.
+    /// Whether the pose is static.
     pub still: bool,
-    /// What a hold averages.
+    /// The quantities that a hold averages.
     pub seen: Hold,
 }
 
@@ -31,19 +31,19 @@ pub struct Holds {
     sum: Option<(Hold, f64, [f64; 2])>,
 }
 
-/// Where a worker is in a hold.
+/// State of the detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Progress {
-    /// On the move, or not still.
+    /// The subject moves.
     Moving,
-    /// Still, at a place that counts already.
+    /// Static, at a position that was already used.
     Known,
-    /// Still; for how much longer, s.
+    /// Static, with the remaining time.
     Holding {
-        /// Seconds to go.
+        /// Remaining time, s.
         left_s: f64,
     },
-    /// That was one more.
+    /// A hold was completed.
     Got(Hold),
 }
 
@@ -53,7 +53,7 @@ impl Holds {
         &self.found
     }
 
-    /// Takes in the next moment.
+    /// Processes the next sample.
     pub fn take(&mut self, moment: Moment) -> Progress {
         let goes_on = self.newest.is_some_and(|newest| {
             newest.still
@@ -82,7 +82,7 @@ impl Holds {
         Progress::Got(mean)
     }
 
-    /// The mean with one more.
+    /// Adds a sample to the mean and returns the mean.
     fn add(&mut self, seen: &Hold) -> Hold {
         let (mut sum, count, mut looks) = self.sum.unwrap_or((
             Hold { measured_m: [0.0; 2], expected_m: [0.0; 2], heading_rad: 0.0 },

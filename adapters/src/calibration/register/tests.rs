@@ -3,7 +3,7 @@ use super::*;
 use equipoise_simulator::random::Random;
 use proptest::prelude::*;
 
-/// Corners and turns that a person who was asked would take, m and rad.
+/// Positions and headings of a person who follows the instructions, m and rad.
 const PLACES: [([f64; 2], f64); 7] = [
     ([0.15, 0.2], 0.0),
     ([0.15, -0.2], 0.0),
@@ -14,7 +14,7 @@ const PLACES: [([f64; 2], f64); 7] = [
     ([0.02, 0.0], -1.5),
 ];
 
-/// Holds of somebody on a plate that really is turned and shifted so against the frame in force.
+/// Holds of a person on a plate with this rotation and translation relative to the configured frame.
 fn holds(yaw_rad: f64, shift_m: [f64; 2], bias_m: [f64; 2], off_m: f64, random: &mut Random) -> Vec<Hold> {
     let hold = |(place_m, heading_rad): &([f64; 2], f64)| {
         let mut off = || off_m * random.normal();
@@ -50,7 +50,7 @@ fn what_is_found_is_within_the_sigma_that_is_told() {
         let bias_m = [around(BIAS_SIGMA_M), around(BIAS_SIGMA_M)];
         let holds = holds(yaw_rad, shift_m, bias_m, [0.006, 0.01, 0.015][trial % 3], &mut random);
         let found = register(&holds).unwrap();
-        // Of the middle of the plate, where it is stood on.
+        // The middle of the plate, where the person stands.
         let middle = turn(-yaw_rad) * -Vector2::from(shift_m);
         let ([x, y], [sigma_x, sigma_y]) = found.point_m(middle.into());
         let off = [wrapped(found.yaw_rad - yaw_rad) / found.yaw_sigma_rad(), x / sigma_x, y / sigma_y];
@@ -91,7 +91,7 @@ fn places_that_tell_nothing_are_refused() {
     let mut off = all.clone();
     off[2].expected_m[0] += 0.4;
     assert!(matches!(register(&off), Err(RegisterRefusal::Contradictory { worst: 2, .. })));
-    // A plate whose y axis is mirrored is no turn.
+    // A mirrored y axis is not a rotation.
     let mirrored: Vec<Hold> = all
         .iter()
         .map(|hold| Hold { measured_m: [hold.measured_m[0], -hold.measured_m[1]], ..*hold })

@@ -1,34 +1,34 @@
-//! Hits of the plate and stops of a foot: when half of the momentum is gone.
+//! Detects hits of the plate and stops of a foot, each at the time at which half of the momentum is dissipated.
 
 use super::{Feet, Force};
 
-/// The force must have risen within this time, and its first peak come within it after that, ns.
+/// Maximum duration of the force's rise, and of the interval from there to its first peak, ns.
 const RISE_NS: u64 = 60_000_000;
-/// A foot that has come down must have stopped within this time, ns: two samples at 30 Hz.
+/// Maximum duration of the deceleration of a foot, ns: two samples at 30 Hz.
 const STOP_NS: u64 = 80_000_000;
-/// The first peak is passed once the force has fallen by this share of its rise.
+/// The first peak has passed once the force has fallen by this fraction of its rise.
 const PEAK_PASSED: f64 = 0.1;
-/// What the force was before is its median over this time, ns.
+/// The baseline of the force is its median over this interval before the event, ns.
 const REST_NS: u64 = 1_000_000_000;
-/// Somebody stands on the other foot while the force is no lower than this share of what it was.
+/// The subject stands on the other foot if the force is at least this fraction of the baseline.
 const STANDING: f64 = 0.3;
-/// A landing is so much of the whole rise at least.
+/// Minimum fraction of the whole rise that is a landing.
 const LANDING: f64 = 0.3;
-/// Of the downward speed so much may be left when the foot has stopped.
+/// Maximum fraction of the downward speed that remains when the foot has stopped.
 const STOPPED: f64 = 0.3;
-/// What comes sooner after an event belongs to it (the other foot, a rebound), ns.
+/// Dead time after an event, which covers the other foot and a rebound, ns.
 const APART_NS: u64 = 250_000_000;
-/// A longer pause between two readings is a gap, ns.
+/// A longer interval between two samples is a gap, ns.
 const GAP_NS: u64 = 40_000_000;
 
 /// Events of one stream.
 #[derive(Debug, Default)]
 pub(super) struct Events {
-    /// When, ns, increasing.
+    /// Times, ns, increasing.
     pub(super) times_ns: Vec<u64>,
-    /// The largest rise (N) or downward speed (m/s) of all, whether it was an event or not.
+    /// The largest rise (N) or downward speed (m/s), whether or not it was an event.
     pub(super) largest: f64,
-    /// Median distance of readings, without gaps, ns.
+    /// Median sampling interval, without gaps, ns.
     pub(super) interval_ns: u64,
 }
 
@@ -56,7 +56,7 @@ impl Stream {
         Stream { points }
     }
 
-    /// Median distance of readings, ns; 0 if there are only gaps. Pauses do not count: no stomp is looked for in one.
+    /// Median sampling interval, ns; 0 if there are only gaps. Gaps are excluded, as no stomp is searched in them.
     fn interval_ns(&self) -> u64 {
         let mut intervals: Vec<u64> = self.points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         intervals.retain(|interval_ns| *interval_ns <= GAP_NS);
@@ -64,13 +64,13 @@ impl Stream {
         if intervals.is_empty() { 0 } else { *intervals.select_nth_unstable(middle).1 }
     }
 
-    /// Whether there is a gap between two places.
+    /// Whether there is a gap between two indices.
     fn has_gap(&self, from: usize, to: usize) -> bool {
         self.points[from..=to].windows(2).any(|pair| pair[1].0 - pair[0].0 > GAP_NS)
     }
 }
 
-/// Hits of the plate.
+/// Detects hits of the plate.
 pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
     let stream = Stream::of(plate.iter().map(|force| (force.time_ns, force.vertical_n)));
     let mut hits = Events { interval_ns: stream.interval_ns(), ..Events::default() };
@@ -80,7 +80,7 @@ pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
         while points[at].0 - points[window].0 > RISE_NS {
             window += 1;
         }
-        // The last of equals: the force rises from there.
+        // The last of equal minima: the force rises from there.
         let low = (window..=at).rev().min_by(|a, b| points[*a].1.total_cmp(&points[*b].1)).unwrap_or(at);
         let rise_n = points[at].1 - points[low].1;
         hits.largest = hits.largest.max(rise_n);
@@ -93,7 +93,7 @@ pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
         let over = after_peak(points, landing, peak);
         if !stream.has_gap(low, over) {
             hits.largest = hits.largest.max(points[peak].1 - points[low].1);
-            // Between a foot that rebounds, which stands still at the peak, and one that sticks, which does after it.
+            // Mean of two models: a rebounding foot is at rest at the peak, and a foot that sticks after it.
             let rebounds_ns = half_impulse_ns(&points[landing..=peak]);
             let sticks_ns = half_impulse_ns(&points[landing..=over]);
             hits.add(u64::midpoint(rebounds_ns, sticks_ns));
@@ -105,7 +105,7 @@ pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
     hits
 }
 
-/// Where the force is highest before it falls again.
+/// Index of the first maximum of the force.
 fn first_peak(points: &[(u64, f64)], low: usize, from: usize) -> usize {
     let mut peak = from;
     for at in from + 1..points.len() {
@@ -121,8 +121,8 @@ fn first_peak(points: &[(u64, f64)], low: usize, from: usize) -> usize {
     peak
 }
 
-/// Where the peak is over: the force has fallen to half of its rise, or as long after the peak as it began before it, if
-/// the weight of the person stays.
+/// Index at which the peak is over: the force has fallen to half of its rise or, if the body weight remains, the time
+/// after the peak equals the duration of the rise.
 fn after_peak(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
     let ((low_ns, low_n), (peak_ns, peak_n)) = (points[low], points[peak]);
     let over = |(time_ns, force_n): &(u64, f64)| {
@@ -131,11 +131,11 @@ fn after_peak(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
     points[peak..].iter().position(over).map_or(points.len() - 1, |later| peak + later)
 }
 
-/// Where the hit itself begins between the lowest point and the peak.
+/// Index at which the hit begins, between the minimum and the peak.
 ///
-/// A leg that is thrown down lightens the plate under the other foot. The force then rises twice: back to what it was as the
-/// leg falls on freely, and from there when the foot lands; only the second is the hit. Where nobody stood before (a leap, a
-/// step onto the plate) the whole rise is.
+/// Swinging a leg down unloads the plate under the other foot. The force then rises twice: back to the baseline while
+/// the leg falls freely, and from there when the foot lands; only the second rise is the hit. Without preceding stance
+/// (a leap, a step onto the plate) the whole rise is.
 fn landing(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
     let since_ns = points[low].0.saturating_sub(REST_NS);
     let first = points[..low].partition_point(|(time_ns, _)| *time_ns < since_ns);
@@ -152,7 +152,7 @@ fn landing(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
     (low..peak).rev().find(|place| points[*place].1 <= rest_n).unwrap_or(low)
 }
 
-/// When half of the impulse over the first force has passed; there are at least two points.
+/// Time at which half of the impulse above the first force has passed; requires at least two points.
 fn half_impulse_ns(points: &[(u64, f64)]) -> u64 {
     let base_n = points[0].1;
     let step = |pair: &[(u64, f64)]| {
@@ -166,7 +166,7 @@ fn half_impulse_ns(points: &[(u64, f64)]) -> u64 {
         if next >= half {
             let ([a_n, b_n], span) =
                 ([pair[0].1 - base_n, pair[1].1 - base_n], (pair[1].0 - pair[0].0) as f64);
-            // Within a step the force is a line: the impulse is a parabola in time.
+            // The force is linear within a step, so the impulse is quadratic in time.
             let (slope, wanted) = ((b_n - a_n) / span, half - passed);
             let root = (a_n * a_n + 2.0 * slope * wanted).max(0.0).sqrt();
             let since = if a_n + root > 0.0 { 2.0 * wanted / (a_n + root) } else { 0.0 };
@@ -177,7 +177,7 @@ fn half_impulse_ns(points: &[(u64, f64)]) -> u64 {
     points[points.len() - 1].0
 }
 
-/// Stops of either foot.
+/// Detects stops of either foot.
 pub(super) fn foot_stops(feet: &[Feet], speed_min_m_per_s: f64) -> Events {
     let mut stops = Events::default();
     let mut times_ns = Vec::new();
@@ -202,7 +202,7 @@ fn stops_of(stream: &Stream, speed_min_m_per_s: f64) -> Vec<u64> {
     while at < points.len() {
         let (time_ns, upward) = points[at];
         let falls = upward <= -speed_min_m_per_s;
-        // The fastest moment of this way down.
+        // The highest downward speed of this descent.
         if !falls || points.get(at + 1).is_some_and(|(_, next)| *next <= upward) {
             at += 1;
             continue;

@@ -1,13 +1,13 @@
-//! A foot that falls on a ground with springs and dampers, seen by a plate and by a suit with another clock.
+//! Simulated foot that falls on a floor with springs and dampers, measured by a plate and by a suit with another clock.
 
 use super::*;
 use proptest::prelude::*;
 
 const MS: i64 = 1_000_000;
-/// A step of the integration, s.
+/// Integration step, s.
 const STEP_S: f64 = 5e-5;
 
-/// What weight and leg do to the foot while it stands: a foot that was stamped down does not leap.
+/// Acceleration from weight and leg while the foot is on the floor: a foot that was stamped down does not leap.
 const LEG_M_PER_S2: f64 = 100.0;
 
 /// Mass behind the foot (kg), its speed (m/s), stiffness (N/m) and damping (N s/m) of shoe and floor.
@@ -22,7 +22,7 @@ struct Contact {
 const USUAL: Contact =
     Contact { mass_kg: 5.0, speed_m_per_s: 1.5, stiffness_n_per_m: 80e3, damping_n_s_per_m: 300.0 };
 
-/// What happens during a second: the foot hangs, falls from 0.35 s to 0.5 s, hits, and stands.
+/// One second of a stomp: the foot is raised, falls from 0.35 s to 0.5 s, hits, and stays.
 struct Stomp {
     upward_m_per_s: Vec<f64>,
     vertical_n: Vec<f64>,
@@ -39,7 +39,7 @@ impl Stomp {
                 speed = -contact.speed_m_per_s * (time_s - 0.35) / 0.15;
             } else if time_s >= 0.5 {
                 let squeezed = depth_m.max(0.0);
-                // No suction, and a damper that takes hold over the first 2 mm, as a heel pad does.
+                // No suction; the damping increases over the first 2 mm, as in a heel pad.
                 let push_n = (contact.stiffness_n_per_m * squeezed
                     - contact.damping_n_s_per_m * velocity * (squeezed / 0.002).min(1.0))
                 .max(0.0);
@@ -59,7 +59,7 @@ impl Stomp {
     }
 }
 
-/// Both streams of a session with stomps at these seconds, and a suit whose clock is `offset_ns` behind the plate's.
+/// Both streams of a session with stomps at these seconds, with a suit clock `offset_ns` behind the plate's.
 fn session(contact: Contact, stomps_s: &[f64], suit_hz: f64, offset_ns: i64) -> (Vec<Force>, Vec<Feet>) {
     let stomp = Stomp::with(contact);
     let length_s = stomps_s.iter().fold(0.0, |a: f64, b| a.max(*b)) + 2.0;
@@ -174,11 +174,11 @@ fn one_stomp_is_enough_and_says_less() {
 #[test]
 fn a_regular_beat_is_refused() {
     let (plate, feet) = session(USUAL, &[0.0, 1.0, 2.0, 3.0], 240.0, 0);
-    // The plate was recorded for the last three only, the suit for the first three only.
+    // The plate's data contain only the last three stomps, the suit's only the first three.
     let plate: Vec<_> = plate.into_iter().filter(|force| force.time_ns > 101_000_000_000).collect();
     let feet: Vec<_> = feet.into_iter().filter(|feet| feet.time_ns < 103_000_000_000).collect();
     let wide = StompSettings { offset_max_ns: 10_000_000_000, ..settings() };
-    // Three of three fit one beat off, and nothing in the data can tell: a beat should be irregular.
+    // All three fit with a shift of one beat, and the data cannot exclude it: the beat should be irregular.
     let found = estimate(&plate, &feet, &wide).unwrap();
     assert!(found.stomps == 3 && (found.offset_ns - 1000 * MS).abs() < 12 * MS, "{found:?}");
     let one: Vec<_> = plate.iter().copied().filter(|force| force.time_ns < 102_300_000_000).collect();
@@ -186,7 +186,7 @@ fn a_regular_beat_is_refused() {
         panic!("{:?}", estimate(&one, &feet, &wide));
     };
     assert_eq!(stomps, 1);
-    // What is known of the clocks decides.
+    // The limit of the offset decides.
     let near = StompSettings { offset_max_ns: 500_000_000, ..settings() };
     assert!(estimate(&one, &feet, &near).unwrap().offset_ns.abs() < 12 * MS);
 }
@@ -232,7 +232,7 @@ fn a_stomp_in_a_gap_is_not_used() {
 fn long_pauses_do_not_make_a_stream_coarse() {
     let (plate, feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
     let usual = estimate(&plate, &feet, &settings()).unwrap();
-    // A reading every ten seconds before and after, more than there are during the stomps.
+    // One sample every ten seconds before and after, more than during the stomps.
     let pauses = (1..=plate.len() as u64).map(|index| index * 10_000_000_000);
     let (before, after): (Vec<u64>, Vec<u64>) = pauses.partition(|time_ns| *time_ns < plate[0].time_ns);
     let force = |time_ns: &u64| Force { time_ns: *time_ns, vertical_n: 600.0 };
@@ -258,10 +258,10 @@ fn stomps_at_the_end_of_time_are_stomps_like_others() {
     let last = estimate(&plate, &feet, &settings()).unwrap();
     assert_eq!((last.stomps, last.plate_hits, last.foot_stops), (3, usual.plate_hits, usual.foot_stops));
     assert!((last.offset_ns - usual.offset_ns).abs() <= 1, "{last:?} {usual:?}");
-    // Clocks that are farther apart than an offset can tell.
+    // The clocks are farther apart than the largest offset.
     let (_, feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
     assert!(matches!(estimate(&plate, &feet, &settings()), Err(StompRefusal::TooFarApart { .. })));
-    // A hit at the very last moment, and nothing after it.
+    // A hit at the end of the data.
     let times = [u64::MAX - 1_000_000, u64::MAX];
     let plate =
         [(times[0], 0.0), (times[1], 1000.0)].map(|(time_ns, vertical_n)| Force { time_ns, vertical_n });
@@ -270,7 +270,7 @@ fn stomps_at_the_end_of_time_are_stomps_like_others() {
 }
 
 proptest! {
-    /// Moving one clock moves the offset by as much and nothing else.
+    /// A shift of one clock changes the offset by the same amount and nothing else.
     #[test]
     fn the_offset_follows_the_clock(shift_ms in -900_i64..900) {
         let (plate, feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
@@ -280,12 +280,12 @@ proptest! {
             .map(|feet| Feet { time_ns: feet.time_ns.saturating_add_signed(-shift_ms * MS), ..*feet })
             .collect();
         let found = estimate(&plate, &moved, &settings()).unwrap();
-        // Rounding to whole nanoseconds goes towards zero.
+        // Rounding to whole nanoseconds is towards zero.
         prop_assert!((found.offset_ns - still.offset_ns - shift_ms * MS).abs() <= 1, "{found:?} {still:?}");
         prop_assert_eq!(StompOffset { offset_ns: 0, ..found }, StompOffset { offset_ns: 0, ..still });
     }
 
-    /// Whatever the numbers and times: no panic, and an offset within what was allowed.
+    /// For arbitrary numbers and times: no panic, and an offset within the limit.
     #[test]
     fn anything_is_borne(
         plate in proptest::collection::vec((any::<u64>(), any::<f64>()), 0..60),

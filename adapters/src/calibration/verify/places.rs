@@ -1,10 +1,10 @@
-//! What several places of a known mass tell of a plate's geometry: the scale of its moments, its turn, its origin.
+//! Plate geometry from several positions of a known mass: scale of the moments, rotation, origin.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// 1-σ of a place that was measured with a ruler, m.
+/// 1-σ of a position measured with a ruler, m.
 const RULER_SIGMA_M: f64 = 0.002;
-/// The places must span so much in every direction, m.
+/// Minimum extent of the positions in every direction, m.
 const SPAN_MIN_M: f64 = 0.08;
 
 /// A number and its 1-σ.
@@ -16,24 +16,24 @@ pub struct Known {
     pub sigma: f64,
 }
 
-/// How the plate's idea of places differs from the ruler's.
+/// Deviation of the plate's positions from those of the ruler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
-    /// Along x: how much too large distances are, as a share.
+    /// Excess of distances along x, as a fraction.
     pub scale_x: Known,
-    /// Along y.
+    /// The same along y.
     pub scale_y: Known,
-    /// How far the plate's axes are turned to the right of those it claims, rad.
+    /// Rotation of the plate's axes to the right of the configured ones, rad.
     pub turned_rad: Known,
-    /// Where the plate sees what lies at its origin, m.
+    /// Measured position of a point at the plate's origin, m.
     pub origin_m: [Known; 2],
-    /// What is left of the places, root mean square per axis, m; 0 for three places, which always fit.
+    /// Root mean square residual per axis, m; 0 for three positions, which always fit.
     pub left_m: f64,
 }
 
-/// Compares places as the plate sees them with where they are, both in the plate's own frame, m.
+/// Compares measured positions with true ones, both in the plate's own frame, m.
 ///
-/// `None` for fewer than three places, or places nearly on a line.
+/// `None` for fewer than three positions, or positions close to a line.
 pub fn geometry(seen_m: &[[f64; 2]], true_m: &[[f64; 2]]) -> Option<Geometry> {
     let count = seen_m.len().min(true_m.len());
     if count < 3 || !spans(&true_m[..count]) {
@@ -66,7 +66,7 @@ pub fn geometry(seen_m: &[[f64; 2]], true_m: &[[f64; 2]]) -> Option<Geometry> {
     })
 }
 
-/// Whether the places lie apart in every direction.
+/// Whether the positions are apart in every direction.
 fn spans(places_m: &[[f64; 2]]) -> bool {
     (0..12).all(|index| {
         let (sine, cosine) = (core::f64::consts::PI * f64::from(index) / 12.0).sin_cos();

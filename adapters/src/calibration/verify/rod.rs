@@ -1,23 +1,23 @@
-//! How high a plate's surface is above its sensor, from a pointed rod that is pressed on one point and leant around.
+//! Height of a plate's surface above its sensor, from a pointed rod that is pressed on one point and tilted around.
 //!
-//! The force goes through the rod's tip whatever its direction. With the tip at (x, y, z) in the world,
-//! `Mx = y Fz − z Fy` and `My = z Fx − x Fz`: linear in all three, and z is seen as soon as there is shear.
+//! The line of action passes through the rod's tip for every direction of the force. With the tip at (x, y, z) in the
+//! world, `Mx = y Fz − z Fy` and `My = z Fx − x Fz`: linear in all three; z is observable if there is shear.
 
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
 use super::Block;
 
-/// The rod is pressed on with so much at least, N.
+/// Minimum force on the rod, N.
 pub const PRESS_MIN_N: f64 = 50.0;
-/// A height that is known worse is not told, m.
+/// Largest accepted σ of the height, m.
 const SIGMA_MAX_M: f64 = 0.005;
-/// So many blocks with the rod pressed on.
+/// Minimum count of blocks with the rod pressed on.
 const BLOCKS_MIN: usize = 30;
-/// No moment is believed to be known better than this, N m.
+/// Lower bound of the σ of a moment, N m.
 const MOMENT_SIGMA_NM: f64 = 0.05;
 
-/// Where the rod's tip was.
+/// Position of the rod's tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tip {
     /// World, m: the height is that of the surface.
@@ -26,20 +26,20 @@ pub struct Tip {
     pub sigma_m: [f64; 3],
     /// Mean shear, N.
     pub shear_n: f64,
-    /// Blocks that it follows from.
+    /// Count of blocks in the estimate.
     pub blocks: usize,
 }
 
-/// Why no height can be told.
+/// Why the height is unavailable.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum RodRefusal {
-    /// Nobody pressed a rod.
+    /// The rod was not pressed on for long enough.
     #[error("the rod was pressed on for {:.1} s only, with {PRESS_MIN_N:.0} N or more; {:.1} s are needed", *blocks as f64 / 10.0, BLOCKS_MIN as f64 / 10.0)]
     NotPressed {
         /// Blocks of 0.1 s.
         blocks: usize,
     },
-    /// It was not leant enough.
+    /// The rod was not tilted enough.
     #[error(
         "the height is known to {:.0} mm only: lean the rod farther and all around (the shear was {shear_n:.0} N)",
         1e3 * sigma_m
@@ -52,7 +52,7 @@ pub enum RodRefusal {
     },
 }
 
-/// Finds the tip from blocks of samples without what the empty plate shows.
+/// Estimates the tip from blocks of samples relative to the empty plate.
 ///
 /// # Errors
 /// A [`RodRefusal`].

@@ -7,7 +7,7 @@ use equipoise_simulator::random::Random;
 const SETTINGS: VerifySettings =
     VerifySettings { mass_kg: 20.0, gravity_m_per_s2: 9.81, seconds: 3.0, places: 2 };
 
-/// A plate at 200 Hz with noise, on which things happen.
+/// Simulated plate at 200 Hz with noise.
 struct Bench {
     verification: Verification,
     time_ns: u64,
@@ -25,7 +25,7 @@ impl Bench {
         for _ in 0..(200.0 * seconds) as u32 {
             self.time_ns += 5_000_000;
             let mut noise = |sigma: f64| sigma * self.random.normal();
-            // The plate's own zero, about its own origin.
+            // The plate's own zero offset, about its own origin.
             let fz = vertical_n + 3.0 + noise(1.0);
             let moment_nm =
                 [at_m[1] * vertical_n + 0.4 + noise(0.3), -at_m[0] * vertical_n - 0.7 + noise(0.3), 0.0];
@@ -64,7 +64,7 @@ fn a_mass_is_weighed_at_each_place_and_the_empty_plate_in_between() {
         panic!("{:?}", bench.steps)
     };
     assert!((zero_n - 3.0).abs() < 0.3 && (drift_n - 0.9).abs() < 0.3, "{zero_n} {drift_n}");
-    // The second time the empty plate shows more: that is not the mass'.
+    // The second time the empty plate's force has increased, which must not be attributed to the mass.
     for (placed, at_m, more_n) in [(one, [0.12, -0.05], 0.0), (two, [-0.1, 0.2], -0.9)] {
         let expected_kg = (weight_n + more_n) / 9.81;
         let off = (placed.mass_kg - expected_kg) / placed.mass_sigma_kg;
@@ -91,7 +91,7 @@ fn what_is_touched_begins_anew_and_what_pulls_is_refused() {
         matches!(refused, Err(VerifyRefusal::Pulls { pulls_n }) if (pulls_n - 196.0).abs() < 5.0),
         "{refused:?}"
     );
-    // Somebody who walks about is no empty plate.
+    // A person who walks about is not an empty plate.
     let mut bench = Bench::new(SETTINGS);
     for step in 0..40 {
         bench.lies(0.25, 500.0 + 100.0 * f64::from(step % 3), [0.0; 2]).unwrap();
@@ -153,7 +153,7 @@ fn a_rod_that_leans_tells_the_height_of_its_tip() {
 
 #[test]
 fn a_plate_whose_scale_is_wrong_by_far_is_measured_all_the_same() {
-    // Pounds taken for newtons, and with the wrong sign.
+    // Pounds used as newtons, and with the wrong sign.
     let pounds_n = 0.2248 * SETTINGS.weight_n();
     let mut bench = Bench::new(VerifySettings { places: 1, ..SETTINGS });
     bench.lies(3.0, 0.0, [0.0; 2]).unwrap();
@@ -174,7 +174,7 @@ fn a_mass_is_not_known_better_than_the_zero_that_is_taken_off() {
         let Some(Step::Placed(placed)) = bench.steps.last() else { panic!("{:?}", bench.steps) };
         placed.mass_sigma_kg
     };
-    // 20 blocks of 20 samples of 1 N each were the zero.
+    // The zero is the mean of 20 blocks of 20 samples with σ = 1 N.
     let zero_kg = 1.0 / 400.0_f64.sqrt() / 9.81;
     assert!(sigma_kg(60.0) > 0.6 * zero_kg, "{} of {zero_kg} kg", sigma_kg(60.0));
 }

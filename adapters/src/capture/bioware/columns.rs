@@ -1,9 +1,9 @@
-//! Which column of a text export holds which quantity, and in which unit.
+//! Maps the columns of a text export to quantities and units.
 
 use super::{BioWareError, BioWareSettings};
 use crate::units::{METRE_PER_FOOT, METRE_PER_INCH, NEWTON_PER_LBF, letters};
 
-/// What a quantity is measured in, and the words for it.
+/// Dimension of a quantity, with its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Dimension {
     Time,
@@ -23,7 +23,7 @@ impl Dimension {
     }
 }
 
-/// The units that are read, as exports write them (dots and spaces taken out), and their sizes in ours.
+/// The supported units, as in exports (without dots and spaces), with their SI values.
 const UNITS: [(&str, Dimension, f64); 18] = [
     ("s", Dimension::Time, 1.0),
     ("sec", Dimension::Time, 1.0),
@@ -45,7 +45,7 @@ const UNITS: [(&str, Dimension, f64); 18] = [
     ("mm", Dimension::Length, 1e-3),
 ];
 
-/// Sizes of the units of a file's columns in ours, declared by whoever gives the file.
+/// SI values of the units of a file's columns, declared by the user.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Units {
     time: Option<f64>,
@@ -55,10 +55,10 @@ pub struct Units {
 }
 
 impl Units {
-    /// From words, in any order: `"s,N,N.m,m"`.
+    /// Parses a list in any order: `"s,N,N.m,m"`.
     ///
     /// # Errors
-    /// The word that is no unit, or a second one for the same quantity.
+    /// An undefined unit, or a second one for the same quantity.
     pub fn parse(text: &str) -> Result<Units, String> {
         let mut units = Units::default();
         for word in text.split(',').map(str::trim).filter(|word| !word.is_empty()) {
@@ -85,7 +85,7 @@ fn known() -> String {
     format!("known are {}", UNITS.map(|(word, ..)| word).join(", "))
 }
 
-/// The unit that a word names; `N·m`, `N.m`, `N-m`, `N*m` and `N m` are one.
+/// The unit of a name; `N·m`, `N.m`, `N-m`, `N*m` and `N m` are equal.
 fn unit(word: &str) -> Option<(Dimension, f64)> {
     let letters = letters(word)?.to_ascii_lowercase();
     UNITS.iter().find(|(name, ..)| *name == letters).map(|(_, dimension, size)| (*dimension, *size))
@@ -98,12 +98,12 @@ pub(super) struct Column {
     pub(super) size: f64,
 }
 
-/// From what the wrench is made.
+/// Quantities from which the wrench is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Layout {
     /// Force and moment about the sensor's origin: Fx Fy Fz Mx My Mz.
     Wrench([Column; 6]),
-    /// Force and centre of pressure, and the free moment where it was exported: Fx Fy Fz Ax Ay [Tz].
+    /// Force and centre of pressure, and optionally the free moment: Fx Fy Fz Ax Ay [Tz].
     Pressure([Column; 5], Option<Column>),
     /// The eight channels of a plate with four sensors: fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4.
     Channels([Column; 8]),
@@ -120,12 +120,12 @@ impl Layout {
     }
 }
 
-/// A head line and what follows from it.
+/// Contents of a header line.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Columns {
     pub(super) time: Column,
     pub(super) layout: Layout,
-    /// Whether the line after the head gives the units.
+    /// Whether the line after the header contains the units.
     pub(super) has_unit_line: bool,
 }
 
@@ -143,14 +143,14 @@ fn is_time(name: &str) -> bool {
     matches!(name, "abs time" | "time" | "t" | "rel time")
 }
 
-/// Whether a line can be the head: it names a time and a vertical force.
+/// Whether a line can be the header: it names a time and a vertical force.
 pub(super) fn is_head(cells: &[&str]) -> bool {
     let names: Vec<String> = cells.iter().map(|cell| split(cell).0).collect();
     names.iter().any(|name| is_time(name)) && names.iter().any(|name| name == "fz" || name == "fz1")
 }
 
 impl Columns {
-    /// Finds the columns in the head line; `below` is the line after it.
+    /// Finds the columns in the header line; `below` is the line after it.
     pub(super) fn find(
         line: u64,
         head: &[&str],
@@ -205,7 +205,7 @@ impl Search<'_> {
         Err(BioWareError::MissingColumns { line: self.line, found, of_plate: chosen })
     }
 
-    /// These columns of the plate, if all are there.
+    /// These columns of the plate, if all exist.
     fn all<const N: usize>(
         &self,
         wanted: [(&str, Dimension); N],
@@ -221,7 +221,7 @@ impl Search<'_> {
         Ok(Some(columns))
     }
 
-    /// The column with its unit: beside its name, below it, or declared; never guessed.
+    /// The column with its unit: after its name, below it, or declared; never guessed.
     fn column(&self, index: usize, dimension: Dimension) -> Result<Column, BioWareError> {
         let (name, beside) = &self.names[index];
         let below = self.has_unit_line.then(|| self.below.get(index)).flatten().map(|cell| cell.trim());

@@ -1,4 +1,4 @@
-//! The numbers of one frame, and what they say in our order and axes.
+//! The numbers of one frame, converted to the internal order and axes.
 
 use std::io::BufRead;
 
@@ -9,13 +9,14 @@ use equipoise_core::message::suit::SuitBlocks;
 use super::head::{Columns, Head, JOINTS_MAX, SEGMENTS_MAX};
 use super::xml::{Fault, Token, Xml};
 
-/// Quaternions are written with six digits; farther than this from 1 they are no rotation.
+/// Tolerance of a quaternion's norm, as quaternions are written with six digits.
 const NORM_TOLERANCE: f64 = 0.05;
-/// No number of a frame, in its unit, is larger.
+/// Upper bound of any number in a frame, in its unit.
 const LARGEST: f64 = 1e4;
-/// Shoulder blades slide by millimetres; a segment that is farther from where its joint is, is turned otherwise.
+/// Maximum distance of a segment from its joint: shoulder blades slide by millimetres; a larger distance means that the
+/// segment's orientation is expressed in other axes.
 const JOINT_GAP_MAX_M: f64 = 0.1;
-/// No element that is read has more numbers.
+/// Maximum count of numbers in an element that is read.
 const NUMBERS_MAX: usize = if SEGMENTS_MAX * 4 > JOINTS_MAX * 3 { SEGMENTS_MAX * 4 } else { JOINTS_MAX * 3 };
 
 /// The elements of a frame that are read.
@@ -40,17 +41,17 @@ const BLOCKS: [(&str, Block); 7] = [
     ("centerOfMass", Block::CentreOfMass),
 ];
 
-/// A frame as it stands in the file.
+/// A frame as in the file.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Frame {
-    /// Line of its begin, from 1.
+    /// Line of its start, from 1.
     pub(super) line: u64,
-    /// `normal`, or one of the poses of calibration.
+    /// `normal`, or one of the calibration poses.
     pub(super) kind: String,
     pub(super) index: Option<i64>,
-    /// Since the begin, ms.
+    /// Time since the start, ms.
     pub(super) time_ms: Option<i64>,
-    /// Since 1970, ms.
+    /// Time since 1970, ms.
     pub(super) unix_ms: Option<i64>,
     numbers: [Vec<f64>; BLOCKS.len()],
 }
@@ -85,7 +86,7 @@ impl Frame {
             let depth = xml.depth();
             match xml.next()? {
                 Token::Start(element) => {
-                    // Only children of the frame itself.
+                    // Only direct children of the frame.
                     block = BLOCKS
                         .iter()
                         .find(|(name, _)| depth == frames_depth + 1 && *name == element.name())
@@ -115,7 +116,7 @@ impl Frame {
         }
     }
 
-    /// `N` numbers for each of ours; `None` if the block is not there.
+    /// `N` numbers for each internal part; `None` if the block is missing.
     fn block<const N: usize, const PARTS: usize>(
         &self,
         block: Block,
@@ -136,7 +137,7 @@ impl Frame {
         Ok(Some(parts))
     }
 
-    /// Orientations and positions of all segments, as written.
+    /// Orientations and positions of all segments, as in the file.
     pub(super) fn pose(&self, head: &Head) -> Result<Pose, &'static str> {
         let mut orientation_wxyz = self.block(Block::Orientation, &head.segments)?.ok_or("no_pose")?;
         for quaternion in &mut orientation_wxyz {
@@ -146,7 +147,7 @@ impl Frame {
         Ok(Pose { orientation_wxyz, position_m })
     }
 
-    /// Writes everything but the times into a sample; on an error nothing of it is to be used.
+    /// Writes everything except the times into a sample; after an error the sample must not be used.
     pub(super) fn fill(&self, head: &Head, null: &Pose, sample: &mut SuitSample) -> Result<(), &'static str> {
         let pose = self.pose(head)?.in_axes_of(null);
         if !pose.holds_together(null) {
@@ -171,7 +172,7 @@ impl Frame {
             sample.joint_angle_deg = angles;
             sample.blocks |= SuitBlocks::JointAngles as u32;
         }
-        // Newer files add its velocity and acceleration.
+        // Newer files append its velocity and acceleration.
         if let [x, y, z, rest @ ..] = &self.numbers[Block::CentreOfMass as usize][..]
             && matches!(rest.len(), 0 | 6)
         {
@@ -183,7 +184,7 @@ impl Frame {
     }
 }
 
-/// Where all segments are.
+/// Poses of all segments.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose {
     pub(super) orientation_wxyz: [[f64; 4]; SEGMENTS],
@@ -191,7 +192,8 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// Version 3 turns the arms' axes (ISB), and its null pose shows how; ours are all alike in the null pose.
+    /// Version 3 has different arm axes (ISB), defined by its null pose; the internal axes are equal for all segments
+    /// in the null pose.
     fn in_axes_of(mut self, null: &Pose) -> Pose {
         for (orientation, null) in self.orientation_wxyz.iter_mut().zip(&null.orientation_wxyz) {
             *orientation = product(*orientation, conjugate(*null));
@@ -199,7 +201,7 @@ impl Pose {
         self
     }
 
-    /// Whether every segment begins where its parent's joint is, by the null pose.
+    /// Whether every segment begins at its parent's joint, by the null pose.
     fn holds_together(&self, null: &Pose) -> bool {
         Segment::ALL.into_iter().all(|segment| {
             let Some(parent) = segment.parent() else { return true };

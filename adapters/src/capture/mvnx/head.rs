@@ -1,4 +1,4 @@
-//! What stands before the frames: who wore the suit, how fast it measured, and what the columns of a frame are.
+//! The part before the frames: subject, sampling rate, and columns of a frame.
 
 use std::io::BufRead;
 
@@ -8,17 +8,17 @@ use super::super::mvnx::MvnxError;
 use super::xml::{Fault, Token, Xml};
 use crate::suit::SuitSubject;
 
-/// More segments than a body with props has.
+/// Maximum count of segments; a body with props has fewer.
 pub(super) const SEGMENTS_MAX: usize = 64;
-/// More joints than a body with fingers has.
+/// Maximum count of joints; a body with fingers has fewer.
 pub(super) const JOINTS_MAX: usize = 128;
-/// More points than any segment has.
+/// Maximum count of points on a segment.
 const POINTS_MAX: usize = 64;
 
-/// The longest name that is kept, letters.
+/// Maximum length of a stored name, characters.
 const NAME_MAX: usize = 80;
 
-/// The head of a file.
+/// The header of a file.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Head {
     pub(super) version: Option<String>,
@@ -26,16 +26,16 @@ pub(super) struct Head {
     pub(super) rate_hz: f64,
     pub(super) subject: SuitSubject,
     pub(super) segments: Columns<SEGMENTS>,
-    /// `None` where the file does not say which joint ends at which segment.
+    /// `None` if the file does not specify the segment at which each joint ends.
     pub(super) joints: Option<Columns<JOINTS>>,
 }
 
-/// Where the body's parts stand among those of the file.
+/// Positions of the body's parts among those of the file.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Columns<const N: usize> {
-    /// How many the file has, props included.
+    /// Count in the file, props included.
     pub(super) count: usize,
-    /// Place of each of ours.
+    /// Index of each internal part.
     pub(super) places: [usize; N],
 }
 
@@ -46,7 +46,7 @@ impl<const N: usize> Default for Columns<N> {
 }
 
 impl Head {
-    /// Reads up to the begin of `<frames>`.
+    /// Reads up to the start of `<frames>`.
     pub(super) fn read<R: BufRead>(xml: &mut Xml<R>) -> Result<Head, MvnxError> {
         let mut head = Head::default();
         let mut segments = None;
@@ -78,7 +78,7 @@ impl Head {
                     "segments" => segments = Some(read_segments(xml, &mut head.subject)?),
                     "joints" => head.joints = read_joints(xml)?,
                     "frames" => {
-                        // Another element than the subject may hold them, in a damaged file.
+                        // In a damaged file, `<frames>` may be in an element other than the subject.
                         if head.rate_hz == 0.0 {
                             return Err(MvnxError::NoFrameRate { line, found: None });
                         }
@@ -97,7 +97,7 @@ impl Head {
     }
 }
 
-/// Which of the file's names is which segment of ours; MVN writes `ForeArm`.
+/// The segment of a name in the file; MVN writes `ForeArm`.
 fn segment_of(label: &str) -> Option<Segment> {
     Segment::ALL.into_iter().find(|segment| segment.name().eq_ignore_ascii_case(label.trim()))
 }
@@ -137,7 +137,7 @@ fn read_segments<R: BufRead>(
                 }
                 point = element.attribute("label").map(|label| label.chars().take(NAME_MAX).collect());
             }
-            // Version 3 says pos_s, version 4 pos_b: both from the segment's origin.
+            // Version 3 has pos_s, version 4 pos_b: both relative to the segment's origin.
             Token::Start(element) => in_position = matches!(element.name(), "pos_s" | "pos_b"),
             Token::Text(text) if in_position && !text.trim().is_empty() => {
                 if let (Some(segment), Some(label), Some(offset_m)) = (current, point.take(), three(text)) {
@@ -165,7 +165,7 @@ fn read_segments<R: BufRead>(
     Ok(Columns { count, places })
 }
 
-/// By the segment at which each joint ends, since versions name the joints differently.
+/// Maps joints by the segment at which each ends, as versions name the joints differently.
 fn read_joints<R: BufRead>(xml: &mut Xml<R>) -> Result<Option<Columns<JOINTS>>, MvnxError> {
     let outside = xml.depth() - 1;
     let mut places = [usize::MAX; JOINTS];
@@ -182,7 +182,7 @@ fn read_joints<R: BufRead>(xml: &mut Xml<R>) -> Result<Option<Columns<JOINTS>>, 
             }
             Token::Text(text) if in_child => {
                 let child = text.trim().split('/').next().and_then(segment_of);
-                // Joint j ends at segment j + 1; nothing ends at the pelvis.
+                // Joint j ends at segment j + 1; no joint ends at the pelvis.
                 let joint = child.and_then(|segment| segment.index().checked_sub(1));
                 if let (Some(joint), Some(place)) = (joint, count.checked_sub(1)) {
                     places[joint] = place;

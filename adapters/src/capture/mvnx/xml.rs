@@ -1,64 +1,64 @@
-//! XML as a stream of tags and texts, in bounded memory, with the line where it stands.
+//! XML as a stream of tags and texts, in bounded memory, with line numbers.
 //!
-//! Entities of a document's own (`<!ENTITY …>`) are never expanded.
+//! Entities that a document defines (`<!ENTITY …>`) are never expanded.
 
 use std::io::{self, BufRead, ErrorKind, Read};
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-/// The longest tag, comment or text, bytes; a frame's largest has some 3000.
+/// Maximum length of a tag, comment or text, bytes; a frame's largest has some 3000.
 const EVENT_BYTES_MAX: usize = 256 * 1024;
-/// Elements within elements; an .mvnx has 8.
+/// Maximum nesting depth; an .mvnx has 8 levels.
 const DEPTH_MAX: usize = 64;
 
-/// The longest reason that is told, letters.
+/// Maximum length of a reported reason, characters.
 const REASON_MAX: usize = 200;
 
-/// What stands next in the file.
+/// The next element of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Token<'a> {
-    /// An element begins.
+    /// Start of an element.
     Start(Element<'a>),
-    /// The element that began last and has not ended ends.
+    /// End of the innermost open element.
     End,
-    /// Text as it stands, to be split at white space.
+    /// Unmodified text, to be split at white space.
     Text(&'a str),
-    /// `&name;` between tags: no number holds one.
+    /// `&name;` between tags: numbers contain none.
     Reference,
     /// The end of the file.
     Eof,
 }
 
-/// The begin of an element.
+/// The start of an element.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Element<'a> {
     tag: BytesStart<'a>,
 }
 
 impl Element<'_> {
-    /// Its name, without a prefix.
+    /// The name, without a prefix.
     pub(super) fn name(&self) -> &str {
         self.tag.local_name().into_inner()
     }
 
-    /// An attribute, with the five entities that XML itself has.
+    /// An attribute, with XML's five predefined entities resolved.
     pub(super) fn attribute(&self, name: &str) -> Option<String> {
         let attribute = self.tag.try_get_attribute(name).ok()??;
         Some(attribute.normalized_value(XmlVersion::Explicit1_0).ok()?.into_owned())
     }
 }
 
-/// Why the file cannot be read on.
+/// Why the file cannot be read further.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Fault {
     /// Line, from 1.
     pub(super) line: u64,
-    /// What is wrong there.
+    /// The reason.
     pub(super) reason: String,
 }
 
-/// The reader.
+/// The XML reader.
 pub(super) struct Xml<R: BufRead> {
     reader: Reader<Watched<R>>,
     event: Vec<u8>,
@@ -72,24 +72,24 @@ impl<R: BufRead> Xml<R> {
         Xml { reader, event: Vec::new(), depth: 0 }
     }
 
-    /// The line that was read last, from 1.
+    /// The current line, from 1.
     pub(super) fn line(&self) -> u64 {
         self.reader.get_ref().lines + 1
     }
 
-    /// How many elements are open.
+    /// Count of open elements.
     pub(super) fn depth(&self) -> usize {
         self.depth
     }
 
-    /// Reads on to the next tag, text or end.
+    /// Reads up to the next tag, text or end.
     pub(super) fn next(&mut self) -> Result<Token<'_>, Fault> {
         self.event.clear();
         self.reader.get_mut().event_bytes = 0;
         let event = match self.reader.read_event_into(&mut self.event) {
             Ok(event) => event,
             Err(error) => {
-                // It quotes the names it found, which may be as long as the file.
+                // The error quotes names in the file, which may be as long as the file.
                 let reason = error.to_string().chars().take(REASON_MAX).collect();
                 return Err(Fault { line: self.reader.get_ref().lines + 1, reason });
             }
@@ -122,7 +122,7 @@ impl<R: BufRead> Xml<R> {
     }
 }
 
-/// What is read into a buffer is never owned.
+/// Text that is read into a buffer is never owned.
 fn borrowed(text: std::borrow::Cow<'_, str>) -> &str {
     match text {
         std::borrow::Cow::Borrowed(text) => text,
@@ -130,7 +130,7 @@ fn borrowed(text: std::borrow::Cow<'_, str>) -> &str {
     }
 }
 
-/// Counts lines, and fails when one event takes too many bytes.
+/// Counts lines, and fails if one event has too many bytes.
 struct Watched<R> {
     inner: R,
     lines: u64,
@@ -157,7 +157,7 @@ impl<R: BufRead> BufRead for Watched<R> {
     }
 
     fn consume(&mut self, count: usize) {
-        // What is consumed was filled before.
+        // The consumed bytes are in the buffer.
         if let Ok(bytes) = self.inner.fill_buf() {
             self.lines +=
                 bytes[..count.min(bytes.len())].iter().filter(|byte| **byte == b'\n').count() as u64;

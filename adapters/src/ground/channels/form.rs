@@ -1,43 +1,44 @@
-//! The forms in which plates and insoles come, and the channels that each makes of them.
+//! Sensor arrangements of plates and insoles, and the channels of each.
 
 use super::{ALL_BUT_VERTICAL, ChannelFault, Channels, ForceUnit, Form, MomentUnit, Row};
 use equipoise_core::message::Component;
 
-/// One channel for each number of a wrench about the sensor's origin; those that it has not are not measured.
+/// One channel for each component of a wrench about the sensor's origin; absent components are not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Direct {
-    /// Force x, y, z. The vertical one must be there, and x and y only together.
+    /// Force x, y, z. The vertical component is required; x and y only as a pair.
     pub force: [Option<usize>; 3],
-    /// Moment x, y, z; x and y only together.
+    /// Moment x, y, z; x and y only as a pair.
     pub moment: [Option<usize>; 3],
 }
 
-/// Four three-axis sensors under a plate whose horizontal forces are joined in pairs, as Kistler's plates have them
-/// (Kistler, Force Plate Formulae, 3 February 1999). Axes: z down.
+/// Four three-axis sensors under a plate, with horizontal forces summed in pairs, as in Kistler's plates (Kistler,
+/// Force Plate Formulae, 3 February 1999). Axes: z down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EightChannels {
-    /// Which channels are fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4.
+    /// Channels of fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4.
     pub channels: [usize; 8],
-    /// Distance of the sensors from the plate's middle along x, m.
+    /// Distance of the sensors from the plate's centre along x, m.
     pub a_m: f64,
-    /// And along y, m.
+    /// The same along y, m.
     pub b_m: f64,
-    /// What one of each channel is, N: 1 if they are in N already, 1000 / S for volts at a sensitivity of S mV/N.
+    /// Value of one unit of each channel, N: 1 if the channels are in N already, 1000 / S for volts at a sensitivity of
+    /// S mV/N.
     pub newtons_per_unit: [f64; 8],
-    /// What each channel reads without load, in the channel's own unit.
+    /// Value of each channel without load, in the channel's own unit.
     pub zero: [f64; 8],
 }
 
-/// A load cell that feels the vertical force at one place, positive when pressed. Axes: z up, force on the person.
+/// A load cell that measures the vertical force at one point, positive in compression. Axes: z up, force on the person.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// Its channel.
+    /// The cell's channel.
     pub channel: usize,
-    /// Where it stands, in the sensor's axes, m.
+    /// The cell's position in the sensor's axes, m.
     pub at_m: [f64; 2],
 }
 
-/// A device that tells the centre of pressure rather than moments.
+/// A device that reports the centre of pressure rather than moments.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Centre {
     /// Channels of the horizontal force, x and y, if it is measured.
@@ -50,11 +51,11 @@ pub struct Centre {
     pub free_moment: Option<usize>,
     /// Height of the walking surface along the sensor's z, m: negative where z points down.
     pub surface_z_m: f64,
-    /// What one of a force's channel is, N.
+    /// Value of one unit of the force channels, N.
     pub newtons_per_unit: f64,
-    /// What one of the free moment's channel is, N m.
+    /// Value of one unit of the free moment's channel, N m.
     pub newton_metres_per_unit: f64,
-    /// What one of the centre's channels is, m.
+    /// Value of one unit of the centre's channels, m.
     pub metres_per_unit: f64,
 }
 
@@ -63,16 +64,16 @@ pub struct Centre {
 pub struct Sole {
     /// Channel of the force on the foot.
     pub vertical: usize,
-    /// Channels of the centre of pressure: to the tip, to the left.
+    /// Channels of the centre of pressure: toward the toes, to the left.
     pub cop: [usize; 2],
-    /// What one of the force's channel is, N.
+    /// Value of one unit of the force channel, N.
     pub newtons_per_unit: f64,
-    /// What one of the centre's channels is, m, from the middle of the sole; negative if it counts the other way.
+    /// Value of one unit of each centre channel, m, from the middle of the sole; negative for the opposite direction.
     pub metres_per_unit: [f64; 2],
 }
 
 impl Channels {
-    /// Channels that are the numbers of the wrench themselves.
+    /// Channels that are the components of the wrench themselves.
     ///
     /// # Errors
     /// [`ChannelFault::Beyond`], or [`ChannelFault::Half`] of a pair.
@@ -107,8 +108,8 @@ impl Channels {
         Channels::linear(count, rows, Vec::new(), not_measured)
     }
 
-    /// Channels that a 6×n matrix turns into force x, y, z and moment x, y, z about the sensor's origin; `zero` (empty, or
-    /// one for each channel) is what they read without load.
+    /// Channels that a 6×n matrix converts to force x, y, z and moment x, y, z about the sensor's origin; `zero`
+    /// (empty, or one number for each channel) holds their values without load.
     ///
     /// # Errors
     /// [`ChannelFault::Row`] or [`ChannelFault::Number`].
@@ -170,7 +171,7 @@ impl Channels {
         Channels::linear(count, rows, zeros, 0)
     }
 
-    /// Load cells under a plate: vertical force and where it acts, and nothing of what pulls sideways.
+    /// Load cells under a plate: they measure the vertical force and its point of action, but no shear.
     ///
     /// # Errors
     /// [`ChannelFault::Cells`], [`ChannelFault::Beyond`] or [`ChannelFault::Number`].
@@ -196,7 +197,7 @@ impl Channels {
         Channels::linear(count, rows, Vec::new(), Component::Shear as u32 | Component::FreeMoment as u32)
     }
 
-    /// A device that tells where the force acts.
+    /// A device that reports the point of action of the force.
     ///
     /// # Errors
     /// [`ChannelFault::Beyond`] or [`ChannelFault::Number`].

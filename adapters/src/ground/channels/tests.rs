@@ -80,7 +80,7 @@ fn a_plain_channel_keeps_its_bits_and_what_is_not_there_is_not_measured() {
 
 #[test]
 fn units_are_what_they_are_called() {
-    // A torque that lifts one pound at the end of a foot, told in inches and in feet.
+    // A torque that lifts one pound at the end of a foot, expressed in inches and in feet.
     let (inch, foot) =
         (MomentUnit::PoundForceInch.newton_metres(), MomentUnit::PoundForceFoot.newton_metres());
     assert!(
@@ -122,7 +122,7 @@ proptest! {
     fn a_force_at_a_point_is_found_there_by_cells_and_by_a_centre(
         fz in 50.0..2000.0f64, x in -0.2..0.2f64, y in -0.3..0.3f64, shear in proptest::array::uniform2(-100.0..100.0f64),
     ) {
-        // Bilinear shares hold a point force in balance on four corners.
+        // Bilinear weights distribute a point force over four corners in equilibrium.
         let (a, b) = (0.2, 0.3);
         let corners = [[a, b], [-a, b], [-a, -b], [a, -b]];
         let cells: Vec<Cell> = corners.iter().enumerate().map(|(channel, at_m)| Cell { channel, at_m: *at_m }).collect();
@@ -134,7 +134,7 @@ proptest! {
         prop_assert!((person.force_n[2] - fz).abs() < 1e-9);
         prop_assert!((-person.moment_nm[1] / fz - x).abs() < 1e-9 && (person.moment_nm[0] / fz - y).abs() < 1e-9);
 
-        // The centre on a surface above the sensor, of a force that also pulls sideways, in millimetres.
+        // The centre on a surface above the sensor, of a force with shear, in millimetres.
         let centre = Centre {
             shear: Some([0, 1]), vertical: 2, cop: [3, 4], free_moment: None, surface_z_m: 0.05,
             newtons_per_unit: 1.0, newton_metres_per_unit: 1.0, metres_per_unit: 1e-3,

@@ -1,4 +1,4 @@
-//! Units that plates are told in.
+//! Units of force and moment that plates use.
 
 use crate::units::{METRE_PER_FOOT, METRE_PER_INCH, NEWTON_PER_KGF, NEWTON_PER_LBF};
 
@@ -11,7 +11,7 @@ pub enum ForceUnit {
     Kilonewton,
     /// Pound-force.
     PoundForce,
-    /// Kilogram-force: what scales call a kilogram.
+    /// Kilogram-force, the "kilogram" of scales.
     KilogramForce,
 }
 
@@ -31,7 +31,7 @@ pub enum MomentUnit {
 }
 
 impl ForceUnit {
-    /// What one is, N.
+    /// Newtons per unit.
     pub fn newtons(self) -> f64 {
         match self {
             ForceUnit::Newton => 1.0,
@@ -43,7 +43,7 @@ impl ForceUnit {
 }
 
 impl MomentUnit {
-    /// What one is, N m.
+    /// Newton metres per unit.
     pub fn newton_metres(self) -> f64 {
         match self {
             MomentUnit::NewtonMetre => 1.0,

@@ -1,4 +1,5 @@
-//! AMTI plates with a serial line: told to start, step by step, and frames to readings by the plate's own matrix.
+//! AMTI plates with a serial line: start-up dialogue, and conversion of frames to readings with the plate's calibration
+//! matrix.
 
 mod dialogue;
 
@@ -12,15 +13,15 @@ use crate::wire::amti::{CHANNELS, Command, FRAME_SIZE, Frame, SPEED_FAST, SPEED_
 use crate::wire::sliding::{Found, Sliding};
 use dialogue::Dialogue;
 
-/// A plate that streams and is silent for so long was switched off, or did not mean it.
+/// A started plate that is silent for this long was switched off, or did not start to stream.
 const SILENCE_NS: u64 = 500_000_000;
 /// Set in a sample's counter while the plate's trigger input is active.
 pub const TRIGGER: u32 = 1 << 31;
 
-/// How many frames a second a plate sends.
+/// Frame rate of a plate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rate {
-    /// 50, the one that works with every adapter.
+    /// 50 Hz, the rate that works with every adapter.
     #[default]
     Hz50,
     /// 100.
@@ -51,10 +52,10 @@ impl Rate {
     }
 }
 
-/// One plate: what its sheet says, and how it is used.
+/// One plate: its calibration sheet and its use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AmtiSettings {
-    /// How often it sends.
+    /// Frame rate.
     pub rate: Rate,
     /// From counts to force and moment: rows Fx, Fy, Fz, Mx, My, Mz, in the units below.
     pub matrix: [[f64; CHANNELS]; 6],
@@ -66,23 +67,23 @@ pub struct AmtiSettings {
     pub auto_zero: bool,
 }
 
-/// A plate that speaks AMTI's serial language.
+/// A plate with AMTI's serial protocol.
 #[derive(Debug, Clone)]
 pub struct Amti {
     settings: AmtiSettings,
     dialogue: Dialogue,
     stream: Sliding,
     framing: Framing,
-    /// Bytes since the last frame that made none.
+    /// Bytes since the last frame that belong to no frame.
     passed: usize,
-    /// When the last frame came.
+    /// Arrival of the last frame.
     framed_ns: u64,
     frames: u32,
     last_ns: u64,
 }
 
 impl Amti {
-    /// A plate that was told nothing yet.
+    /// A plate before the start-up dialogue.
     pub fn new(settings: AmtiSettings) -> Amti {
         Amti {
             settings,
@@ -161,7 +162,7 @@ impl GroundDevice for Amti {
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
         if self.dialogue.streams() {
             if arrival_ns.saturating_sub(self.last_ns) > SILENCE_NS {
-                // However many frames that were, nobody counted them.
+                // The count of frames lost in the silence is unavailable.
                 taken.restarted();
             }
             self.last_ns = arrival_ns;

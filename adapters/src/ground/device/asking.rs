@@ -1,24 +1,24 @@
-//! Asks a device to begin, and again while it is silent: what devices have in common that stream on request.
+//! Requests a stream, and repeats the request while the device is silent; common to all devices that stream on request.
 
 use super::Want;
 
-/// A request may get lost: ask again after this …
+/// Retry interval of a lost request, …
 const RETRY_NS: u64 = 100_000_000;
-/// … so many times, …
+/// … for this many retries, …
 const QUICK_RETRIES: u32 = 10;
-/// … and then, as the device is probably off, this often.
+/// … and then, as the device is probably off, this interval.
 const SLOW_RETRY_NS: u64 = 1_000_000_000;
-/// A stream that is silent for so long has ended: the device was restarted, or another client took it.
+/// A stream that is silent for this long has ended: the device was restarted, or another client took over the stream.
 const SILENCE_NS: u64 = 500_000_000;
 
-/// A request, and when it was made.
+/// A request and its timing.
 #[derive(Debug, Clone)]
 pub(super) struct Asking {
     request: Vec<u8>,
     last_data_ns: Option<u64>,
     last_request_ns: u64,
     requests: u32,
-    /// It was asked since the last data: what comes may count from the start again.
+    /// Set if a request was sent since the last data: the sequence may restart from zero.
     asked: bool,
 }
 
@@ -33,17 +33,17 @@ impl Asking {
         self.requests = 0;
     }
 
-    /// Whether what comes now answers a request: asked once for each.
+    /// Whether the present data answer a request; `true` once for each request.
     pub(super) fn is_answer(&mut self) -> bool {
         core::mem::take(&mut self.asked)
     }
 
-    /// Whether it streamed until now; what it sends from here on is not asked for.
+    /// Whether the device streamed until now; resets that state, so that later data count as unsolicited.
     pub(super) fn is_heard_no_more(&mut self) -> bool {
         self.last_data_ns.take().is_some()
     }
 
-    /// The device streams.
+    /// Data arrived: the device streams.
     pub(super) fn heard(&mut self, arrival_ns: u64) {
         self.last_data_ns = Some(arrival_ns);
         self.requests = 0;

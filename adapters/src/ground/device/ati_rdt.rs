@@ -1,4 +1,4 @@
-//! ATI Net F/T and Axia over RDT: records to readings, and the request that keeps them coming.
+//! ATI Net F/T and Axia over RDT: converts records to readings and requests the stream.
 
 mod scale;
 
@@ -11,19 +11,19 @@ use crate::wire::ati_rdt::{Command, Record, Records, Request};
 pub use scale::Page;
 use scale::Scale;
 
-/// A page that cannot be worked with is read again after this: somebody may have changed the device's settings.
+/// An unusable settings page is read again after this, as an operator may have changed the device's settings.
 const JUDGED_AGAIN_NS: u64 = 5_000_000_000;
-/// Records overtake each other by some counts, not by so many.
+/// Reordering of records changes the count by some steps, never by this many.
 const FALL_MIN: i32 = 20_000;
 
-/// What is configured of the device, and how it is asked to start.
+/// Configuration of the device and its start command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RdtSettings {
-    /// Counts per newton; `None` leaves it to the device's page.
+    /// Counts per newton; `None` uses the device's settings page.
     pub counts_per_newton: Option<f64>,
-    /// Counts per newton metre; `None` leaves it to the device's page.
+    /// Counts per newton metre; `None` uses the device's settings page.
     pub counts_per_newton_metre: Option<f64>,
-    /// How to start: [`Command::StartRealTime`] for Net F/T, [`Command::StartSingleBlock`] for Axia.
+    /// Start command: [`Command::StartRealTime`] for Net F/T, [`Command::StartSingleBlock`] for Axia.
     pub start: Command,
 }
 
@@ -38,26 +38,26 @@ impl Default for RdtSettings {
     }
 }
 
-/// A device that speaks RDT.
+/// A device with the RDT protocol.
 #[derive(Debug, Clone)]
 pub struct AtiRdt {
     settings: RdtSettings,
-    /// What its counts are worth, or why that is not known.
+    /// Counts per unit, or why they are unavailable.
     scale: Result<Scale, String>,
-    /// Nothing came since the connection was opened.
+    /// No data since the connection was opened.
     fresh: bool,
-    /// Its page was read; if it restarts, that may say something else.
+    /// The settings page was read; it is read again after a restart, as the settings may differ.
     has_page: bool,
     judged_ns: u64,
     note: Option<String>,
     last_count: Option<u32>,
-    /// Its records count from the start again whenever it is asked.
+    /// The sequence restarts with each request.
     asking: Asking,
     restarted: bool,
 }
 
 impl AtiRdt {
-    /// A device that was not asked yet.
+    /// A device before the first request.
     pub fn new(settings: RdtSettings) -> AtiRdt {
         AtiRdt {
             settings,
@@ -82,7 +82,7 @@ impl AtiRdt {
     }
 
     fn reading(&mut self, record: &Record, scale: Scale) -> Reading {
-        // Its own count falls when it was switched off and on, and never else.
+        // The device's own count decreases only after a power cycle.
         let before = self.last_count.replace(record.ft_sequence);
         let steps = before.map_or(0, |before| record.ft_sequence.wrapping_sub(before).cast_signed());
         self.restarted |= self.has_page && steps < -FALL_MIN;
@@ -100,7 +100,7 @@ impl AtiRdt {
         }
     }
 
-    /// While its counts mean nothing: silence, and after a while its page once more.
+    /// While the scale is unavailable: stops the stream, and after an interval requests the settings page again.
     fn wants_page(&mut self, now_ns: u64, why: String) -> Want {
         if self.asking.is_answer() || self.asking.is_heard_no_more() {
             return Want::Send(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec());

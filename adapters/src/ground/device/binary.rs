@@ -1,4 +1,4 @@
-//! Any device that tells its numbers in binary frames, by a description.
+//! A device with binary frames whose layout is configured.
 
 use super::asking::Asking;
 use super::framing::missing;
@@ -9,96 +9,95 @@ use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::frame::{Found, FrameForm, Frames, Length, Look, Number, Place, Tag};
 
-/// Set in a sample's counter while the device's trigger input is active, where there is one.
+/// Set in a sample's counter while the device's trigger input, if any, is active.
 pub const TRIGGER: u32 = 1 << 31;
-/// So many frames' worth of bytes without one frame are no accident …
+/// Bytes of this many frames without one valid frame indicate a wrong format …
 const TROUBLE_FRAMES: usize = 20;
-/// … if they are so many.
+/// … if they are at least this many.
 const TROUBLE_BYTES: usize = 512;
 
-/// One number that a frame tells.
+/// One number of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Field {
-    /// Where.
+    /// Position in the frame.
     pub place: Place,
     /// The channel is `scale × number ÷ per + offset`.
     pub scale: f64,
-    /// How many of the number one of the channel's unit is; 1 where `scale` says it all.
+    /// Count of the number's units in one of the channel's; 1 if `scale` covers the conversion.
     pub per: f64,
-    /// In the channel's unit.
+    /// Offset in the channel's unit.
     pub offset: f64,
 }
 
-/// A number that counts.
+/// A counter field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Count {
-    /// Where.
+    /// Position in the frame.
     pub place: Place,
-    /// Where it starts again at zero, 2 to 2⁶⁴.
+    /// Value at which the counter wraps to zero, 2 to 2⁶⁴.
     pub modulus: u128,
 }
 
 /// The device's time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Time {
-    /// Where.
+    /// Position in the frame.
     pub place: Place,
-    /// What one of it is, ns.
+    /// Unit of the field, ns.
     pub unit_ns: u64,
 }
 
 /// Several readings in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Scans {
-    /// How many.
+    /// Count of readings.
     pub count: usize,
-    /// The numbers of each stand so many bytes after those of the one before.
+    /// Distance between the numbers of consecutive readings, bytes.
     pub bytes: usize,
 }
 
-/// Form and meaning of frames.
+/// Format and meaning of frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BinarySettings {
-    /// The form of a frame.
+    /// Format of a frame.
     pub form: FrameForm,
-    /// Each delivery is whole frames and nothing else; otherwise they are found in a stream.
+    /// Each delivery consists of whole frames; otherwise frames are searched in a stream.
     pub datagrams: bool,
-    /// The channels, in the order in which `channels` counts them; of the first scan.
+    /// The channels of the first scan, in the order of `channels`.
     pub fields: Vec<Field>,
-    /// What the channels mean.
+    /// The meaning of the channels.
     pub channels: Channels,
-    /// How many readings a frame holds.
+    /// Readings in a frame.
     pub scans: Scans,
-    /// What counts the frames.
+    /// The counter of the frames.
     pub sequence: Option<Count>,
-    /// What counts the device's measurements, sent or not.
+    /// The counter of the device's measurements, sent or not.
     pub counter: Option<Count>,
     /// The device's time.
     pub time: Option<Time>,
-    /// How many frames a second a device sends that counts nothing, if that is known: what is missing then shows in the time,
-    /// too.
+    /// Frame rate of a device without a counter, if configured: it reveals lost frames by the elapsed time, too.
     pub rate_hz: Option<f64>,
-    /// Bits that forbid to use a sample if one is set.
+    /// Status bits: a sample with any of them set must not be used.
     pub status: Option<Place>,
-    /// The number that says that the trigger input is active.
+    /// Value that indicates an active trigger input.
     pub trigger: Option<Tag>,
-    /// What the device is told so that it begins, and again while it is silent.
+    /// Bytes that start the stream, repeated while the device is silent.
     pub request: Option<Vec<u8>>,
-    /// What it is told before the connection is closed.
+    /// Bytes sent before the connection is closed.
     pub farewell: Option<Vec<u8>>,
 }
 
-/// A device that tells its numbers in binary frames.
+/// A device with configured binary frames.
 #[derive(Debug, Clone)]
 pub struct Binary {
     frames: Frames,
     reader: Reader,
     asking: Option<Asking>,
-    /// Bytes since the last frame that made none.
+    /// Bytes since the last frame that belong to no frame.
     passed: usize,
-    /// When the last frame came.
+    /// Arrival of the last frame.
     framed_ns: Option<u64>,
-    /// The same, or all bytes of datagrams that made none: what is told as trouble.
+    /// The same, or all bytes of datagrams without a frame; reported as a fault.
     unframed: usize,
 }
 
@@ -106,17 +105,17 @@ pub struct Binary {
 struct Reader {
     settings: BinarySettings,
     order: Order,
-    /// Frames that were read, for devices that count nothing.
+    /// Frames read, for devices without a counter.
     count: u32,
     values: Vec<f64>,
 }
 
 impl Binary {
-    /// A device that was not heard yet.
+    /// A device before any data.
     pub fn new(settings: BinarySettings) -> Binary {
         let all = |count: Option<Count>| count.map_or(1 << 64, |count| count.modulus);
         let scans = settings.scans.count.max(1) as u128;
-        // In a stream nothing overtakes; and what a checksum vouches for is no accident.
+        // A stream does not reorder, and a checksum excludes accidental values.
         let trust = if settings.form.checksum.is_some() && !settings.datagrams {
             Trust::Proven
         } else {
@@ -173,7 +172,7 @@ impl Binary {
                         taken.lost(u32::try_from(self.reader.scans()).unwrap_or(u32::MAX));
                     }
                     self.unframed = self.unframed.saturating_add(rest.len());
-                    // Where one that tells its length is damaged, nobody knows where the next one begins.
+                    // After a damaged length field, the position of the next frame is unknown.
                     match form.length {
                         Length::Fixed(length) => length,
                         Length::Told { .. } => rest.len(),
@@ -273,7 +272,7 @@ impl Reader {
 
     fn frame(&mut self, frame: &[u8], arrival_ns: u64, taken: &mut Taken) {
         for scan in 0..self.scans() {
-            // The form was checked to hold them all; a place that is not there would be refused as no number.
+            // The format was validated to contain all fields; a missing one would be refused as not a number.
             if self.scan(frame, scan, arrival_ns, taken).is_none() {
                 taken.refuse(GroundRefusal::Number);
             }
@@ -299,7 +298,7 @@ impl Reader {
         };
         let short_time = settings.time.filter(|time| time.place.number == Number::U32);
         let counter = match short_time {
-            // A short time wraps as a count does, and is one.
+            // A short time field wraps like a counter and is treated as one.
             Some(time) => time.place.count(frame),
             None => counted(settings.counter)?,
         };
@@ -318,14 +317,14 @@ impl Reader {
             (Some(_), true) => own | TRIGGER,
         };
         let load = settings.channels.load(&self.values);
-        // A status of more than 32 bits is not sound if any of them says so.
+        // A status of more than 32 bits is invalid if any bit is set.
         let status = u32::try_from(status).unwrap_or(u32::MAX);
         taken.reading(Reading { sequence, tick, device_counter, status, load });
         Some(())
     }
 }
 
-/// What a frame says of the device's time, ns; `None` if that is no time.
+/// The device's time in a frame, ns; `None` if the field is not a valid time.
 fn time_ns(time: Time, frame: &[u8], order: &mut Order) -> Option<u64> {
     if !matches!(time.place.number, Number::F32 | Number::F64) {
         return Some(order.time_ns(time.place.count(frame)?, time.unit_ns));

@@ -1,4 +1,4 @@
-//! Bota's and Rokubi's sensors over a serial line: merely listened to, or set up first.
+//! Bota and Rokubi sensors over a serial line: only received, or set up first.
 
 use super::framing::Framing;
 use super::{GroundDevice, Want};
@@ -10,27 +10,27 @@ use crate::wire::bota::{FRAME_SIZE, Frame, HEADER, setup, status};
 use crate::wire::sliding::{Found, Sliding};
 
 const MS: u64 = 1_000_000;
-/// A sensor answers within this; it is told the same again after it.
+/// Timeout of an answer, after which the command is repeated.
 const ANSWER_NS: u64 = 1000 * MS;
-/// So many unanswered questions in a row are told.
+/// This many unanswered commands in a row are reported.
 const UNANSWERED: u32 = 2;
-/// A line on which nothing comes for so long is told of.
+/// Silence of the line that is reported.
 const SILENCE_NS: u64 = 2000 * MS;
-/// What of the last bytes may be the beginning of an answer.
+/// Length of the last bytes that may begin an answer.
 const ANSWER_MAX: usize = 16;
-/// What forbids to use a sample. A late one is sound, and no other bits are known.
+/// Status bits that forbid to use a sample. A late sample is valid; other bits are undefined.
 const UNFIT: u16 = status::OVERRANGE | status::INVALID | status::RAW;
-/// A step of the sensor's clock that is the same so often is its period.
+/// The sensor's period is a clock step that repeats this often.
 const STEPS_ALIKE: u32 = 3;
-/// So many frames with a clock that stands are told of.
+/// This many frames with a constant clock are reported.
 const STANDS: u32 = 20;
 
-/// How a sensor is used.
+/// Use of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BotaSettings {
     /// Speed of the line, baud.
     pub baud: u32,
-    /// Length of the filter to set up; `None` only listens.
+    /// Length of the sinc filter to configure; `None` only receives.
     pub sinc: Option<u32>,
 }
 
@@ -40,10 +40,10 @@ pub struct Bota {
     settings: BotaSettings,
     stream: Sliding,
     framing: Framing,
-    /// The bytes before made no frame.
+    /// The preceding bytes belong to no frame.
     passing: bool,
     clock: Clock,
-    /// The step of the set-up that is due; beyond the last, frames are.
+    /// The current step of the set-up; frames follow the last step.
     step: usize,
     asked_ns: Option<u64>,
     unanswered: u32,
@@ -54,7 +54,7 @@ pub struct Bota {
 }
 
 impl Bota {
-    /// A sensor that was not heard yet.
+    /// A sensor before any data.
     pub fn new(settings: BotaSettings) -> Bota {
         Bota {
             settings,
@@ -72,12 +72,12 @@ impl Bota {
         }
     }
 
-    /// What is to be said now and what answers it, while the sensor is set up.
+    /// The command that is due in the set-up, and its expected answer.
     fn due(&self) -> Option<(String, &'static str)> {
         setup(self.settings.sinc?, self.settings.baud)?.into_iter().nth(self.step)
     }
 
-    /// Looks for an answer among the frames that still come; what follows it.
+    /// Searches for an answer among frames that still arrive; returns the bytes after it.
     fn hear<'a>(&mut self, bytes: &'a [u8], answer: &str) -> Option<&'a [u8]> {
         let before = self.heard.len();
         self.heard.extend_from_slice(bytes);
@@ -158,7 +158,7 @@ impl GroundDevice for Bota {
         let Some((said, _)) = self.due() else { return Want::Nothing };
         match self.asked_ns {
             Some(asked_ns) if now_ns.saturating_sub(asked_ns) < ANSWER_NS => return Want::Nothing,
-            // Whatever it took of what was said, it takes from the beginning.
+            // The sensor may have executed some of the commands: restart the set-up from the first.
             Some(_) if self.step > 0 => {
                 (self.step, self.asked_ns, self.unanswered) = (0, None, self.unanswered + 1);
                 return self.wants(now_ns);
@@ -198,7 +198,7 @@ impl GroundDevice for Bota {
     }
 }
 
-/// The sensor's clock, which shows what is missing: it numbers nothing.
+/// The sensor's clock, which reveals lost frames, as frames have no number.
 #[derive(Debug, Clone, Copy, Default)]
 struct Clock {
     last_us: Option<u32>,
@@ -208,7 +208,7 @@ struct Clock {
     stood: u32,
 }
 
-/// What a frame's time says.
+/// Interpretation of a frame's time.
 enum Step {
     Stands,
     Forward { lost: u32 },
@@ -227,7 +227,7 @@ impl Clock {
             return Step::Stands;
         }
         self.stood = 0;
-        // It was switched off and on: a step back, seen as a huge one forward, or one that no time was for.
+        // Power cycle: a step back (which appears as a large one forward), or a step longer than the elapsed host time.
         if step_us.cast_signed() < 0 || !self.lead.allows(u64::from(step_us) * 1000, arrival_ns) {
             self.lead.begin(arrival_ns);
             (self.period_us, self.alike) = (0, 0);

@@ -1,15 +1,15 @@
-//! Bytes that come and make no frame: what several devices on serial lines have to say about that.
+//! Detection of bytes that form no frame; common to devices on serial lines.
 
-/// So many frames' worth of bytes without one frame are no accident.
+/// Bytes of this many frames without one valid frame indicate a wrong format or speed.
 const FRAMES: u64 = 20;
-/// Short frames prove little: at least so many bytes.
+/// Lower bound of that limit, bytes, for short frames.
 const BYTES_MIN: u64 = 512;
 
-/// Deliveries may come late by so many frames: less tells nothing of loss.
+/// Deliveries may be late by up to this many frames, so a smaller gap does not prove a loss.
 const LATE_MAX: usize = 4;
 
-/// How many frames are missing where so many bytes made none, of a device that counts nothing: the room they left tells, or,
-/// if more than a stretch of bytes is gone, the time they took. A rate of 0 is one that is not known.
+/// Count of missing frames of a device without a counter, from the bytes that formed no frame or, if a longer stretch
+/// of bytes is missing, from the elapsed time. A rate of 0 means unknown.
 pub(super) fn missing(passed_bytes: usize, frame_bytes: usize, since_ns: u64, rate_hz: f64) -> usize {
     let by_room = (passed_bytes + frame_bytes / 2) / frame_bytes.max(1);
     let periods = since_ns as f64 * 1e-9 * rate_hz;
@@ -17,7 +17,7 @@ pub(super) fn missing(passed_bytes: usize, frame_bytes: usize, since_ns: u64, ra
     if by_time > by_room + LATE_MAX { by_time } else { by_room }
 }
 
-/// Counts bytes since the last frame. One sound frame ends the suspicion.
+/// Counts bytes since the last frame. One valid frame resets the count.
 #[derive(Debug, Clone)]
 pub struct Framing {
     device: &'static str,
@@ -29,40 +29,39 @@ pub struct Framing {
 }
 
 impl Framing {
-    /// For frames of so many bytes of a device, called by its name, on a line of this speed; `usual` names its usual
-    /// speeds.
+    /// For frames of this length, of a device of this name, on a line of this speed; `usual` lists its usual speeds.
     pub fn new(device: &'static str, frame_bytes: usize, baud: u32, usual: &'static str) -> Framing {
         let limit = (FRAMES * frame_bytes as u64).max(BYTES_MIN);
         Framing { device, usual, baud, limit, unframed: 0, named: false }
     }
 
-    /// The line was opened anew, at this speed.
+    /// The line was opened again, at this speed.
     pub fn restart(&mut self, baud: u32) {
         (self.baud, self.unframed, self.named) = (baud, 0, false);
     }
 
-    /// A frame was read.
+    /// A frame was decoded.
     pub fn frame(&mut self) {
         (self.unframed, self.named) = (0, false);
     }
 
-    /// So many bytes made none.
+    /// These bytes belong to no frame.
     pub fn passed(&mut self, bytes: usize) {
         self.unframed = self.unframed.saturating_add(bytes as u64);
         self.named |= self.is_hopeless();
     }
 
-    /// Whether nothing that comes is what should come.
+    /// Whether the data do not match the expected format.
     pub fn is_hopeless(&self) -> bool {
         self.unframed >= self.limit
     }
 
-    /// The device is spoken to once more; until a frame comes, the trouble is the same.
+    /// The device is addressed again: restarts the count, but keeps the fault until a frame arrives.
     pub fn hope_again(&mut self) {
         self.unframed = 0;
     }
 
-    /// The same in words, with what to do.
+    /// The fault as text, with the remedy.
     pub fn trouble(&self) -> Option<String> {
         let Framing { device, usual, baud, limit, .. } = self;
         self.named.then(|| {
@@ -83,7 +82,7 @@ mod tests {
     fn what_is_missing_shows_in_the_room_and_beyond_some_frames_in_the_time() {
         let ms = |ms: u64| ms * 1_000_000;
         assert_eq!([0, 11, 12, 24, 50].map(|bytes| missing(bytes, 24, ms(10), 100.0)), [0, 0, 1, 1, 2]);
-        // One was damaged, and the next comes late: up to four frames more that may be the way's delay.
+        // One frame was damaged and the next arrives late: up to four frames of delay may be latency.
         assert_eq!([50, 60, 70, 500].map(|late| missing(24, 24, ms(late), 100.0)), [1, 1, 6, 49]);
         assert_eq!(missing(24, 24, ms(70_000), 0.0), 1);
     }

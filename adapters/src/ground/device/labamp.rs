@@ -1,7 +1,6 @@
-//! Kistler's LabAmp: scans of charge amplifiers to the wrench of a plate.
+//! Kistler's LabAmp: converts scans of charge amplifiers to the wrench of a plate.
 //!
-//! The stream begins with a line that its way here puts before it: the device's own answer about its channels. Everything
-//! after that line is frames.
+//! The transport prepends a line to the stream: the device's description of its channels. Frames follow it.
 
 mod mean;
 
@@ -13,13 +12,13 @@ use crate::ground::refusal::GroundRefusal;
 use crate::wire::labamp::talk::{Metadata, Signal};
 use crate::wire::labamp::{Content, Cutter, Data, Event, Frame, Malformed};
 
-/// The answer about channels is some kilobytes.
+/// The description of the channels has some kilobytes.
 const LINE_MAX: usize = 1 << 20;
-/// Where nothing is configured, so many scans are one that about this many a second are left, Hz.
+/// Default rate of readings, Hz: scans are averaged to about this rate.
 const USUAL_RATE_HZ: f64 = 1000.0;
-/// No LabAmp measures less often than its slowest rate by so much, or more often than its fastest, Hz.
+/// Accepted sampling rates of a LabAmp, Hz.
 const RATES_HZ: core::ops::RangeInclusive<f64> = 0.01..=1e7;
-/// Nothing for so long, where frames come every few tenths of a second, is a stream that ended.
+/// Silence after which the stream has ended; frames normally arrive every few tenths of a second.
 const SILENCE_NS: u64 = 3_000_000_000;
 
 const WHOSE: Whose = Whose {
@@ -38,12 +37,12 @@ fn told(signals: &[Signal]) -> Vec<Told> {
     signals.iter().map(one).collect()
 }
 
-/// What the channels are, and how many scans make one reading.
+/// Meaning of the channels, and count of scans in one reading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabAmpSettings {
-    /// What the channels measure.
+    /// Meaning of the channels.
     pub plan: Plan,
-    /// The mean of so many scans is one reading; `None`: about 1000 readings a second.
+    /// One reading is the mean of this many scans; `None`: about 1000 readings a second.
     pub decimate: Option<u32>,
 }
 
@@ -53,14 +52,14 @@ pub struct LabAmp {
     settings: LabAmpSettings,
     phase: Phase,
     trouble: Option<String>,
-    /// The stream is over.
+    /// Why the stream has ended.
     over: Option<String>,
     last_ns: u64,
 }
 
 #[derive(Debug, Clone)]
 enum Phase {
-    /// The line about the channels, as far as it came.
+    /// The received part of the line that describes the channels.
     Channels(Vec<u8>),
     Frames(Box<Frames>),
 }
@@ -75,7 +74,7 @@ struct Frames {
 }
 
 impl LabAmp {
-    /// A LabAmp that has told nothing yet.
+    /// A LabAmp before any data.
     pub fn new(settings: LabAmpSettings) -> LabAmp {
         LabAmp { settings, phase: Phase::Channels(Vec::new()), trouble: None, over: None, last_ns: 0 }
     }
@@ -120,14 +119,14 @@ impl LabAmp {
         let over = match event {
             Event::Overrun => {
                 taken.refuse(GroundRefusal::Overrun);
-                // What its buffer lost bears no number: the time of the next frame tells how much.
+                // The lost data have no number: the time of the next frame reveals their count.
                 if let Phase::Frames(frames) = &mut self.phase {
                     frames.decimator.missing_frames(1);
                 }
                 return;
             }
             Event::TimeSkew => {
-                // The times of the frames tell how far it was set.
+                // The times of the frames reveal the size of the clock step.
                 taken.refuse(GroundRefusal::DeviceStatus);
                 return;
             }
@@ -151,7 +150,7 @@ impl LabAmp {
         let frame = match frame {
             Ok(frame) => frame,
             Err(error @ Malformed::Front { front }) => {
-                // A version to come, in either order of bytes, or no frame at all.
+                // A later protocol version, in either byte order, or no frame at all.
                 let later = matches!(front, [2..=9, 0, ..] | [0, 2..=9, ..]);
                 taken.refuse(if later { GroundRefusal::Version } else { GroundRefusal::Garbage });
                 self.over = Some(format!("{error}: its stream is opened anew"));
@@ -211,7 +210,8 @@ impl GroundDevice for LabAmp {
         self.last_ns = arrival_ns;
         let mut bytes = bytes;
         if let Phase::Channels(line) = &mut self.phase {
-            // A stream whose channels are not understood is given up, and what still comes of it is not its first line.
+            // After an unusable description the stream is abandoned; its remaining bytes must not be parsed as a
+            // description.
             if self.over.is_some() {
                 if !bytes.is_empty() {
                     taken.refuse(GroundRefusal::UnknownKind);

@@ -1,7 +1,7 @@
-//! A stream of the lab streaming layer: named channels with units to the wrench of a plate.
+//! A Lab Streaming Layer (LSL) stream: maps named channels with units to the wrench of a plate.
 //!
-//! The stream begins with its own description, which the way here asked for, up to a zero byte; then comes the feed.
-//! Sample times are the sender's: their offset and drift are found as with every device, by the earliest arrivals.
+//! The stream begins with its description, which the transport requests, terminated by a zero byte; the samples follow.
+//! Sample times are the sender's: their offset and drift are estimated from the earliest arrivals, as for every device.
 
 use super::{GroundDevice, Want};
 use crate::ground::plan::{Fitted, Plan, Told, Whose};
@@ -10,15 +10,15 @@ use crate::ground::refusal::GroundRefusal;
 use crate::wire::lsl::{Feed, Item, StreamInfo, feed_request};
 
 const NS_PER_S: u64 = 1_000_000_000;
-/// A description is some kilobytes.
+/// A description has some kilobytes.
 const INFO_MAX: usize = 1 << 20;
-/// A stream that is silent for so long is said.
+/// Silence of a stream that is reported.
 const SILENCE_NS: u64 = 3 * NS_PER_S;
-/// Stamps of samples that were pushed together may overlap those before by this; more is a clock that was set.
+/// Stamps of samples that were pushed together may overlap earlier ones by this; a larger step is a clock that was set.
 const OVERLAP_NS: u64 = NS_PER_S;
-/// Clocks of the layer count from the start of their machine; more is none, s.
+/// LSL clocks count from the boot of their machine; a larger value is invalid, s.
 const TIME_MAX_S: f64 = 1e10;
-/// What a stream may call its nominal rate, if it has one, Hz.
+/// Accepted nominal rates of a stream, Hz.
 const RATES_HZ: core::ops::RangeInclusive<f64> = 0.01..=1e7;
 
 const WHOSE: Whose = Whose {
@@ -28,14 +28,14 @@ const WHOSE: Whose = Whose {
     unit: "have its sender tell one, or set ground.lsl.force_unit and moment_unit",
 };
 
-/// What the channels are.
+/// Meaning of the channels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LslSettings {
-    /// Channels by the label that the stream gives them, or by number from 1.
+    /// Channels by the label in the stream's description, or by number from 1.
     pub plan: Plan,
-    /// Unit of forces for channels of which the stream tells none.
+    /// Unit of forces for channels without a unit in the description.
     pub force_unit: Option<String>,
-    /// Unit of moments, likewise.
+    /// The same for moments.
     pub moment_unit: Option<String>,
 }
 
@@ -45,7 +45,7 @@ pub struct Lsl {
     settings: LslSettings,
     phase: Phase,
     trouble: Option<String>,
-    /// The stream is over.
+    /// Why the stream has ended.
     over: Option<String>,
     since_ns: u64,
     silent: bool,
@@ -53,7 +53,7 @@ pub struct Lsl {
 
 #[derive(Debug, Clone)]
 enum Phase {
-    /// The description, as far as it came.
+    /// The received part of the description.
     Info(Vec<u8>),
     Feed(Box<Samples>),
 }
@@ -70,7 +70,7 @@ struct Samples {
 }
 
 impl Lsl {
-    /// A stream of which nothing is known.
+    /// A stream before its description.
     pub fn new(settings: LslSettings) -> Lsl {
         let phase = Phase::Info(Vec::new());
         Lsl { settings, phase, trouble: None, over: None, since_ns: 0, silent: false }
@@ -115,7 +115,7 @@ impl Lsl {
     }
 }
 
-/// Channels are named by their place, from 1, and called as the stream does.
+/// Channels have their number from 1 as name, and the label of the description.
 fn told(info: &StreamInfo) -> Vec<Told> {
     let one = |(index, channel): (usize, &crate::wire::lsl::Channel)| Told {
         name: (index + 1).to_string(),
@@ -125,16 +125,16 @@ fn told(info: &StreamInfo) -> Vec<Told> {
     info.channels.iter().enumerate().map(one).collect()
 }
 
-/// A sample's time; `None` if the stamp is none.
+/// A sample's time; `None` if the stamp is invalid.
 fn time_ns(stamp_s: Option<f64>, newest_ns: Option<u64>, period_ns: u64) -> Option<u64> {
     let Some(stamp_s) = stamp_s else {
-        // As liblsl has it: one period after the one before, from nothing on. Never the same time twice.
+        // As in liblsl: one period after the preceding sample, starting at zero. Never the same time twice.
         return Some(newest_ns.unwrap_or(0).saturating_add(period_ns.max(1)));
     };
     let sound = stamp_s > 0.0 && stamp_s < TIME_MAX_S;
     let time_ns = sound.then_some((stamp_s * 1e9) as u64)?;
     Some(match newest_ns {
-        // Samples come in order, whatever a clock that is read once a push makes of it.
+        // Samples arrive in order, although a clock that is read once a push may give overlapping stamps.
         Some(newest_ns) if time_ns <= newest_ns && newest_ns - time_ns < OVERLAP_NS => {
             newest_ns.saturating_add(1)
         }

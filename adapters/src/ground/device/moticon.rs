@@ -1,10 +1,10 @@
-//! Moticon's insoles, as their software sends them on over UDP: one line of text a sample.
+//! Moticon insoles, as forwarded by Moticon's software over UDP: one line of text for each sample.
 //!
-//! What stands in a line follows the channels that somebody ticked in that software; with all of them it is 51 fields.
-//! Source: four public receivers (hermes-moticon, PhysioSense, OpenSimRT, ActionNet). They agree that the centre of pressure
-//! runs from -0.5 to 0.5 of the insole's length (x) and width (y). None says which end of x is the tip. The maker says that
-//! it is told in coordinates that are the same for both sides, and not whether y then grows to the inner or the outer edge:
-//! that must be told, or tried.
+//! The fields of a line depend on the channels selected in that software; with all of them a line has 51 fields.
+//! Source: four public receivers (hermes-moticon, PhysioSense, OpenSimRT, ActionNet). They agree that the centre of
+//! pressure ranges from -0.5 to 0.5 of the insole's length (x) and width (y). None defines which end of x is the toe.
+//! According to the maker, the coordinates are the same for both sides, but the direction of y (medial or lateral) is
+//! not documented: it must be configured, or determined by trial.
 
 use super::text::{Column, Framing, Judge, Text, TextSettings};
 use super::{GroundDevice, Want};
@@ -15,20 +15,20 @@ use crate::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 
 /// Pressure sensors of an insole.
 pub const PRESSURES: usize = 16;
-/// A centre farther out than this, as a share of length or width, is none: the fields are others than described.
+/// A centre beyond this fraction of length or width is invalid: the fields are not as configured.
 const EDGE: f64 = 0.55;
-/// A foot that bears this, N, presses on some sensor, and one whose sensors all feel nothing bears less.
+/// With this force, N, at least one pressure sensor must respond; if none responds, the force must be less.
 const BEARS_N: f64 = 50.0;
-/// So many samples in a row that contradict themselves are no accident.
+/// This many contradictory samples in a row are reported.
 const TROUBLE: u32 = 20;
 const LONGEST: usize = 4096;
 
-/// Where y grows to.
+/// Direction of y.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sideways {
-    /// To the inner edge of each foot.
+    /// Medially, to the inner edge of each foot.
     Medial,
-    /// To the outer edge of each foot.
+    /// Laterally, to the outer edge of each foot.
     Lateral,
     /// To the left, for both feet.
     Left,
@@ -37,7 +37,7 @@ pub enum Sideways {
 }
 
 impl Sideways {
-    /// Whether it is to the left on the left foot, and on the right foot: the sole's own Y.
+    /// Whether y points to the left on the left foot, and on the right foot, as the sole's own Y does.
     pub fn left_is_up(self) -> [bool; 2] {
         match self {
             Sideways::Medial => [false, true],
@@ -48,26 +48,26 @@ impl Sideways {
     }
 }
 
-/// Which field is what, and how the insoles lie.
+/// Order of the fields, and orientation of the insoles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MoticonSettings {
-    /// Names of the fields in their order, as in [`all_fields`]; `-` for one that nobody reads.
+    /// Names of the fields in their order, as in [`all_fields`]; `-` for an unused field.
     pub fields: Vec<String>,
     /// Length of the insoles, m.
     pub length_m: f64,
     /// Their width, m.
     pub width_m: f64,
-    /// Whether x grows to the tip rather than to the heel.
+    /// Whether x points to the toe rather than to the heel.
     pub x_to_tip: bool,
-    /// Where y grows to.
+    /// Direction of y.
     pub y: Sideways,
-    /// What is called left is worn on the right foot.
+    /// The insole labelled left is worn on the right foot.
     pub swapped: bool,
     /// Unit of the time.
     pub time: Unit,
 }
 
-/// Names of the fields with all channels ticked, in their order.
+/// Names of the fields with all channels selected, in their order.
 pub fn all_fields() -> Vec<String> {
     let mut names = vec!["time".to_owned()];
     for side in ["left", "right"] {
@@ -80,21 +80,21 @@ pub fn all_fields() -> Vec<String> {
     names
 }
 
-/// Why a list of fields cannot be used.
+/// Why a list of fields is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldsFault {
-    /// A field without which there is no ground.
+    /// A required field is missing.
     #[error(
         "no field is `{0}`: tick time, centre of pressure and total force of both sides in Moticon's software"
     )]
     Missing(String),
-    /// A name that is not known.
+    /// An undefined name.
     #[error("`{0}` is no field of Moticon's; one that is not read is called \"-\"")]
     Unknown(String),
-    /// The same field twice.
+    /// A duplicate field.
     #[error("`{0}` stands there twice")]
     Twice(String),
-    /// Length or width.
+    /// Invalid length or width.
     #[error(transparent)]
     Size(#[from] ChannelFault),
 }
@@ -106,7 +106,7 @@ pub struct Moticon {
 }
 
 impl Moticon {
-    /// Insoles that were not heard yet.
+    /// Insoles before any data.
     ///
     /// # Errors
     /// [`FieldsFault`].
@@ -159,7 +159,7 @@ impl Moticon {
 }
 
 impl MoticonSettings {
-    /// Left, right; each foot's force, x and y stand in a row.
+    /// Left, right; force, x and y of each foot are consecutive channels.
     fn soles(&self) -> [Sole; 2] {
         let x_m = if self.x_to_tip { self.length_m } else { -self.length_m };
         let left_is_up = self.y.left_is_up();
@@ -190,10 +190,10 @@ impl GroundDevice for Moticon {
     }
 }
 
-/// What is known of insoles: where a centre can be, and that a force needs a pressure.
+/// Plausibility check of insoles: range of the centre, and no force without pressure.
 #[derive(Debug, Clone, Copy, Default)]
 struct Insoles {
-    /// Where the pressures of each side stand among the channels; empty if they were not ticked.
+    /// Channel ranges of each side's pressures; empty if they are not selected.
     pressures: [(usize, usize); 2],
     outside: u32,
     contradiction: u32,
@@ -204,7 +204,7 @@ impl Judge for Insoles {
         let mut contradicts = false;
         for (foot, (from, to)) in values.chunks_exact(3).zip(self.pressures) {
             let [force_n, x, y] = [foot[0], foot[1], foot[2]];
-            // NaN is for the receiver to refuse.
+            // The receiver refuses NaN.
             if force_n > 0.0 && (x.abs() > EDGE || y.abs() > EDGE) {
                 self.outside = self.outside.saturating_add(1);
                 return Err(GroundRefusal::Implausible);

@@ -1,7 +1,8 @@
-//! Qualisys' track manager: the forces of one plate out of its frames, and the words that make them come.
+//! Qualisys Track Manager (QTM): extracts the forces of one plate from its frames, and issues the commands that start
+//! them.
 //!
-//! QTM tells the force on the plate (its manual: "the actual force on the force-plate"), in the plate's own axes with z
-//! down or in the laboratory's, as its project is set up; which of the two, `[ground.frame]` must say.
+//! QTM reports the force on the plate (its manual: "the actual force on the force-plate"), in the plate's own axes with
+//! z down or in the laboratory's, depending on the project's settings; `[ground.frame]` must declare which.
 
 mod pace;
 
@@ -13,23 +14,23 @@ use crate::ground::refusal::GroundRefusal;
 use crate::wire::qtm::{Cutter, Event, Frame, Malformed, Packet, PlateForce, VERSION, command};
 
 const NS_PER_S: u64 = 1_000_000_000;
-/// QTM answers a text within this, or is not QTM.
+/// Timeout of QTM's answer to a text command.
 const ANSWER_NS: u64 = 3 * NS_PER_S;
-/// Without a frame for so long, frames are asked for again: QTM forgets the wish when a measurement ends.
+/// Without a frame for this long, frames are requested again: QTM drops the request when a measurement ends.
 const ASK_AGAIN_NS: u64 = 2 * NS_PER_S;
-/// Below this the point of application is mostly noise, N.
+/// Below this force the point of application is mostly noise, N.
 const CHECKED_ABOVE_N: f64 = 100.0;
-/// Moment and point may differ by so much and a fiftieth of the moment before they contradict each other, N m.
+/// Tolerance between moment and point, N m, in addition to a fiftieth of the moment.
 const CONTRADICTION_NM: f64 = 5.0;
-/// So many forces in a row must contradict themselves before it is said.
+/// This many contradictory forces in a row are reported.
 const CONTRADICTIONS: u32 = 100;
 
-/// Which forces are asked for.
+/// Selection of forces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QtmSettings {
     /// The plate's number in QTM, from 1.
     pub plate: u32,
-    /// 1: every force that the plate measured; n: the one force that goes with every n-th frame of the cameras.
+    /// 1: every force sample of the plate; n: the force sample of every n-th camera frame.
     pub divisor: u32,
 }
 
@@ -40,29 +41,29 @@ pub struct Qtm {
     cutter: Cutter,
     step: Step,
     pace: Pace,
-    /// Why nothing comes, in QTM's words or ours.
+    /// Why no data arrive: QTM's message or the decoder's own.
     trouble: Option<String>,
-    /// Its last refusal, in its words.
+    /// QTM's last error message.
     refusal: Option<String>,
-    /// The stream makes no sense any more.
+    /// The stream can no longer be decoded.
     broken: Option<Malformed>,
     contradictions: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step {
-    /// Connected, nothing said yet.
+    /// Connected, no command sent yet.
     Connected,
-    /// Asked for the version.
+    /// The version was requested.
     AskedVersion { at_ns: u64 },
-    /// The version is agreed.
+    /// The version was accepted.
     Agreed,
-    /// Asked for frames, or frames come.
+    /// Frames were requested or arrive.
     Streaming { since_ns: u64 },
 }
 
 impl Qtm {
-    /// A QTM that was not spoken to yet.
+    /// A QTM connection before any command.
     pub fn new(settings: QtmSettings) -> Qtm {
         Qtm {
             settings,
@@ -145,8 +146,8 @@ impl Qtm {
         }
     }
 
-    /// The moment less what the force does at its point is a turn about the vertical, whatever the axes; if it is not,
-    /// moment and point are counted from different origins.
+    /// The moment minus that of the force at its point must be a free moment about the vertical, in any axes; otherwise
+    /// moment and point have different origins.
     fn check(&mut self, force: &PlateForce) {
         let [fx, fy, fz] = force.force_n.map(f64::from);
         let [mx, my, _] = force.moment_nm.map(f64::from);
@@ -178,7 +179,7 @@ impl GroundDevice for Qtm {
         self.cutter.clear();
         self.step = Step::Connected;
         self.pace.forget();
-        // What was wrong is so until a frame proves the contrary.
+        // The fault remains until a valid frame arrives.
         (self.broken, self.contradictions) = (None, 0);
     }
 

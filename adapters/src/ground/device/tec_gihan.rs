@@ -1,6 +1,7 @@
-//! Tec Gihan's force plates: the dialogue that makes the controller measure, and blocks of counts to readings.
+//! Tec Gihan force plates: the dialogue that starts the controller's measurement, and conversion of blocks of counts to
+//! readings.
 //!
-//! Axes z down, force on the plate, moments about the sensors' middle: as the maker's own formulae have it.
+//! Axes z down, force on the plate, moments about the sensors' centre, as in the maker's formulae.
 
 mod dialogue;
 
@@ -11,21 +12,21 @@ use crate::ground::reading::{Load, Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::tec_gihan::{FullScales, Line, Range, Rate, block_size, plate_samples};
 
-/// A block is late when it takes so much longer than it is gathered; the transfer of the largest takes a quarter second.
+/// A block is late if it takes this much longer than its duration; the transfer of the largest takes 0.25 s.
 const LATE_NS: u64 = 500_000_000;
-/// A surface told by the plate and one told by the configuration may differ by so much, m.
+/// Tolerance between the surface heights of the plate and of the configuration, m.
 const SURFACE_SLACK_M: f64 = 0.0005;
 
-/// What is asked of the controller.
+/// Settings of the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TecGihanSettings {
-    /// Which of its plates, from 1.
+    /// The plate's number, from 1.
     pub plate: u32,
-    /// How often it measures.
+    /// Sampling rate.
     pub rate: Rate,
     /// Full scale.
     pub range: Range,
-    /// Height of the walking surface over the sensors, as configured, m: the plate knows it too.
+    /// Configured height of the walking surface over the sensors, m; the plate reports it as well.
     pub surface_height_m: f64,
 }
 
@@ -34,7 +35,7 @@ pub struct TecGihanSettings {
 pub struct TecGihan {
     settings: TecGihanSettings,
     phase: Phase,
-    /// Counted once bytes come again: refusals found while nothing came.
+    /// Refusals found while no bytes arrived; counted with the next bytes.
     owed: Owed,
     surface: Option<String>,
     trouble: Option<String>,
@@ -46,17 +47,17 @@ enum Phase {
     Measuring(Blocks),
 }
 
-/// Blocks on their way.
+/// Reception of blocks.
 #[derive(Debug, Clone)]
 struct Blocks {
     scales: FullScales,
     size: usize,
     block: Vec<u8>,
-    /// When the block that is awaited was asked for.
+    /// Request time of the awaited block.
     since_ns: u64,
-    /// The next one is to be asked for.
+    /// The next request is due.
     due: bool,
-    /// More came than was asked for: counts and bytes no longer fit.
+    /// More bytes arrived than requested: block boundaries are lost.
     excess: bool,
     fresh: bool,
 }
@@ -68,7 +69,7 @@ struct Owed {
 }
 
 impl TecGihan {
-    /// A controller that was not spoken to yet.
+    /// A controller before the dialogue.
     pub fn new(settings: TecGihanSettings) -> TecGihan {
         TecGihan {
             settings,
@@ -79,7 +80,7 @@ impl TecGihan {
         }
     }
 
-    /// From the start: stop, flush, ask, start.
+    /// Restarts the dialogue: stop, flush, query, start.
     fn anew(&mut self) {
         self.phase = Phase::Talking(Dialogue::new(self.settings));
     }
@@ -100,7 +101,7 @@ impl TecGihan {
 
     fn other_surface(&self, plate_m: f64) -> Option<String> {
         let configured_m = self.settings.surface_height_m;
-        // A mat on top may make it higher, never lower.
+        // A mat on top may raise the surface, but never lower it.
         (configured_m < plate_m - SURFACE_SLACK_M).then(|| {
             format!(
                 "the plate says that its surface is {plate_m:.4} m above its sensors, the configuration says \
@@ -115,7 +116,7 @@ impl TecGihan {
         let room = blocks.size - blocks.block.len();
         let (own, excess) = bytes.split_at(room.min(bytes.len()));
         blocks.block.extend_from_slice(own);
-        // The controller speaks only when asked. Bytes too many are noise, or a block that began before.
+        // The controller sends only on request. Excess bytes are noise, or a block requested earlier.
         blocks.excess |= !excess.is_empty();
         if blocks.excess || blocks.block.len() < blocks.size {
             return;
@@ -139,7 +140,7 @@ impl TecGihan {
         self.trouble = None;
     }
 
-    /// A block that does not come, or does not fit, ends the measurement: there is no mark to find the next one by.
+    /// A missing or malformed block ends the measurement: blocks have no marker for resynchronisation.
     fn broken(&mut self, now_ns: u64) -> Option<(&'static str, bool)> {
         let Phase::Measuring(blocks) = &self.phase else { return None };
         if blocks.excess {

@@ -1,4 +1,4 @@
-//! Any device that tells its numbers in lines of text, by a description.
+//! A device with lines of text whose layout is configured.
 
 use super::GroundDevice;
 use crate::ground::channels::Channels;
@@ -7,30 +7,30 @@ use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::text_line::{Fields, LineForm, Lines, Malformed, Unit};
 
-/// Lines longer than this are no lines of numbers.
+/// A longer line is not a line of numbers.
 pub const LINE_BYTES_MAX: usize = 64 * 1024;
-/// So many lines in a row that are not of the form are no accident.
+/// This many malformed lines in a row are reported.
 const TROUBLE: u32 = 20;
 
-/// How lines reach us.
+/// Framing of the lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Framing {
-    /// Each delivery begins and ends a line, and may hold several.
+    /// Each delivery consists of whole lines, one or several.
     Datagrams,
     /// Deliveries are pieces of a stream that begins with a line.
     Stream,
-    /// Pieces of a stream that is joined anywhere: what comes before the first line's end is not known to be whole.
+    /// Pieces of a stream that was joined at an arbitrary point: the first line may be incomplete.
     Joined,
 }
 
-/// One number that a line tells.
+/// One number of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
     /// Which field, counted from 0.
     pub field: usize,
     /// The channel is `scale × number + offset`.
     pub scale: f64,
-    /// As above, in the channel's unit.
+    /// Offset in the channel's unit.
     pub offset: f64,
 }
 
@@ -39,51 +39,51 @@ pub struct Column {
 pub struct Numbered {
     /// Which field, counted from 0.
     pub field: usize,
-    /// Where it wraps, 2 to 2⁶⁴.
+    /// Value at which it wraps, 2 to 2⁶⁴.
     pub modulus: u128,
 }
 
-/// Form and meaning of lines.
+/// Format and meaning of lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextSettings {
-    /// The form of a line.
+    /// Format of a line.
     pub form: LineForm,
-    /// How lines come.
+    /// Framing of the lines.
     pub framing: Framing,
-    /// So many lines that are not empty stand before the first of the form, each time the stream begins.
+    /// Count of nonempty header lines before the first data line, each time the stream begins.
     pub header_lines: u32,
     /// The longest line, bytes; at most [`LINE_BYTES_MAX`].
     pub longest: usize,
-    /// The channels, in the order in which `channels` counts them.
+    /// The channels, in the order of `channels`.
     pub columns: Vec<Column>,
-    /// What the channels mean.
+    /// Meaning of the channels.
     pub channels: Channels,
-    /// Which field is the device's time, and its unit.
+    /// Index of the device's time field, and its unit.
     pub time: Option<(usize, Unit)>,
-    /// Which field counts the lines.
+    /// The field that counts the lines.
     pub sequence: Option<Numbered>,
 }
 
-/// Looks at the channels of every line, for devices whose numbers can contradict each other.
+/// Validates the channels of every line, for devices whose numbers can contradict each other.
 pub(super) trait Judge: Send {
-    /// Whether they can be true.
+    /// Validates one line's channels.
     fn judge(&mut self, _values: &[f64]) -> Result<(), GroundRefusal> {
         Ok(())
     }
 
-    /// What is wrong with them, and what to do, in a sentence; `None` while all is well.
+    /// The current fault and its remedy, in a sentence; `None` without a fault.
     fn trouble(&self) -> Option<String> {
         None
     }
 }
 
-/// Of a device of which nothing is known but its description.
+/// No validation, for devices defined by their description alone.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Described;
 
 impl Judge for Described {}
 
-/// A device that tells its numbers in lines of text.
+/// A device with configured lines of text.
 #[derive(Debug, Clone)]
 pub struct Text<J = Described> {
     settings: TextSettings,
@@ -91,39 +91,39 @@ pub struct Text<J = Described> {
     reader: Reader<J>,
 }
 
-/// All but the stream's own state, so that a line can be read where it lies.
+/// All state but the line buffer, so that a line can be read in place.
 #[derive(Debug, Clone)]
 struct Reader<J> {
     order: Order,
     judge: J,
     header_left: u32,
-    /// Fields of the channels, sorted, and where each of them goes.
+    /// Fields of the channels, sorted, with the channel of each.
     sorted: Vec<(usize, usize)>,
     fields: Vec<usize>,
     numbers: Vec<f64>,
     values: Vec<f64>,
-    /// Lines in a row that could not be told to be later than the one before.
+    /// Lines in a row that could not be placed after the preceding one.
     untimely: u32,
-    /// Lines in a row that were not of the form, and what was wrong with the last.
+    /// Malformed lines in a row, and the fault of the last.
     wrong: u32,
     fault: Option<Malformed>,
 }
 
 impl Text {
-    /// A device that was not heard yet.
+    /// A device before any data.
     pub fn new(settings: TextSettings) -> Text {
         Text::judged(settings, Described)
     }
 }
 
 impl<J> Text<J> {
-    /// The same, for a device whose numbers are looked at.
+    /// The same, with a validator of the numbers.
     pub(super) fn judged(settings: TextSettings, judge: J) -> Text<J> {
         let modulus = settings.sequence.map_or(1 << 64, |numbered| numbered.modulus);
         let mut sorted: Vec<(usize, usize)> =
             settings.columns.iter().enumerate().map(|(channel, column)| (column.field, channel)).collect();
         sorted.sort_unstable();
-        // Two channels may be made of one field.
+        // Two channels may use the same field.
         let mut fields: Vec<usize> = sorted.iter().map(|(field, _)| *field).collect();
         fields.dedup();
         let reader = Reader {
@@ -151,7 +151,7 @@ impl TextSettings {
         self.time.is_none() && self.sequence.is_none()
     }
 
-    /// A line that cannot be read: where something counts, the next one tells of the loss.
+    /// Refuses an unreadable line; with a counter, the next line reveals the loss.
     fn damaged(&self, refusal: GroundRefusal, taken: &mut Taken) {
         taken.refuse(refusal);
         if self.counts_nothing() {
@@ -220,7 +220,7 @@ impl<J: Judge> Reader<J> {
             Ok(None) => {}
             Ok(Some(told)) => {
                 (self.wrong, self.fault) = (0, None);
-                // One that contradicts itself was not lost: it has its place in the order.
+                // A line refused as contradictory was not lost: it has its place in the sequence.
                 let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else {
                     self.untimely = self.untimely.saturating_add(1);
                     return;
@@ -248,7 +248,7 @@ impl<J: Judge> Reader<J> {
         }
     }
 
-    /// The channels into `values`, and what the line says of when and which.
+    /// Reads the channels into `values`; returns the line's time and sequence number.
     fn read(&mut self, settings: &TextSettings, fields: &Fields<'_>) -> Result<Told, Malformed> {
         let told = Told {
             sequence: settings

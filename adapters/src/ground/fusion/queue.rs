@@ -1,12 +1,12 @@
-//! The second device's recent samples, asked for what was so at a time.
+//! Queue of the second device's recent samples, with interpolation at a given time.
 
 use std::collections::VecDeque;
 
 use equipoise_core::message::GroundSample;
 
-/// Neighbours farther apart than this are not interpolated between, ns; as in the loop's own alignment.
+/// Neighbours farther apart are not interpolated, ns; the same limit as in the loop's own alignment.
 const GAP_MAX_NS: u64 = 60_000_000;
-/// More than a second of the fastest device.
+/// Capacity: more than a second of the fastest device.
 const KEPT_MAX: usize = 20_000;
 
 /// Samples of the second device, ordered by time.
@@ -16,19 +16,19 @@ pub(super) struct Partners {
     came_ns: Option<u64>,
 }
 
-/// What the second device says of a time.
+/// Result for the second device at a given time.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Found {
-    /// This.
+    /// The interpolated sample.
     Partner(GroundSample),
-    /// Nothing yet.
+    /// Not available yet.
     NotYet,
-    /// Nothing, and nothing will come: a gap, or before its first sample.
+    /// Never available: a gap, or before the first sample.
     Nothing,
 }
 
 impl Partners {
-    /// Takes in a sample; `false` if its time does not advance. A device that starts anew may start at an earlier time.
+    /// Adds a sample; `false` if its time does not advance. A restarted device may begin at an earlier time.
     pub(super) fn push(&mut self, sample: GroundSample, now_ns: u64) -> bool {
         if let Some(newest) = self.samples.back()
             && sample.sample_time_ns <= newest.sample_time_ns
@@ -46,12 +46,12 @@ impl Partners {
         true
     }
 
-    /// When the newest sample came, ns; `None` before the first.
+    /// Arrival of the newest sample, ns; `None` before the first.
     pub(super) fn came_ns(&self) -> Option<u64> {
         self.came_ns
     }
 
-    /// What was so at a time. Times asked for should not fall: what lies before is forgotten.
+    /// The sample at a time. Requested times must not decrease: older samples are discarded.
     pub(super) fn at(&mut self, time_ns: u64) -> Found {
         while self.samples.get(1).is_some_and(|next| next.sample_time_ns <= time_ns) {
             self.samples.pop_front();

@@ -72,7 +72,7 @@ fn the_sum_has_the_feet_of_its_parts_and_says_whose_they_are() {
     assert_eq!((whole.foot_vertical_n, whole.per_foot), ([300.0, 410.0], 1));
     assert_eq!(whole.devices, DeviceKind::Plate as u32 | DeviceKind::SecondPlate as u32);
     assert_eq!((whole.device_counter, whole.session, whole.sequence), (7, 3, 1));
-    // σ of both, as they are independent.
+    // Combined σ of both, which are independent.
     assert_eq!(whole.sample_time_sigma_ns, 4243);
     for (foot, at_m) in [[0.02, 0.15], [0.05, -0.14]].into_iter().enumerate() {
         let [x, y] = whole.foot_cop_m[foot];
@@ -98,7 +98,7 @@ fn without_feet_there_is_only_the_sum_and_the_right_foot_may_come_first() {
 fn one_plate_of_two_is_never_the_whole() {
     let mut fusion = two_plates();
     let mut told = 0;
-    // The second is unplugged from 0.5 s to 1.5 s; both send every 2 ms.
+    // The second device is disconnected from 0.5 s to 1.5 s; both send every 2 ms.
     for step in 0..1000 {
         let now_ns = (1000 + 2 * step) * MS;
         fusion.push(0, first(now_ns, 300.0), now_ns);
@@ -110,7 +110,7 @@ fn one_plate_of_two_is_never_the_whole() {
             told += 1;
         }
     }
-    // Those of the silence, and those that came within the wait at its ends.
+    // The samples of the silence, including those whose wait extends beyond its end.
     assert_eq!((told, without_partner(&fusion)), (500, 500));
     assert_eq!(fusion.counts().published, 500);
 }
@@ -171,7 +171,7 @@ fn a_device_that_starts_anew_may_step_back_and_another_sample_of_the_same_time_m
 fn insoles_share_what_the_plate_weighs() {
     let mut fusion = plate_and_insoles();
     fusion.push(0, GroundSample { force_n: [5.0, -3.0, 700.0], ..first(10 * MS, 0.0) }, 10 * MS);
-    // They feel a tenth too little, and nothing but what presses on them.
+    // The insoles measure a tenth too little, and only the vertical force.
     for time_ns in [5 * MS, 15 * MS] {
         fusion.push(1, insoles(time_ns, [210.0, 420.0]), 15 * MS);
     }
@@ -194,7 +194,7 @@ fn a_plate_whose_insoles_are_off_is_still_the_whole_and_says_that_it_is_alone() 
     let shoes_off = fused(&mut fusion, 15 * MS)[0];
     assert_eq!((shoes_off.force_n[2], shoes_off.per_foot), (700.0, 0));
     assert_eq!(shoes_off.devices, DeviceKind::Plate as u32);
-    // Silent: waited for at first, then not any more.
+    // Silent insoles: waited for at first, then no longer.
     fusion.push(0, first(20 * MS, 700.0), 20 * MS);
     assert!(fused(&mut fusion, 21 * MS).is_empty());
     let late = fused(&mut fusion, 20 * MS + WAIT_NS);
@@ -202,7 +202,7 @@ fn a_plate_whose_insoles_are_off_is_still_the_whole_and_says_that_it_is_alone() 
     fusion.push(0, first(400 * MS, 700.0), 400 * MS);
     let alone = fused(&mut fusion, 400 * MS)[0];
     assert_eq!((alone.devices, alone.per_foot), (DeviceKind::Plate as u32, 0));
-    // Nobody stands there: both agree on it, so a tare has its feet.
+    // Nothing on the plate: both devices agree, so a tare has data of both feet.
     fusion.push(1, insoles(420 * MS, [0.0; 2]), 420 * MS);
     fusion.push(0, first(420 * MS, 12.0), 420 * MS);
     let empty = fused(&mut fusion, 420 * MS)[0];
@@ -210,8 +210,8 @@ fn a_plate_whose_insoles_are_off_is_still_the_whole_and_says_that_it_is_alone() 
 }
 
 proptest! {
-    /// Whatever is sent when: the sum at a time is the sum of both lines at that time, and every sample of the first is
-    /// either told or counted.
+    /// For arbitrary transmissions, the sum at a time equals the sum of both lines at that time, and every sample of
+    /// the first device is either published or counted.
     #[test]
     fn lines_are_summed_exactly_and_nothing_is_lost_uncounted(
         phase_us in 0..5000_u64, period_us in 1000..9000_u64, slopes in proptest::array::uniform2(-200.0..200.0),
@@ -256,7 +256,7 @@ fn the_session_of_the_whole_never_falls_however_often_the_insoles_fail() {
     for index in 0..400u64 {
         let now_ns = 1000 * MS + index * 10 * MS;
         let session = (index / 100) as u32;
-        // Insoles that are started anew after every second, and silent for half of it.
+        // Insoles that restart after every second and are silent for half of it.
         if index % 100 < 50 {
             fusion.push(1, GroundSample { session, ..insoles(now_ns, [300.0, 400.0]) }, now_ns);
         }
@@ -268,7 +268,7 @@ fn the_session_of_the_whole_never_falls_however_often_the_insoles_fail() {
     assert!([0, 1].iter().all(|feet| sessions.iter().any(|(_, per_foot)| per_foot == feet)));
 }
 
-/// As the loop's own alignment does it: it is one function.
+/// The loop's own alignment uses the same function.
 #[test]
 fn a_lifted_foot_whose_zero_is_off_has_the_centre_of_its_moments() {
     let mut fusion = plate_and_insoles();

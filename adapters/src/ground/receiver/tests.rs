@@ -9,7 +9,7 @@ fn reading(force_n: f64, sequence: Option<u32>) -> Found {
     Found::Reading(Reading { sequence, tick, device_counter: 0, status: 0, load })
 }
 
-/// One delivery each 10 ms.
+/// One delivery every 10 ms.
 fn run(found: impl IntoIterator<Item = Found>) -> (Vec<GroundSample>, GroundReceiver) {
     let (mut receiver, mut samples) = (GroundReceiver::new(GroundSettings::default()), Vec::new());
     for (index, found) in found.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Asking around for a stream.
+//! Discovery of a stream.
 
 use super::LslLineSettings;
 use crate::clock::now_monotonic_ns;
@@ -11,13 +11,13 @@ use std::io;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-/// All outlets of a network answer within this; asked twice, as datagrams get lost.
+/// All outlets of a network answer within this; the request is sent twice, as datagrams may be lost.
 const ROUND: Duration = Duration::from_millis(400);
 const ROUNDS: u32 = 2;
-/// Routers do not hand the question on.
+/// TTL of the request: routers do not forward it.
 const HOPS: u32 = 1;
 
-/// Who is asked: the ports that outlets of this computer listen on, and everybody on the network if that is wished.
+/// Targets of the request: the ports of outlets on this computer and, if configured, the whole network.
 pub(super) fn targets(whole_network: bool) -> Vec<SocketAddr> {
     let service = FIRST_SERVICE_PORT..FIRST_SERVICE_PORT + SERVICE_PORTS;
     let own = [DISCOVERY_PORT].into_iter().chain(service);
@@ -30,7 +30,7 @@ pub(super) fn targets(whole_network: bool) -> Vec<SocketAddr> {
     targets
 }
 
-/// The address of the one stream that is meant.
+/// The address of the one stream with the requested properties.
 pub(super) fn stream(settings: &LslLineSettings, targets: &[SocketAddr]) -> Result<SocketAddr, SourceError> {
     let what = || format!("a stream {}", settings.in_words());
     let absent = |error| {
@@ -65,21 +65,21 @@ fn ask_around(
     settings: &LslLineSettings,
     targets: &[SocketAddr],
 ) -> io::Result<Vec<(SocketAddr, StreamInfo)>> {
-    // Bound to loopback, nobody else can answer.
+    // On loopback, only this computer can answer.
     let ip = if settings.whole_network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
     let socket = UdpSocket::bind((ip, 0))?;
     if settings.whole_network {
         socket.set_broadcast(true)?;
         socket.set_multicast_ttl_v4(HOPS)?;
     }
-    // Tells answers to this question from those to one before.
+    // Distinguishes answers to this request from those to an earlier one.
     let id = (now_monotonic_ns() / 1000) as u32 & 0x3fff_ffff;
     let question = short_info_request(&settings.properties(), socket.local_addr()?.port(), id);
     let mut found: Vec<(SocketAddr, StreamInfo)> = Vec::new();
     let mut buffer = vec![0; 65_536];
     for _ in 0..ROUNDS {
         for target in targets {
-            // No route to one of them is no reason not to ask the others.
+            // An unreachable target must not prevent the others.
             let _unreachable = socket.send_to(&question, target);
         }
         let until = Instant::now() + ROUND;
@@ -89,7 +89,7 @@ fn ask_around(
                 break;
             }
             socket.set_read_timeout(Some(left))?;
-            // A refusal is the echo of a port that nobody listens on.
+            // Errors are the ICMP replies of ports without a listener.
             let Ok((length, sender)) = socket.recv_from(&mut buffer) else { continue };
             let answer = buffer.get(..length).unwrap_or_default();
             let Some(info) = short_info_answer(answer, id) else { continue };

@@ -1,4 +1,4 @@
-//! Why a serial port cannot be used, and what to do about it: looked up when it happens, for the person at the machine.
+//! Why a serial port cannot be used, and the remedy; determined when the error occurs, for the operator.
 
 use super::super::error::SourceError;
 use super::LineSettings;
@@ -9,14 +9,14 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// Names that stay with the device, whichever socket it is plugged into.
+/// Names that are tied to the device, not to the USB socket.
 const BY_ID: &str = "/dev/serial/by-id";
-/// What serial ports are called that have no such name.
+/// Name prefixes of serial ports without such a name.
 const KINDS: [&str; 4] = ["ttyUSB", "ttyACM", "ttyAMA", "ttyXRUSB"];
-/// More would not help anybody.
+/// Maximum count of listed names.
 const NAMED_MAX: usize = 8;
 
-/// What the system said to opening or setting up the port.
+/// Converts the system's error of opening or configuring the port.
 pub(super) fn refused(settings: &LineSettings, errno: Errno) -> SourceError {
     let port = settings.port.display();
     match errno {
@@ -49,18 +49,18 @@ pub(super) fn refused(settings: &LineSettings, errno: Errno) -> SourceError {
     }
 }
 
-/// It was there and is not any more.
+/// The port existed and has disappeared.
 pub(super) fn gone(settings: &LineSettings, why: &str) -> SourceError {
     absent(settings, io::Error::new(io::ErrorKind::NotConnected, why.to_owned()))
 }
 
-/// It takes no more bytes.
+/// The device accepts no more bytes.
 pub(super) fn stuck(settings: &LineSettings) -> SourceError {
     let what = "the device takes no bytes".to_owned();
     unready(settings, what, "look at its power and cable, and whether it wants rts_cts as set".to_owned())
 }
 
-/// The path names something else.
+/// The path is not a serial port.
 pub(super) fn no_port(settings: &LineSettings) -> SourceError {
     SourceError::Unusable(format!(
         "{} is no serial port; set {}: {}",
@@ -70,7 +70,7 @@ pub(super) fn no_port(settings: &LineSettings) -> SourceError {
     ))
 }
 
-/// The port has no such speed.
+/// The port does not support the speed.
 pub(super) fn wrong_speed(settings: &LineSettings, baud: u32, is: Option<u32>) -> SourceError {
     let instead = is.map_or_else(String::new, |is| format!(", and took {is} instead"));
     SourceError::Unusable(format!(
@@ -96,7 +96,7 @@ fn unready(settings: &LineSettings, why: String, remedy: String) -> SourceError 
     SourceError::Unready { what: format!("the serial port {}", settings.port.display()), why, remedy }
 }
 
-/// Which ports there are instead.
+/// Lists the existing ports.
 fn ports_there(by_id: &Path, devices: &Path) -> String {
     let lasting = names(by_id, |_| true);
     let there = if lasting.is_empty() {
@@ -123,14 +123,14 @@ fn names(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<String> {
     names
 }
 
-/// Who has the port open, as far as this user can see.
+/// The process that has the port open, as far as this user may see it.
 fn holder(port: &Path) -> Option<String> {
     let device = fs::metadata(port).ok()?.rdev();
     let own = std::process::id();
     fs::read_dir("/proc").ok()?.flatten().find_map(|process| {
         let number: u32 = process.file_name().to_str()?.parse().ok()?;
         let holds = fs::read_dir(process.path().join("fd")).ok()?.flatten().any(|file| {
-            // A link that leads to a terminal says so itself; nothing else is looked into.
+            // A link to a terminal is identified by its target; other files are not examined.
             fs::read_link(file.path()).is_ok_and(|target| target.starts_with("/dev"))
                 && fs::metadata(file.path()).is_ok_and(|file| file.rdev() == device)
         });
@@ -142,7 +142,7 @@ fn holder(port: &Path) -> Option<String> {
     })
 }
 
-/// The group that may open the port, by name if that can be told.
+/// The group that may open the port, by name if available.
 fn group(port: &Path) -> String {
     let Ok(gid) = fs::metadata(port).map(|port| port.gid()) else { return "dialout".to_owned() };
     let groups = fs::read_to_string("/etc/group").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What comes beside a body, and what comes in its place: props, gloves, ergonomic joints, other poses, another up.
+//! Additional and alternative data of a body: props, gloves, ergonomic joints, other pose types, another upward axis.
 
 use super::*;
 use crate::suit::UpAxis;
@@ -8,8 +8,8 @@ use crate::wire::mvn::{
     angular_kinematics, centre_of_mass, joint_angles, scale, unity, virtual_markers,
 };
 
-/// Two props between the body and 40 finger segments, with ids that run on (24 …) as MVN's newest senders number them,
-/// or with those of the specification (25 …), which must not matter.
+/// Two props between the body and 40 finger segments, with consecutive ids (24 …) as MVN's newest senders number them,
+/// or with those of the specification (25 …); the result must not depend on them.
 fn with_props_and_gloves(first_prop_id: u32) -> Vec<SegmentPose> {
     let far = |segment_id| SegmentPose {
         segment_id,
@@ -27,7 +27,7 @@ fn only(required: TypeSet) -> SuitAssembler {
     SuitAssembler::new(SuitSettings { required: Some(required), ..SuitSettings::default() })
 }
 
-/// The mirrored motion of a Y-up world: what `y_up_to_z_up` undoes.
+/// The inverse of `y_up_to_z_up`: motion in a Y-up world.
 fn to_y_up([forward, left, up]: [f32; 3]) -> [f32; 3] {
     [left, up, forward]
 }
@@ -98,7 +98,7 @@ fn gloves_alone_are_the_2040_bytes_of_one_datagram() {
 
 #[test]
 fn joints_beyond_the_body_s_22_are_passed_over_however_many_and_whatever_their_ids() {
-    // Six ergonomic ones, two of them with one pair of ids, and then what gloves may add.
+    // Six ergonomic joints, two of them with the same pair of ids, followed by joints as gloves may add.
     let ergonomic = [
         (0x0500, 0x0700),
         (0x0500, 0x0d00),
@@ -153,7 +153,7 @@ fn a_body_for_unity_stands_in_where_nothing_better_is_sent() {
         }
         assert!((sample.orientation_wxyz[index][0].abs() - 0.6).abs() < 1e-5, "{index}");
     }
-    // With 02 in the same sample, before or after, 02 is what is taken.
+    // With 02 in the same sample, before or after, 02 is used.
     let mut moved = standing();
     moved.iter_mut().for_each(|pose| pose.position_m[0] += 1.0);
     for swapped in [false, true] {
@@ -211,7 +211,7 @@ fn y_up_is_refused_where_z_is_expected_and_turned_where_it_is_said() {
     assert_eq!(refused(&said_wrongly, SuitRefusal::UpsideDown), 1);
 }
 
-/// Stooping along a horizontal axis of the world, a body stands along both.
+/// A body that stoops along a horizontal axis of the world is upright along both.
 #[test]
 fn a_stooping_worker_keeps_the_accelerations_where_y_is_up() {
     let stooping = |reach_m: f32| -> Vec<SegmentPose> {
@@ -225,7 +225,7 @@ fn a_stooping_worker_keeps_the_accelerations_where_y_is_up() {
         let required = Some(TypeSet::POSE_QUATERNION.and(TypeSet::LINEAR_KINEMATICS));
         let mut assembler =
             SuitAssembler::new(SuitSettings { required, up: UpAxis::Y, ..SuitSettings::default() });
-        // Type 21 before its pose, and stooping in any direction.
+        // Type 21 before its pose, with stooping in any direction.
         for (counter, reach_m) in [(0, 0.0), (1, 0.0), (2, 0.5), (3, -0.5), (4, 0.7), (5, -0.7)] {
             let poses = stooping(reach_m);
             let items: Vec<_> = poses
@@ -272,7 +272,8 @@ fn a_null_pose_in_several_datagrams_is_merged_in_any_order() {
         offset_m: [f32::from(index), 0.0, 0.0],
     };
     let points: Vec<_> = (0..123).map(point).collect();
-    // As MVN sends them: the segments first, with a counter of 0 and no mark of the last, then points in fours.
+    // The order in which MVN sends: the segments first, with a counter of 0 and without an end mark, then points in
+    // fours.
     let mut sent = Vec::new();
     let mut datagram = |counter: u8, segments: &[NullPoseSegment<'_>], points: &[SegmentPoint<'_>]| {
         let mut bytes = Vec::new();
@@ -290,7 +291,7 @@ fn a_null_pose_in_several_datagrams_is_merged_in_any_order() {
         let mut assembler = SuitAssembler::new(SuitSettings::default());
         let mut shuffled = sent.clone();
         shuffled.rotate_left(turn);
-        // Told again and again: points that come before the segments may be forgotten the first time.
+        // Sent repeatedly: points that arrive before the segments may be discarded the first time.
         for _ in 0..2 {
             assert!(feed(&mut assembler, &shuffled, 0).is_empty());
         }

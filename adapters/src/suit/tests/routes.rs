@@ -21,7 +21,7 @@ fn every_worker_gets_its_own_samples_and_an_object_disturbs_nobody() {
     let settings = SuitSettings { required, ..SuitSettings::default() };
     let mut router = SuitRouter::new(settings, &[1, 7]);
     let mut got: Vec<(u32, u32, f64)> = Vec::new();
-    // Counters of different workers have nothing to do with each other; the object shares the first one's.
+    // Counters of different subjects are independent; the object shares the first one's.
     for counter in 0..50u32 {
         let sent = [
             of(0, counter, &at(0.0)),

@@ -1,4 +1,4 @@
-//! What a look at the port tells.
+//! Tests of the survey.
 
 use super::*;
 use crate::suit::Survey;
@@ -18,7 +18,7 @@ fn of(avatar: u8, counter: u32, poses: &[SegmentPose]) -> Vec<u8> {
 fn rates_strides_losses_and_repetitions_are_told_apart() {
     let mut survey = Survey::new(SuitSettings::default());
     assert!(survey.is_silent());
-    // Every fourth sample of 240 Hz is sent; two are lost on the way; then MVN is paused.
+    // Every fourth sample of 240 Hz is sent; two are lost in transit; then MVN is paused.
     for index in (0..120u32).filter(|index| ![50, 70].contains(index)) {
         survey.take(SENDER, &of(0, 4 * index, &standing()), u64::from(4 * index) * PERIOD_NS);
     }

@@ -1,18 +1,18 @@
-//! Numbers of any width and order of bytes.
+//! Numbers of any width and byte order.
 
 use core::ops::Range;
 
-/// In which order the bytes of a number stand.
+/// Byte order of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Endian {
-    /// The lowest first.
+    /// Least significant byte first.
     Little,
-    /// The highest first.
+    /// Most significant byte first.
     Big,
 }
 
 impl Endian {
-    /// The number that up to eight bytes are.
+    /// The number of up to eight bytes.
     pub fn number(self, bytes: &[u8]) -> u64 {
         let joined = |all: u64, byte: &u8| all << 8 | u64::from(*byte);
         match self {
@@ -22,7 +22,7 @@ impl Endian {
     }
 }
 
-/// A kind of number.
+/// Type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Number {
     /// 8 bits.
@@ -52,7 +52,7 @@ pub enum Number {
 }
 
 impl Number {
-    /// How many bytes it takes.
+    /// Size in bytes.
     pub fn bytes(self) -> usize {
         match self {
             Number::U8 | Number::I8 => 1,
@@ -63,7 +63,7 @@ impl Number {
         }
     }
 
-    /// Whether it is a whole number without a sign: one that counts, or bits.
+    /// Whether the type is an unsigned integer, as counters and bit fields are.
     pub fn is_unsigned(self) -> bool {
         matches!(self, Number::U8 | Number::U16 | Number::U24 | Number::U32 | Number::U64)
     }
@@ -73,57 +73,57 @@ impl Number {
     }
 }
 
-/// Where a number stands in a frame.
+/// Position of a number in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Place {
-    /// Its first byte; below zero counted from the frame's end.
+    /// Its first byte; negative values count from the frame's end.
     pub at: i32,
-    /// What it is.
+    /// Its type.
     pub number: Number,
-    /// In which order its bytes stand.
+    /// Its byte order.
     pub endian: Endian,
-    /// Which of its bits are meant, for numbers without a sign; all of them elsewhere.
+    /// Mask of the relevant bits, for unsigned types; all bits for others.
     pub mask: u64,
 }
 
 impl Place {
-    /// A whole number somewhere.
+    /// A number without a mask.
     pub fn new(at: i32, number: Number, endian: Endian) -> Place {
         Place { at, number, endian, mask: u64::MAX }
     }
 
-    /// The same so many bytes farther on.
+    /// The same, shifted by this many bytes.
     pub fn moved(self, bytes: usize) -> Option<Place> {
         let at = self.at.checked_add(i32::try_from(bytes).ok()?)?;
-        // From the end it cannot move over the end.
+        // A position relative to the end cannot move past the end.
         (self.at >= 0 || at < 0).then_some(Place { at, ..self })
     }
 
-    /// Its bytes in a frame of this length; `None` if they are not all there.
+    /// The bytes in a frame of this length; `None` if they are not all in it.
     pub fn range(self, length: usize) -> Option<Range<usize>> {
         let from = index(self.at, length)?;
         let to = from.checked_add(self.number.bytes())?;
         (to <= length).then_some(from..to)
     }
 
-    /// Where it ends, if it is counted from the beginning.
+    /// The end, if the position is relative to the beginning.
     pub(super) fn end(self, _length: usize) -> Option<usize> {
         usize::try_from(self.at).ok()?.checked_add(self.number.bytes())
     }
 
-    /// Its bits as they stand.
+    /// The unmasked bits.
     pub fn raw(self, frame: &[u8]) -> Option<u64> {
         Some(self.endian.number(frame.get(self.range(frame.len())?)?))
     }
 
-    /// The bits that are meant, where they stand.
+    /// The relevant bits, not shifted.
     pub fn masked(self, frame: &[u8]) -> Option<u64> {
         Some(self.raw(frame)? & self.mask)
     }
 
-    /// The bits that are meant as a number of their own: those in the middle of a word count from one.
+    /// The relevant bits, shifted to the lowest position.
     pub fn count(self, frame: &[u8]) -> Option<u64> {
-        // A mask without bits has no lowest one; nothing is meant then.
+        // An empty mask has no lowest bit and gives zero.
         Some(self.masked(frame)?.checked_shr(self.mask.trailing_zeros()).unwrap_or(0))
     }
 
@@ -142,7 +142,7 @@ impl Place {
     }
 }
 
-/// A place that may be counted from the end.
+/// Resolves a position that may be relative to the end.
 pub(super) fn index(at: i32, length: usize) -> Option<usize> {
     match usize::try_from(at) {
         Ok(at) => Some(at),

@@ -1,24 +1,24 @@
-//! Frames in a stream, whatever pieces it comes in.
+//! Extracts frames from a stream, independently of its division into pieces.
 
 use super::{FrameForm, Look};
 
-/// What stood next in a stream.
+/// The next element of a stream.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Found<'a> {
     /// A frame.
     Frame(&'a [u8]),
-    /// A sound frame of another kind.
+    /// A valid frame of another kind.
     Other,
-    /// So many bytes that are no part of a frame; the next one follows, or more of them will.
+    /// Bytes that are no part of a frame; a frame or more such bytes follow.
     Passed {
-        /// How many.
+        /// Their count.
         bytes: usize,
-        /// Whether they began as a frame whose checksum does not fit.
+        /// Whether they began like a frame whose checksum does not match.
         damaged: bool,
     },
 }
 
-/// The bytes of a stream that are not read yet.
+/// The unread bytes of a stream.
 #[derive(Debug, Clone)]
 pub struct Frames {
     form: FrameForm,
@@ -27,35 +27,35 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// A stream of frames of a form.
+    /// A stream of frames of this format.
     pub fn new(form: FrameForm) -> Frames {
         Frames { form, bytes: Vec::new(), read: 0 }
     }
 
-    /// The form.
+    /// The format.
     pub fn form(&self) -> &FrameForm {
         &self.form
     }
 
-    /// Forgets what was half read.
+    /// Discards partially received data.
     pub fn clear(&mut self) {
         self.bytes.clear();
         self.read = 0;
     }
 
-    /// How many bytes are kept until more come.
+    /// Count of the buffered bytes.
     pub fn kept(&self) -> usize {
         self.bytes.len() - self.read
     }
 
-    /// Appends what came.
+    /// Appends received bytes.
     pub fn push(&mut self, bytes: &[u8]) {
         self.bytes.drain(..self.read);
         self.read = 0;
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// What stands next; `None` once more bytes are needed to tell. What is kept is never more than a frame.
+    /// The next element; `None` if more bytes are needed. At most one frame remains buffered.
     pub fn advance(&mut self) -> Option<Found<'_>> {
         let Frames { form, bytes, read } = self;
         let begin = *read;
@@ -72,7 +72,7 @@ impl Frames {
                     *read += frame.len();
                     return Some(Found::Other);
                 }
-                // What follows what was passed over is read at the next call.
+                // The data after the skipped bytes are read in the next call.
                 Look::Frame(_) | Look::Other(_) | Look::TooFew => {
                     let damaged = form.begins_damaged(bytes.get(begin..).unwrap_or_default());
                     return (passed > 0).then_some(Found::Passed { bytes: passed, damaged });

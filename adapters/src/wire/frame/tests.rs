@@ -2,7 +2,7 @@ use super::*;
 use crate::wire::bota::Frame as BotaFrame;
 use proptest::prelude::*;
 
-/// The frame of the plate of can-can-group (`common_frame.h`), as its radio sends it on.
+/// The frame of the can-can-group's plate (`common_frame.h`), as its radio forwards it.
 fn told() -> FrameForm {
     let place = |at, number| Place::new(at, number, Endian::Little);
     FrameForm {
@@ -127,7 +127,7 @@ fn frames_that_tell_their_length_are_found_and_those_of_another_kind_passed() {
     assert_eq!(got[0], format!("2 Frame({one:?})"));
     assert_eq!(got[1], "0 Other");
     assert_eq!(got[2], format!("{} Frame({one:?})", damaged.len()));
-    // A length that no frame has is none, and nobody waits for its bytes.
+    // An impossible length is rejected without waiting for its bytes.
     let huge = [&[0x6b, 0xb6, 0, 0, 0xff, 0xff][..], &one].concat();
     assert_eq!(all(&told(), &[&huge])[0], format!("6 Frame({one:?})"));
 }

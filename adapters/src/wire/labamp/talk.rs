@@ -1,19 +1,19 @@
-//! What a LabAmp is asked over HTTP, and what its answers say: JSON both ways, every request a POST.
+//! HTTP requests to a LabAmp and their answers: JSON in both directions, every request a POST.
 
 use serde_json::{Value, json};
 
 /// The port of the device's web page and of its API.
 pub const DEFAULT_PORT: u16 = 80;
-/// The sampling rates that it knows, Hz.
+/// The supported sampling rates, Hz.
 pub const RATES_HZ: [u32; 17] = [
     10, 100, 1000, 2500, 6250, 10_000, 12_500, 25_000, 31_250, 50_000, 62_500, 78_125, 100_000, 125_000,
     156_250, 200_000, 208_333,
 ];
-/// The one measurement of a LabAmp.
+/// The only measurement of a LabAmp.
 const MEASUREMENT: u16 = 1;
 const CHANNELS_MAX: usize = 64;
 
-/// How many scans a frame has at least at a sampling rate; a device refuses fewer.
+/// Minimum count of scans in a frame at a sampling rate; a device refuses fewer.
 pub fn least_scans_per_frame(rate_hz: u32) -> u32 {
     match rate_hz {
         0..=10 => 1,
@@ -24,10 +24,10 @@ pub fn least_scans_per_frame(rate_hz: u32) -> u32 {
     }
 }
 
-/// A request: where, and with which body.
+/// A request: path and body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
-    /// Beneath the device's address.
+    /// Path relative to the device's address.
     pub path: &'static str,
     /// JSON.
     pub body: String,
@@ -38,7 +38,7 @@ fn request(path: &'static str, body: &Value) -> Request {
 }
 
 impl Request {
-    /// Stops the measurement from listening, so that it can be set up.
+    /// Disables the measurement, so that it can be configured.
     pub fn disable() -> Request {
         request(
             "/api/daq/measurement/enabled/set",
@@ -46,13 +46,13 @@ impl Request {
         )
     }
 
-    /// Sets how often it measures.
+    /// Sets the sampling rate.
     pub fn set_rate(rate_hz: u32) -> Request {
         let value = rate_hz.to_string();
         request("/api/param/set", &json!({ "params": [{ "name": "/daq/samplingRate", "value": value }] }))
     }
 
-    /// Has the measurement started and stopped by request, and listen.
+    /// Sets start and stop of the measurement to be upon request, and enables it.
     pub fn configure() -> Request {
         let body = json!({
             "measurementId": MEASUREMENT,
@@ -64,17 +64,17 @@ impl Request {
         request("/api/daq/measurement/configuration/set", &body)
     }
 
-    /// Asks which channels come, in which order and unit, and how often.
+    /// Requests the channels with their order, unit and rate.
     pub fn metadata() -> Request {
         request("/api/daq/measurement/metadata/get", &json!({ "measurementId": MEASUREMENT }))
     }
 
-    /// Becomes a client.
+    /// Registers as a client.
     pub fn register() -> Request {
         request("/api/daq/stream/register", &json!({}))
     }
 
-    /// Opens a stream of frames of so many scans, or as many as the device likes.
+    /// Opens a stream with this many scans in a frame, or the device's default.
     pub fn open(client: &str, scans_per_frame: Option<u32>) -> Request {
         let mut measurement = json!({ "measurementId": MEASUREMENT });
         if let Some(scans) = scans_per_frame {
@@ -83,7 +83,7 @@ impl Request {
         request("/api/daq/stream/open", &json!({ "measurements": [measurement], "clientId": client }))
     }
 
-    /// Begins to measure.
+    /// Starts the measurement.
     pub fn start() -> Request {
         request("/api/daq/measurement/start", &json!({ "measurementId": MEASUREMENT }))
     }
@@ -93,16 +93,16 @@ impl Request {
         request("/api/daq/stream/close", &json!({ "clientId": client, "streamId": stream }))
     }
 
-    /// Is no client any more.
+    /// Unregisters the client.
     pub fn unregister(client: &str) -> Request {
         request("/api/daq/stream/unregister", &json!({ "clientId": client }))
     }
 }
 
-/// What every answer says: that it was done, or why not.
+/// The status that every answer contains: success, or why not.
 ///
 /// # Errors
-/// The device's refusal, or that the answer is not one of a LabAmp.
+/// The device's refusal, or an answer that is not a LabAmp's.
 pub fn done(answer: &str) -> Result<Value, Refused> {
     let value: Value = serde_json::from_str(answer).map_err(|_| Refused::NotJson)?;
     match value.get("result").and_then(Value::as_i64) {
@@ -115,7 +115,7 @@ pub fn done(answer: &str) -> Result<Value, Refused> {
     }
 }
 
-/// The client's name in an answer to [`Request::register`].
+/// The client's identifier in an answer to [`Request::register`].
 ///
 /// # Errors
 /// As [`done`].
@@ -137,35 +137,35 @@ pub fn stream(answer: &str) -> Result<(u16, u64), Refused> {
     Ok((port, number("streamId")?))
 }
 
-/// What comes over the stream.
+/// Contents of the stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Metadata {
-    /// How often all channels are measured, Hz.
+    /// Sampling rate of all channels, Hz.
     pub rate_hz: f64,
-    /// The channels, in the order of their coming.
+    /// The channels, in the order of transmission.
     pub signals: Vec<Signal>,
 }
 
 /// One channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Signal {
-    /// The device's name of it, `Sensor-1`.
+    /// The device's name of the channel, `Sensor-1`.
     pub source: String,
-    /// What its owner calls it.
+    /// The user's name of the channel.
     pub name: String,
     /// Its unit.
     pub unit: String,
 }
 
 impl Metadata {
-    /// Reads the answer to [`Request::metadata`].
+    /// Parses the answer to [`Request::metadata`].
     ///
     /// # Errors
-    /// As [`done`], and what does not fit together.
+    /// As [`done`], and inconsistent values.
     pub fn parse(answer: &str) -> Result<Metadata, Refused> {
         let value = done(answer)?;
         let metadata = value.get("metadata").ok_or(Refused::Field { field: "metadata" })?;
-        // The guide nests it in `measurement`, the reference does not.
+        // The guide nests the field in `measurement`, the reference does not.
         let provider =
             metadata.pointer("/measurement/signalProvider").or_else(|| metadata.get("signalProvider"));
         let provider = provider.ok_or(Refused::Field { field: "signalProvider" })?;
@@ -204,19 +204,19 @@ impl Signal {
 /// Why an answer cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// The device refuses.
+    /// The device refuses the request.
     #[error("it refuses: {why}")]
     Device {
-        /// In its own words.
+        /// The device's message.
         why: String,
     },
-    /// No JSON.
+    /// Not JSON.
     #[error("its answer is not one of a LabAmp; is it another device's web page?")]
     NotJson,
-    /// A part of the answer is not there, or not of the form that is known.
+    /// A field of the answer is missing or malformed.
     #[error("its answer has no {field} of the form that is known")]
     Field {
-        /// Which part.
+        /// The field.
         field: &'static str,
     },
 }

@@ -10,7 +10,7 @@ fn vector(path: &str) -> Vec<u8> {
     (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
 }
 
-/// The frame with the bytes of every number turned round.
+/// The frame with the bytes of every number reversed.
 fn turned(frame: &[u8]) -> Vec<u8> {
     let widths: &[usize] = if frame[2] == 0 { &[2, 2, 4, 4, 2, 2, 1, 1, 2] } else { &[2, 2, 4, 4, 2, 2, 8] };
     let (mut rest, mut out) = (frame, Vec::new());
@@ -51,7 +51,7 @@ fn what_is_no_frame_is_a_reason() {
     let error = cutter.next_frame().unwrap().unwrap_err();
     assert_eq!(error, Malformed::Front { front: *b"HTTP/1.1" });
     cutter.clear();
-    // An event cut short, and a kind that is not known, between two sound frames.
+    // A truncated event and an undefined kind between two valid frames.
     let sound = vector("/kistler_event_overrun");
     let mut short = sound[..16].to_vec();
     short[4] = 16;

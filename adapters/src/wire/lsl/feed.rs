@@ -1,16 +1,16 @@
-//! The samples of a stream: an answer in lines, two samples of a known pattern, then the real ones.
+//! The samples of a stream: a text header, two samples of a fixed test pattern, then the data.
 
 use crate::wire::reader::Reader;
 
-/// The answer's head is some hundred bytes.
+/// Maximum size of the header, which has some hundred bytes.
 const HEAD_MAX: usize = 16_384;
 const TAG_DEDUCED: u8 = 1;
 const TAG_STAMPED: u8 = 2;
 const PATTERN_TIME_S: f64 = 123_456.789;
-/// The two samples of the pattern begin with these.
+/// Initial values of the two samples of the pattern.
 const PATTERNS: [i64; 2] = [4, 2];
 
-/// What a number of a stream is.
+/// Number format of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// IEEE-754 binary32.
@@ -19,16 +19,16 @@ pub enum Format {
     Double64,
     /// A signed integer of 8 bits.
     Int8,
-    /// Of 16 bits.
+    /// A signed integer of 16 bits.
     Int16,
-    /// Of 32 bits.
+    /// A signed integer of 32 bits.
     Int32,
-    /// Of 64 bits.
+    /// A signed integer of 64 bits.
     Int64,
 }
 
 impl Format {
-    /// The format of a name in a stream's description; `None` for texts, which no plate sends.
+    /// The format by its name in a stream's description; `None` for strings, which no plate sends.
     pub fn named(name: &str) -> Option<Format> {
         Some(match name {
             "float32" => Format::Float32,
@@ -41,7 +41,7 @@ impl Format {
         })
     }
 
-    /// Bytes of a number.
+    /// Size of a number, bytes.
     pub fn size(self) -> usize {
         match self {
             Format::Int8 => 1,
@@ -58,12 +58,12 @@ impl Format {
             Format::Int8 => f64::from(i8::from_le_bytes(ordered(reader, big_endian)?)),
             Format::Int16 => f64::from(i16::from_le_bytes(ordered(reader, big_endian)?)),
             Format::Int32 => f64::from(i32::from_le_bytes(ordered(reader, big_endian)?)),
-            // Beyond 2^53 the last bits are lost: no plate measures so finely.
+            // Beyond 2^53 the last bits are lost: no plate has such a resolution.
             Format::Int64 => i64::from_le_bytes(ordered(reader, big_endian)?) as f64,
         })
     }
 
-    /// The number that the pattern has in a channel.
+    /// The pattern's value in a channel.
     fn pattern(self, first: i64, channel: usize) -> f64 {
         let channel = channel as i64;
         let magnitude = channel
@@ -86,7 +86,7 @@ impl Format {
     }
 }
 
-/// Bytes with the least significant first.
+/// Bytes in little-endian order.
 fn ordered<const N: usize>(reader: &mut Reader<'_>, big_endian: bool) -> Option<[u8; N]> {
     let mut bytes = reader.array::<N>()?;
     if big_endian {
@@ -95,21 +95,21 @@ fn ordered<const N: usize>(reader: &mut Reader<'_>, big_endian: bool) -> Option<
     Some(bytes)
 }
 
-/// What comes next.
+/// The next element.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Item<'a> {
-    /// The head and the pattern are as they should be.
+    /// Header and pattern are valid.
     Agreed,
     /// A sample.
     Sample {
-        /// When, by the sender's clock, s; `None`: one period after the one before.
+        /// Sample time by the sender's clock, s; `None`: one period after the preceding sample.
         time_s: Option<f64>,
-        /// One number a channel.
+        /// One value for each channel.
         values: &'a [f64],
     },
 }
 
-/// A feed on its way.
+/// Decoder of a feed.
 #[derive(Debug, Clone)]
 pub struct Feed {
     uid: String,
@@ -130,7 +130,7 @@ enum Phase {
 }
 
 impl Feed {
-    /// A feed of which nothing came yet.
+    /// A feed before any data.
     pub fn new(uid: &str, format: Format, channels: usize) -> Feed {
         let values = vec![0.0; channels];
         Feed {
@@ -144,7 +144,7 @@ impl Feed {
         }
     }
 
-    /// Takes in the next piece of the stream.
+    /// Appends the next piece of the stream.
     pub fn push(&mut self, bytes: &[u8]) {
         self.buffer.drain(..self.taken);
         self.taken = 0;
@@ -153,10 +153,10 @@ impl Feed {
         }
     }
 
-    /// What comes next; `None` until more has come.
+    /// The next element; `None` until more bytes arrive.
     ///
     /// # Errors
-    /// Why the feed cannot be read; nothing comes after that.
+    /// Why the feed cannot be decoded; no element follows.
     pub fn next_item(&mut self) -> Option<Result<Item<'_>, Malformed>> {
         let result = self.step();
         if result.is_err() {
@@ -205,7 +205,7 @@ impl Feed {
         }
     }
 
-    /// One sample, its numbers in `values`.
+    /// Decodes one sample into `values`.
     fn sample(&mut self, big_endian: bool) -> Result<Option<Option<f64>>, Malformed> {
         let rest = self.buffer.get(self.taken..).unwrap_or_default();
         let stamp_size = match rest.first() {
@@ -222,7 +222,7 @@ impl Feed {
             _ => Format::Double64.read(&mut reader, big_endian),
         };
         for value in &mut self.values {
-            // As many bytes are there, by the size.
+            // The size was checked, so all bytes are present.
             *value = self.format.read(&mut reader, big_endian).unwrap_or(f64::NAN);
         }
         self.taken += size;
@@ -235,7 +235,7 @@ enum Step {
     Sample(Option<f64>),
 }
 
-/// Whether numbers come with the most significant byte first.
+/// Parses the header; returns whether numbers are big-endian.
 fn head(bytes: &[u8], uid: &str) -> Result<bool, Malformed> {
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.split("\r\n");
@@ -252,12 +252,12 @@ fn head(bytes: &[u8], uid: &str) -> Result<bool, Malformed> {
     let mut big_endian = false;
     for line in lines {
         let Some((key, value)) = line.split_once(':') else { continue };
-        // What follows a semicolon is a remark.
+        // A semicolon begins a comment.
         let value = value.split(';').next().unwrap_or_default().trim();
         match key.trim().to_ascii_lowercase().as_str() {
             "byte-order" => {
                 big_endian = match value {
-                    // Nothing to turn round, says an old sender; all of them are little-endian.
+                    // Old senders use 0 for "no conversion"; all of them are little-endian.
                     "0" | "1234" => false,
                     "4321" => true,
                     _ => return Err(Malformed::ByteOrder),
@@ -273,37 +273,37 @@ fn head(bytes: &[u8], uid: &str) -> Result<bool, Malformed> {
     Ok(big_endian)
 }
 
-/// Why a feed cannot be read.
+/// Why a feed cannot be decoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
-    /// Something else answers.
+    /// The peer is not an LSL outlet.
     #[error("what answers is no outlet of the lab streaming layer")]
     NotLsl,
-    /// The outlet is another one by now.
+    /// The outlet was replaced by another one.
     #[error("the stream is not there any more, and another one is in its place")]
     Gone,
-    /// The outlet refuses.
+    /// The outlet refuses the request.
     #[error("the outlet refuses: {status}")]
     Refused {
-        /// In its words.
+        /// The outlet's message.
         status: String,
     },
-    /// Numbers in an order of bytes that no machine has any more.
+    /// An unsupported byte order.
     #[error("the outlet sends numbers in an unknown order of bytes")]
     ByteOrder,
-    /// Samples in another form.
+    /// An unsupported protocol version.
     #[error("the outlet speaks version {version} of the protocol, not 110: update its liblsl")]
     Version {
-        /// Which.
+        /// The version.
         version: String,
     },
-    /// The samples of the pattern are not as they should be.
+    /// The samples of the test pattern have wrong values.
     #[error("the outlet's test pattern is not as it should be: the two ends do not mean the same")]
     Pattern,
-    /// A sample begins as none does.
+    /// A sample begins with an invalid tag.
     #[error("a sample begins with {tag:#04x}, which none does")]
     Tag {
-        /// The byte.
+        /// The tag.
         tag: u8,
     },
 }

@@ -1,36 +1,36 @@
-//! What a stream says of itself: a small XML document.
+//! A stream's description: a small XML document.
 
 use super::feed::Format;
 use quick_xml::Reader;
 use quick_xml::events::{BytesRef, Event};
 
-/// More channels than this no plate has.
+/// Maximum count of channels; no plate has more.
 const CHANNELS_MAX: usize = 256;
-/// Elements within elements; a stream's description has five.
+/// Maximum nesting depth; a stream's description has five levels.
 const DEPTH_MAX: usize = 32;
 
 /// A stream's description.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StreamInfo {
-    /// What its owner calls it.
+    /// The user's name of the stream.
     pub name: String,
-    /// What it is: `EEG`, `Force`, …
+    /// Content type: `EEG`, `Force`, …
     pub kind: String,
-    /// Names the device; the same after a restart, if its owner gave one.
+    /// Identifier of the device; constant across restarts, if the device's program sets it.
     pub source_id: String,
-    /// Names this very outlet.
+    /// Identifier of this outlet.
     pub uid: String,
-    /// The session of liblsl.
+    /// liblsl's session.
     pub session_id: String,
-    /// The computer.
+    /// Host name of the sender.
     pub hostname: String,
-    /// What a number is.
+    /// Number format.
     pub format: Format,
-    /// Samples a second; 0 if they come when they like.
+    /// Nominal rate, Hz; 0 for irregular samples.
     pub rate_hz: f64,
-    /// The port that samples come from.
+    /// The port of the samples.
     pub data_port: u16,
-    /// The channels; without names and units if the stream tells none.
+    /// The channels; without names and units if the description has none.
     pub channels: Vec<Channel>,
 }
 
@@ -46,22 +46,22 @@ pub struct Channel {
 /// Why a description cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum InfoFault {
-    /// No XML.
+    /// Not XML.
     #[error("its description is no XML: {reason}")]
     Xml {
-        /// What is wrong.
+        /// The parser's error.
         reason: String,
     },
-    /// A field that is not there or not as expected.
+    /// A missing or invalid field.
     #[error("its description has no usable {field}")]
     Field {
-        /// Which.
+        /// The field.
         field: &'static str,
     },
 }
 
 impl StreamInfo {
-    /// Reads a short or full description.
+    /// Parses a short or full description.
     ///
     /// # Errors
     /// [`InfoFault`].
@@ -72,7 +72,7 @@ impl StreamInfo {
     }
 }
 
-/// The fields as they stand in the document.
+/// The fields as in the document.
 #[derive(Debug, Default)]
 struct Found {
     name: String,
@@ -90,7 +90,7 @@ struct Found {
 }
 
 impl Found {
-    /// An element that ended, with the names of those around it and its own, and its text.
+    /// Processes an element's end, with the path of element names and its text.
     fn take(&mut self, path: &[String], text: &str) {
         let path: Vec<&str> = path.iter().map(String::as_str).collect();
         let field = match path[..] {
@@ -105,7 +105,7 @@ impl Found {
             ["info", "channel_count"] => &mut self.count,
             ["info", "v4data_port"] => &mut self.port,
             ["info", "desc", "channels", "channel"] => {
-                // What stood in it ended before it.
+                // The child elements have ended before it.
                 self.channels.push(core::mem::take(&mut self.open));
                 return;
             }
@@ -131,7 +131,7 @@ impl Found {
         Ok(StreamInfo {
             name: self.name,
             kind: self.kind,
-            // These go back to the sender, a line each.
+            // These fields are sent back to the sender, one on each line.
             source_id: one_line(self.source_id, "source_id")?,
             uid: one_line(self.uid, "uid")?,
             session_id: one_line(self.session_id, "session_id")?,
@@ -148,7 +148,7 @@ impl Found {
     }
 }
 
-/// Tells each element's path and own text when it ends.
+/// Calls `ended` with each element's path and own text when it ends.
 fn read(xml: &str, ended: &mut dyn FnMut(&[String], &str)) -> Result<(), InfoFault> {
     let fault = |reason: &dyn core::fmt::Display| InfoFault::Xml { reason: reason.to_string() };
     let mut reader = Reader::from_str(xml);
@@ -184,7 +184,7 @@ fn add(texts: &mut [String], text: &str) {
     }
 }
 
-/// The five entities that XML itself has, and characters by number.
+/// Resolves the five entities of XML, and numeric character references.
 fn referred(reference: &BytesRef<'_>) -> String {
     if let Ok(Some(character)) = reference.resolve_char_ref() {
         return character.to_string();

@@ -21,7 +21,7 @@ fn xml(format: &str, count: usize, channels: &str) -> String {
     )
 }
 
-/// A number in a format's bytes.
+/// A number encoded in a format.
 fn number(format: Format, value: f64, big_endian: bool) -> Vec<u8> {
     let mut bytes = match format {
         Format::Float32 => (value as f32).to_le_bytes().to_vec(),
@@ -44,7 +44,7 @@ fn sample(format: Format, time_s: Option<f64>, values: &[f64], big_endian: bool)
     bytes
 }
 
-/// The head and the pattern for three channels, written from liblsl's text.
+/// Header and pattern for three channels, as liblsl sends them.
 fn opening(format: Format, big_endian: bool) -> Vec<u8> {
     let order = if big_endian { 4321 } else { 1234 };
     let head = format!(

@@ -1,6 +1,7 @@
 //! Type 22: segment orientations, angular velocities and accelerations (MVN protocol, "Angular segment kinematics").
 //!
-//! Radians, although some parsers say degrees: recordings of the same channels agree with finite differences in rad/s.
+//! Radians, although some parsers assume degrees: recordings of the same channels agree with finite differences in
+//! rad/s.
 
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
@@ -40,7 +41,7 @@ impl Item for AngularKinematics {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 22; order as in type 02.
+/// Replaces the contents of `out` with one datagram of type 22; order as in type 02.
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 items.

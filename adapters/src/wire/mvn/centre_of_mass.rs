@@ -1,6 +1,7 @@
-//! Type 24: the whole body's centre of mass as the suit estimates it (MVN protocol, "Center of mass").
+//! Type 24: the suit's estimate of the whole body's centre of mass (MVN protocol, "Center of mass").
 //!
-//! 12 bytes in the specification; newer streams append velocity and acceleration: 36. The payload tells which.
+//! 12 bytes in the specification; newer streams append velocity and acceleration: 36. The payload size distinguishes
+//! them.
 
 use super::Malformed;
 use super::header::{DatagramType, Header, Oversized, frame};
@@ -15,7 +16,7 @@ pub struct CentreOfMass {
     pub motion: Option<Motion>,
 }
 
-/// How the centre of mass moves.
+/// Motion of the centre of mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// Velocity, m/s.
@@ -39,10 +40,10 @@ impl CentreOfMass {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 24.
+/// Replaces the contents of `out` with one datagram of type 24.
 ///
 /// # Errors
-/// Never; it has the shape of its siblings.
+/// Never; the signature is that of the other types.
 pub fn encode(header: &Header, com: &CentreOfMass, out: &mut Vec<u8>) -> Result<(), Oversized> {
     frame(header, DatagramType::CENTRE_OF_MASS, 1, out, |out| {
         write_f32s(&com.position_m, out);

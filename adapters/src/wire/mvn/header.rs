@@ -20,7 +20,7 @@ impl DatagramType {
     pub const VIRTUAL_MARKERS: Self = Self(*b"03");
     /// 05: poses for Unity3D.
     pub const UNITY: Self = Self(*b"05");
-    /// 12: the character's name and the like.
+    /// 12: the character's name and other properties.
     pub const META: Self = Self(*b"12");
     /// 13: the null pose and the points on the segments.
     pub const SCALE: Self = Self(*b"13");
@@ -30,7 +30,7 @@ impl DatagramType {
     pub const LINEAR_KINEMATICS: Self = Self(*b"21");
     /// 22: orientations, angular velocities and accelerations of the segments.
     pub const ANGULAR_KINEMATICS: Self = Self(*b"22");
-    /// 23: what each motion tracker measured.
+    /// 23: measurements of each motion tracker.
     pub const TRACKER_KINEMATICS: Self = Self(*b"23");
     /// 24: the whole body's centre of mass.
     pub const CENTRE_OF_MASS: Self = Self(*b"24");
@@ -44,20 +44,21 @@ impl core::fmt::Display for DatagramType {
     }
 }
 
-/// What stands before every payload.
+/// Header of every datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// What the payload is. Encoders fill this in.
+    /// Type of the payload. Encoders set it.
     pub datagram_type: DatagramType,
-    /// Counts the suit's samples, not the sent ones: a sender may skip some.
+    /// Count of the suit's samples, not of the sent ones: a sender may skip some.
     pub sample_counter: u32,
-    /// Which datagram of this type and sample: low 7 bits from 0; bit 7 marks the last. A single one is `0x80`.
+    /// Number of the datagram within its type and sample: low 7 bits from 0; bit 7 marks the last. A single one is
+    /// `0x80`.
     pub datagram_counter: u8,
-    /// Items in this datagram. Encoders fill this in.
+    /// Items in this datagram. Encoders set it.
     pub items: u8,
     /// Milliseconds since the stream's clock started.
     pub time_code_ms: u32,
-    /// Which character (avatar), from 0. A tracked object is a character of its own.
+    /// Number of the character (avatar), from 0. A tracked object is a character of its own.
     pub avatar: u8,
     /// Body segments, 23. Meaningful in types 01, 02, 21 and 22 from MVN 2019 on, as the next two.
     pub body_segments: u8,
@@ -65,14 +66,14 @@ pub struct Header {
     pub props: u8,
     /// Finger segments of both hands together, 0 or 40.
     pub finger_segments: u8,
-    /// Bytes after the header. Encoders fill this in.
+    /// Bytes after the header. Encoders set it.
     pub payload_size: u16,
 }
 
 impl Header {
     /// The header of the only datagram of its type in a sample: a body of 23 segments, no props, no gloves.
     ///
-    /// Type, number of items and payload size are left to the encoders.
+    /// Encoders set type, number of items and payload size.
     pub const fn new(sample_counter: u32, time_code_ms: u32, avatar: u8) -> Header {
         Header {
             datagram_type: DatagramType(*b"00"),
@@ -88,7 +89,7 @@ impl Header {
         }
     }
 
-    /// Reads the header alone and leaves the payload be, for cutting a byte stream into datagrams.
+    /// Parses the header only, without the payload, for splitting a byte stream into datagrams.
     ///
     /// # Errors
     /// [`Malformed::TooShort`] or [`Malformed::NotMvn`].
@@ -98,10 +99,10 @@ impl Header {
         Header::read(&mut Reader::new(head)).ok_or(too_short)?.ok_or(Malformed::NotMvn)
     }
 
-    /// Header and payload of one whole datagram.
+    /// Header and payload of one complete datagram.
     ///
     /// # Errors
-    /// A [`Malformed`] for a wrong start or if the length is not what the header announces.
+    /// A [`Malformed`] if the magic is wrong or the length differs from the header's.
     pub fn split(bytes: &[u8]) -> Result<(Header, &[u8]), Malformed> {
         let header = Header::parse(bytes)?;
         let payload = bytes.get(HEADER_SIZE..).unwrap_or_default();
@@ -138,10 +139,10 @@ impl Header {
         }))
     }
 
-    /// What the items of a pose or of kinematics (types 01, 02, 21, 22) are, by the header's own counts.
+    /// Kinds of the items of a pose or of kinematics (types 01, 02, 21, 22), by the header's own counts.
     ///
-    /// `None` for other types, for senders older than MVN 2019, and where the counts do not add up to the items: then
-    /// the segment ids, which number the body from 1 to 23, are all there is.
+    /// `None` for other types, for senders older than MVN 2019, and if the counts do not sum to the items: then only
+    /// the segment ids, which number the body from 1 to 23, are available.
     pub fn layout(&self) -> Option<Layout> {
         const WITH_COUNTS: [DatagramType; 4] = [
             DatagramType::POSE_EULER,
@@ -169,12 +170,12 @@ impl Header {
     }
 }
 
-/// How many items of which sort a datagram has; they come in this order, fingers of the left hand first.
+/// Count of items of each kind in a datagram; they are in this order, fingers of the left hand first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
     /// Segments of the body.
     pub body: u8,
-    /// Props. Their ids follow the body's (24 …), and fingers' ids shift with them: go by the order.
+    /// Props. Their ids follow the body's (24 …), and fingers' ids shift with them: use the order instead.
     pub props: u8,
     /// Finger segments of both hands.
     pub fingers: u8,
@@ -184,13 +185,14 @@ pub struct Layout {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{items} items in {payload} bytes do not fit one datagram (255 items, 65535 bytes); split them")]
 pub struct Oversized {
-    /// How many items.
+    /// Count of items.
     pub items: usize,
-    /// How many bytes.
+    /// Count of bytes.
     pub payload: usize,
 }
 
-/// Replaces the content of `out` by one datagram: the header, completed, and the payload that `write_payload` appends.
+/// Replaces the contents of `out` with one datagram: the completed header, and the payload that `write_payload`
+/// appends.
 pub(super) fn frame(
     header: &Header,
     datagram_type: DatagramType,

@@ -1,4 +1,4 @@
-//! Payloads that are a row of equal items.
+//! Payloads that consist of equal items.
 
 use super::Malformed;
 use super::header::{DatagramType, Header, Oversized, frame};
@@ -7,18 +7,18 @@ use core::marker::PhantomData;
 
 /// One item of a payload.
 pub trait Item: Sized {
-    /// The type of the datagrams that carry it.
+    /// The type of the datagrams that contain it.
     const DATAGRAM_TYPE: DatagramType;
     /// Bytes of one item.
     const SIZE: usize;
 
-    /// Takes one item off the reader.
+    /// Reads one item.
     fn read(reader: &mut Reader<'_>) -> Option<Self>;
     /// Appends the item.
     fn write(&self, out: &mut Vec<u8>);
 }
 
-/// The items of one datagram, in the order of the wire. An iterator that reads as it goes.
+/// The items of one datagram, in the order of transmission; decoded during iteration.
 #[derive(Debug, Clone, Copy)]
 pub struct Items<'a, T> {
     reader: Reader<'a>,
@@ -54,7 +54,7 @@ impl<T: Item> Iterator for Items<'_, T> {
 
 impl<T: Item> ExactSizeIterator for Items<'_, T> {}
 
-/// Replaces the content of `out` by one datagram of these items.
+/// Replaces the contents of `out` with one datagram of these items.
 pub(super) fn encode<T: Item>(header: &Header, items: &[T], out: &mut Vec<u8>) -> Result<(), Oversized> {
     frame(header, T::DATAGRAM_TYPE, items.len(), out, |out| {
         for item in items {

@@ -1,7 +1,7 @@
 //! Type 20: joint angles (MVN protocol, "Joint angles").
 //!
-//! 22 joints in the order of `equipoise_core::body::Joint`, then up to 6 ergonomic joints, of which two bear the same
-//! pair of ids: go by the order, not by the ids.
+//! 22 joints in the order of `equipoise_core::body::Joint`, then up to 6 ergonomic joints, of which two have the same
+//! pair of ids: use the order, not the ids.
 
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
@@ -63,7 +63,7 @@ impl Item for JointAngle {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 20; joints in MVN's order (see [`BODY_JOINT_POINTS`]).
+/// Replaces the contents of `out` with one datagram of type 20; joints in MVN's order (see [`BODY_JOINT_POINTS`]).
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 items.

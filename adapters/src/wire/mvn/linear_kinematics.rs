@@ -19,7 +19,7 @@ pub struct LinearKinematics {
 }
 
 impl LinearKinematics {
-    /// The same motion, if it came in a world whose Y points up (X left, Y up, Z forward).
+    /// Converts the motion from a world whose Y points up (X left, Y up, Z forward).
     #[must_use]
     pub fn y_up_to_z_up(&self) -> LinearKinematics {
         LinearKinematics {
@@ -52,7 +52,7 @@ impl Item for LinearKinematics {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 21; order as in type 02.
+/// Replaces the contents of `out` with one datagram of type 21; order as in type 02.
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 items.

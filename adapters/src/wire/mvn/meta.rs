@@ -1,12 +1,12 @@
-//! Type 12: who the character is (MVN protocol, "Character information").
+//! Type 12: properties of the character (MVN protocol, "Character information").
 //!
-//! Lines of `tag:value`. Seen: `name`, `xmid`, `color`, `count`, `timeOffset`.
+//! Lines of `tag:value`. Observed tags: `name`, `xmid`, `color`, `count`, `timeOffset`.
 
 use super::Malformed;
 use super::header::{DatagramType, Header, Oversized, frame};
 use crate::wire::reader::{Reader, TextFault, write_text};
 
-/// The text of one datagram, read on demand.
+/// The text of one datagram, parsed on demand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Meta<'a> {
     text: &'a str,
@@ -26,7 +26,7 @@ impl<'a> Meta<'a> {
         Ok(Meta { text })
     }
 
-    /// All `(tag, value)` pairs in the order of the wire; lines without a colon are left out.
+    /// All `(tag, value)` pairs in the order of transmission; lines without a colon are omitted.
     pub fn tags(&self) -> impl Iterator<Item = (&'a str, &'a str)> + use<'a> {
         self.text.lines().filter_map(|line| line.trim_end_matches('\r').split_once(':'))
     }
@@ -47,7 +47,7 @@ impl<'a> Meta<'a> {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 12.
+/// Replaces the contents of `out` with one datagram of type 12.
 ///
 /// # Errors
 /// [`Oversized`] if the text is longer than a datagram.

@@ -1,13 +1,13 @@
 //! Type 01: segment poses as Euler angles (MVN protocol, "Segment position and orientation, Euler").
 //!
-//! Centimetres, degrees and **Y up**: X left, Y up, Z forward. Degrees turn about the fixed axes X, then Y, then Z.
+//! Centimetres, degrees and **Y up**: X left, Y up, Z forward. Rotations are about the fixed axes X, then Y, then Z.
 
 use super::SegmentPose;
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
 use crate::wire::reader::{Reader, write_f32s};
 
-/// One segment's pose, as the wire has it.
+/// One segment's pose, as transmitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EulerPose {
     /// MVN segment id, from 1: index plus one for the 23 of the body.
@@ -19,10 +19,10 @@ pub struct EulerPose {
 }
 
 impl EulerPose {
-    /// The same pose as type 02 has it: metres, Z up, quaternion.
+    /// Converts the pose to the units and frame of type 02: metres, Z up, quaternion.
     ///
-    /// X, Y, Z of the Y-up world are Y, Z, X of the Z-up world. That is a rotation, so vectors and the vector parts of
-    /// quaternions change alike.
+    /// X, Y, Z of the Y-up world are Y, Z, X of the Z-up world. This is a rotation, so vectors and the vector parts of
+    /// quaternions are permuted equally.
     pub fn to_z_up(&self) -> SegmentPose {
         let [(sx, cx), (sy, cy), (sz, cz)] =
             self.rotation_deg_y_up.map(|angle| (f64::from(angle).to_radians() / 2.0).sin_cos());
@@ -38,7 +38,7 @@ impl EulerPose {
         y_up.y_up_to_z_up()
     }
 
-    /// The pose of a type 02 item as type 01 has it.
+    /// Converts a pose of type 02 to the units and frame of type 01.
     pub fn from_z_up(pose: &SegmentPose) -> EulerPose {
         let [forward, left, up] = pose.position_m;
         let [w, z, x, y] = pose.orientation_wxyz.map(f64::from);
@@ -74,7 +74,7 @@ impl Item for EulerPose {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 01; order as in type 02.
+/// Replaces the contents of `out` with one datagram of type 01; order as in type 02.
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 items.

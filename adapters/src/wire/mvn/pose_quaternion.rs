@@ -1,6 +1,6 @@
 //! Type 02: segment poses as quaternions (MVN protocol, "Segment position and orientation, quaternion").
 //!
-//! The specification says centimetres; real datagrams carry **metres** (they equal type 01 of the same sample).
+//! The specification says centimetres; real datagrams contain **metres** (they equal type 01 of the same sample).
 
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
@@ -13,12 +13,12 @@ pub struct SegmentPose {
     pub segment_id: u32,
     /// Segment origin (proximal joint centre) in the suit's world: X forward, Y left, Z up; m.
     pub position_m: [f32; 3],
-    /// `suitworld_from_segment`, scalar first; unit norm but for rounding, sign arbitrary.
+    /// `suitworld_from_segment`, scalar first; unit norm except for rounding, sign arbitrary.
     pub orientation_wxyz: [f32; 4],
 }
 
 impl SegmentPose {
-    /// The same pose, if it came in a world whose Y points up (X left, Y up, Z forward), as type 01 has it.
+    /// Converts the pose from a world whose Y points up (X left, Y up, Z forward), as in type 01.
     #[must_use]
     pub fn y_up_to_z_up(&self) -> SegmentPose {
         let [w, x, y, z] = self.orientation_wxyz;
@@ -30,8 +30,8 @@ impl SegmentPose {
     }
 }
 
-/// A vector of a right-handed world whose Y points up, in the world whose Z does: left, up, forward become forward,
-/// left, up.
+/// Converts a vector of a right-handed world whose Y points up to the world whose Z points up: left, up, forward become
+/// forward, left, up.
 pub const fn y_up_to_z_up([left, up, forward]: [f32; 3]) -> [f32; 3] {
     [forward, left, up]
 }
@@ -55,7 +55,7 @@ impl Item for SegmentPose {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 02; body first, then props, left fingers, right fingers.
+/// Replaces the contents of `out` with one datagram of type 02; body first, then props, left fingers, right fingers.
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 items.

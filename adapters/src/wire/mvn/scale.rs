@@ -1,16 +1,17 @@
 //! Type 13: the null pose of the segments and the points on them (MVN protocol, "Scale").
 //!
-//! Sent as several datagrams: the first has the segments, the following some of about 123 points each. Its sample
-//! counter is 0 and its datagram counter need not be `0x80`, so each datagram is read on its own and merged by id.
+//! Sent as several datagrams: the first contains the segments, the following ones some of about 123 points each. Its
+//! sample counter is 0 and its datagram counter need not be `0x80`, so each datagram is parsed independently and merged
+//! by id.
 
 use super::Malformed;
 use super::header::{DatagramType, Header, Oversized, frame};
 use crate::wire::reader::{Reader, TextFault, write_f32s, write_text};
 
-/// A segment's place in the null (T) pose.
+/// Position of a segment in the null (T) pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NullPoseSegment<'a> {
-    /// MVN's name, for example `RightForeArm`. The segment's id is its place in the list, from 1.
+    /// MVN's name, for example `RightForeArm`. The segment's id is its position in the list, from 1.
     pub name: &'a str,
     /// Origin in the null pose: X forward, Y left, Z up; m.
     pub origin_m: [f32; 3],
@@ -25,13 +26,13 @@ pub struct SegmentPoint<'a> {
     pub point_id: u16,
     /// The point's name, for example `pHeelFoot`.
     pub name: &'a str,
-    /// What kind of point, by MVN's own bits.
+    /// Kind of the point, by MVN's own bits.
     pub flags: u32,
     /// Offset from the segment's origin in the null pose, m.
     pub offset_m: [f32; 3],
 }
 
-/// The content of one datagram. Checked when read, so the iterators yield all there is.
+/// The content of one datagram. Validated on parsing, so the iterators yield all elements.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale<'a> {
     segment_count: usize,
@@ -102,9 +103,10 @@ fn read_point<'a>(reader: &mut Reader<'a>) -> Result<SegmentPoint<'a>, TextFault
     })
 }
 
-/// Replaces the content of `out` by one datagram of type 13.
+/// Replaces the contents of `out` with one datagram of type 13.
 ///
-/// Real senders leave sample counter, time code and, but for the last datagram, bit 7 of the datagram counter at zero.
+/// Real senders leave sample counter, time code and, except in the last datagram, bit 7 of the datagram counter at
+/// zero.
 ///
 /// # Errors
 /// [`Oversized`] if it does not fit one datagram: send the points in several.
@@ -115,7 +117,7 @@ pub fn encode(
     out: &mut Vec<u8>,
 ) -> Result<(), Oversized> {
     frame(header, DatagramType::SCALE, 0, out, |out| {
-        // Lists beyond i32 are beyond a datagram too; framing refuses those by their size.
+        // Lists beyond i32 exceed a datagram as well; `frame` refuses those by their size.
         out.extend_from_slice(&(segments.len() as i32).to_be_bytes());
         for segment in segments {
             write_text(segment.name, out);

@@ -1,47 +1,47 @@
-//! Datagrams out of a byte stream: MVN over TCP puts one after the other, with nothing in between.
+//! Extracts datagrams from a byte stream: MVN over TCP sends them consecutively, without separators.
 //!
-//! The header's payload size says where a datagram ends. Where the next does not begin there, the stream is out of step,
-//! and the next `MXTP` is the next beginning. No sound payload contains those four letters: as a number they are beyond
-//! anything a body does, and a character who bears them as a name is not worth more. So a datagram that holds them has
-//! lost its end, and what follows is saved. JSON text between datagrams is stepped over.
+//! The header's payload size gives the end of a datagram. If no datagram begins there, synchronisation is lost, and the
+//! next `MXTP` is taken as the next start. No valid payload contains these four letters: as a number they exceed any
+//! quantity of a body; a character with this name is not supported. A datagram that contains them has therefore been
+//! truncated, and the data after it are recovered. JSON text between datagrams is skipped.
 
 use super::header::{HEADER_SIZE, Header, MAGIC};
 
-/// A longer text is none.
+/// A longer text is invalid.
 const TEXT_MAX: usize = 65_536;
 
-/// What was found at the front of the stream.
+/// Element found at the front of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut {
-    /// A datagram; [`StreamCutter::datagram`] has it.
+    /// A datagram; returned by [`StreamCutter::datagram`].
     Datagram,
-    /// The stream was out of step here; bytes were or will be skipped up to the next datagram.
+    /// Synchronisation was lost here; bytes were or will be skipped up to the next datagram.
     LostStep,
 }
 
-/// Cuts one stream. Whatever is pushed in whatever portions, the same bytes give the same cuts.
+/// Splits one stream into datagrams; the result is independent of its division into pieces.
 #[derive(Debug, Clone, Default)]
 pub struct StreamCutter {
     buffer: Vec<u8>,
-    /// Where in the buffer the next cut begins.
+    /// Index in the buffer at which the next element begins.
     at: usize,
-    /// So many bytes from `at` on were searched for a beginning, without success.
+    /// Count of bytes from `at` on that were searched for a start without success.
     searched: usize,
-    /// Where the datagram that was cut last lies.
+    /// Position of the last datagram.
     datagram: (usize, usize),
     out_of_step: bool,
     skipped_bytes: u64,
 }
 
 impl StreamCutter {
-    /// A stream that has brought nothing yet.
+    /// A stream before any data.
     pub fn new() -> StreamCutter {
         StreamCutter::default()
     }
 
-    /// Takes in the next bytes. Call [`Self::advance`] until it has nothing more, else the buffer grows.
+    /// Appends received bytes. Call [`Self::advance`] until it returns `None`, otherwise the buffer grows.
     pub fn push(&mut self, bytes: &[u8]) {
-        // A beginning may lie across the end of the last datagram, if that one was short of some bytes.
+        // A start may span the end of the last datagram, if that one was short by some bytes.
         let done = self.at.saturating_sub(MAGIC.len() - 1);
         self.buffer.drain(..done);
         self.at -= done;
@@ -49,7 +49,7 @@ impl StreamCutter {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// The next cut; `None` if it takes more bytes to know.
+    /// The next element; `None` if more bytes are needed.
     pub fn advance(&mut self) -> Option<Cut> {
         loop {
             if self.out_of_step {
@@ -83,12 +83,12 @@ impl StreamCutter {
         }
     }
 
-    /// The datagram of the last [`Cut::Datagram`]; empty once more bytes were pushed.
+    /// The datagram of the last [`Cut::Datagram`]; empty after more bytes were pushed.
     pub fn datagram(&self) -> &[u8] {
         self.buffer.get(self.datagram.0..self.datagram.1).unwrap_or_default()
     }
 
-    /// Bytes that belonged to no datagram and no text.
+    /// Count of bytes that belong to no datagram and no text.
     pub fn skipped_bytes(&self) -> u64 {
         self.skipped_bytes
     }
@@ -107,7 +107,7 @@ impl StreamCutter {
         self.step(length);
     }
 
-    /// What stands at the front of a stream that is in step.
+    /// Parses the front of a synchronised stream.
     fn look(&mut self) -> Look {
         let rest = self.rest();
         match rest.first() {
@@ -124,7 +124,7 @@ impl StreamCutter {
         let Ok(header) = Header::parse(self.rest()) else { return Look::Unknown };
         let length = HEADER_SIZE + usize::from(header.payload_size);
         let there = self.rest().len().min(length);
-        // The last three bytes may be the beginning of a beginning: they are looked at again with what follows.
+        // The last three bytes may begin a start: they are searched again with the following ones.
         let from = self.searched.saturating_sub(MAGIC.len() - 1).max(1);
         if let Some(inside) = self.rest().get(from..there).and_then(find) {
             return Look::Begins { later: from + inside };
@@ -133,7 +133,7 @@ impl StreamCutter {
         if there == length { Look::Datagram(length) } else { Look::Unknown }
     }
 
-    /// Nothing begins here. If the last datagram was short of a few bytes, something began within its end.
+    /// No element begins here. If the last datagram was short by a few bytes, one began within its end.
     fn look_back(&self) -> Look {
         for before in 1..MAGIC.len().min(self.at + 1) {
             let Some(across) = self.buffer.get(self.at - before..) else { continue };
@@ -149,17 +149,17 @@ impl StreamCutter {
 }
 
 enum Look {
-    /// It takes more bytes to know.
+    /// More bytes are needed.
     Unknown,
-    /// Text of so many bytes.
+    /// Text of this many bytes.
     Text(usize),
-    /// A datagram of so many bytes.
+    /// A datagram of this many bytes.
     Datagram(usize),
-    /// What stands here has no end before something else begins, so many bytes later.
+    /// The element here is incomplete; another one begins this many bytes later.
     Begins { later: usize },
-    /// Something began so many bytes before.
+    /// An element began this many bytes earlier.
     Began { before: usize },
-    /// Nothing that we know.
+    /// No valid element.
     Nothing,
 }
 
@@ -171,7 +171,7 @@ fn find(bytes: &[u8]) -> Option<usize> {
     bytes.windows(MAGIC.len()).position(is_beginning)
 }
 
-/// One JSON object, by its braces.
+/// One JSON object, delimited by its braces.
 fn text(bytes: &[u8]) -> Look {
     let (mut depth, mut quoted, mut escaped) = (0u32, false, false);
     for (index, byte) in bytes.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Type 25: the time of day of the sending computer (MVN protocol, "Time code").
 //!
-//! Twelve characters, `HH:MM:SS.mmm`, UTC, without a date; bare in the specification, behind an i32 length on real
-//! wires. Both are read, the second is written.
+//! Twelve characters, `HH:MM:SS.mmm`, UTC, without a date; bare in the specification, after an i32 length in real
+//! datagrams. Both are read, the second is written.
 
 use super::Malformed;
 use super::header::{DatagramType, Header, Oversized, frame};
@@ -19,7 +19,7 @@ pub struct TimeCode {
 impl TimeCode {
     pub(super) fn parse(payload: &[u8]) -> Result<Self, Malformed> {
         let unreadable = Malformed::Text { datagram_type: DatagramType::TIME_CODE, field: "time" };
-        // A bare time begins with a digit, a length of a few bytes with zero.
+        // A bare time begins with a digit, a small length with zero.
         let text = if payload.first().is_some_and(u8::is_ascii_digit) {
             core::str::from_utf8(payload).map_err(|_| unreadable)?
         } else {
@@ -33,7 +33,7 @@ impl TimeCode {
         TimeCode::from_text(text).ok_or(unreadable)
     }
 
-    /// Reads `HH:MM:SS` or `HH:MM:SS.mmm`.
+    /// Parses `HH:MM:SS` or `HH:MM:SS.mmm`.
     fn from_text(text: &str) -> Option<TimeCode> {
         let (clock, fraction) = text.split_once('.').unwrap_or((text, "000"));
         let mut parts = clock.split(':');
@@ -49,7 +49,7 @@ impl TimeCode {
 }
 
 fn digits(text: &str, count: usize, limit: u32) -> Option<u32> {
-    // `parse` alone would let a sign pass.
+    // `parse` alone would accept a sign.
     if text.len() != count || !text.bytes().all(|byte| byte.is_ascii_digit()) {
         return None;
     }
@@ -64,10 +64,10 @@ impl core::fmt::Display for TimeCode {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 25; times beyond a day wrap round.
+/// Replaces the contents of `out` with one datagram of type 25; times beyond a day wrap.
 ///
 /// # Errors
-/// Never; it has the shape of its siblings.
+/// Never; the signature is that of the other types.
 pub fn encode(header: &Header, time: TimeCode, out: &mut Vec<u8>) -> Result<(), Oversized> {
     frame(header, DatagramType::TIME_CODE, 1, out, |out| write_text(&time.to_string(), out))
 }

@@ -1,6 +1,7 @@
-//! Type 23: what each motion tracker measured (MVN protocol, "Motion tracker kinematics").
+//! Type 23: measurements of each motion tracker (MVN protocol, "Motion tracker kinematics").
 //!
-//! Items of 44 bytes in the specification's text and in old streams, of 68 in newer ones; the payload tells which.
+//! Items of 44 bytes in the specification's text and in old streams, of 68 in newer ones; the payload size
+//! distinguishes them.
 
 use super::Malformed;
 use super::header::{DatagramType, Header, Oversized, frame};
@@ -9,10 +10,10 @@ use crate::wire::reader::{Reader, write_f32s};
 const SHORT: usize = 44;
 const LONG: usize = 68;
 
-/// One tracker; only segments that wear one are sent (17 of a whole body).
+/// One tracker; only segments with a tracker are sent (17 of a whole body).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerKinematics {
-    /// MVN segment id of the wearer, from 1.
+    /// MVN id of the segment with the tracker, from 1.
     pub segment_id: u32,
     /// `suitworld_from_tracker`, scalar first.
     pub orientation_wxyz: [f32; 4],
@@ -33,7 +34,7 @@ pub struct Inertial {
     pub angular_velocity_rad_per_s: [f32; 3],
 }
 
-/// The trackers of one datagram, in the order of the wire.
+/// The trackers of one datagram, in the order of transmission.
 #[derive(Debug, Clone, Copy)]
 pub struct Trackers<'a> {
     reader: Reader<'a>,
@@ -80,9 +81,10 @@ impl Iterator for Trackers<'_> {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 23.
+/// Replaces the contents of `out` with one datagram of type 23.
 ///
-/// Items are long if all trackers have their inertial channels, else short: one datagram has one size of item.
+/// Items are long if all trackers have their inertial channels, else short: all items of one datagram have the same
+/// size.
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 trackers.

@@ -1,10 +1,10 @@
 //! Type 05: segment poses for Unity3D (MVN protocol, "Segment position and orientation, Unity3D").
 //!
-//! Items as in type 02, but in Unity's world (**left-handed**, X right, Y up, Z forward; m), in an order of their own, and
-//! only the pelvis stands in the world: every other segment stands in its parent's frame.
+//! Items as in type 02, but in Unity's world (**left-handed**, X right, Y up, Z forward; m) and in a different order;
+//! only the pelvis is expressed in the world, every other segment in its parent's frame.
 //!
-//! No real datagram of this type was ever seen here. The specification names handedness, up axis, order and what is
-//! relative to what; that X points to the right and that ids do not matter beside the order are our reading of it.
+//! Not verified with a real datagram. The specification defines handedness, up axis, order and reference frames; that X
+//! points to the right and that ids are redundant to the order are assumptions.
 
 use super::Malformed;
 use super::SegmentPose;
@@ -13,11 +13,11 @@ use super::items::Item;
 use crate::wire::reader::Reader;
 use equipoise_core::body::{SEGMENTS, Segment};
 
-/// The segments in the order of the wire (MVN protocol, table 3), as places in MVN's own order.
+/// The segments in the order of transmission (MVN protocol, table 3), as indices of MVN's own order.
 const ORDER: [usize; SEGMENTS] =
     [0, 15, 16, 17, 18, 19, 20, 21, 22, 1, 2, 3, 4, 11, 12, 13, 14, 7, 8, 9, 10, 5, 6];
 
-/// One body of 23 segments. Read when asked for, since the whole chain is needed for any of it.
+/// One body of 23 segments. Decoded on demand, as each segment requires the whole chain.
 #[derive(Debug, Clone, Copy)]
 pub struct UnityBody<'a> {
     reader: Reader<'a>,
@@ -26,7 +26,7 @@ pub struct UnityBody<'a> {
 impl<'a> UnityBody<'a> {
     pub(super) fn parse(header: &Header, payload: &'a [u8]) -> Result<Self, Malformed> {
         let items = usize::from(header.items);
-        // Props may follow the body; they stand in the world and are passed over.
+        // Props may follow the body; they are expressed in the world and skipped.
         if items < SEGMENTS || payload.len() != items * SegmentPose::SIZE {
             return Err(Malformed::Items {
                 datagram_type: header.datagram_type,
@@ -37,22 +37,22 @@ impl<'a> UnityBody<'a> {
         Ok(UnityBody { reader: Reader::new(payload) })
     }
 
-    /// The items as the wire has them, in its order: left-handed, Y up, all but the pelvis relative to their parents.
+    /// The items as transmitted: left-handed, Y up, all except the pelvis relative to their parents.
     pub fn items(&self) -> impl Iterator<Item = SegmentPose> + use<'a> {
         let mut reader = self.reader;
         core::iter::from_fn(move || SegmentPose::read(&mut reader))
     }
 
-    /// The body as type 02 has it, in MVN's order: Z up, right-handed, every segment in the world.
+    /// Converts the body to the frame and order of type 02: Z up, right-handed, every segment in the world.
     ///
-    /// Numbers that are not finite stay so; quaternions that are not of unit length make others wrong in length too.
+    /// Numbers that are not finite stay so; quaternions without unit norm also scale other segments.
     pub fn to_z_up(&self) -> [SegmentPose; SEGMENTS] {
         let mut body =
             [SegmentPose { segment_id: 0, position_m: [0.0; 3], orientation_wxyz: [0.0; 4] }; SEGMENTS];
         for (place, item) in ORDER.into_iter().zip(self.items()) {
             body[place] = right_handed(&item, place);
         }
-        // Parents come before their children in MVN's order.
+        // Parents precede their children in MVN's order.
         for segment in &Segment::ALL[1..] {
             if let Some(parent) = segment.parent() {
                 body[segment.index()] = placed(&body[parent.index()], &body[segment.index()]);
@@ -62,8 +62,8 @@ impl<'a> UnityBody<'a> {
     }
 }
 
-/// Unity's axes are right, up and forward; MVN's forward, left and up. Vectors change as they are, turns with a sign
-/// more, since one of the two worlds is a mirror image.
+/// Unity's axes are right, up and forward; MVN's forward, left and up. Vectors are permuted; rotations also change
+/// sign, as the two worlds are mirror images.
 fn right_handed(item: &SegmentPose, place: usize) -> SegmentPose {
     let [right, up, forward] = item.position_m;
     let [w, x, y, z] = item.orientation_wxyz;
@@ -80,7 +80,7 @@ fn left_handed(pose: &SegmentPose, segment_id: u32) -> SegmentPose {
     SegmentPose { segment_id, position_m: [-left, up, forward], orientation_wxyz: [w, y, -z, -x] }
 }
 
-/// A pose in its parent's frame, put into the world.
+/// Transforms a pose from its parent's frame to the world.
 fn placed(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
     let offset = turned(parent.orientation_wxyz, child.position_m);
     SegmentPose {
@@ -90,7 +90,7 @@ fn placed(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
     }
 }
 
-/// A pose in the world, told in its parent's frame.
+/// Transforms a pose from the world to its parent's frame.
 fn relative(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
     let back = conjugate(parent.orientation_wxyz);
     let offset = core::array::from_fn(|axis| child.position_m[axis] - parent.position_m[axis]);
@@ -119,10 +119,10 @@ fn turned(q: [f32; 4], [x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, y, z]
 }
 
-/// Replaces the content of `out` by one datagram of type 05; `body` as type 02 has it, in MVN's order.
+/// Replaces the contents of `out` with one datagram of type 05; `body` as in type 02, in MVN's order.
 ///
 /// # Errors
-/// Never; it has the shape of its siblings.
+/// Never; the signature is that of the other types.
 pub fn encode(header: &Header, body: &[SegmentPose; SEGMENTS], out: &mut Vec<u8>) -> Result<(), Oversized> {
     frame(header, DatagramType::UNITY, SEGMENTS, out, |out| {
         for (index, place) in ORDER.into_iter().enumerate() {
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn the_wire_is_left_handed_and_has_an_order_of_its_own() {
         let mut standing = body(&[[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]; SEGMENTS]);
-        // The pelvis is turned to the left by a right angle; the left thigh begins 0.1 m to its left, so behind it.
+        // The pelvis is rotated by 90° to the left; the left thigh begins 0.1 m to its left, therefore behind it.
         let half = core::f32::consts::FRAC_1_SQRT_2;
         standing[0].orientation_wxyz = [half, 0.0, 0.0, half];
         standing[19].position_m = [-0.1, 0.0, 1.0];
@@ -199,9 +199,9 @@ mod tests {
         let items: Vec<SegmentPose> = read(&bytes).items().collect();
         let near = |got: &[f32], want: &[f32]| got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
         assert!(near(&items[0].position_m, &[0.0, 1.0, 0.0]), "up is Y: {:?}", items[0]);
-        // Seen from above, a left-handed turn about Y goes the other way.
+        // Seen from above, a left-handed rotation about Y has the opposite direction.
         assert!(near(&items[0].orientation_wxyz, &[half, 0.0, -half, 0.0]), "{:?}", items[0]);
-        // The left thigh is the sixth of the wire, and its own left is Unity's −X.
+        // The left thigh is the sixth item, and its own left is Unity's −X.
         assert!(near(&items[5].position_m, &[-0.1, 0.0, 0.0]), "{:?}", items[5]);
         let ids: Vec<u32> = items.iter().map(|item| item.segment_id).collect();
         assert_eq!(ids, (1..=23).collect::<Vec<u32>>());

@@ -1,14 +1,14 @@
 //! Type 03: the virtual marker set (MVN protocol, "Point position data, virtual marker set").
 //!
-//! Points on the body that optical software would call markers; centimetres, **Y up**: X left, Y up, Z forward. No real
-//! datagram of this type was ever seen here: layout and units are the specification's and the maker's own parser's.
+//! Points on the body that correspond to markers of optical systems; centimetres, **Y up**: X left, Y up, Z forward.
+//! Not verified with a real datagram: layout and units are those of the specification and of the maker's own parser.
 
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
 use super::pose_quaternion::y_up_to_z_up;
 use crate::wire::reader::{Reader, write_f32s};
 
-/// One virtual marker, as the wire has it.
+/// One virtual marker, as transmitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VirtualMarker {
     /// MVN's number of the point.
@@ -18,7 +18,7 @@ pub struct VirtualMarker {
 }
 
 impl VirtualMarker {
-    /// The position as types 02 and 21 have theirs: forward, left, up; m.
+    /// Converts the position to the frame of types 02 and 21: forward, left, up; m.
     pub fn to_z_up_m(&self) -> [f32; 3] {
         y_up_to_z_up(self.position_cm_y_up.map(|cm| cm / 100.0))
     }
@@ -38,7 +38,7 @@ impl Item for VirtualMarker {
     }
 }
 
-/// Replaces the content of `out` by one datagram of type 03.
+/// Replaces the contents of `out` with one datagram of type 03.
 ///
 /// # Errors
 /// [`Oversized`] for more than 255 markers.

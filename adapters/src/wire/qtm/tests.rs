@@ -37,7 +37,7 @@ fn forces(plates: &Plates) -> Vec<u8> {
     component(4, &content)
 }
 
-/// What a cutter finds in pieces of a stream, in words.
+/// The elements that a cutter returns for pieces of a stream, as text.
 fn found(pieces: &[&[u8]]) -> Vec<String> {
     let mut cutter = Cutter::default();
     let mut found = Vec::new();
@@ -65,7 +65,7 @@ fn a_frame_written_by_hand_is_read() {
     ];
     let mut cutter = Cutter::default();
     cutter.push(&bytes);
-    // Four bytes too many in the frame: its lengths are checked to the last byte.
+    // Four excess bytes in the frame: its lengths are checked to the last byte.
     let Some(Ok(Packet::Frame(frame))) = cutter.next_packet() else { panic!() };
     assert_eq!(frame.plate(2), Err(Malformed::Frame { number: 7 }));
 
@@ -110,7 +110,7 @@ fn the_other_byte_order_is_named() {
     cutter.push(&[0, 0, 0, 21, 0, 0, 0, 1, b'V']);
     let error = cutter.next_packet().unwrap().unwrap_err();
     assert!(error.to_string().contains("22223"), "{error}");
-    // Nothing can be found in such a stream any more, and nothing is kept of it.
+    // Such a stream cannot be resynchronised, and its data are not buffered.
     cutter.push(&command("Version 1.25"));
     assert!(cutter.next_packet().is_none() && cutter.0.held() == 0);
     cutter.clear();

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 
 #[test]
 fn the_known_sample_is_scaled() {
-    // Of the vectors in tests/data/plate_vectors.json: 1/3 N m is not exactly what 50 counts of 200 N m are.
+    // From the vectors in tests/data/plate_vectors.json: 50 counts of 200 N m are not exactly 1/3 N m.
     let bytes = [0x64, 0, 0x38, 0xff, 0x98, 0x3a, 0x2c, 1, 0x70, 0xfe, 0x32, 0];
     let scales = FullScales::parse(
         "1500,1500,3000,300,300,200, 3000,3000,6000,600,600,400,5000,5000,10000,1000,1000,600",

@@ -1,6 +1,6 @@
 //! Numbers as text.
 
-/// What stands before the decimals.
+/// Decimal separator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decimal {
     /// `1.5`
@@ -9,21 +9,21 @@ pub enum Decimal {
     Comma,
 }
 
-/// What one of a whole number is.
+/// Unit of an integer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// One of what is counted.
+    /// A dimensionless count.
     One,
-    /// A nanosecond, told in seconds.
+    /// Nanoseconds, from a number in seconds.
     NanosecondInSeconds,
-    /// A nanosecond, told in milliseconds.
+    /// Nanoseconds, from a number in milliseconds.
     NanosecondInMilliseconds,
-    /// A nanosecond, told in microseconds.
+    /// Nanoseconds, from a number in microseconds.
     NanosecondInMicroseconds,
 }
 
 impl Unit {
-    /// So many decimals make a whole.
+    /// Count of decimals of one integer unit.
     fn decimals(self) -> usize {
         match self {
             Unit::One => 0,
@@ -42,17 +42,17 @@ impl Decimal {
         }
     }
 
-    /// A number; NaN and infinity are numbers here, for whoever takes it to refuse.
+    /// A number; NaN and infinity are accepted here, and refused by the caller.
     pub(super) fn number(self, text: &str) -> Option<f64> {
         match self {
             Decimal::Point => text.parse().ok(),
-            // A point among decimals after a comma groups thousands, or the form is wrong.
+            // With a decimal comma, a point would be a thousands separator, or the format is wrong.
             Decimal::Comma if text.contains('.') => None,
             Decimal::Comma => text.replace(',', ".").parse().ok(),
         }
     }
 
-    /// A number not below zero in a finer unit, exact as far as that goes; what is finer still is cut off.
+    /// A non-negative number in a finer unit, exact to that unit; further decimals are truncated.
     pub(super) fn whole(self, text: &str, unit: Unit) -> Option<u64> {
         let text = text.strip_prefix('+').unwrap_or(text);
         let (whole, decimals) = text.split_once(self.separator()).unwrap_or((text, ""));
@@ -67,7 +67,7 @@ impl Decimal {
             .try_fold(0u64, |value, digit| value.checked_mul(10)?.checked_add(u64::from(digit - b'0')))
     }
 
-    /// The same for `1e3` and the like, as exact as binary numbers are.
+    /// The same for exponent notation such as `1e3`, in double precision.
     fn rounded(self, text: &str, unit: Unit) -> Option<u64> {
         let fine = self.number(text)? * 10f64.powi(unit.decimals() as i32);
         // The bound is a power of two and thus exact.

@@ -1,10 +1,10 @@
-//! The C compiler, and the library beside this test.
+//! The C compiler, and the library that cargo builds for these tests.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// The library's folder: cargo builds it for the tests of this package, beside the tests.
+/// Folder of the library: cargo places it next to the test binaries of this package.
 fn library_folder() -> PathBuf {
     let executable = std::env::current_exe().unwrap();
     let folder = executable.parent().unwrap().to_owned();
@@ -12,7 +12,7 @@ fn library_folder() -> PathBuf {
     folder
 }
 
-/// How a program is tied to the library.
+/// How a program is linked with the library.
 #[derive(Debug, Clone, Copy)]
 #[allow(dead_code, clippy::allow_attributes, reason = "one of the tests needs one of them only")]
 pub(crate) enum Link {
@@ -20,7 +20,7 @@ pub(crate) enum Link {
     Static,
 }
 
-/// The compiler for files with this ending, and the standard that it is asked for.
+/// The compiler for a file extension, and its language standard option.
 fn of(ending: &str) -> (Command, &'static str) {
     let (variable, usual, standard) = match ending {
         "cpp" => ("CXX", "c++", "-std=c++17"),
@@ -29,13 +29,14 @@ fn of(ending: &str) -> (Command, &'static str) {
     (Command::new(std::env::var_os(variable).unwrap_or(usual.into())), standard)
 }
 
-/// Whether there is a compiler for files with this ending.
+/// Whether the compiler for this file extension exists.
 #[allow(dead_code, clippy::allow_attributes, reason = "one of the tests needs it only")]
 pub(crate) fn is_there(ending: &str) -> bool {
     of(ending).0.arg("--version").output().is_ok_and(|ended| ended.status.success())
 }
 
-/// Compiles a file of C, or by its ending `cpp` of C++, strictly; the program lies in `scratch`.
+/// Compiles a C file, or a C++ file if its extension is `cpp`, with strict warnings; the program is placed in
+/// `scratch`.
 pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
     let (program, library) = (scratch.join("program"), library_folder());
     let (mut compiler, standard) = of(source.extension().and_then(OsStr::to_str).unwrap());
@@ -47,7 +48,7 @@ pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
     match link {
         Link::Shared => {
             compiler.arg("-L").arg(&library).arg("-lequipoise_c");
-            // Before LD_LIBRARY_PATH, in which cargo names a folder where an earlier build may lie.
+            // Takes precedence over LD_LIBRARY_PATH, in which cargo may name a folder with an earlier build.
             compiler.arg(format!("-Wl,--disable-new-dtags,-rpath,{}", library.display()));
         }
         Link::Static => {
@@ -60,7 +61,7 @@ pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
     program
 }
 
-/// What a program that must succeed says.
+/// Standard output of a program that must succeed.
 pub(crate) fn said(ended: &Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
     assert!(ended.status.success(), "out: {out} err: {err}");

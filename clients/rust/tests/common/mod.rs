@@ -1,4 +1,4 @@
-//! A bus of its own for each test, and a process on it that publishes as the daemon does and can be killed.
+//! A separate bus for each test, and a process that publishes on it like the daemon and can be killed.
 #![allow(
     dead_code,
     clippy::allow_attributes,
@@ -16,14 +16,14 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Nothing here should ever take this long; not a measurement.
+/// Test time-out, far above the expected duration; not a measurement.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
-/// How often the station's process publishes.
+/// Publishing period of the station's process.
 pub(crate) const PERIOD: Duration = Duration::from_millis(2);
 const STATION: &str = "test";
 const CHILD_ROOT: &str = "EQUIPOISE_CLIENT_TEST_CHILD";
 
-/// The root of a bus. Takes the bus's shared memory along when it goes.
+/// Root of a bus; dropping it also removes the bus's shared memory.
 pub(crate) struct Root(TempDir);
 
 pub(crate) fn root() -> Root {
@@ -48,7 +48,7 @@ impl Root {
         Bus::join(&self.settings(role).bus).unwrap()
     }
 
-    /// Removes every file of the bus, as if nobody had ever been there.
+    /// Removes all files of the bus.
     pub(crate) fn remove_the_bus(&self) {
         let _already_gone = std::fs::remove_dir_all(self.path());
         let prefix = shared_memory_prefix(&self.path());
@@ -66,7 +66,7 @@ impl Drop for Root {
     }
 }
 
-/// A process that publishes states: SIGKILLed at the latest when the test ends.
+/// A process that publishes states, killed with SIGKILL when the test ends.
 pub(crate) struct Station(Child);
 
 impl Station {
@@ -85,7 +85,7 @@ impl Drop for Station {
     }
 }
 
-/// The life of a station's process, until it is killed or forgotten; nothing in an ordinary run of the tests.
+/// Body of the station's process, until it is killed or a time-out passes; does nothing in a normal test run.
 pub(crate) fn publish_until_killed() {
     let Some(root) = std::env::var_os(CHILD_ROOT) else { return };
     let settings = BusSettings { root: Path::new(&root).to_owned(), ..BusSettings::new(STATION, "daemon") };
@@ -114,7 +114,7 @@ pub(crate) fn publish_until_killed() {
     }
 }
 
-/// Tries until `ready`, which must come to be.
+/// Polls until `ready` returns a value; panics after the time-out.
 pub(crate) fn until<T>(what: &str, mut ready: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
     loop {

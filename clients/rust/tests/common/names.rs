@@ -1,4 +1,4 @@
-//! How names of the core are written in other languages.
+//! Spelling of the core's names in other languages.
 
 /// `RightT4Shoulder` as `RIGHT_T4_SHOULDER`; `ground_force` as `GROUND_FORCE`.
 pub(crate) fn constant_case(name: &str) -> String {

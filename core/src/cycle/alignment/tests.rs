@@ -1,6 +1,6 @@
 use super::*;
 
-/// Late enough for every sample here.
+/// Later than every sample here.
 const NOW_NS: u64 = 1 << 40;
 
 fn take_ground(alignment: &mut Alignment, sample: &GroundSample, now_ns: u64) {
@@ -60,7 +60,7 @@ fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
     assert_eq!(at(0, 200), Some(200.0));
     assert_eq!(at(138, 210), Some(72.0), "a late suit");
     assert_eq!(at(-138, 220), Some(358.0), "a late ground");
-    // Ground that reaches to 499 ms is 138 ms short of it; the sample is 80 ms old.
+    // Ground samples up to 499 ms end 138 ms before the corresponding time; the sample is 80 ms old.
     assert_eq!(at(-138, 420), None);
     assert_eq!(alignment.next(500_000_000, PATIENCE_NS).map(|aligned| aligned.ground.is_none()), Some(true));
 }

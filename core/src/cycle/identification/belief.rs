@@ -1,4 +1,4 @@
-//! What the filter believes before the first pose, and how it is told that it believed the wrong thing.
+//! Prior of the filter, and its test against the first poses.
 
 use super::Identification;
 use super::consistency::{Consistency, Seen};
@@ -11,8 +11,8 @@ use crate::sesc::suit_error::effective_vectors;
 use crate::sesc::{Phi, Prior, Reduction};
 
 impl Identification {
-    /// Lays the table on the bones and begins with the prior: the body's, what is believed of any body, and then
-    /// what the suit makes of it.
+    /// Scales the table to the bone lengths and initialises the filter with the prior: the body's distribution, general
+    /// constraints on bodies, and the effect of the suit's errors.
     pub(super) fn believe(&mut self, settings: &Settings) {
         let skeleton = self.skeleton();
         self.anthropometry = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
@@ -41,18 +41,18 @@ impl Identification {
         self.new_stance(settings);
     }
 
-    /// How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all.
+    /// Factor by which the prior's covariance was inflated because this subject contradicts it; 1 for none.
     pub fn prior_inflation(&self) -> f64 {
         self.consistency.inflation().max(1.0)
     }
 
-    /// What is believed now is no prior any more: poses stand behind it, and no innovation inflates it.
+    /// Treats the present estimate as established by poses, so that no innovation inflates it.
     #[cfg(test)]
     pub(in crate::cycle) fn trust_the_prior(&mut self) {
         self.consistency.trust();
     }
 
-    /// Holds a pose against the prior before it is learnt, and inflates P if the first poses do not fit it.
+    /// Tests a pose against the prior before the update, and inflates P if the first poses contradict it.
     pub(super) fn test_prior(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) {
         let h = [0, 1].map(|axis| self.with_stance(rows, axis));
         let [xx, xy, yy] = self.filter.covariance_of(&h[0], &h[1]);

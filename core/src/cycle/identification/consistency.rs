@@ -1,56 +1,56 @@
-//! Whether what is measured agrees with what was believed: the sum of normalised innovations squared against χ².
+//! Consistency of measurements and prior: the sum of normalised innovations squared, tested against χ².
 //!
-//! Over the first poses a prior that does not fit this worker shows in innovations larger than predicted. Then P is
-//! inflated to what they say, and the poses count for more than the prior. Innovations that stay too large later are the
-//! model's misfit (`misfit`), which widens σ.
+//! If the prior does not fit this subject, the innovations of the first poses are larger than predicted. Then P is
+//! inflated accordingly, which gives the poses more weight than the prior. Innovations that remain too large later are
+//! attributed to the model's misfit (`misfit`), which increases σ.
 
 use bytemuck::{Pod, Zeroable};
 
-/// χ² bounds that 99 of 100 stay below, for 2, 4, … 12 degrees of freedom: one to six poses.
+/// 99 % quantiles of χ² for 2, 4, … 12 degrees of freedom: one to six poses.
 const CHI2_99: [f64; POSES_TESTED] = [9.210, 13.277, 16.812, 20.090, 23.209, 26.217];
-/// The prior answers for this many poses.
+/// Number of poses tested against the prior.
 const POSES_TESTED: usize = 6;
-/// Poses whose NIS is kept, to show how an identification went.
+/// Number of recent NIS values stored, to display the course of the identification.
 const RECENT: usize = 5;
-/// P is never inflated by more than this in all.
+/// Upper bound of the total inflation of P.
 const INFLATION_MAX: f64 = 100.0;
-/// More poses than a working life brings.
+/// Upper bound of the number of poses, beyond a working life.
 const COUNT_MAX: u64 = 1 << 32;
 
-/// One pose's innovation, both axes: what was seen, and what was expected of each source; m².
+/// Innovation of one pose, both axes: observed, and expected from each source; m².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen {
     /// Normalised innovation squared, two degrees of freedom.
     pub nis: f64,
     /// Sum of squared innovations.
     pub square_m2: f64,
-    /// Sum of the variances that θ alone lets expect.
+    /// Sum of the variances expected from θ alone.
     pub theta_m2: f64,
     /// Sum of all other variances: stance, suit, body, plate.
     pub rest_m2: f64,
 }
 
-/// Innovations so far.
+/// Statistics of the innovations so far.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Consistency {
-    /// Poses that were held against the prior, in [0, 6].
+    /// Number of poses tested against the prior, in [0, 6].
     pub tested: u64,
-    /// Of these, poses since the last inflation; the sums that follow are theirs.
+    /// Number of these poses since the last inflation, over which the following sums run.
     pub since: u64,
     /// Normalised innovations squared.
     pub nis: f64,
     /// Squared innovations, m².
     pub square_m2: f64,
-    /// Variances that θ alone lets expect, m².
+    /// Variances expected from θ alone, m².
     pub theta_m2: f64,
     /// All other variances, m².
     pub rest_m2: f64,
-    /// How much P was inflated in all.
+    /// Total inflation of P.
     pub inflation: f64,
     /// NIS of the last poses, newest at `(recent_count − 1) % 5`.
     pub recent: [f64; RECENT],
-    /// How many poses were learnt in all.
+    /// Total number of poses used.
     pub recent_count: u64,
 }
 
@@ -60,18 +60,18 @@ impl Consistency {
         Consistency { inflation: 1.0, ..Zeroable::zeroed() }
     }
 
-    /// What was learnt stands; no prior is tested any more.
+    /// Ends the test of the prior and keeps the present estimate.
     pub fn trust(&mut self) {
         self.tested = POSES_TESTED as u64;
     }
 
-    /// How much P was inflated in all, in [1, 100].
+    /// Total inflation of P, in [1, 100].
     pub(super) fn inflation(&self) -> f64 {
         self.inflation
     }
 
-    /// Holds one more pose against the prior, before it is learnt. The factor by which to inflate P first, if the
-    /// poses so far are beyond the bound: that which makes θ's share of the innovations as large as was seen.
+    /// Tests one more pose against the prior, before the update. Returns the factor by which to inflate P first, if the
+    /// poses so far exceed the bound: with it, θ's part of the expected innovations matches the observed ones.
     pub(super) fn test(&mut self, seen: Seen) -> Option<f64> {
         if self.tested >= POSES_TESTED as u64 {
             return None;
@@ -101,7 +101,7 @@ impl Consistency {
         Some(factor)
     }
 
-    /// Remembers the NIS of a pose that was learnt.
+    /// Stores the NIS of a pose that was used.
     pub(super) fn push(&mut self, nis: f64) {
         self.recent[self.recent_count as usize % RECENT] = nis;
         self.recent_count += 1;
@@ -140,7 +140,7 @@ mod tests {
     fn a_prior_that_does_not_fit_is_inflated_to_what_was_seen_and_never_beyond_the_bound() {
         let mut consistency = Consistency::start();
         assert_eq!(consistency.test(seen(9.0, 13.0)), None);
-        // Both poses together: 26 m² seen, 2 m² of other sources, 4 m² of θ.
+        // Both poses together: 26 m² observed, 2 m² from other sources, 4 m² from θ.
         assert_eq!(consistency.test(seen(9.0, 13.0)), Some(6.0));
         assert_eq!(consistency.test(seen(1e6, 1e6)), Some(100.0 / 6.0));
         assert_eq!(consistency.test(seen(1e6, 1e6)), None);

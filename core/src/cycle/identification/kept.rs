@@ -1,8 +1,8 @@
-//! What of a worker is kept for good: what a later start needs, without what it can work out again.
+//! Stored data of a subject: what a later start needs and cannot recompute.
 //!
-//! The stance's offset is not in it, nor what θ has in common with it: whoever starts again has not seen the worker for
-//! a while, and then the offset begins anew (`monitoring`, `lose_sight_after_a_gap`). What P says of θ alone is the
-//! marginal of both, so it stays right without the other.
+//! It excludes the stance offset and its covariance with θ: after a restart there is a gap in the data, and the offset
+//! starts again (`monitoring`, `lose_sight_after_a_gap`). The part of P for θ alone is its marginal, so it remains
+//! correct without the offset.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -12,43 +12,43 @@ use crate::cycle::settings::Settings;
 use crate::kalman::Filter;
 use crate::pose_suggestion::Performed;
 
-/// Bones longer than this are nobody's, m.
+/// Upper bound of a bone length, m.
 const BONE_MAX_M: f64 = 3.0;
 
-/// A worker as a profile keeps one. About 77 kB.
+/// A subject as stored in a profile. About 77 kB.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct KeptWorker {
-    /// 1 once the bones are known; before that there is nothing to keep.
+    /// 1 once the bone lengths are available; there is nothing to store before.
     pub has_body: u64,
-    /// Bones: each segment's origin in its parent, m.
+    /// Bone lengths: each segment's origin in its parent, m.
     pub skeleton_m: [[f64; 3]; SEGMENTS],
-    /// Body mass, kg; 0 while unknown.
+    /// Body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
-    /// θ and P; what it says of the stance is not put back.
+    /// θ and P; the part for the stance is not restored.
     pub filter: Filter,
-    /// Poses performed, as Eq. 11 compares them.
+    /// Poses performed, as compared by Eq. 11.
     pub performed: Performed,
-    /// One bit per pose of the library that was asked for already.
+    /// One bit per pose of the library that was suggested already.
     pub asked: u64,
-    /// One bit per pose of the library that this worker could not hold.
+    /// One bit per pose of the library that the subject could not hold.
     pub unholdable: u64,
-    /// The pose of the library that is asked for now, or [`super::NO_POSE`].
+    /// The pose of the library that is suggested now, or [`super::NO_POSE`].
     pub suggested: u64,
-    /// Whether what was measured agrees with what was believed.
+    /// Consistency of the measurements with the prior.
     pub consistency: Consistency,
-    /// Held poses that entered the filter.
+    /// Static poses that updated the filter.
     pub poses_used: u64,
-    /// 1 while held poses enter the filter.
+    /// 1 while static poses update the filter.
     pub learning: u64,
-    /// 1 once identification was finished.
+    /// 1 once identification is complete.
     pub identified: u64,
-    /// `parent_from_segment` of the last pose used, scalar first: it is not used again.
+    /// `parent_from_segment` of the last pose used, scalar first: the filter does not use it again.
     pub last_pose_wxyz: [[f64; 4]; JOINTS],
 }
 
 impl Identification {
-    /// Copies what is to be kept.
+    /// Copies the data to be stored.
     pub fn keep(&self, kept: &mut KeptWorker) {
         kept.has_body = u64::from(self.has_body());
         kept.skeleton_m = self.skeleton_m;
@@ -64,7 +64,7 @@ impl Identification {
         kept.last_pose_wxyz = self.last_pose_wxyz;
     }
 
-    /// Puts a kept worker in place. Whether it fits; if not, the worker must not be used.
+    /// Restores a stored subject. Returns whether it fits the settings; if not, the subject must not be used.
     pub fn restore(&mut self, kept: &KeptWorker, settings: &Settings) -> bool {
         let mut bones = kept.skeleton_m.iter().flatten();
         if kept.has_body != 1 || !bones.all(|metres| metres.is_finite() && metres.abs() < BONE_MAX_M) {

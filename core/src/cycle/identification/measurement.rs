@@ -1,7 +1,8 @@
-//! What a measured centre of pressure says of θ and of the stance's offset, and how sure it is.
+//! Measurement model of a CoP: updates θ and the stance offset.
 //!
-//! `CoP = offset + h θ + s + noise`: s is where the anchor put this stance, less where it is. It is the same in all
-//! poses of a stance, so it is a state of the filter and not noise that many poses would average away.
+//! `CoP = offset + h θ + s + noise`: s is the displacement from the position at which the anchor placed this stance to
+//! the true one. It is the same in all poses of a stance, so it is a state of the filter and not noise, which many
+//! poses would average out.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -16,14 +17,14 @@ use crate::sesc::suit_error::{effective_vectors, wander_variance_m2};
 use crate::sesc::{PARAMETERS, Phi};
 use crate::static_pose::{Stillness, Window};
 
-/// 1-σ of how far the plate's configured place in the suit's world is off at first, m: told by hand, and the suit has
-/// drifted since.
+/// 1-σ of the initial error of the plate's configured position in the suit world, m: it is entered manually, and the
+/// suit has drifted since.
 pub(in crate::cycle) const REGISTRATION_SIGMA_M: f64 = 0.03;
 
-/// One degree of freedom exceeds this once in a thousand times.
+/// Exceeded with a probability of 0.001 for one degree of freedom.
 const BLUNDER_SQUARE: f64 = 10.8;
 
-/// Uncertainty of the stance's offset at one instant, split into the part that the predicted CoP shares and the rest.
+/// Uncertainty of the stance offset at one instant, split into the part correlated with the predicted CoP and the rest.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct StanceSigma {
@@ -41,8 +42,8 @@ impl StanceSigma {
 }
 
 impl Identification {
-    /// Begins a new stance if this is one: the anchor carries its shift over a step, so the offset on the floor is that
-    /// of the last stance give or take [`STANCE_SIGMA_M`]. Where the suit's position is absolute it stays zero.
+    /// Starts a new stance if the number changed: the anchor keeps its shift over a step, so the offset is that of the
+    /// last stance with an additional σ of [`STANCE_SIGMA_M`]. For a suit with absolute position it stays zero.
     pub fn follow_stance(&mut self, stance: u64, settings: &Settings) {
         if self.stance == stance {
             return;
@@ -55,32 +56,32 @@ impl Identification {
         }
     }
 
-    /// Forgets the stance's offset: zero, give or take `REGISTRATION_SIGMA_M`; exactly zero where the suit's position
-    /// is absolute. θ stays.
+    /// Resets the stance offset to zero with a σ of `REGISTRATION_SIGMA_M`; exactly zero if the suit's position is
+    /// absolute. θ is kept.
     pub fn new_stance(&mut self, settings: &Settings) {
         let variance_m2 =
             if settings.suit_drifts { REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M } else { 0.0 };
         self.stand_within([variance_m2; 2]);
     }
 
-    /// The stance's offset is zero, give or take this variance per axis, m². θ stays.
+    /// Sets the stance offset to zero with this variance per axis, m². θ is kept.
     pub(in crate::cycle) fn stand_within(&mut self, variance_m2: [f64; 2]) {
         for (axis, variance_m2) in variance_m2.into_iter().enumerate() {
             self.filter.forget(self.reduction.count() + axis, variance_m2);
         }
     }
 
-    /// Where the ground's push on the unloaded body meets the floor, by what is known, m; with the stance's offset.
+    /// Predicted CoP of the unloaded body by the present estimate, m; including the stance offset.
     pub fn predict_cop_m(&self, rows: &Rows) -> [f64; 2] {
         [0, 1].map(|axis| rows.offset_m[axis] + self.filter.project(&self.with_stance(rows, axis)))
     }
 
-    /// The stance's offset: from where the anchor put the body on the plate to where it is, world x and y, m.
+    /// Stance offset: from the body's position by the anchor to its estimated position on the plate, world x and y, m.
     pub fn stance_offset_m(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.filter.theta_m()[self.reduction.count() + axis])
     }
 
-    /// Uncertainty of the stance's offset, given the error of a predicted CoP whose variance is `cop_variance_m2`, m².
+    /// Uncertainty of the stance offset, given the error of a predicted CoP whose variance is `cop_variance_m2`, m².
     pub fn stance_sigma(&self, rows: &Rows, cop_variance_m2: [f64; 2]) -> StanceSigma {
         let mut sigma = StanceSigma { by_estimate: [0.0; 2], rest_m: [0.0; 2] };
         for (axis, cop_variance_m2) in cop_variance_m2.into_iter().enumerate() {
@@ -92,12 +93,12 @@ impl Identification {
         sigma
     }
 
-    /// Variance of [`Identification::predict_cop_m`] from P, m²; the suit's and the body's own is not in it.
+    /// Variance of [`Identification::predict_cop_m`] by P, m²; excludes the errors of suit and body.
     pub fn cop_variance_m2(&self, rows: &Rows) -> [f64; 2] {
         [0, 1].map(|axis| self.filter.projected_variance_m2(&self.with_stance(rows, axis)))
     }
 
-    /// Variance of what rows say of θ alone, m²: without the stance's offset.
+    /// Variance of rows applied to θ alone, m²: without the stance offset.
     pub fn parameter_variance_m2(&self, rows: &[[f64; PARAMETERS]; 2]) -> [f64; 2] {
         rows.map(|h| {
             let mut padded = [0.0; STATES];
@@ -107,8 +108,7 @@ impl Identification {
         })
     }
 
-    /// Variance of the predicted CoP from the wander of the suit's orientations in a pose, and from what the model
-    /// misses, m².
+    /// Variance of the predicted CoP by the drift of the suit's orientations in a pose, and by the model error, m².
     pub fn wander_variance_m2(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [f64; 2] {
         let psi = effective_vectors(&self.phi(), &self.skeleton(), settings.suit_drifts);
         let wander_m2 = wander_variance_m2(pose, &psi, settings.suit_wander_rad);
@@ -116,13 +116,13 @@ impl Identification {
         [0, 1].map(|axis| wander_m2[axis] + misfit_m2[axis])
     }
 
-    /// Variance of the predicted CoP by what the model misses of this worker, m².
+    /// Variance of the predicted CoP by the model error for this subject, m².
     pub fn misfit_variance_m2(&self) -> [f64; 2] {
         self.misfit.variance_m2()
     }
 
-    /// Holds a measured CoP against the prediction, before it is learnt: what of the difference neither P nor
-    /// `variance_m2` explains, the model misses. `rows`: what it is worth in rows in motion.
+    /// Compares a measured CoP with the prediction, before the update: the part of the difference that neither P nor
+    /// `variance_m2` explains is model error. `rows`: its weight in motion samples.
     pub(in crate::cycle) fn learn_misfit(
         &mut self,
         rows: &Rows,
@@ -137,15 +137,16 @@ impl Identification {
         }
     }
 
-    /// Takes in one measured CoP as two scalar measurements. Gives back the normalised innovation squared of both
-    /// together (2 degrees of freedom), against what was known before; `None`, and nothing changed, if a number is
-    /// not finite or a variance not positive.
+    /// Updates the filter with one measured CoP as two scalar measurements. Returns the normalised innovation squared
+    /// of both together (2 degrees of freedom), relative to the previous estimate; `None`, and nothing changes, if a
+    /// number is not finite or a variance not positive.
     pub fn take_in(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
         let numbers = rows.h.iter().flatten().chain(&rows.offset_m).chain(&cop_m).chain(&variance_m2);
         if !numbers.copied().all(f64::is_finite) || variance_m2.iter().any(|variance| *variance <= 0.0) {
             return None;
         }
-        // The second innovation is against what the first has taught, so the squares add up to the joint one's.
+        // The second innovation is relative to the estimate after the first, so the squares add up to that of the joint
+        // innovation.
         let mut nis = 0.0;
         for axis in 0..2 {
             let h = self.with_stance(rows, axis);
@@ -155,7 +156,7 @@ impl Identification {
         Some(nis)
     }
 
-    /// Takes in a measured CoP for the stance's offset alone; θ stays, its doubt is counted in.
+    /// Updates the stance offset alone with a measured CoP; θ is kept, and its uncertainty is included.
     pub fn follow_offset(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) {
         for axis in 0..2 {
             let h = self.with_stance(rows, axis);
@@ -163,8 +164,8 @@ impl Identification {
         }
     }
 
-    /// Takes in the two force rows `Σ_k w_k (x0 + BΦ)_k = F_xy/M`, m/s² per m: second derivatives of the chain against
-    /// measured shear. A row whose innovation is a blunder's is passed over. Whether any was taken.
+    /// Updates with the two force rows `Σ_k w_k (x0 + BΦ)_k = F_xy/M`, m/s² per m: second derivatives of the chain
+    /// against measured shear. Skips a row whose innovation is an outlier. Returns whether any was used.
     pub fn take_in_force(&mut self, rows: &Rows, force_m_per_s2: [f64; 2], variance: f64) -> bool {
         let mut taken = false;
         for (axis, measured) in force_m_per_s2.into_iter().enumerate() {
@@ -180,12 +181,12 @@ impl Identification {
         taken
     }
 
-    /// Φ as it stands.
+    /// The present estimate of Φ.
     pub fn phi(&self) -> Phi {
         self.reduction.phi(self.filter.theta_m())
     }
 
-    /// The rows of a still window, averaged; `None` while it fills.
+    /// Mean rows of a static pose window; `None` while it fills.
     pub(super) fn mean_rows(&self, window: &Window) -> Option<Rows> {
         let mut mean = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
         let count = window.samples().count() as f64;
@@ -201,9 +202,9 @@ impl Identification {
         window.is_full().then_some(mean)
     }
 
-    /// R of a held pose, m²: the suit's wander, which a window is too short to average; the body's own; the spread of the
-    /// CoP over the window, most of which is slow drift and does not average away; and what lasts, 1-σ in m: of the
-    /// ground, and of the motion that is left.
+    /// R of a static pose, m²: the suit's drift, which a window is too short to average out; the body's own motion; the
+    /// spread of the CoP over the window, most of which is slow drift and does not average out; and the constant
+    /// errors, 1-σ in m, of the ground and of the residual motion.
     pub(super) fn pose_variance_m2(
         &self,
         pose: &Pose<StationWorld>,
@@ -221,7 +222,7 @@ impl Identification {
         })
     }
 
-    /// A row over all states: the parameters, then the stance's offset on this axis.
+    /// A row over all states: the parameters, then the stance offset on this axis.
     pub(super) fn with_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
         let mut row = self.without_stance(rows, axis);
         row[self.reduction.count() + axis] = 1.0;

@@ -1,17 +1,17 @@
-//! What the model misses of the centre of pressure: bones that change their length with the posture, tissue, shoes.
+//! Model error of the CoP: bone lengths that change with the posture, soft tissue, shoes.
 //!
-//! Innovations larger than P and R let expect are error that no number of poses averages away. Their excess variance is
-//! added to R and to every σ of the estimated centre of pressure (the random effect of DerSimonian and Laird 1986), so
-//! that inconsistency widens what is said of accuracy, and prevents nothing.
+//! Innovations larger than expected from P and R are an error that no number of poses averages out. Their excess
+//! variance is added to R and to every σ of the estimated CoP (the random effect of DerSimonian and Laird 1986), so
+//! that inconsistency increases the published σ and blocks nothing.
 
 use bytemuck::{Pod, Zeroable};
 
-/// The excess looks back on about so many rows in motion.
+/// Averaging length of the excess, in motion samples.
 const ROWS_KEPT: f64 = 300.0;
-/// A single innovation counts as no more than so many variances: contacts and stumbles are no misfit.
+/// Limit of a single squared innovation, in variances: contacts and stumbles are no model error.
 const SQUARE_MAX: f64 = 10.8;
 
-/// Excess variance of the centre of pressure per axis, forward and sideways.
+/// Excess variance of the CoP per axis, forward and sideways.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Misfit {
@@ -24,8 +24,8 @@ impl Misfit {
         self.excess_m2
     }
 
-    /// Takes in innovations with the variances that were expected of them, m², misfit included; `rows`: how many rows
-    /// in motion they are worth.
+    /// Ingests innovations with their expected variances, m², model error included; `rows`: their weight in motion
+    /// samples.
     pub(super) fn learn(&mut self, innovation_m: [f64; 2], variance_m2: [f64; 2], rows: f64) {
         for axis in 0..2 {
             let square_m2 = (innovation_m[axis] * innovation_m[axis]).min(SQUARE_MAX * variance_m2[axis]);

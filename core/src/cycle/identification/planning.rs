@@ -1,5 +1,5 @@
-//! The next pose to ask for, and how well the centre of pressure is known over the poses of the work: a little of
-//! both in every cycle, so that no cycle is a long one.
+//! Selects the next pose and evaluates the uncertainty of the CoP over the poses of the work: a small part of both in
+//! every cycle, so that no cycle is long.
 
 use super::{Identification, NO_POSE};
 use crate::cycle::settings::{PoseChoice, Settings};
@@ -12,17 +12,17 @@ use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::centre_of_mass;
 use crate::time::NS_PER_S;
 
-/// A suggested pose that was not held for so long, of suit time, is one that this worker cannot hold, ns.
+/// A pose suggested for this long, in suit time, without being held counts as impossible for the subject, ns.
 const PATIENCE_NS: u64 = 20 * NS_PER_S;
-/// The centre of mass of a pose that is asked for lies this far inside the soles, m: about what a prior may be off.
+/// The CoM of a suggested pose must lie this far inside the foot outlines, m: about the error of a prior.
 const BALANCE_MARGIN_M: f64 = 0.015;
 
 impl Identification {
-    /// One step of planning: one pose of the library is weighed, or one candidate looked at, or the time that a
-    /// suggestion has stood is looked at. Called once a cycle.
+    /// One step of planning: evaluates one pose of the library or one candidate, or checks how long the suggestion has
+    /// been pending. Called once per cycle.
     ///
-    /// `suit_time_ns` is the newest suit sample's; `stands` is whether anybody stands on the plate, without whom no
-    /// time passes. `body` is what the suit says of the worker's build.
+    /// `suit_time_ns` is the newest suit sample's; `stands` is whether a person stands on the plate, otherwise the time
+    /// does not count. `body` is the body reported by the suit.
     pub fn plan_one(
         &mut self,
         suit_time_ns: u64,
@@ -47,7 +47,7 @@ impl Identification {
         }
     }
 
-    /// The worker cannot hold the suggested pose: another is asked for. `false` if none was suggested.
+    /// Marks the suggested pose as impossible for the subject and selects another. `false` if none was suggested.
     pub fn skip_pose(&mut self) -> bool {
         let suggested = self.suggested;
         if suggested == NO_POSE {
@@ -58,14 +58,14 @@ impl Identification {
         true
     }
 
-    /// Withdraws the suggestion; the next cycles look for another.
+    /// Withdraws the suggestion; the next cycles select another.
     pub(in crate::cycle) fn ask_again(&mut self) {
         self.suggested = NO_POSE;
         self.planner.begin_sweep();
     }
 
-    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes in this stance, with what the
-    /// model misses, m; 0 while nothing can be said.
+    /// Root mean square of the predicted 1-σ of the CoP over the library and both axes in this stance, including the
+    /// model error, m; 0 while unavailable.
     pub(in crate::cycle) fn update_predicted_cop_sigma(&mut self, settings: &Settings) {
         let [forward_m2, sideways_m2] = self.misfit_variance_m2();
         self.predicted_cop_sigma_m = if self.knows_the_work(settings) {
@@ -75,12 +75,12 @@ impl Identification {
         };
     }
 
-    /// The part of it that P says, m.
+    /// The part of it from P, m.
     pub(super) fn parameter_sigma_m(&self) -> f64 {
         math::sqrt(self.filter.mean_variance_m2(self.planner.weight(), self.planner.mean_row()))
     }
 
-    /// Whether the poses of the work were all weighed.
+    /// Whether all poses of the work have been evaluated.
     pub(super) fn knows_the_work(&self, settings: &Settings) -> bool {
         self.has_body() && self.planner.to_weigh(settings.library.len()).is_none()
     }
@@ -108,7 +108,7 @@ impl Identification {
         }
     }
 
-    /// What a candidate is worth, and whether this worker keeps balance in it.
+    /// Gain of a candidate, and whether this subject keeps balance in it.
     fn judge(
         &self,
         index: usize,
@@ -120,7 +120,7 @@ impl Identification {
         let centre = centre_of_mass(&pose, &self.phi());
         let soles = sole::both(&pose, body, settings.height_m);
         let balanced = is_supported(&pose, [centre.x, centre.y], &soles, -BALANCE_MARGIN_M);
-        // The library's first pose is the one to start from: everybody can hold it.
+        // The library's first pose is the one to start from: any person can hold it.
         if self.performed.count() == 0 && index == 0 {
             return (f64::MAX, balanced);
         }

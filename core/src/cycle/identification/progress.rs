@@ -1,15 +1,15 @@
-//! Whether more of the same would still teach something.
+//! Whether more measurements of the same kind would still improve the estimate.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What a held pose is worth in rows in motion: about the time that it takes, at ten rows a second.
+/// Weight of a static pose in motion samples: about its duration, at ten samples per second.
 pub(super) const ROWS_PER_POSE: f64 = 20.0;
-/// Progress is looked at over so many rows: six poses, or 12 s of motion …
+/// Progress is evaluated over this many samples: six poses, or 12 s of motion …
 const ROWS_LOOKED_AT: f64 = 6.0 * ROWS_PER_POSE;
-/// … and is over where they lower the predicted σ by less than this share.
+/// … and has ended if they lower the predicted σ by less than this fraction.
 const GAIN_MIN: f64 = 0.1;
 
-/// Predicted σ at the last look.
+/// Predicted σ at the last evaluation.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Progress {
@@ -18,7 +18,8 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// Takes in the σ after so many more rows, m; whether the rows since the last look were worth little.
+    /// Ingests the σ after this many more samples, m; returns whether the samples since the last evaluation improved it
+    /// little.
     pub(super) fn is_settled(&mut self, rows: f64, sigma_m: f64) -> bool {
         self.rows += rows;
         if self.rows < ROWS_LOOKED_AT {
@@ -29,7 +30,7 @@ impl Progress {
         settled
     }
 
-    /// Whether there were as many rows as one look takes: what `poses_min` is for poses.
+    /// Whether there was at least one evaluation: the counterpart of `poses_min` for motion.
     pub(super) fn has_looked(&self) -> bool {
         self.sigma_m > 0.0
     }
@@ -49,7 +50,7 @@ mod tests {
             let mut progress = Progress::zeroed();
             (1..10_000).map(f64::from).find(|rows| progress.is_settled(1.0, sigma_m(*rows)))
         };
-        // Averaging alone: 120 of n rows lower σ by less than 10 % from n = 632 on.
+        // By averaging alone, 120 of n samples lower σ by less than 10 % from n = 632 on.
         let averaging = rows_until(&|rows| 0.01 / rows.sqrt()).unwrap();
         assert!((632.0..=720.0).contains(&averaging), "{averaging}");
         assert_eq!(rows_until(&|_| 0.004), Some(240.0));

@@ -1,5 +1,5 @@
-//! Body mass from the plate, standing or in motion: `M = ∫F_z dt / ∫(g + C̈_z) dt`. Over some seconds the impulse of the
-//! body's own motion vanishes, and with it what its compensation misses.
+//! Body mass from the plate, standing or in motion: `M = ∫F_z dt / ∫(g + C̈_z) dt`. Over some seconds the impulse of
+//! the body's own motion vanishes, and with it the error of its compensation.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,12 +9,12 @@ use crate::math;
 use crate::motion::unloaded::{CORRELATION_S, SIGMAS_OF_A_LOAD};
 use crate::overload::GRAVITY_M_PER_S2;
 
-/// What a plate may show that is taken for a body mass, kg.
+/// Range of readings accepted as a body mass, kg.
 const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
-/// The spread of a shorter time says nothing of the mean's error, s.
+/// Minimum time for an estimate of the mean's error, s.
 const SHORTEST_S: f64 = 2.0 * CORRELATION_S;
 
-/// Sums over moments without a load.
+/// Sums over snapshots without a load.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Weighing {
@@ -25,9 +25,9 @@ pub(super) struct Weighing {
     velocity_m_per_s: f64,
     /// ∫(F_z/(g + C̈_z))² dt, kg² s.
     square_kg2_s: f64,
-    /// ∫σ² dt of each moment's mass by its motion, kg² s.
+    /// ∫σ² dt of each snapshot's mass by its motion, kg² s.
     expected_kg2_s: f64,
-    /// The mass that was put in use, kg; 0 before.
+    /// The mass in use, kg; 0 before.
     in_use_kg: f64,
 }
 
@@ -36,8 +36,8 @@ impl Weighing {
         self.impulse_n_s / self.velocity_m_per_s
     }
 
-    /// 1-σ of the mass, kg: the spread of the moments and what their motion lets expect, samples within
-    /// [`CORRELATION_S`] being one.
+    /// 1-σ of the mass, kg: from the spread of the snapshots and the spread expected from their motion; samples within
+    /// [`CORRELATION_S`] count as one.
     fn sigma_kg(&self) -> f64 {
         let spread_kg2 = (self.square_kg2_s / self.length_s - self.mass_kg() * self.mass_kg()).max(0.0);
         let expected_kg2 = self.expected_kg2_s / self.length_s;
@@ -53,7 +53,7 @@ impl Weighing {
 }
 
 impl Identification {
-    /// Forgets a mass that was weighed while force and motion were not of the same instants.
+    /// Discards a mass that was weighed while force and motion belonged to different instants.
     pub(in crate::cycle) fn forget_weighing(&mut self) {
         if self.mass_kg == self.weighing.in_use_kg {
             self.mass_kg = 0.0;
@@ -61,9 +61,10 @@ impl Identification {
         self.weighing = Zeroable::zeroed();
     }
 
-    /// Takes in the vertical force of a moment without a load, N, and the force per kilogram that the motion needs,
-    /// m/s². `sigma_n`: of the force by the motion. The mass is used as soon as its error is no load, and made better
-    /// until it is as well known as [`Settings::force_sigma_n`] says. A mass from elsewhere stays.
+    /// Ingests the vertical force of a snapshot without a load, N, and the force per kilogram that the motion requires,
+    /// m/s². `sigma_n`: σ of the force by the motion. The mass is used as soon as its error is below the load
+    /// threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another source is
+    /// kept.
     pub(in crate::cycle) fn weigh(
         &mut self,
         vertical_n: f64,

@@ -1,8 +1,9 @@
-//! Readings of a plate that leap: faster than a body loads it, or to where no body gets so fast.
+//! Detects leaps in a plate's readings: changes faster than a body loads the plate, or to a CoP that no body reaches so
+//! quickly.
 //!
-//! A leap makes suspect what follows. One that came back at once was a glitch. One that did not is the plate's, not a load's,
-//! which a body takes up slowly: it stays suspect until the reading's level is again what it was, the worker has stepped
-//! off, or the plate shows the worker's weight alone, where it is expected.
+//! A leap makes the subsequent readings suspect. One that reverts at once was a glitch. One that does not is a fault of
+//! the plate and not a load, which a body takes up slowly: it stays suspect until the reading returns to its previous
+//! level, the subject has stepped off, or the plate shows the subject's weight alone at the expected position.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -10,38 +11,39 @@ use crate::cycle::memory::EMPTY_PLATE_N;
 use crate::math;
 use crate::message::{Component, GroundSample};
 
-/// Faster than this no body loads a plate, N/s: the loading rate of a heel strike in brisk walking (20 body weights a second;
-/// Nilsson and Thorstensson 1989, Acta Physiol Scand 136).
+/// Maximum rate at which a body loads a plate, N/s: the loading rate of a heel strike in brisk walking (20 body weights
+/// per second; Nilsson and Thorstensson 1989, Acta Physiol Scand 136).
 const LOADING_RATE_MAX_N_PER_S: f64 = 20e3;
-/// Beyond the rate a reading may differ by so many times what readings so far apart differ by on average (RMS).
+/// Tolerance beyond that rate, as a multiple of the RMS difference of readings the same interval apart.
 const LEAP_SIGMAS: f64 = 8.0;
-/// Of readings that differ there are two averages, which go back about so long, s: the smaller counts, so that noise which
-/// has ended does not hide leaps for long, and one quiet second does not make ordinary work a leap.
+/// Averaging times of the RMS difference, s. The smaller average counts, so that past noise does not mask leaps for
+/// long.
 const DIFFERENCES_OVER_S: [f64; 2] = [1.0, 10.0];
-/// At this distance from the centre of pressure both loads act at most, m: the span of a stance.
+/// Maximum distance from the CoP at which loads act, m: the span of a stance.
 pub(super) const LEVER_MAX_M: f64 = 0.3;
-/// Readings are compared with the one before, and with one that is at least this much older, ns: a low-pass filter spreads a
-/// leap over some ms. Without a filter a single step excludes smaller leaps, because a body loads the plate less in it.
+/// Each reading is compared with the previous one, and with one at least this much older, ns: a low-pass filter spreads
+/// a leap over some ms. Without a filter, the single step detects smaller leaps, because a body loads the plate less in
+/// it.
 const LEAP_OVER_NS: u64 = 2_000_000;
-/// Over longer gaps nothing is known of the rate, ns.
+/// Over longer gaps the rate is unavailable, ns.
 const LEAP_GAP_MAX_NS: u64 = 100_000_000;
-/// So long after a leap it is seen whether the reading came back, ns.
+/// Time after a leap at which the reading is checked for its return, ns.
 const LEAP_SETTLES_NS: u64 = 25_000_000;
-/// How long a leap makes suspect what follows, ns: twice the window of a motion.
+/// Time for which a leap makes the subsequent readings suspect, ns: twice the window of a motion.
 pub(super) const LEAP_HOLDS_NS: u64 = 300_000_000;
-/// The level of a reading is its mean over about so long, s; work turns over sooner.
+/// Averaging time of the level of the readings, s; variations by work are faster.
 const LEVEL_OVER_S: f64 = 1.0;
-/// A leap that did not come back lasts at least until the level can tell, ns.
+/// Minimum duration of a leap that did not revert, until the level is meaningful, ns.
 const LEVEL_TELLS_NS: u64 = 2_000_000_000;
 
-/// What a plate shows.
+/// One reading of a plate.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Reading {
     pub(super) time_ns: u64,
     vertical_n: f64,
     cop_m: [f64; 2],
-    /// 1 if somebody stands there, and where is known.
+    /// 1 if a person stands on the plate and the CoP is available.
     stands: u64,
 }
 
@@ -56,7 +58,7 @@ impl Reading {
         }
     }
 
-    /// How far another is from it: as a force, N, and the moment of what moved, N m.
+    /// Difference of two readings: as a force, N, and as the moment of the part that moved, N m.
     pub(super) fn to(&self, other: &Reading) -> [f64; 2] {
         let by_nm = if self.stands + other.stands == 2 {
             self.vertical_n.min(other.vertical_n)
@@ -68,7 +70,7 @@ impl Reading {
     }
 }
 
-/// A reading that was another one from one instant to the next, and what came of it.
+/// A detected leap, and its development.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Leap {
@@ -76,39 +78,39 @@ struct Leap {
     from: Reading,
     /// The level before it.
     level: Reading,
-    /// When it was seen last, ns.
+    /// Time of the last detection, ns.
     seen_ns: u64,
-    /// How far it went for good, N and N m; 0 before it has settled, and where it came back.
+    /// Persistent part of the leap, N and N m; 0 before it has settled, and after it reverted.
     by: [f64; 2],
-    /// Largest signed change of the vertical force while it was seen, N.
+    /// Largest signed change of the vertical force during the leap, N.
     jump_n: f64,
 }
 
-/// Leaps of a plate's readings.
+/// Leap detector of a plate's readings.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Leaps {
-    /// Some ms apart; the older is one to compare with.
+    /// Two readings some ms apart; the older one is a reference for comparison.
     readings: [Reading; 2],
-    /// The reading before, the other one to compare with.
+    /// The previous reading, the other reference.
     last: Reading,
-    /// Mean squares of how far readings differ from the two they are compared with, N²: some ms apart, and one sample.
-    /// Each over a short and a long time.
+    /// Mean squares of the differences from the two references, N²: some ms apart, and one sample. Each over a short
+    /// and a long time.
     difference_n2: [[f64; 2]; 2],
     /// Slow mean of the readings.
     level: Reading,
     leap: Leap,
-    /// For how long the plate has shown the worker alone, where the worker is, s.
+    /// Time for which the plate has shown the subject alone, at the subject's position, s.
     agreed_s: f64,
 }
 
 impl Leaps {
-    /// What the plate shows now, or some ms ago.
+    /// The present reading, or one some ms old.
     pub(super) fn newest(&self) -> Reading {
         self.readings[1]
     }
 
-    /// Takes in a reading; since when what the plate shows is suspect, ns.
+    /// Ingests a reading; returns the time since which the readings are suspect, ns.
     pub(super) fn take_in(&mut self, now: Reading) -> Option<u64> {
         let last = core::mem::replace(&mut self.last, now);
         let step_ns = now.time_ns.saturating_sub(last.time_ns);
@@ -137,7 +139,7 @@ impl Leaps {
                     self.leap = Leap { from: *then, level: self.level, ..Zeroable::zeroed() };
                 }
                 (self.leap.seen_ns, self.leap.by) = (now.time_ns, [0.0; 2]);
-                // The weight seen before this leap says nothing of the plate after it.
+                // Weight comparisons from before this leap do not apply to the plate after it.
                 self.agreed_s = 0.0;
                 let jump_n = now.vertical_n - self.leap.from.vertical_n;
                 if jump_n.abs() > self.leap.jump_n.abs() {
@@ -157,7 +159,7 @@ impl Leaps {
         self.follow_leap(&now, noise_n[0])
     }
 
-    /// What came of the leap so far.
+    /// Follows the development of the leap.
     fn follow_leap(&mut self, now: &Reading, noise_n: f64) -> Option<u64> {
         let Leap { from, level, seen_ns, by, jump_n } = self.leap;
         if from.time_ns == 0 {
@@ -166,11 +168,11 @@ impl Leaps {
         let since_ns = now.time_ns.saturating_sub(seen_ns);
         if since_ns >= LEAP_SETTLES_NS && by == [0.0; 2] {
             let [by_n, by_nm] = from.to(now);
-            // As much again as the body may have done meanwhile.
+            // Add the change that the body may have caused in the meantime.
             let body_n = noise_n + LOADING_RATE_MAX_N_PER_S * (LEAP_OVER_NS as f64 * 1e-9);
             let lasts = |by: f64, bound: f64| if by > bound { by } else { f64::MIN_POSITIVE };
             self.leap.by = [lasts(by_n, body_n), lasts(by_nm, LEVER_MAX_M * body_n)];
-            // Nearer to where it leapt than to where it began.
+            // Whether it is nearer to the value after the leap than to the one before.
             let stays = (now.vertical_n - from.vertical_n) * jump_n > 0.5 * jump_n * jump_n;
             if stays {
                 self.leap.by[0] = by_n;
@@ -179,7 +181,7 @@ impl Leaps {
         let [off_n, off_nm] = level.to(&self.level);
         let is_away = since_ns < LEVEL_TELLS_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
         let came_back = by.iter().all(|by| *by <= f64::MIN_POSITIVE);
-        // Who steps on the plate or off it may do so in one leap.
+        // Stepping on or off the plate may be a single leap.
         let is_step = from.vertical_n < EMPTY_PLATE_N || now.vertical_n < EMPTY_PLATE_N;
         if since_ns > LEAP_HOLDS_NS && (came_back || !is_away || is_step) {
             self.leap = Zeroable::zeroed();
@@ -188,8 +190,9 @@ impl Leaps {
         Some(from.time_ns)
     }
 
-    /// Takes in whether the plate shows the weight of the worker alone, at the place where it is expected, `step_s` after the
-    /// moment before. A plate that does so for long enough is right again. So is one of whose worker nothing is known.
+    /// Ingests whether the plate shows the weight of the subject alone, at the expected position, `step_s` after the
+    /// previous snapshot. A plate that does so for long enough is accepted again, and so is one without a subject to
+    /// compare with.
     pub(super) fn hear_of_weight(&mut self, agrees: Option<bool>, step_s: f64) {
         self.agreed_s = if agrees.unwrap_or(true) { self.agreed_s + step_s } else { 0.0 };
         if self.agreed_s >= LEVEL_OVER_S && self.leap.by != [0.0; 2] {
@@ -197,7 +200,7 @@ impl Leaps {
         }
     }
 
-    /// As if the plate showed that.
+    /// Sets the newest reading.
     #[cfg(test)]
     pub(super) fn show(&mut self, vertical_n: f64) {
         self.readings[1].vertical_n = vertical_n;

@@ -5,19 +5,19 @@ use crate::frame::wxyz;
 
 const MS_NS: u64 = 1_000_000;
 
-/// A plate at 1 kHz that shows a person of 72 kg who shifts their weight, with noise of 1 N and 1 mm.
+/// A plate at 1 kHz with a person of 72 kg who shifts their weight, with noise of 1 N and 1 mm.
 struct Plate {
     watch: Plausibility,
     before: Option<GroundSample>,
     millisecond: u64,
-    /// The suit sends poses until then.
+    /// The suit is silent from this time on.
     silent_from: u64,
 }
 
 impl Plate {
     fn new() -> Plate {
         let mut watch: Plausibility = Zeroable::zeroed();
-        // A suit that never repeats itself.
+        // A suit that never repeats a pose.
         watch.poses.readings = 1.0;
         let mut plate = Plate { watch, before: None, millisecond: 1000, silent_from: u64::MAX };
         plate.show(3000, |_, _| {});
@@ -40,7 +40,7 @@ impl Plate {
         }
     }
 
-    /// Shows so many milliseconds; how many of the samples were believed.
+    /// Feeds this many milliseconds; returns the number of samples accepted.
     fn show(&mut self, milliseconds: u64, fault: impl Fn(u64, &mut GroundSample)) -> u64 {
         let mut believed = 0;
         for index in 0..milliseconds {
@@ -146,7 +146,7 @@ fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does(
     let mut unseen = Plate::new();
     unseen.silent_from = unseen.millisecond;
     unseen.show(150, |_, _| {});
-    // Stuck where it is: another level would be a leap.
+    // Stuck at the present value: another level would be a leap.
     let level_n = Plate::truth(unseen.millisecond).force_n[2];
     let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = level_n;
     assert_eq!(unseen.show(400, stuck), 400, "a suit that is silent shows no motion");
@@ -157,7 +157,7 @@ fn a_plate_that_pulls_is_suspect() {
     assert_eq!(Plate::new().show(100, scaled(-1.0)), 0);
 }
 
-/// A suit sample of a person in one of the bench's postures, moved a little by each number.
+/// A suit sample of a person in one of the bench's postures, moved slightly by each number.
 fn suit(person: &Person, number: u64) -> SuitSample {
     let pose = person.pose(&crate::cycle::tests::bench::postures()[5]);
     let mut sample: SuitSample = Zeroable::zeroed();
@@ -178,7 +178,7 @@ fn bones(person: &Person) -> Bones {
     }
 }
 
-/// Shows 600 poses, then so many that a fault has changed; how many of those were believed.
+/// Feeds 600 poses, then `poses` with a fault; returns how many of those were accepted.
 fn believed(poses: u64, fault: impl Fn(u64, &mut SuitSample)) -> (u64, Plausibility) {
     let (person, mut watch) = (Person::real(), Plausibility::zeroed());
     let (mut before, mut count): (Option<SuitSample>, u64) = (None, 0);
@@ -187,7 +187,7 @@ fn believed(poses: u64, fault: impl Fn(u64, &mut SuitSample)) -> (u64, Plausibil
         if number >= 600 {
             fault(number, &mut sample);
         }
-        // A plate that shows that the body moves.
+        // A plate that shows motion of the body.
         watch.leaps.show(700.0 + 5.0 * number as f64);
         let is_believed = watch.watch_suit(&sample, before.as_ref(), &bones(&person));
         assert!(number >= 600 || is_believed, "{number}");

@@ -1,11 +1,11 @@
-//! A pose that a model file asks for is suggested once the worker is known, until it was held or skipped.
+//! A pose that a model file requests is suggested after identification, until it was held or skipped.
 
 use super::bench::*;
 use super::*;
 use crate::body::Segment;
 use crate::pose_suggestion::Posture;
 
-/// One of the upright ones among the bench's postures.
+/// One of the upright postures of the bench.
 const WANTED: usize = 3;
 const NONE: u32 = u32::MAX;
 
@@ -19,7 +19,7 @@ fn turned(posture: &Posture, by_deg: i16) -> Posture {
     posture
 }
 
-/// A worker who is known, and of whom a pose is asked.
+/// An identified subject for whom the model file requests a pose.
 fn known(turn_rad: f64) -> (Person, Bench) {
     let mut bench = Bench::new(|settings| settings.asked = Some(Asked { pose: WANTED, turn_rad }));
     let person = Person::real();

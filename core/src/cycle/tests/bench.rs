@@ -1,4 +1,4 @@
-//! A rigid person who is not the table's, and a bench that feeds the cycle with what the sensors would say.
+//! A rigid person who deviates from the table, and a bench that feeds the cycle with simulated sensor data.
 
 extern crate std;
 use std::boxed::Box;
@@ -57,7 +57,7 @@ pub(in crate::cycle) struct Person {
 }
 
 impl Person {
-    /// Heavier trunk, lighter legs than the table's, and a crooked pelvis.
+    /// Heavier trunk and lighter legs than in the table, and an asymmetric pelvis.
     pub(in crate::cycle) fn real() -> Person {
         let skeleton = Skeleton::nominal(HEIGHT_M);
         let mut body = Anthropometry::de_leva(&skeleton, HEIGHT_M, Sex::Male);
@@ -71,7 +71,7 @@ impl Person {
         Person { phi: Phi::of(&skeleton, &body), skeleton, body }
     }
 
-    /// The posture with the feet where they always are.
+    /// The posture with the feet at their fixed position.
     pub(in crate::cycle) fn pose(&self, posture: &Posture) -> Pose<StationWorld> {
         let loose = posture::pose_of(posture, &self.skeleton, [0.0; 3]);
         let foot = 0.5 * (loose.origin_of(Segment::LeftFoot) + loose.origin_of(Segment::RightFoot));
@@ -84,7 +84,7 @@ fn mix<const N: usize>(from: [f64; N], to: [f64; N], share: f64) -> [f64; N] {
     core::array::from_fn(|part| from[part] + share * (to[part] - from[part]))
 }
 
-/// On the way from one posture to another, to a degree.
+/// Interpolation between two postures, rounded to a degree.
 fn between(from: &Posture, to: &Posture, share: f64) -> Posture {
     let mut posture = *to;
     for (to_deg, from_deg) in
@@ -103,19 +103,19 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) suit_sequence: u64,
     pub(in crate::cycle) ground_silent: bool,
     pub(in crate::cycle) suit_silent: bool,
-    /// How far the suit's own world has drifted, m forward.
+    /// Drift of the suit world, m forward.
     pub(in crate::cycle) suit_drift_m: f64,
-    /// Where each foot presses, if each stands on a plate of its own, m.
+    /// Point of action under each foot, if each stands on its own plate, m.
     pub(in crate::cycle) feet_m: Option<[[f64; 2]; 2]>,
-    /// What the ground says of shear that it does not measure, N.
+    /// Shear in messages of devices that declare it unmeasured, N.
     pub(in crate::cycle) unmeasured_shear_n: Option<[f64; 2]>,
-    /// What the suit says of the worker's build, in every cycle.
+    /// Body message of the suit in every cycle.
     pub(in crate::cycle) build: Option<SuitBody>,
-    /// The posture shown last; weight of the load, N, times its place, N m, and how far the plate is off, m.
+    /// The last posture; weight of the load, N, times its position, N m, and offset of the plate, m.
     pub(in crate::cycle) shown: Option<(Posture, [f64; 4])>,
-    /// How long a pose or a load takes to become another, ms.
+    /// Duration of the transition between poses or loads, ms.
     pub(in crate::cycle) takes_ms: f64,
-    /// How often the suit was started anew.
+    /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
 }
 
@@ -145,7 +145,7 @@ impl Bench {
         }
     }
 
-    /// Fills in what two plates say: weight is shared along the line between the feet.
+    /// Adds the readings of two plates: the weight is distributed along the line between the feet.
     fn with_feet(&self, ground: GroundSample) -> GroundSample {
         let (Some([left, right]), Ok(cop_m)) = (self.feet_m, ground.cop_m()) else { return ground };
         let along = [right[0] - left[0], right[1] - left[1]];
@@ -170,7 +170,7 @@ impl Bench {
         self.hold_on(person, posture, load, 0.0, milliseconds);
     }
 
-    /// On a plate whose readings lie forward of the truth, m.
+    /// On a plate whose readings are shifted forward, m.
     pub(in crate::cycle) fn hold_on_a_shifted_plate(
         &mut self,
         person: &Person,
@@ -195,7 +195,7 @@ impl Bench {
         for millisecond in 1..=milliseconds {
             self.now_ns += TICK_NS;
             self.cycle += 1;
-            // A body or a force that leaps would not be believed.
+            // A leap of the body or the force would be rejected.
             let share = (millisecond as f64 / self.takes_ms).min(1.0);
             let shown = (between(&before.0, posture, share), mix(before.1, after.1, share));
             self.shown = Some(shown);
@@ -203,7 +203,7 @@ impl Bench {
             let pose = person.pose(&posture);
             let centre = centre_of_mass(&pose, &person.phi);
             let weight_n = MASS_KG * GRAVITY_M_PER_S2;
-            // No sensor repeats itself to the last bit.
+            // No sensor repeats a value to the last bit.
             let unlike = (self.now_ns / SUIT_PERIOD_NS + self.cycle % 2) as f64 % 2.0;
             let vertical_n = weight_n + load_n + 1e-11 * unlike;
             let moment = [
@@ -255,7 +255,7 @@ impl Bench {
 
     pub(in crate::cycle) fn identify(&mut self, person: &Person) {
         for posture in postures() {
-            // Poses leap here, and what the plate shows after a leap is not believed for 0.3 s.
+            // Poses leap here, and the plate is suspect for 0.3 s after a leap.
             self.hold(person, &posture, None, 700);
         }
     }

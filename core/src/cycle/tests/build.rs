@@ -1,4 +1,4 @@
-//! What the suit says of the worker's build, and when it is believed.
+//! Body dimensions reported by the suit, and the conditions of their acceptance.
 
 use super::*;
 use crate::message::suit_body::FootPoint;
@@ -69,7 +69,7 @@ fn a_null_pose_that_contradicts_the_poses_is_refused_and_the_poses_are_kept_to()
     bench.hold(&person, &upright(), None, 400);
     assert_eq!(told(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
     assert!(bench.memory.identification.skeleton().differs_by_m(&person.skeleton) < 1e-9);
-    // A right one that follows is believed.
+    // A subsequent correct message is accepted.
     bench.build = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 100);
     assert_eq!(told(&bench).1, BodyRefusal::None);
@@ -113,7 +113,7 @@ fn impossible_and_stale_builds_are_refused_by_reason_and_change_nothing() {
         bench.hold(&person, &upright(), None, 20);
         assert_eq!(told(&bench).1, BodyRefusal::None);
     }
-    // One that waited for long.
+    // A message that was delayed for long.
     bench.build = None;
     let old = SuitBody { published_ns: bench.now_ns, ..good };
     bench.cycle += 1;

@@ -1,4 +1,4 @@
-//! What ergonomists and cobots get from whole cycles.
+//! Exposure values of whole cycles, for ergonomists and cobots.
 
 use super::*;
 use crate::exposure::dose::damage_of_lift;
@@ -10,12 +10,12 @@ fn carrying_pose() -> Posture {
     stand(20, 0, [0, 0, -80], [0, 0, 80], 30)
 }
 
-/// An identified worker who holds a box still for some time.
+/// An identified subject who holds a box in a static pose for some time.
 fn carrying(person: &Person, milliseconds: u64) -> Bench {
     let mut bench = Bench::new(|_| {});
     bench.identify(person);
     let at = lifted_box(person, &carrying_pose());
-    // The pose first: on this bench poses leap, and a box that leaps along weighs tons.
+    // Take the pose first: poses leap on this bench, and a leaping box would exert a force of tons.
     bench.hold(person, &carrying_pose(), None, 900);
     bench.hold(person, &carrying_pose(), Some((KG, at)), milliseconds);
     bench
@@ -76,7 +76,7 @@ fn where_a_load_may_hide_it_is_said_so_and_no_back_is_told() {
     bench.takes_ms = 10.0;
     let (mut hidden, mut told) = (0, 0);
     for step in 0..560_i16 {
-        // The box is put down, the arms swing and stop, again and again.
+        // After the box is put down, the arms swing and stop repeatedly.
         let degrees = if step % 80 < 40 { (25.0 * (f64::from(step) * 0.15).sin()) as i16 } else { 0 };
         let swing = stand(20, 0, [0, degrees, -80], [0, degrees, 80], 30);
         bench.hold(&person, &swing, None, 10);
@@ -116,7 +116,7 @@ fn a_box_that_moves_as_advised_relieves_a_leg_by_the_gain() {
     let person = Person::real();
     let joint = Joint::named("LeftAnkle").unwrap();
     let ankle = joint.index();
-    // The ankle is made the worst joint; the box moves with the hands.
+    // The low limit makes the ankle the worst joint; the box moves with the hands.
     let carry = |posture: Posture| {
         let mut bench = Bench::new(|settings| settings.limits.set(joint, 1.0));
         bench.identify(&person);
@@ -133,7 +133,7 @@ fn a_box_that_moves_as_advised_relieves_a_leg_by_the_gain() {
     let (fallen_nm, told_nm) =
         (magnitude_nm(&before) - magnitude_nm(&after), moved_cm * before.advice_gain_nm_per_cm);
     assert!(moved_cm.abs() > 2.0, "{moved_cm}");
-    // The gain is told with the feet's shares held; a box that moves sideways shifts them a little.
+    // The gain applies to constant foot load fractions; a box that moves sideways changes them slightly.
     assert!((fallen_nm - told_nm).abs() < 0.4 * told_nm.abs(), "{fallen_nm} {told_nm}");
 }
 
@@ -163,7 +163,7 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     let at = lifted_box(&person, &carrying_pose()) + Vector3::new(0.025, 0.0, 0.0);
     bench.hold(&person, &carrying_pose(), Some((KG, at)), 2000);
     assert_eq!(bench.state().lifts, 0);
-    // Weight times the horizontal distance from the hip joints, as a tape would show it.
+    // Weight times the horizontal distance from the hip joints, as measured with a tape.
     let pose = person.pose(&carrying_pose());
     let hips = [Segment::LeftUpperLeg, Segment::RightUpperLeg].map(|leg| pose.origin_of(leg));
     let moment_nm = KG * GRAVITY_M_PER_S2 * (at - 0.5 * (hips[0] + hips[1])).xy().norm();
@@ -212,7 +212,7 @@ fn a_force_that_is_doubled_for_20_ms_changes_no_dose_and_for_200_ms_it_does() {
 #[test]
 fn levels_follow_table_1_where_the_torque_is_known_well() {
     let person = Person::real();
-    // Long enough to know where in the hands the load is.
+    // Long enough to determine the load's position in the hands.
     let bench = carrying(&person, 4000);
     let state = bench.state();
     let mut told = 0;

@@ -1,4 +1,4 @@
-//! What is kept, put back into an empty memory, as after a kill.
+//! Stored data, restored into an empty memory as after a kill.
 
 use super::*;
 use crate::cycle::kept::SHIFT_HOLDS_NS;
@@ -10,7 +10,7 @@ fn kept(memory: &Memory) -> Box<Kept> {
     kept
 }
 
-/// The same bench with an empty memory into which this was put, `gap_ns` later.
+/// The same bench with an empty memory into which the data were restored, `gap_ns` later.
 fn started_again(bench: &Bench, kept: &Kept, gap_ns: u64) -> Bench {
     let mut again = Bench::new(|settings| *settings = bench.settings);
     (again.now_ns, again.suit_drift_m) = (bench.now_ns + gap_ns, bench.suit_drift_m);
@@ -46,14 +46,14 @@ fn what_was_learnt_and_which_poses_it_was_learnt_from_come_back() {
     for row in 0..count {
         assert_eq!(worker.filter.covariance_row_m2(row), kept.worker.filter.covariance_row_m2(row));
     }
-    // Asked for already stays asked for: the next suggestion of both is the same, and the pose held last is no new one.
+    // Suggested poses stay marked: the next suggestion of both is the same, and the last pose held is not used again.
     let last = &postures()[4];
     again.hold(&person, last, None, 1500);
     bench.hold(&person, last, None, 1500);
     assert_eq!(again.state().poses_used, bench.state().poses_used);
     assert_eq!(again.memory.identification.suggested, bench.memory.identification.suggested);
     assert_ne!(again.memory.identification.suggested, NO_POSE);
-    // And it goes on.
+    // Identification continues.
     again.hold(&person, &postures()[7], None, 600);
     assert_eq!(u64::from(again.state().poses_used), kept.worker.poses_used + 1);
     assert!(again.memory.is_sound());
@@ -74,7 +74,7 @@ fn a_shift_goes_on_and_its_lift_under_way_counts_when_it_has_ended() {
     assert!(under_way.fatigue[0] > 0.0);
     memory.exposure.resume(&under_way);
     assert_eq!(memory.exposure.shift(), under_way);
-    // The load is seen again.
+    // The load is detected again.
     for sample in 300..400 {
         memory.exposure.advance(sample * 10_000_000, &load, &limits);
     }
@@ -92,7 +92,7 @@ fn a_shift_of_the_suit_s_world_holds_only_for_the_suit_that_went_on_and_not_for_
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     let posture = postures()[0];
     bench.hold(&person, &posture, None, 500);
-    // Where the anchor has the pelvis, without what the filter says of the stance.
+    // Position of the pelvis by the anchor, without the filter's stance offset.
     let anchored_m = |bench: &Bench| {
         bench.state().segment_origin_m[0][0] - bench.memory.identification.stance_offset_m()[0]
     };

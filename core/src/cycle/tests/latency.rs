@@ -1,4 +1,4 @@
-//! Streams with a constant latency are old when they come, and that is no silence.
+//! Streams with a constant latency arrive late and are not treated as silent.
 
 use super::*;
 
@@ -16,7 +16,7 @@ fn a_stream_that_is_late_by_what_it_should_be_is_not_stale() {
     for (suit_ms, ground_ms) in [(0, 0), (200, 0), (500, 0), (0, 50), (0, 138), (0, 500), (700, 600)] {
         let mut bench = late(suit_ms, ground_ms);
         bench.identify(&person);
-        // The puppet leaps from pose to pose; what the plate shows meanwhile is not believed.
+        // The simulated person leaps from pose to pose; the plate is suspect meanwhile.
         bench.hold(&person, &postures()[0], None, 1500);
         let state = bench.state();
         assert!(!state.validity().any_of(Validity::SUIT_STALE.and(Validity::GROUND_STALE)), "{suit_ms}");

@@ -1,4 +1,4 @@
-//! What a worker's filter makes of poses: stances, the suit's errors.
+//! Identification from poses: stances, and the suit's errors.
 
 extern crate std;
 use std::boxed::Box;
@@ -14,7 +14,7 @@ use crate::frame::{Pose, StationWorld, SuitWorld};
 use crate::sesc::centre_of_mass;
 use crate::sesc::reduction::Rows;
 
-/// A worker whose bones are known and who has shown nothing else.
+/// A subject with known bone lengths and no other data.
 pub(super) fn worker(person: &Person, settings: &Settings) -> Box<Identification> {
     let mut worker = bytemuck::zeroed_box::<Identification>();
     worker.start(settings);
@@ -27,7 +27,7 @@ pub(super) fn worker(person: &Person, settings: &Settings) -> Box<Identification
     worker
 }
 
-/// The pose as the anchor shows it in a stance that it put wrongly by `off_m`.
+/// The pose by the anchor in a stance with a position error of `off_m`.
 fn off_by(pose: &Pose<StationWorld>, off_m: [f64; 2]) -> Pose<StationWorld> {
     Pose::new(
         pose.origin.map(|origin| origin + Vector3::new(off_m[0], off_m[1], 0.0)),
@@ -42,7 +42,7 @@ fn learn(worker: &mut Identification, person: &Person, posture: &Posture, off_m:
     worker.take_in(&rows, [cop_m.x, cop_m.y], [1e-6; 2]).unwrap();
 }
 
-/// Mean error over all poses of a stance that is put rightly, m, and what the filter says of it.
+/// Mean error over all poses of a stance with a correct position, m, and the filter's σ.
 fn mean_error_m(worker: &Identification, person: &Person) -> ([f64; 2], [f64; 2]) {
     let (mut error, mut sigma, count) = ([0.0; 2], [0.0; 2], postures().len() as f64);
     for posture in postures() {
@@ -66,7 +66,7 @@ fn a_stance_s_offset_does_not_become_part_of_the_worker() {
     for posture in postures() {
         learn(&mut one, &person, &posture, off_m);
     }
-    // In the same stance the offset is known together with the body, far better than for itself.
+    // In the same stance, offset and body are determined together, far better than each separately.
     let pose = person.pose(&postures()[7]);
     let rows = one.reduction.rows(&off_by(&pose, off_m), [0.0; 2]);
     let truth = centre_of_mass(&pose, &person.phi);
@@ -74,7 +74,7 @@ fn a_stance_s_offset_does_not_become_part_of_the_worker() {
         assert!((one.predict_cop_m(&rows)[axis] - truth[axis]).abs() < 0.002);
         assert!(one.cop_variance_m2(&rows)[axis].sqrt() < 0.3 * STANCE_SIGMA_M);
     }
-    // The next stance is as unsure as a stance is, however many poses were learnt in the last.
+    // The next stance has the full uncertainty of a stance, however many poses the last one had.
     one.follow_stance(1, &settings);
     assert!(one.is_sound());
     let (error, sigma) = mean_error_m(&one, &person);
@@ -118,7 +118,7 @@ pub(super) struct Normal(u64);
 
 impl Normal {
     pub(super) fn seeded(seed: u64) -> Normal {
-        // Neighbouring seeds must not give neighbouring streams.
+        // Neighbouring seeds must not give correlated streams.
         let mut normal = Normal(seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
         for _ in 0..8 {
             normal.unit();
@@ -139,7 +139,7 @@ impl Normal {
     }
 }
 
-/// θ drawn from what a fresh worker's filter believes.
+/// θ drawn from the prior of a fresh subject's filter.
 pub(super) fn drawn(worker: &Identification, normal: &mut Normal) -> Vec<f64> {
     let count = worker.filter.count();
     // Cholesky, row by row.
@@ -160,7 +160,7 @@ pub(super) fn drawn(worker: &Identification, normal: &mut Normal) -> Vec<f64> {
         .collect()
 }
 
-/// What the plate shows of a person with this θ in a stance that lies off, with noise as large as it is said to be.
+/// Measured CoP of a person with this θ in a stance with a position error, with noise of the stated size.
 pub(super) fn shown(
     rows: &Rows,
     theta: &[f64],
@@ -174,8 +174,8 @@ pub(super) fn shown(
     })
 }
 
-/// Lets a worker with this θ hold poses one after the other; the root mean square error of the CoP over the library,
-/// the stance known, after each.
+/// A subject with this θ holds poses one after the other; returns the root mean square error of the CoP over the
+/// library, for a known stance, after each.
 fn errors_m(
     worker: &mut Identification,
     settings: &Settings,
@@ -232,7 +232,7 @@ fn a_badly_wrong_prior_is_inflated_and_forgotten_faster() {
     let (mut with, mut without, mut inflated) = (0.0, 0.0, 0);
     for seed in 0..40 {
         let mut normal = Normal::seeded(seed);
-        // Seven times as far from the table as the table's spread says.
+        // Seven times as far from the table as the table's spread.
         let theta: Vec<f64> = drawn(&fresh, &mut normal)
             .into_iter()
             .zip(fresh.filter.theta_m())

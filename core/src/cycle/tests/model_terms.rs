@@ -1,5 +1,5 @@
-//! A model's terms in the loop: what they change of what is told and learnt, when they hold, and that an empty model
-//! changes nothing.
+//! A model's terms in the loop: their effect on published values and on the filter, their time spans, and that an empty
+//! model has no effect.
 
 use super::*;
 use crate::body::SEGMENTS;
@@ -27,8 +27,8 @@ fn bench(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
     })
 }
 
-/// A worker of the table's build, whose identification is over and whose place is the suit's: nothing is learnt, not
-/// even a stance's offset, so terms alone differ.
+/// A subject who matches the table, with identification disabled and an absolute suit position: neither θ nor a stance
+/// offset is updated, so that only the terms differ.
 fn known(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
     let mut bench = bench(some, |settings| {
         settings.start_identifying = false;
@@ -40,7 +40,7 @@ fn known(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
     bench
 }
 
-/// A trunk that swings and arms that go with it; the plate reads something steady, with shear if asked.
+/// The trunk swings with the arms; the plate reads constant values, with shear if requested.
 fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
     let person = Person::real();
     let [from_x_nm, from_y_nm, _] =
@@ -59,9 +59,9 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
                 pose.world_from_segment[index] = lean * pose.world_from_segment[index];
             }
         }
-        // A force that leaps would not be believed.
+        // A leap of the force would be rejected.
         let share = (step as f64 / 100.0).min(1.0);
-        // No plate repeats itself to the last bit.
+        // No plate repeats a value to the last bit.
         let weight_n = MASS_KG * GRAVITY_M_PER_S2 + 1e-9 * (bench.cycle % 2) as f64;
         let push_n = if shear { [10.0 * sine, -6.0 * cosine, weight_n] } else { [0.0, 0.0, weight_n] };
         let ground = GroundSample {
@@ -96,7 +96,7 @@ fn step_of(bench: &mut Bench, tick: Tick, inputs: Inputs<'_>) {
     step(&bench.settings, &mut bench.memory, tick, inputs);
 }
 
-/// Every state of a run: its moment's time, estimated CoP and external force.
+/// Every state of a run: its snapshot's time, estimated CoP and external force.
 fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
     let mut all: Vec<(u64, [f64; 2], f64)> = Vec::new();
     swing(bench, shear, |bench| {
@@ -108,8 +108,8 @@ fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
     all
 }
 
-/// What an observer outside the loop makes of the same motion: the loop's state with a model is the state without it
-/// plus columns times values. Its parts are offset and gain of the plate, of which the columns are told by the state.
+/// Reference computed outside the loop for the same motion: the loop's state with a model is the state without it plus
+/// columns times values. Uses offset and gain of the plate, whose columns follow from the state.
 #[test]
 fn the_state_with_a_model_is_the_state_without_it_and_the_columns() {
     for shear in [false, true] {
@@ -134,8 +134,8 @@ fn the_state_with_a_model_is_the_state_without_it_and_the_columns() {
     }
 }
 
-/// A mass on the back in the loop's numbers, against the weight that the same motion gives it: the acceleration of its
-/// place is differentiated here by hand.
+/// A mass on the back by the loop, against its weight in the same motion: the acceleration of its position is computed
+/// here by explicit differentiation.
 #[test]
 fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
     let worn = [term(Effect::WornMass, Place::Segment(Segment::T8), 0.0, [3.0, 0.0, 0.0, 0.0])];
@@ -163,7 +163,7 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
             if index < 12 || index + 12 >= places.len() {
                 continue;
             }
-            // Seven samples on each side, as the loop's window has.
+            // Seven samples on each side, as in the loop's window.
             let window: Vec<f64> = (0..15).map(|k| places[index + k - 7].1).collect();
             let up = curvature(&window) / (0.01 * 0.01);
             let (_, _, told) = with.iter().find(|(time, ..)| time == time_ns).unwrap();
@@ -176,7 +176,7 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
     }
 }
 
-/// Second derivative per sample² of the parabola of least squares through samples around the middle one.
+/// Second derivative per sample² of the least-squares parabola through samples around the middle one.
 fn curvature(values: &[f64]) -> f64 {
     let half = (values.len() / 2) as f64;
     let at = |index: usize| index as f64 - half;
@@ -193,7 +193,7 @@ fn a_term_holds_in_its_span_of_the_stations_time_alone() {
     offset.span_s = [0.6, 1.1];
     let plain = states(&mut known(&[], |_| {}), false);
     let with = states(&mut known(&[offset], |_| {}), false);
-    // The first moment of the station: the suit's sample at the first multiple of its period after the start.
+    // The station's first snapshot: the suit's sample at the first multiple of its period after the start.
     let first_ns = NS_PER_S + SUIT_PERIOD_NS - 500_000;
     let (mut inside, mut outside) = (0, 0);
     for ((time_ns, [plain_x_m, _], _), (_, [with_x_m, _], _)) in plain.iter().zip(&with) {
@@ -237,7 +237,8 @@ fn a_worker_who_wears_something_known_weighs_less_than_the_plate_shows() {
     assert!((bench.state().mass_kg - (MASS_KG - 2.0)).abs() < 1e-9, "{}", bench.state().mass_kg);
 }
 
-/// A suit that is late by 30 ms, dated back: moments are those of a suit that is not late, and nothing is stale.
+/// A suit that is late by 30 ms, with its stamps corrected: snapshots equal those of a suit without lag, and nothing is
+/// stale.
 #[test]
 fn a_late_suit_is_dated_back_at_intake() {
     let plain = states(&mut known(&[], |_| {}), false);
@@ -253,7 +254,7 @@ fn a_late_suit_is_dated_back_at_intake() {
     }
 }
 
-/// A filter of the plate at work: what is told follows what was predicted, late by the filter's time constant.
+/// A plate with a low pass: the estimate follows the prediction, delayed by the filter's time constant.
 #[test]
 fn a_slow_plate_is_expected_to_show_the_swing_late_and_smaller() {
     let cutoff_hz = 0.5;
@@ -264,7 +265,7 @@ fn a_slow_plate_is_expected_to_show_the_swing_late_and_smaller() {
         let last = all[all.len() - 200..].iter().map(|(_, [x, _], _)| *x);
         last.clone().fold(f64::MIN, f64::max) - last.fold(f64::MAX, f64::min)
     };
-    // The swing is at the cutoff: a filter of first order shows 1/√2 of it.
+    // The swing is at the cutoff: a first-order filter outputs 1/√2 of it.
     let share = swing(&with) / swing(&plain);
     assert!((0.66..0.75).contains(&share), "{share}");
 }

@@ -1,4 +1,4 @@
-//! What the ground's devices do not measure is believed by nobody.
+//! Components that the ground's devices do not measure are never used.
 
 use super::*;
 use crate::message::state::NotGiven;
@@ -8,7 +8,7 @@ fn worked_through(shear_n: Option<[f64; 2]>) -> Bench {
     bench.unmeasured_shear_n = shear_n;
     for (index, posture) in postures().into_iter().enumerate().take(8) {
         bench.hold(&person, &posture, None, 700);
-        // Natural motion between two poses is looked at too.
+        // Natural motion between two poses is included.
         if index == 4 {
             let at = lifted_box(&person, &posture);
             bench.hold(&person, &posture, Some((6.0, at)), 300);

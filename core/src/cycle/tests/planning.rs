@@ -1,4 +1,4 @@
-//! Which poses are asked for, how many it takes, and what happens when one cannot be held.
+//! Suggested poses, their number until identification is complete, and poses that cannot be held.
 
 extern crate std;
 use std::boxed::Box;
@@ -24,7 +24,7 @@ fn settings(kind: ReductionKind, choice: PoseChoice) -> Settings {
     .settings
 }
 
-/// Plans until a pose is suggested.
+/// Runs the planning until a pose is suggested.
 fn suggestion(worker: &mut Identification, settings: &Settings, suit_time_ns: u64) -> usize {
     for _ in 0..=2 * LIBRARY.len() {
         worker.plan_one(suit_time_ns, true, None, settings);
@@ -35,14 +35,14 @@ fn suggestion(worker: &mut Identification, settings: &Settings, suit_time_ns: u6
     panic!("no suggestion");
 }
 
-/// What a worker came to who held what was asked for.
+/// Result of an identification with the suggested poses.
 struct Outcome {
     poses: u64,
     error_m: f64,
     promised_m: f64,
 }
 
-/// Somebody drawn from the table's full prior holds the poses that are asked for until the stop rule is met.
+/// A person drawn from the table's full prior holds the suggested poses until the stop rule is met.
 fn identify(kind: ReductionKind, choice: PoseChoice, seed: u64) -> Outcome {
     let person = Person::real();
     let (mut normal, settings) = (Normal::seeded(seed), settings(kind, choice));
@@ -75,7 +75,7 @@ fn identify(kind: ReductionKind, choice: PoseChoice, seed: u64) -> Outcome {
     Outcome { poses: one.poses_used, error_m: square.sqrt(), promised_m: one.predicted_cop_sigma_m }
 }
 
-/// Over people: poses in all until finished, root mean square error of the CoP, the mean of the promised σ.
+/// Over people: mean number of poses until complete, root mean square error of the CoP, mean predicted σ.
 fn over_people(kind: ReductionKind, choice: PoseChoice, people: u64) -> Outcome {
     let all: Vec<Outcome> = (0..people).map(|seed| identify(kind, choice, seed)).collect();
     let mean = |of: &dyn Fn(&Outcome) -> f64| all.iter().map(of).sum::<f64>() / people as f64;
@@ -115,10 +115,10 @@ fn a_suggestion_takes_one_look_at_a_pose_a_cycle() {
         one.plan_one(1, true, None, &settings);
         cycles += 1;
     }
-    // Each pose is weighed once and looked at once, and one cycle chooses.
+    // Each pose of the library is evaluated once for W and once as a candidate, and one cycle chooses.
     assert_eq!(cycles, 2 * LIBRARY.len() + 1);
     assert_eq!(one.suggested, 0, "the library's first pose is the one to start from");
-    // W says what the rows say.
+    // W matches the rows.
     let mut square_m2 = 0.0;
     for posture in LIBRARY {
         let pose = posture::pose_of(posture, &person.skeleton, [0.0; 3]);
@@ -135,7 +135,7 @@ fn a_pose_that_was_not_held_for_twenty_seconds_gives_way() {
     let asked = suggestion(&mut one, &settings, NS_PER_S);
     one.plan_one(20 * NS_PER_S, true, None, &settings);
     assert_eq!(one.suggested, asked as u64);
-    // Nobody there: the time begins anew.
+    // Without a person on the plate the time restarts.
     one.plan_one(25 * NS_PER_S, false, None, &settings);
     one.plan_one(44 * NS_PER_S, true, None, &settings);
     assert_eq!(one.suggested, asked as u64);

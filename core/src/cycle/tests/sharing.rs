@@ -1,4 +1,4 @@
-//! Who carries what: the load between the hands, the ground reaction between the feet.
+//! Distribution of the load between the hands and of the ground reaction between the feet.
 
 use super::*;
 use crate::body::Segment;
@@ -20,7 +20,7 @@ fn grips(person: &Person) -> [Vector3<f64>; 2] {
     Side::BOTH.map(|side| pose.point_on(side.hand(), person.body.grip_m(side.hand())))
 }
 
-/// 1-σ of the load's place by the state's own figures, m.
+/// 1-σ of the load's position by the values of the state, m.
 fn place_sigma_m(state: &State) -> f64 {
     let weight_n = state.ground_force_n[2] - state.delta_f_n[2];
     state.cop_sigma_m.iter().copied().fold(0.0, f64::max) * weight_n / state.delta_f_n[2].abs()
@@ -74,7 +74,7 @@ fn a_load_on_the_back_is_not_in_the_hands() {
 fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
     let (person, mut bench) = learnt();
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
-    // Twice, so that all that follow have the same past.
+    // Twice, so that all subsequent ones have the same history.
     for _ in 0..2 {
         bench.hold(&person, &carrying(), Some((8.0, at)), 600);
         bench.hold(&person, &carrying(), None, 300);
@@ -112,7 +112,7 @@ fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     assert_eq!(bench.state().sharing_source, SharingSource::Geometry as u32);
     for (again, before) in bench.state().torque_nm.iter().zip(&by_geometry.torque_nm) {
-        // What was learnt about noise in between may move the hands' shares by a hair.
+        // Noise estimates updated in between may change the hand load fractions slightly.
         assert!((Vector3::from(*again) - Vector3::from(*before)).norm() < 0.1, "{again:?} {before:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! A body of point masses in motion, what the plate measures of it, and what a suit shows of it.
+//! A moving body of point masses, with simulated measurements of plate and suit.
 
 extern crate std;
 use std::vec::Vec;
@@ -15,16 +15,16 @@ const STEP_S: f64 = 2e-3;
 const G: f64 = 9.81;
 
 type Vector = Vector3<f64>;
-/// Where a mass is at a time, s.
+/// Position of a mass at a time, s.
 pub(super) type Path<'a> = &'a dyn Fn(f64) -> Vector;
 
-/// Second derivative by five points.
+/// Second derivative by a five-point formula.
 pub(super) fn second(path: impl Fn(f64) -> Vector, time_s: f64) -> Vector {
     let at = |steps: f64| path(time_s + steps * STEP_S);
     (-at(2.0) + 16.0 * at(1.0) - 30.0 * at(0.0) + 16.0 * at(-1.0) - at(-2.0)) / (12.0 * STEP_S * STEP_S)
 }
 
-/// What the suit gets wrong: a turn of each segment after and before its true rotation, and of everything.
+/// Errors of the suit: a rotation of each segment after and before its true rotation, and of the whole.
 #[derive(Clone)]
 pub(super) struct SuitError {
     pub(super) in_world: [Vector; SEGMENTS],
@@ -51,7 +51,7 @@ impl Body {
         Body { skeleton, table }
     }
 
-    /// True rotations: every segment swings by itself, so no two columns are alike.
+    /// True rotations: every segment swings separately, so that no two columns are equal.
     pub(super) fn rotation(&self, time_s: f64) -> [UnitQuaternion<f64>; SEGMENTS] {
         core::array::from_fn(|index| {
             let i = index as f64;
@@ -61,8 +61,8 @@ impl Body {
         })
     }
 
-    /// What a suit shows that knows the bones: rotations with its errors, and joints where they then are. Both feet
-    /// are held where they stand, as the anchor does; the whole turns about them.
+    /// Output of a suit with exact bone lengths: rotations with its errors, and the resulting joint positions. Both
+    /// feet are held at their positions, as by the anchor; the whole rotates about them.
     pub(super) fn shown(
         &self,
         time_s: f64,
@@ -74,7 +74,7 @@ impl Body {
                 * truth[index]
                 * UnitQuaternion::from_scaled_axis(error.in_segment[index])
         });
-        // The feet's middle stands.
+        // The middle between the feet is fixed.
         let middle = Vector::new(0.1, -0.05, FLOOR_M + 0.05);
         let mut shown = self.joints(&turned);
         let off = middle - feet(&shown);
@@ -101,7 +101,7 @@ impl Body {
         joints[segment.index()] + rotation[segment.index()] * from_origin_m
     }
 
-    /// What acts on the plate at a time: the body's point masses, others, and a force on the body at a point.
+    /// Total load on the plate at a time: the body's point masses, other masses, and a force on the body at a point.
     pub(super) fn reaction(
         &self,
         time_s: f64,
@@ -123,7 +123,7 @@ impl Body {
         reaction
     }
 
-    /// What the model makes of what the suit shows, and the plate's reading of `truth`.
+    /// The model's observation from the suit's output, and the plate's reading of `truth`.
     pub(super) fn observation(
         &self,
         time_s: f64,
@@ -185,7 +185,7 @@ impl Body {
         }
     }
 
-    /// `(−L̇_y, L̇_x)/M` of the motion that the suit shows.
+    /// `(−L̇_y, L̇_x)/M` of the motion measured by the suit.
     fn turning_m2_per_s2(&self, time_s: f64, error: &SuitError) -> nalgebra::Vector2<f64> {
         let paths: Vec<_> = Segment::ALL
             .iter()
@@ -213,7 +213,7 @@ fn sine(angle: f64) -> f64 {
     crate::math::sin_cos(angle).0
 }
 
-/// Force of the ground, and its first moments: what the centre of pressure is made of.
+/// Force of the ground, and its first moments, from which the CoP follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reaction {
     pub(super) force_n: Vector,
@@ -226,7 +226,7 @@ impl Reaction {
         self.hold(path(time_s), mass_kg * pull);
     }
 
-    /// The ground gives this force to what is at a place above it.
+    /// Adds the ground force that acts on a mass at a position above it.
     fn hold(&mut self, at: Vector, force: Vector) {
         self.force_n += force;
         for axis in 0..2 {

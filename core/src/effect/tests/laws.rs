@@ -12,8 +12,8 @@ fn phi(body: &Body) -> Phi {
     Phi::of(&body.skeleton, &body.table)
 }
 
-/// What is left of measured less predicted after the columns times `value`: of the CoP, m; of the force, N (z, and the
-/// horizontal part of it, which the prediction by the suit must explain too).
+/// Residual after subtracting the columns times `value` from measured minus predicted: of the CoP, m; of the force, N
+/// (z, and its horizontal part, which the prediction by the suit must explain too).
 fn left_over(o: &Observation, columns: &Columns, value: [f64; PARAMETERS_MAX]) -> (f64, f64) {
     let (cop, force) = columns.times(&value);
     let cop = (0..2).map(|axis| (o.cop_measured_m[axis] - o.cop_predicted_m[axis] - cop[axis]).abs());
@@ -21,7 +21,7 @@ fn left_over(o: &Observation, columns: &Columns, value: [f64; PARAMETERS_MAX]) -
     (cop.fold(0.0, f64::max), force.fold(0.0, f64::max))
 }
 
-/// How large the same is without any column.
+/// The residual without any column.
 fn gap(o: &Observation) -> f64 {
     left_over(o, &Columns::zero(1), [0.0; PARAMETERS_MAX]).0
 }
@@ -32,7 +32,7 @@ fn nothing_is_left(o: &Observation, columns: &Columns, value: [f64; PARAMETERS_M
     assert!(cop_m < 1e-8 && force_n < 1e-5, "{what}: {cop_m} m, {force_n} N are left");
 }
 
-/// The same to first order: what is left is small beside the gap.
+/// First-order check: the residual is small relative to the gap.
 fn little_is_left(o: &Observation, columns: &Columns, value: [f64; PARAMETERS_MAX], what: &str) {
     let (cop_m, _) = left_over(o, columns, value);
     let gap_m = gap(o);
@@ -50,7 +50,7 @@ fn without_an_effect_the_prediction_is_what_is_measured() {
     }
 }
 
-/// Exact, however heavy: measured force and slope make the equation linear in the mass.
+/// Exact for any mass: with measured force and slope the equation is linear in the mass.
 #[test]
 fn a_mass_shifts_the_centre_by_exactly_its_column() {
     let body = Body::new();
@@ -70,7 +70,7 @@ fn a_mass_shifts_the_centre_by_exactly_its_column() {
     }
 }
 
-/// A mass and its like taken away on the other side: no mass, no spread, first moment alone.
+/// A mass, and an equal negative one on the other side: no mass, no inertia, first moment alone.
 #[test]
 fn a_first_moment_shifts_the_centre_by_exactly_its_column() {
     let body = Body::new();
@@ -121,7 +121,7 @@ fn a_contact_shifts_the_centre_by_exactly_its_columns() {
     }
 }
 
-/// The true φ differs from the model's: the prediction is made anew with each.
+/// The true φ differs from the model's: the prediction is recomputed with each.
 #[test]
 fn a_changed_phi_shifts_the_prediction_by_its_columns() {
     let body = Body::new();
@@ -140,7 +140,7 @@ fn a_changed_phi_shifts_the_prediction_by_its_columns() {
     }
 }
 
-/// The suit shows a segment turned: its joints are where stiff bones then put them, and the feet are held.
+/// The suit reports a rotated segment: joints are at the positions of rigid bones, and the feet are held.
 #[test]
 fn a_segment_that_is_read_turned_shifts_the_prediction_by_its_columns() {
     let body = Body::new();
@@ -165,7 +165,7 @@ fn a_segment_that_is_read_turned_shifts_the_prediction_by_its_columns() {
     }
 }
 
-/// A whole radian: the term with that value leaves nothing, columns of small turns leave much.
+/// A whole radian: the term with that value leaves no residual, small-angle columns leave a large one.
 #[test]
 fn a_large_turn_of_a_segment_is_undone_as_it_is() {
     let body = Body::new();
@@ -205,7 +205,7 @@ fn a_suit_that_has_turned_for_a_while_shifts_the_prediction_by_its_column() {
         o.time_s = 40.0;
         let drift = columns(Effect::SuitHeadingDrift, Place::Whole, 0.0, &o);
         little_is_left(&o, &drift, [1e-5 / 40.0, 0.0, 0.0, 0.0], "heading");
-        // Seen by the suit's axes, a true push to the front comes from the right.
+        // In the suit's axes, a true force to the front comes from the right.
         let missed = [0, 1].map(|axis| o.force_measured_n[axis] - o.force_predicted_n[axis]);
         let explained = drift.times(&[1e-5 / 40.0, 0.0, 0.0, 0.0]).1;
         for axis in 0..2 {
@@ -217,12 +217,12 @@ fn a_suit_that_has_turned_for_a_while_shifts_the_prediction_by_its_column() {
 fn measured(truth: &Reaction) -> GroundSample {
     let [x, y] = truth.cop_m();
     let f = truth.force_n;
-    // The wrench of that force at that point on the floor, about the world's origin.
+    // Wrench of that force at that point on the floor, about the world's origin.
     let moment_nm = [y * f.z - FLOOR_M * f.y, FLOOR_M * f.x - x * f.z, x * f.y - y * f.x];
     GroundSample { force_n: f.into(), moment_nm, surface_z_m: FLOOR_M, ..bytemuck::Zeroable::zeroed() }
 }
 
-/// The plate's reading is falsified as the effect says; the prediction is made from the false shear where it is measured.
+/// The plate's reading has the error of the effect; the prediction uses the erroneous shear if it is measured.
 #[test]
 fn a_false_plate_reads_the_prediction_and_its_column() {
     let body = Body::new();
@@ -251,7 +251,7 @@ fn a_false_plate_reads_the_prediction_and_its_column() {
             assert!((missed - 1e-6 * column.force_n[0][axis]).abs() < 1e-6);
         }
 
-        // The device's moments are right; they are taken to a height that is 20 mm too low.
+        // The device's moments are correct, but refer to a height that is 20 mm too low.
         let low = GroundSample { surface_z_m: FLOOR_M - 0.02, ..measured(&truth) };
         read(force, low.cop_m().unwrap(), Effect::PlateHeight, [0.02, 0.0, 0.0, 0.0]);
 

@@ -39,7 +39,7 @@ fn parameters_bear_their_units_and_something_is_believed_of_each() {
     }
 }
 
-/// What is believed before any data reaches beyond what is of interest, or the effect could never be named.
+/// The prior must extend beyond the smallest size of interest, or the effect could never be named.
 #[test]
 fn one_sigma_of_the_prior_is_of_interest() {
     for (effect, place) in everywhere() {

@@ -1,10 +1,10 @@
-//! What the ground said at a time between two samples.
+//! Interpolation between two ground samples.
 
 use super::GroundSample;
 
 impl GroundSample {
-    /// What was so between this sample and a `later` one, a `share` of the way from here to there. What is no measurement is
-    /// the later one's, its time too.
+    /// Interpolates between this sample and a `later` one, at the fraction `share` of the interval. Fields that are no
+    /// measurement are the later sample's, including its time.
     #[must_use]
     pub fn between(&self, later: &GroundSample, share: f64) -> GroundSample {
         let blend =
@@ -25,9 +25,9 @@ impl GroundSample {
     }
 }
 
-/// Both feet's forces (N) and centres of pressure between two samples that have them, in one frame. In a sole's own frame
-/// it is the foot's motion that is left out: the sole is placed at the interpolated time. Forces and their moments are what
-/// runs straight between two samples, so a centre is weighted by its force.
+/// Interpolates both feet's forces (N) and CoPs between two samples that contain them in the same frame. In a sole's
+/// own frame the foot's motion is excluded: the sole is placed at the interpolated time. Forces and their moments are
+/// linear between two samples, so a CoP is weighted by its force.
 fn feet(earlier: &GroundSample, later: &GroundSample, share: f64) -> Option<([f64; 2], [[f64; 2]; 2])> {
     if !(earlier.has_feet() && later.has_feet()) || earlier.foot_frame != later.foot_frame {
         return None;
@@ -61,7 +61,8 @@ mod tests {
     #[test]
     fn forces_and_moments_run_straight_and_only_between_samples_that_have_feet() {
         let (earlier, later) = (plates([100.0, 600.0], [0.3, -0.1]), plates([500.0, 240.0], [0.1, 0.2]));
-        // A little of a lifted foot's zero is no force on the person either, and may be below it.
+        // A small negative offset of a lifted foot is no force on the person either, and its interpolation may be
+        // negative too.
         let below = (plates([-10.0, 600.0], [0.3, -0.1]), plates([-30.0, 240.0], [0.1, 0.2]));
         for (share, (earlier, later)) in
             [0.0, 0.25, 1.0].into_iter().flat_map(|share| [(share, (earlier, later)), (share, below)])

@@ -61,7 +61,7 @@ impl Normal {
     }
 }
 
-/// One person of the population that the table's spread describes, drawn part by part.
+/// One person drawn part by part from the population that the table's spread describes.
 fn draw(body: &Anthropometry, normal: &mut Normal) -> Anthropometry {
     let mut person = *body;
     for (segments, spread) in PARTS {
@@ -108,7 +108,7 @@ fn the_covariance_is_that_of_a_drawn_population() {
     let mut people: Vec<[f64; PARAMETERS]> = Vec::new();
     for _ in 0..PEOPLE {
         let mut theta = reduction.closest_theta(&Phi::of(&skeleton, &draw(&body, &mut normal)));
-        // The lean to one side is the plate's, and not in the body.
+        // The sideways spread belongs to the plate and not to the body.
         theta[3 * Segment::Pelvis.index() + 1] += SIDEWAYS_SPREAD_M * normal.next();
         for (value, mean) in theta.iter_mut().zip(prior.theta_m) {
             *value -= mean;
@@ -119,7 +119,7 @@ fn the_covariance_is_that_of_a_drawn_population() {
     for row in 0..PARAMETERS {
         let mean = people.iter().map(|person| person[row]).sum::<f64>() / PEOPLE as f64;
         let sigma = prior.covariance_m2[row][row].sqrt();
-        // A share of masses is not linear in them: the mean may lie off by a few per cent of a standard deviation.
+        // Mass fractions are nonlinear in the masses: the mean may deviate by a few per cent of a standard deviation.
         assert!(mean.abs() < 0.1 * sigma, "{row}: {mean} {sigma}");
         for column in 0..=row {
             let sampled =
@@ -128,8 +128,8 @@ fn the_covariance_is_that_of_a_drawn_population() {
             worst = worst.max((prior.covariance_m2[row][column] - sampled).abs() / scale);
         }
     }
-    // Of which sampling leaves 0.006 on a diagonal, a few times that in the worst of 2415 entries, and the squares of
-    // the spreads, which a first order leaves out, as much again.
+    // Sampling contributes 0.006 on a diagonal, a few times that in the worst of 2415 entries, and the squares of the
+    // spreads, which the first order neglects, as much again.
     assert!(worst < 0.06, "{worst}");
 }
 
@@ -184,7 +184,8 @@ fn a_similar_worker_moves_the_mean_and_narrows_the_covariance() {
     for kind in KINDS {
         let reduction = Reduction::new(kind, &phi);
         let table = Box::new(Prior::table(&reduction, &skeleton, &body));
-        // That worker was identified with the same reduction: a deviation T δ, known to 1 mm on each parameter.
+        // The other subject was identified with the same reduction: a deviation T δ, with a σ of 1 mm on each
+        // parameter.
         let mut delta = [0.0; PARAMETERS];
         delta[0] = 0.02;
         delta[reduction.count() - 1] = -0.01;

@@ -20,7 +20,7 @@ impl Jitter {
     }
 }
 
-/// Feeds `seconds` of a stream that is `drift` too slow; yields (error, σ) of every estimate, ns.
+/// Feeds `seconds` of a stream that is `drift` too slow; returns (error, σ) of every estimate, ns.
 fn run(seconds: u64, drift: f64, mean_jitter_ns: f64) -> std::vec::Vec<(f64, f64)> {
     let mut fit = ClockFit::new();
     let mut jitter = Jitter { state: 42, mean_ns: mean_jitter_ns };
@@ -77,7 +77,7 @@ fn a_few_samples_are_enough_and_fewer_are_not() {
 
 #[test]
 fn a_counter_that_paused_or_leapt_gets_a_new_line() {
-    // Ten seconds of silence in which the device did not count; then a leap of 1000 counts in no time.
+    // Ten seconds of silence in which the device did not count; then a jump of 1000 counts at once.
     for (silence_ns, leap) in [(10_000_000_000, 0), (0, 1000)] {
         let mut fit = ClockFit::new();
         for index in 0..2400u64 {
@@ -105,7 +105,7 @@ fn equal_and_falling_counters_are_ignored() {
 
 #[test]
 fn a_device_that_changes_its_pace_is_followed_soon_and_not_believed_meanwhile() {
-    // Slower and faster again, as a suit that is set to another rate and back.
+    // Alternately slower and faster, as a suit that is set to another rate and back.
     let (mut fit, mut now_ns, mut counter) = (ClockFit::new(), START_NS, 0_u64);
     let mut wrong_since_ns = None;
     let mut paces = std::vec![(60.0, 20.0), (40.0, 4.0), (60.0, 20.0), (100.0, 4.0), (60.0, 20.0)];
@@ -117,7 +117,7 @@ fn a_device_that_changes_its_pace_is_followed_soon_and_not_believed_meanwhile() 
             fit.observe(counter, now_ns);
             let Some(estimate) = fit.estimate(counter) else { continue };
             let error_ns = now_ns - estimate.host_ns;
-            // What is not said by σ: the first moments of a slower pace look like delay.
+            // Not covered by σ: the first samples of a slower rate look like delay.
             assert!(
                 error_ns < 60_000_000 || error_ns <= estimate.sigma_ns + 1000,
                 "{rate_hz} Hz: {estimate:?}"

@@ -7,7 +7,7 @@ use super::*;
 const S_NS: f64 = 1e9;
 const GRAVITY_M_PER_S2: f64 = 9.81;
 
-/// Numbers from a seed.
+/// Pseudo-random numbers from a seed.
 struct Random(u64);
 
 impl Random {
@@ -21,8 +21,8 @@ impl Random {
     }
 }
 
-/// Squats of changing depth and pace: the height of the centre of mass is a sum of smooth steps, so that its second
-/// derivative is known without the estimator's filters.
+/// Squats of varying depth and pace: the height of the CoM is a sum of smooth steps, so that its second derivative is
+/// given without the estimator's filters.
 struct Squats(Vec<[f64; 3]>);
 
 impl Squats {
@@ -63,13 +63,13 @@ impl Squats {
 struct Run {
     late_s: f64,
     drift: f64,
-    /// From when on the suit is later by how much, s.
+    /// Time of a change of the delay, and its size, s.
     step: Option<[f64; 2]>,
     seconds: f64,
     suit_hz: f64,
     ground_hz: f64,
     mass_kg: f64,
-    /// Mass of a box that is lifted and put down again every few seconds, kg.
+    /// Mass of a box that is lifted and put down every few seconds, kg.
     box_kg: f64,
     /// White noise of height, m, and force, N, per sample.
     noise: [f64; 2],
@@ -95,7 +95,7 @@ impl Run {
         self.late_s + self.drift * time_s + step_s
     }
 
-    /// Feeds an estimator in the order of the stamps; `see` is shown it after each suit sample, with the true time.
+    /// Feeds an estimator in the order of the stamps; calls `see` after each suit sample, with the true time.
     fn feed(&self, seed: u64, mut see: impl FnMut(f64, u64, &SkewEstimator)) -> Box<SkewEstimator> {
         let (squats, mut random) = (Squats::of(seed, self.seconds), Random(seed));
         let mut estimator: Box<SkewEstimator> = bytemuck::zeroed_box();
@@ -205,7 +205,7 @@ fn without_motion_or_with_periodic_motion_no_lag_is_found() {
         }
     };
     feed(&|_| 1.0, &|_| 706.0);
-    // Steps at 2.5 Hz: half a second is more than a period.
+    // Steps at 2.5 Hz: half a second is longer than a period.
     let omega = 2.5 * core::f64::consts::TAU;
     feed(&|time_s| 0.02 * (omega * time_s).sin(), &|time_s| {
         -72.0 * 0.02 * omega * omega * (omega * time_s).sin()

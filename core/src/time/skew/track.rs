@@ -1,16 +1,16 @@
-//! Lag and drift over time, from the windows that show them.
+//! Lag and drift over time, estimated from windows.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::Window;
 
-/// 1-σ of the drift between two clocks before it is measured: quartz clocks and recordings show up to 1000 ppm.
+/// 1-σ of the drift between two clocks before it is measured: quartz clocks and recordings have up to 1000 ppm.
 const DRIFT_SIGMA: f64 = 500e-6;
-/// Random walk of the drift, 1/s: 10 ppm in a minute.
+/// Random walk of the drift, 1/s: 10 ppm in one minute.
 const DRIFT_WALK: f64 = 10e-6 * 10e-6 / 60.0;
-/// Random walk of the lag, s²/s: 1 ms in a minute.
+/// Random walk of the lag, s²/s: 1 ms in one minute.
 const LAG_WALK: f64 = 1e-3 * 1e-3 / 60.0;
-/// Share of a new window in the mean of the normalised innovation squared.
+/// Weight of a new window in the mean of the normalised innovation squared.
 const NIS_GAIN: f64 = 0.1;
 
 /// Kalman filter of lag (s) and drift (s/s).
@@ -22,7 +22,7 @@ pub(super) struct Track {
     pub(super) state: [f64; 2],
     /// Variance of the lag, covariance, variance of the drift.
     pub(super) covariance: [f64; 3],
-    /// Mean of the normalised innovation squared; the variance of a window grows by as much as this exceeds 1.
+    /// Mean of the normalised innovation squared; a value above 1 scales the variance of a window.
     nis: f64,
 }
 

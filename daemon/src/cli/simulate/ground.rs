@@ -134,7 +134,7 @@ impl Site {
         match (text.parse(), kind.usual()) {
             (Ok(there), Site::Udp(_)) => Ok(Site::Udp(there)),
             (Ok(there), Site::Tcp(_) | Site::Serial(_)) => Ok(Site::Tcp(there)),
-            // A relative name would not be found by a daemon that runs elsewhere.
+            // A daemon in another working directory could not resolve a relative name.
             (Err(_), _) => Ok(Site::Serial(std::path::absolute(text)?)),
         }
     }
@@ -142,7 +142,7 @@ impl Site {
     /// That of the second device.
     fn next(&self) -> Site {
         let one_on = |address: &SocketAddr| match address.port() {
-            // Any free one, once more.
+            // Port 0 again selects any free port.
             0 => *address,
             port => SocketAddr::new(address.ip(), port.wrapping_add(1)),
         };
@@ -167,7 +167,7 @@ impl Site {
 }
 
 fn serial(name: &Path) -> anyhow::Result<SerialPort> {
-    // The device itself says how fast it is.
+    // The device itself defines its rate, so any value is suitable.
     SerialPort::new(name, 9600).with_context(|| {
         format!("{}: the line's name cannot be made; is another simulator there?", name.display())
     })

@@ -112,7 +112,7 @@ mod tests {
         let text = printed(BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]));
         assert_eq!(text.matches("to do:").count(), 1, "{text}");
         assert_eq!(text.matches(words(Incident::SuitAdapterDown).to_do).count(), 1, "{text}");
-        // Without the daemon's own sentence the general one is all there is.
+        // Without the daemon's sentence only the general advice is printed.
         assert!(printed(BTreeMap::new()).contains("to do: look at MVN"));
     }
 

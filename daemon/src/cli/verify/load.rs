@@ -146,14 +146,14 @@ fn mass_sigmas(mass_kg: f64, trial: &Trial) -> f64 {
 fn worst_sigmas(mass_kg: f64, trials: &[Trial]) -> f64 {
     let torques = trials.iter().flat_map(|trial| trial.groups.iter().flatten().map(Compared::sigmas));
     let masses = trials.iter().map(|trial| mass_sigmas(mass_kg, trial));
-    // An error of nothing over a sigma of nothing is no agreement.
+    // 0/0 is not an agreement.
     let size = |sigmas: f64| if sigmas.is_nan() { f64::INFINITY } else { sigmas.abs() };
     torques.chain(masses).map(size).fold(0.0, f64::max)
 }
 
 fn text(mass_kg: f64, trials: &[Trial]) -> String {
     let mut text = String::new();
-    // Writing to a String cannot fail.
+    // Writing to a string cannot fail.
     let _ = writeln!(text, "at x, y m        quantity     expected  published   1-sigma     error   sigmas");
     let mut line = |at_m: [f64; 2], name: &str, [expected, published, sigma]: [f64; 3]| {
         let error = published - expected;

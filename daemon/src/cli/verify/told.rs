@@ -1,4 +1,4 @@
-//! What a verification found, for people and for programs.
+//! Results of a verification, as text and as JSON.
 
 use std::fmt::Write;
 
@@ -9,18 +9,18 @@ use serde_json::{Value, json};
 
 use crate::cli::client;
 
-/// A mass at one place or several.
+/// Results for a mass at one or several places.
 pub(super) struct Told {
     pub(super) mass_kg: f64,
     pub(super) tolerance_percent: f64,
     pub(super) placed: Vec<Placed>,
-    /// What the empty plate showed at first, N, and how much more at last.
+    /// Force of the empty plate at the start, N, and its change until the end.
     pub(super) zero_n: f64,
     pub(super) zero_drift_n: Option<f64>,
     pub(super) geometry: Option<Geometry>,
 }
 
-/// Compares where the plate saw the mass with where it was put, in the plate's own frame.
+/// Compares the measured positions of the mass with the placed ones, in the plate's own frame.
 pub(super) fn geometry_of(
     placed: &[Placed],
     at_m: &[[f64; 2]],
@@ -46,7 +46,7 @@ impl Told {
         100.0 * (placed.mass_kg / self.mass_kg - 1.0)
     }
 
-    /// The largest error with its sign, %.
+    /// The error of the largest magnitude, with sign, %.
     pub(super) fn worst_percent(&self) -> f64 {
         let all = self.placed.iter().map(|placed| self.percent(placed));
         all.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::NAN)
@@ -54,7 +54,7 @@ impl Told {
 
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
-        // Writing to a String cannot fail.
+        // Writing to a string cannot fail.
         let _ =
             writeln!(text, "place      mass kg       ±    error %        at x, y mm        ± mm     drift N");
         for (index, placed) in self.placed.iter().enumerate() {
@@ -142,7 +142,7 @@ fn geometry_json(found: &Geometry) -> Value {
 /// A rod's tip on the surface.
 pub(super) struct Rod {
     pub(super) tip: Tip,
-    /// Height of the surface by the frame in force, world, m.
+    /// Height of the surface according to the active frame, world, m.
     pub(super) configured_z_m: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What the screen sees of a station: the newest of everything, whichever daemon tells it.
+//! Subscriptions of the terminal display: the newest message of each service of a station, from any daemon.
 
 use std::time::{Duration, Instant};
 
@@ -15,24 +15,23 @@ use crate::process_state::is_stopped;
 use crate::realtime::now_ns;
 use crate::status;
 
-/// How often it is looked whether the bus is still the one that was joined, what the daemon says of itself, and how late
-/// the path was.
+/// Interval at which the bus directory, the daemon's status file and the latency percentiles are checked.
 const LOOK_AROUND_EVERY: Duration = Duration::from_secs(1);
-/// An adapter tells once a second how it fares; what is older is not shown.
+/// Adapters publish their health once a second; older messages are not displayed.
 const HEALTH_FOR: Duration = Duration::from_secs(3);
 
-/// Everything subscribed; the node that they hang on comes last.
+/// All subscribers; the node that they depend on is dropped last.
 struct Ports {
     states: Subscriber<State>,
     board: Subscriber<Incidents>,
     health: Subscriber<AdapterHealth>,
-    /// `None` where every place is taken: the rest is worth watching without.
+    /// `None` if no subscriber slot is free: the display works without.
     records: Option<Subscriber<CycleRecord>>,
     _bus: Bus,
     joined: Joined,
 }
 
-/// What was seen so far.
+/// The data received so far.
 pub(super) struct Eyes {
     settings: BusSettings,
     ports: Option<Ports>,
@@ -40,18 +39,18 @@ pub(super) struct Eyes {
     sensors: Vec<(Sensor, Instant)>,
     pub(super) incidents: Option<Incidents>,
     path: PathHistograms,
-    /// Cycles before it waited for this consumer, ns.
+    /// Ignore cycles before this subscription, ns.
     since_ns: u64,
     pub(super) latency: Option<Report>,
     pub(super) ask: Option<Ask>,
     pub(super) subject: String,
-    /// The daemon's process, while it is stopped.
+    /// Process id of the daemon while it is stopped.
     pub(super) stopped: Option<u32>,
     looked: Option<Instant>,
 }
 
 impl Eyes {
-    /// Joins the station's bus, on which there need not be anybody yet.
+    /// Joins the station's bus; no other process need have joined it yet.
     pub(super) fn open(station: &str) -> Result<Eyes, BusError> {
         let settings = BusSettings::new(station, "watch");
         let ports = Some(join(&settings)?);
@@ -71,7 +70,7 @@ impl Eyes {
         })
     }
 
-    /// Takes in what is new. A bus that breaks is joined anew a second later.
+    /// Ingests new messages. Joins the bus again one second after a failure.
     pub(super) fn look(&mut self) {
         if self.looked.is_none_or(|looked| looked.elapsed() >= LOOK_AROUND_EVERY) {
             self.looked = Some(Instant::now());
@@ -105,10 +104,10 @@ impl Eyes {
         Ok(())
     }
 
-    /// The slower things: the bus itself, the daemon's file, percentiles.
+    /// Slower checks: the bus itself, the daemon's status file, percentiles.
     fn look_around(&mut self) {
         if let Some(ports) = self.ports.take_if(|ports| ports.joined.is_cut_off()) {
-            // To leave would take away what the next bus has under the same names: the old ports are let go of.
+            // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
             std::mem::forget(ports);
         }
         if self.ports.is_none() {
@@ -122,12 +121,12 @@ impl Eyes {
         self.sensors.retain(|(_, at)| at.elapsed() < HEALTH_FOR);
     }
 
-    /// The newest state, unless it is old.
+    /// The newest state, unless it is stale.
     pub(super) fn state(&self) -> Option<&State> {
         self.state.as_ref().filter(|(_, at)| at.elapsed() < SILENT_AFTER).map(|(state, _)| state)
     }
 
-    /// How long ago the last state came, s.
+    /// Time since the last state was received, s.
     pub(super) fn silent_s(&self) -> Option<f64> {
         self.state.as_ref().map(|(_, at)| at.elapsed().as_secs_f64())
     }

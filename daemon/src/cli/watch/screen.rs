@@ -19,10 +19,10 @@ use super::keys::{self, Pressed};
 use crate::model::suggestion;
 use crate::realtime::now_ns;
 
-/// How often the screen is drawn, and follows another size; a key draws it at once.
+/// Interval at which the screen is drawn and adapts to a new size; a key draws it immediately.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
-/// After a signal the screen ends with its next picture. One that takes so long is blocked by a terminal that accepts no
-/// output (flow control, a stopped multiplexer).
+/// After a signal the screen ends with its next drawing. If that takes longer than this, the terminal accepts no output
+/// (flow control, a stopped multiplexer).
 const BLOCKED_AFTER: Duration = Duration::from_secs(2);
 
 /// Shows the station until a key, a signal, the time or the end of the terminal ends it.

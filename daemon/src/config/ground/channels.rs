@@ -185,7 +185,7 @@ fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, Mist
         let what = format!("{} numbers, and there are {} channels", config.zero.len(), columns.len());
         return Err(Mistake::new("ground.channels.matrix.zero", what));
     }
-    // The device tells its channels in an order of its own.
+    // The device lists its channels in its own order.
     let spread = |numbers: &[f64]| {
         let mut all = vec![0.0; names.count()];
         for (column, number) in columns.iter().zip(numbers) {

@@ -1,4 +1,4 @@
-//! A mistake in the description of a device: which key, where in the file, and what to do.
+//! An error in a device description: the key, its position in the file, and the remedy.
 
 use std::ops::Range;
 
@@ -6,14 +6,14 @@ use equipoise_adapters::source::SourceError;
 
 use super::second::of_second;
 
-/// What is wrong with a description.
+/// An error in a description.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
-    /// The key, dotted.
+    /// The dotted key.
     pub key: String,
-    /// Which bytes of the file, where that is known better than by the key: an entry of a list.
+    /// Bytes of the file, if more precise than the key: for an entry of a list.
     pub span: Option<Range<usize>>,
-    /// What is wrong, and what to do.
+    /// Description and remedy.
     pub what: String,
 }
 
@@ -22,7 +22,7 @@ impl Mistake {
         Mistake { key: key.into(), span: None, what: what.into() }
     }
 
-    /// At an entry of a list.
+    /// Error at an entry of a list.
     pub(super) fn at<T>(
         entry: &toml::Spanned<T>,
         key: impl Into<String>,
@@ -31,7 +31,7 @@ impl Mistake {
         Mistake { span: Some(entry.span()), ..Mistake::new(key, what) }
     }
 
-    /// The same in the section of the second device.
+    /// The same error in the section of the second device.
     pub(super) fn of_second(self) -> Mistake {
         Mistake { key: of_second(&self.key), what: of_second(&self.what), span: self.span }
     }
@@ -43,14 +43,14 @@ impl From<(&'static str, String)> for Mistake {
     }
 }
 
-/// For a description that was not checked before it was used.
+/// For a description that is used without a previous check.
 impl From<Mistake> for SourceError {
     fn from(mistake: Mistake) -> SourceError {
         SourceError::Unusable(format!("{}: {}", mistake.key, mistake.what))
     }
 }
 
-/// The known name that is most like another one, as a hint.
+/// A hint with the existing name most similar to another one.
 pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let nearest = known
         .into_iter()

@@ -1,4 +1,4 @@
-//! What the sections of plates behind other programs and amplifiers refuse.
+//! Tests of refusals in the sections of amplifiers and of plates that are read through other programs.
 
 use crate::config::Config;
 
@@ -7,7 +7,7 @@ const TEC_GIHAN: &str = include_str!("../../../../examples/sensors/tec-gihan.tom
 const QTM: &str = include_str!("../../../../examples/sensors/qualisys.toml");
 const LSL: &str = include_str!("../../../../examples/sensors/lsl.toml");
 
-/// What is said of an example with one thing changed; the place must be a line of it.
+/// The error for an example with one change; the reported position must be a line of the text.
 fn refusal(example: &str, from: &str, to: &str) -> String {
     assert!(example.contains(from), "{from}");
     let said =
@@ -20,7 +20,7 @@ fn refusal(example: &str, from: &str, to: &str) -> String {
 #[test]
 fn examples_are_read_with_their_defaults_switched_on_and_lead_to_a_device() {
     for example in [LABAMP, TEC_GIHAN, QTM, LSL] {
-        // "#key = value" is a default that may be switched on.
+        // "#key = value" is an optional setting that may be enabled.
         let switched_on: String = example
             .lines()
             .map(|line| {
@@ -59,7 +59,7 @@ fn a_labamp_is_set_up_as_it_can_be() {
     let direct = "[ground.labamp.direct]\nfz = \"Sensor-1\"\n";
     let both = format!("{direct}[ground.frame]");
     assert!(refusal(LABAMP, "[ground.frame]", &both).contains("either [ground.labamp.eight] or"));
-    // Without the eight, some channels are enough, but not half a pair of them.
+    // Without the eight-channel section some channels are sufficient, but not half of a pair.
     let (before, rest) = LABAMP.split_once("[ground.labamp.eight]").unwrap();
     let (_, after) = rest.split_once("[ground.frame]").unwrap();
     let one = format!("{before}{direct}[ground.frame]{after}");

@@ -1,4 +1,4 @@
-//! `[ground.second]`: what two devices must be to each other to be one ground.
+//! `[ground.second]`: rules for combining two ground devices.
 
 use std::borrow::Cow;
 
@@ -10,12 +10,12 @@ use super::channels::ChannelsConfig;
 use super::{Foot, FrameConfig, GroundConfig, GroundSourceKind};
 use crate::config::method::Checked;
 
-/// A key and what is wrong with it.
+/// A key and its error.
 pub(in crate::config) type Wrong = (Cow<'static, str>, String);
 
 impl GroundConfig {
-    /// How much later than a force the loop has to expect its sample, ns: that of the later device, and with two of them the
-    /// wait of one for the other.
+    /// Maximum delay from a force to its sample in the loop, ns: that of the later device, plus the time that one of
+    /// two devices waits for the other.
     pub(super) fn loop_latency_ns(&self) -> u64 {
         match &self.second {
             Some(second) => self.lateness_ns().max(second.lateness_ns()) + fusion::WAIT_NS,
@@ -23,19 +23,19 @@ impl GroundConfig {
         }
     }
 
-    /// How old a force of this device alone may be when the next comes: its constant delay, and the time that it gathers
-    /// a block for.
+    /// Maximum age of a force of this device alone when the next one arrives: its constant delay plus the length of its
+    /// sample blocks.
     fn lateness_ns(&self) -> u64 {
         self.latency_ns() + self.block_ns()
     }
 
-    /// How late the later device is, ms.
+    /// Delay of the later device, ms.
     pub fn latest_ms(&self) -> f64 {
         let second_ns = self.second.as_ref().map_or(0, |second| second.lateness_ns());
         self.lateness_ns().max(second_ns) as f64 * 1e-6
     }
 
-    /// What both devices are to each other; `None` where there is one.
+    /// How to combine both devices; `None` if there is only one.
     pub fn fusion(&self) -> Option<FusionSettings> {
         let second = self.second.as_deref()?;
         let kind = if second.is_insoles() {
@@ -53,12 +53,12 @@ impl GroundConfig {
         GroundSettings { device: fusion::as_second(settings.device), ..settings }
     }
 
-    /// Whether it goes where the feet go.
+    /// Whether the device moves with the feet.
     pub fn is_insoles(&self) -> bool {
         self.source == GroundSourceKind::MoticonUdp || matches!(self.channels, Some(ChannelsConfig::Soles(_)))
     }
 
-    /// What is wrong with the second device, and with both together.
+    /// Checks the second device and its combination with the first.
     pub(in crate::config) fn check_second(&self) -> Result<(), Wrong> {
         let Some(second) = self.second.as_deref() else {
             return match self.foot {
@@ -126,7 +126,7 @@ impl GroundConfig {
 
 const ONE_FOOT: &str = "say `foot` of both plates, or of neither";
 
-/// Insoles go where the feet go.
+/// Insoles cover both feet and move with them, so `foot` and `frame` do not apply.
 fn check_insoles(plate: &GroundConfig, insoles: &GroundConfig) -> Checked {
     if plate.foot.is_some() {
         return Err(("ground.foot", "the insoles say what each foot bears; leave it out".to_owned()));
@@ -140,12 +140,12 @@ fn check_insoles(plate: &GroundConfig, insoles: &GroundConfig) -> Checked {
     Ok(())
 }
 
-/// A word about `ground.…` as one about `ground.second.…`.
+/// Converts a message on `ground.…` to one on `ground.second.…`.
 pub fn of_second(said: &str) -> String {
     said.replace("ground.", "ground.second.").replace("[ground]", "[ground.second]")
 }
 
-/// A source's error as one of the second device.
+/// Converts a source's error to one of the second device.
 pub fn error_of_second(error: SourceError) -> SourceError {
     match error {
         SourceError::Absent { what, remedy, error } => {

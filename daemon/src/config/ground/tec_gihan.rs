@@ -38,7 +38,7 @@ pub enum Range {
 
 impl Default for TecGihanConfig {
     fn default() -> Self {
-        // Fast, for the sake of short blocks: 40 ms.
+        // A high rate gives short blocks: 40 ms.
         TecGihanConfig { plate: 1, rate_hz: 2500, range: Range::Kn3 }
     }
 }

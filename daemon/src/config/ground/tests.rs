@@ -13,7 +13,7 @@ const RDT: &str = include_str!("../../../../examples/sensors/ati-rdt-records.tom
 const AMTI: &str = include_str!("../../../../examples/sensors/amti-frames.toml");
 const SCANS: &str = include_str!("../../../../examples/sensors/cells-24-bit-udp.toml");
 
-/// What is said of an example with one thing changed, with the line that it names cut off and checked.
+/// The error for an example with one change; checks and removes the line that it names.
 fn refusal(example: &str, from: &str, to: &str) -> String {
     assert!(example.contains(from), "{from}");
     let text = example.replacen(from, to, 1);
@@ -21,7 +21,7 @@ fn refusal(example: &str, from: &str, to: &str) -> String {
     let (place, what) = said.split_once(": ").expect("a place");
     let line: usize = place.strip_prefix("c.toml, line ").and_then(|line| line.parse().ok()).expect(&said);
     let named = text.lines().nth(line - 1).expect("such a line");
-    // The line holds what was changed, or the key that is named, or is the head of the section where something is missing.
+    // The line contains the change or the named key, or is the header of the section that lacks something.
     let key = what.split(':').next().and_then(|key| key.rsplit('.').next()).unwrap_or_default();
     let changed = to.lines().any(|changed| !changed.is_empty() && named.contains(changed.trim()));
     assert!(changed || named.starts_with('[') || named.starts_with(key), "{said}: line {line} is {named}");
@@ -34,7 +34,7 @@ fn examples_are_read_written_and_read_again() {
         let config = Config::parse(example, "c.toml").unwrap();
         let again = Config::parse(&config.to_toml(), "written").unwrap();
         assert_eq!(again, config);
-        // What is commented out is what a value is without it, or may be.
+        // Commented-out lines are defaults or optional settings.
         let switched_on = |line: &str| match line.strip_prefix('#') {
             Some(rest)
                 if rest.starts_with(|sign: char| sign.is_ascii_lowercase()) && rest.contains(" = ") =>
@@ -73,7 +73,7 @@ fn sections_and_keys_of_other_sources_are_refused() {
     assert!(said.starts_with("ground.counts_per_newton: is for source = \"ati-rdt\""), "{said}");
 }
 
-/// A device that gathers its samples is as old as a block before the next comes; that is no silence.
+/// A device with sample blocks may be silent for the length of a block; that is not stale data.
 #[test]
 fn a_block_is_waited_for_and_one_that_is_too_long_is_refused() {
     let with = |rate_hz: u32, suit: &str, ground: &str| {
@@ -95,7 +95,7 @@ fn a_block_is_waited_for_and_one_that_is_too_long_is_refused() {
         "{said}"
     );
     assert!(with(250, late, later).is_ok(), "the suit is late as well");
-    // The loop keeps a number of samples, which at this rate are 51 ms.
+    // The loop stores a fixed number of samples, which is 51 ms at this rate.
     assert!(with(10_000, late, "").unwrap_err().contains("suit.latency_ms: the streams are 60 ms apart"));
 }
 

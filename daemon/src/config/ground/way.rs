@@ -103,7 +103,7 @@ pub(super) fn transport(ground: &GroundConfig, over: Over) -> Result<Box<dyn Tra
             };
             Box::new(FileLine::new(file.path.clone(), begin, "ground.file.path"))
         }
-        // `check` has refused these.
+        // `check` refuses these cases.
         _ => return Err(SourceError::Unusable("ground: neither address, listen nor file".to_owned())),
     })
 }

@@ -1,38 +1,38 @@
-//! The boxes of MVN's Network Streamer: one per type of datagram.
+//! Check boxes of MVN's Network Streamer, one for each type of datagram.
 
 use equipoise_adapters::suit::survey::{Character, TypeSeen};
 use equipoise_adapters::wire::mvn::DatagramType;
 
 use super::super::Check;
 
-/// The box without which there is nothing.
+/// The required box.
 pub(super) const POSE: &str = "Position + Orientation (Quaternion)";
 
-/// One box.
+/// One check box.
 pub(super) struct TickBox {
     pub(super) kind: DatagramType,
-    /// What its check is called.
+    /// Title of its check.
     pub(super) title: &'static str,
-    /// What MVN calls it.
+    /// Label in MVN.
     pub(super) label: &'static str,
     use_: Use,
 }
 
-/// What a type is good for here.
+/// Use of a datagram type.
 enum Use {
-    /// Nothing works without.
+    /// Required.
     Needed,
-    /// Stands in for the pose, less well.
+    /// Substitute for the pose, less accurate.
     StandsIn,
-    /// Makes something better.
+    /// Improves a result.
     Better(&'static str),
-    /// Is shown or kept, and changes no result.
+    /// Displayed or recorded without effect on results.
     Shown(&'static str),
-    /// Is not used at all.
+    /// Not used.
     Unused,
 }
 
-/// All boxes, in the order of the report.
+/// All boxes in the order of the report.
 pub(super) const BOXES: [TickBox; 12] = {
     use DatagramType as T;
     use Use::{Better, Needed, Shown, StandsIn, Unused};
@@ -80,7 +80,7 @@ pub(super) const BOXES: [TickBox; 12] = {
     ]
 };
 
-/// What is ticked, what must be, and what need not.
+/// Reports which boxes are ticked, which are required, and which are unnecessary.
 pub(super) fn judge(character: &Character, seconds: f64) -> Vec<Check> {
     let mut checks: Vec<Check> =
         BOXES.iter().filter_map(|one| one.judge(character, character.of(one.kind), seconds)).collect();
@@ -141,7 +141,7 @@ impl TickBox {
         }
     }
 
-    /// How much of it comes.
+    /// Observed amount of data.
     fn amount(&self, character: &Character, seen: &TypeSeen) -> String {
         match self.kind {
             DatagramType::SCALE => {

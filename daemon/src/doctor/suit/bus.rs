@@ -1,4 +1,4 @@
-//! A suit that a running adapter has: what it publishes.
+//! Examines a suit that a running adapter receives, by the adapter's messages.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use super::super::suit_facts::BusWord;
 use super::{LOST_SHARE_MAX, RATE_MIN_HZ, refusals, title, when_nothing_comes};
 use crate::config::{Config, SuitSourceKind};
 
-/// What of a sample shows which type.
+/// Blocks of a sample that reveal a datagram type.
 const BLOCKS: [(SuitBlocks, DatagramType); 4] = [
     (SuitBlocks::LinearKinematics, DatagramType::LINEAR_KINEMATICS),
     (SuitBlocks::AngularKinematics, DatagramType::ANGULAR_KINEMATICS),

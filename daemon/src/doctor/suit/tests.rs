@@ -34,7 +34,7 @@ fn standing() -> [SegmentPose; 23] {
 
 type Send<'a> = &'a dyn Fn(&Header) -> Vec<Vec<u8>>;
 
-/// Two seconds of a suit of 240 Hz of which every fourth sample is sent.
+/// Two seconds of a suit at 240 Hz that sends every fourth sample.
 fn heard(avatar: u8, send: Send<'_>) -> Survey {
     let mut survey = Survey::new(SuitSettings { check_up_axis: true, ..SuitSettings::default() });
     hear(&mut survey, avatar, send);

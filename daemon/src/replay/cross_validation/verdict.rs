@@ -1,4 +1,4 @@
-//! Errors of held-out blocks by each method, and their table.
+//! Errors of held-out blocks for each method, and their table.
 
 use std::fmt;
 
@@ -8,33 +8,33 @@ use crate::replay::score::{Judge, Pair, Scored, difference, rms_mm};
 /// One held-out block.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// First and last suit sample time, ns; the last belongs to the next block.
+    /// First and last suit sample time, ns; exclusive of the last.
     pub span_ns: [u64; 2],
-    /// Quasi-static samples in it.
+    /// Number of quasi-static samples.
     pub samples: usize,
-    /// Held poses and moments of motion that the model of the other blocks was learnt from.
+    /// Held poses and motion samples from which the model of the other blocks was identified.
     pub poses_used: u64,
-    /// Table alone, mm RMS x and y; `None` without samples.
+    /// Error of the table alone, mm RMS x and y; `None` without samples.
     pub table_mm: Option<[f64; 2]>,
-    /// Table and the mean offset of the other blocks.
+    /// Error of the table with the mean offset of the other blocks.
     pub offset_mm: Option<[f64; 2]>,
-    /// Identified from the other blocks.
+    /// Error of the model identified from the other blocks.
     pub identified_mm: Option<[f64; 2]>,
 }
 
-/// All blocks, and their samples together.
+/// All blocks, and the total over their samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CrossValidation {
-    /// Which samples count.
+    /// Selection of samples.
     pub judge: Judge,
     /// Every block in order.
     pub blocks: Vec<Block>,
-    /// All samples, each judged by the other blocks; `poses_used` is the mean.
+    /// Total over all samples, each predicted by the other blocks; `poses_used` is the mean.
     pub overall: Block,
     pub(super) started_ns: u64,
 }
 
-/// Errors of samples by each method, m.
+/// Errors of samples for each method, m.
 #[derive(Default)]
 pub(super) struct Judged {
     table_m: Vec<[f64; 2]>,

@@ -1,4 +1,4 @@
-//! Lifts, dose and fatigue, low back.
+//! Sections on lifts, dose and fatigue, and low back.
 
 use equipoise_core::body::Joint;
 use equipoise_discrepancy::report::document::{Section, Table, Text};
@@ -6,7 +6,7 @@ use equipoise_view::words;
 
 use super::{Facts, length, or_none, over_time, several};
 
-/// Every lift that ended in the recording.
+/// All lifts that ended in the recording.
 pub(in crate::report) fn lifts(facts: &Facts) -> Section {
     let mut section = Section::new("Lifts");
     let found = &facts.lifts;
@@ -49,7 +49,7 @@ pub(in crate::report) fn lifts(facts: &Facts) -> Section {
     section
 }
 
-/// What has added up.
+/// Cumulative dose and fatigue.
 pub(in crate::report) fn dose(facts: &Facts) -> Section {
     let mut section = Section::new("Dose and fatigue");
     if let Some(told) = several(facts) {
@@ -102,7 +102,7 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
     section
 }
 
-/// What the low back bore.
+/// Load of the low back.
 pub(in crate::report) fn back(facts: &Facts) -> Section {
     let mut section = Section::new("Low back");
     let found = &facts.back;

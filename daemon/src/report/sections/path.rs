@@ -1,4 +1,4 @@
-//! Latency and data quality.
+//! Sections on latency and data quality.
 
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
@@ -38,7 +38,7 @@ pub(in crate::report) fn latency(facts: &Facts) -> Section {
     section
 }
 
-/// How good the data were.
+/// Data quality.
 pub(in crate::report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
     let found = &facts.quality;

@@ -1,4 +1,4 @@
-//! Step 5: the same picture again, on data held out.
+//! Step 5: the same figure on held-out data.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text};
@@ -9,9 +9,9 @@ use super::{changed, with_unit};
 use crate::block::Phase;
 use crate::finding::{Finding, Gap, Verdict};
 
-/// Up to this multiple of noise, what is left is noise.
+/// Up to this multiple of noise, the remaining residual counts as noise.
 const IS_NOISE: f64 = 1.1;
-/// Up to this, little is left.
+/// Up to this multiple, the remaining residual counts as small.
 const IS_LITTLE: f64 = 1.5;
 
 pub(super) fn section(report: &Report) -> Section {

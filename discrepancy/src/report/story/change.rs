@@ -1,4 +1,4 @@
-//! Step 4: what was added to the model.
+//! Step 4: effects added to the model.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text, code, strong};
@@ -60,7 +60,7 @@ fn effect(report: &Report, number: usize, section: &mut Section) {
     if let Some(remedy) = words::remedy(&named.name) {
         section.say(strong("At the station: ").plain(remedy));
     }
-    // One that comes twice, in two parts of the work, is drawn once with both.
+    // Draw an effect that occurs in two parts of the work once, with both parts.
     if report.finding.effects[..number].iter().any(|earlier| words::full_name(earlier) == full_name) {
         return;
     }
@@ -69,7 +69,7 @@ fn effect(report: &Report, number: usize, section: &mut Section) {
     section.figures(figures);
 }
 
-/// The second way to say a value only where one of them has it.
+/// The everyday unit only where one of the values has it.
 fn parameters(named: &Named) -> Table {
     let everyday: Vec<_> = named.parameters.values().map(words::in_everyday_units).collect();
     let heads = ["parameter", ">value ± 1 σ", ">that is"];
@@ -102,7 +102,7 @@ fn nothing(report: &Report, section: &mut Section) {
     section.table(table);
 }
 
-/// One row per effect: the place that allows the most.
+/// One row per effect: the place with the largest bound.
 fn unseen(all: &[Unseen]) -> Table {
     let mut table = Table::new(&["effect", "that is", "parameter", ">not larger than (95 %)"]);
     let kind = |each: &Unseen| each.effect.split(' ').next().unwrap_or_default().to_owned();

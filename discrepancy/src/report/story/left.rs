@@ -1,4 +1,4 @@
-//! Step 6: what is left.
+//! Step 6: the remaining residual.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text, strong};
@@ -9,7 +9,7 @@ use super::changed;
 use crate::finding::Verdict;
 use crate::picture::Whiteness;
 
-/// White noise leaves its bounds in 5 lags of 100; up to twice that is nothing to speak of.
+/// White noise exceeds its bounds in 5 of 100 lags; up to twice that is negligible.
 const WHITE_UP_TO: f64 = 0.10;
 
 pub(super) fn section(report: &Report) -> Section {

@@ -1,4 +1,4 @@
-//! Where the finding comes from, so that it can be made again.
+//! Provenance of the finding, sufficient to reproduce it.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text, code};

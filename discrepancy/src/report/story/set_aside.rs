@@ -1,4 +1,4 @@
-//! Step 3: what was considered and set aside, and why.
+//! Step 3: rejected explanations, with reasons.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text, code, strong};
@@ -33,7 +33,7 @@ pub(super) fn section(report: &Report) -> Section {
     section
 }
 
-/// The next best explanation of what a named effect explains, in words.
+/// The second-best explanation of a named effect's evidence, in words.
 fn runner_up(named: &Named) -> Text {
     let text = strong(words::candidate(&words::full_name(named))).plain(format!(
         " makes the data {} times more likely than without it (log odds {}). ",

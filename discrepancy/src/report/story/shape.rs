@@ -1,4 +1,4 @@
-//! Step 1: what disagrees, how much, where.
+//! Step 1: the discrepancy, its size and location.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text};

@@ -1,4 +1,4 @@
-//! Step 2: where it is beyond noise.
+//! Step 2: discrepancies beyond noise.
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text, strong};

@@ -1,4 +1,4 @@
-//! The inside of a plot: values become places, marks become paths.
+//! The inside of a plot: converts values to coordinates and marks to paths.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::scale::Scale;
 use super::{LEFT, Mark, Plot, RIGHT, WIDTH, at, is_dense, thin};
 use crate::report::escape::xml;
 
-/// Where values come to lie.
+/// Coordinates of the plot area.
 pub(super) struct Frame {
     pub(super) x: Scale,
     pub(super) y: Scale,
@@ -14,11 +14,11 @@ pub(super) struct Frame {
     pub(super) bottom: f64,
 }
 
-/// Columns into which long lines are thinned.
+/// Columns to which long lines are decimated.
 pub(super) const COLUMNS: usize = 240;
 
 impl Frame {
-    /// Most dots of a cloud.
+    /// Maximum number of dots of a scatter plot.
     const DOTS: usize = 500;
 
     fn px(&self, x: f64) -> f64 {
@@ -111,7 +111,7 @@ impl Frame {
         }
     }
 
-    /// Letters stand over everything else.
+    /// Letters are drawn above everything else.
     pub(super) fn letters(&self, marks: &[Mark], out: &mut String) {
         for mark in marks {
             let Mark::Stretch { from, to, letter, .. } = mark else { continue };
@@ -131,7 +131,7 @@ impl Frame {
         self.path(&there.chain(back).collect::<Vec<_>>()) + "z"
     }
 
-    /// Fewer columns than a line has: noise changes slowly.
+    /// Fewer columns than for a line, since noise changes slowly.
     fn band(&self, points: &[[f64; 2]], gap: f64) -> String {
         let mut path = String::new();
         for run in thin::line(points, self.x, COLUMNS / 4, gap) {
@@ -168,7 +168,7 @@ impl Frame {
         path
     }
 
-    /// From `top` down to the foot, at least so wide that it is seen.
+    /// From `top` down to the bottom, with a minimum visible width.
     fn stretch(&self, from: f64, to: f64, top: f64, least: f64) -> String {
         let (left, right) = (self.px(from), self.px(to));
         let right = right.max(left + least);

@@ -6,22 +6,22 @@ use super::scale::Scale;
 use super::{Drawing, Key, Look, RIGHT, WIDTH, at, legend};
 use crate::report::escape::xml;
 
-/// Where names end and values begin.
+/// Width of the names, where values begin.
 const NAMES: f64 = 196.0;
-/// Room for a value behind its bar.
+/// Space for a value behind its bar.
 const VALUES: f64 = 52.0;
 const ROW: f64 = 22.0;
-/// Longest name that fits, in letters.
+/// Maximum length of a name, in letters.
 const LETTERS: usize = 27;
 
 /// A row of bars or dots.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// What it is about.
+    /// Label of the row.
     pub name: String,
     /// Bars from zero, or dots.
     pub values: Vec<(Look, f64)>,
-    /// What stands at its end.
+    /// Text at its end.
     pub told: String,
 }
 
@@ -30,19 +30,19 @@ pub struct Row {
 pub struct Rows {
     /// Identifier, unique in its page.
     pub name: String,
-    /// What is seen, in a few words.
+    /// A short title.
     pub title: String,
-    /// The same for those who do not see it.
+    /// Text alternative of the figure.
     pub description: String,
-    /// What is drawn, with the unit.
+    /// Quantity and unit.
     pub label: String,
-    /// One below another.
+    /// Rows from top to bottom.
     pub rows: Vec<Row>,
-    /// A value of note, with what it is.
+    /// A reference value with its label.
     pub rule: Option<(f64, String)>,
     /// Bars from zero; else dots.
     pub bars: bool,
-    /// What it means.
+    /// Legend entries.
     pub legend: Vec<(Key, Look, String)>,
 }
 

@@ -1,16 +1,16 @@
-//! Ranges of axes and where their ticks stand.
+//! Ranges of axes and positions of their ticks.
 
 /// The range of an axis; `from < to`, both finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
-    /// Its begin.
+    /// Lower end.
     pub from: f64,
-    /// Its end.
+    /// Upper end.
     pub to: f64,
 }
 
 impl Scale {
-    /// Covers all finite values, and a little room at each end.
+    /// Covers all finite values, with a margin at each end.
     pub fn covering(values: impl IntoIterator<Item = f64>) -> Scale {
         let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values.into_iter().filter(|value| value.is_finite()) {
@@ -24,17 +24,17 @@ impl Scale {
         Scale { from: from - room, to: to + room }
     }
 
-    /// Exactly from here to there; something wider if that is empty.
+    /// Exactly this range; a wider one if it is empty.
     pub fn exactly(from: f64, to: f64) -> Scale {
         if from < to && (to - from).is_finite() { Scale { from, to } } else { Scale::covering([from, to]) }
     }
 
-    /// Where a value lies between the ends, in \[0, 1\]; what is outside is put on the edge.
+    /// Relative position of a value between the ends, in \[0, 1\]; values outside are clamped.
     pub(in crate::report) fn share(self, value: f64) -> f64 {
         ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0)
     }
 
-    /// At most so many round values (6 or more), all within the range, equally far apart: 1, 2 or 5 times a power of ten.
+    /// At most `most` round values (6 or more) within the range, equally spaced: 1, 2 or 5 times a power of ten.
     pub(in crate::report) fn ticks(self, most: usize) -> Ticks {
         let rough = (self.to - self.from) / most.max(1) as f64;
         let power = 10f64.powf(rough.log10().floor());
@@ -53,7 +53,7 @@ impl Scale {
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::report) struct Ticks {
     pub(in crate::report) values: Vec<f64>,
-    /// Digits behind the point that all of them need.
+    /// Decimals that all of them require.
     pub(in crate::report) decimals: usize,
 }
 

@@ -1,10 +1,10 @@
-//! Thinning out: as many points as a picture can show, without losing the highest and the lowest.
+//! Decimation: as many points as a picture can show, with the extremes kept.
 
 use std::collections::HashSet;
 
 use super::scale::Scale;
 
-/// What happened within one column of the picture.
+/// Values within one column of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Column {
     first_x: f64,
@@ -15,7 +15,7 @@ struct Column {
     count: f64,
 }
 
-/// What a line did within one column.
+/// Range of a line within one column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::report) struct Range {
     pub(in crate::report) x: f64,
@@ -24,7 +24,7 @@ pub(in crate::report) struct Range {
     pub(in crate::report) highest: f64,
 }
 
-/// Runs of ranges, one per column of the picture, broken where nothing was for longer than `gap`.
+/// Runs of ranges, one per column of the picture, interrupted at gaps longer than `gap`.
 pub(in crate::report) fn ranges(points: &[[f64; 2]], x: Scale, columns: usize, gap: f64) -> Vec<Vec<Range>> {
     let mut runs: Vec<Vec<Range>> = Vec::new();
     let mut last_x = f64::NEG_INFINITY;
@@ -42,8 +42,8 @@ pub(in crate::report) fn ranges(points: &[[f64; 2]], x: Scale, columns: usize, g
     runs
 }
 
-/// Runs of a line: points by x, at most two per column of the picture (its lowest and highest, in their order), broken
-/// where nothing was for longer than `gap`. Points that are not finite are left out.
+/// Runs of a line: points by x, at most two per column of the picture (its lowest and highest, in their order),
+/// interrupted at gaps longer than `gap`. Points that are not finite are left out.
 pub(in crate::report) fn line(points: &[[f64; 2]], x: Scale, columns: usize, gap: f64) -> Vec<Vec<[f64; 2]>> {
     let mut runs: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut last_x = f64::NEG_INFINITY;
@@ -93,8 +93,8 @@ fn by_column(points: &[[f64; 2]], x: Scale, columns: usize) -> Vec<Column> {
     all.into_iter().map(|(_, column)| column).collect()
 }
 
-/// At most about `most` dots that cover what all of them cover: one per cell of a grid, which is made coarser until they
-/// are few enough. The extremes of both axes always stay.
+/// At most about `most` dots that cover the same area as all of them: one per cell of a grid, which is coarsened until
+/// they are few enough. The extremes of both axes are always kept.
 pub(in crate::report) fn dots(points: &[[f64; 2]], x: Scale, y: Scale, most: usize) -> Vec<[f64; 2]> {
     let finite: Vec<[f64; 2]> =
         points.iter().copied().filter(|point| point.iter().all(|value| value.is_finite())).collect();
@@ -124,7 +124,7 @@ fn extremes(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     all.into_iter().flatten().copied().collect()
 }
 
-/// Means of y over equal parts of the x range that hold enough points: the line through a cloud.
+/// Means of y over equal parts of the x range that hold enough points: a trend line of the scatter plot.
 pub(in crate::report) fn means(points: &[[f64; 2]], x: Scale, parts: usize) -> Vec<[f64; 2]> {
     const ENOUGH: f64 = 3.0;
     let mut sums = vec![[0.0; 3]; parts];

@@ -1,6 +1,6 @@
-//! What each effect of the catalogue is, for people at a line.
+//! Descriptions of the catalogue's effects for readers on the floor.
 
-/// What an effect is, with `{}` where its place belongs, and what to do about it beside adding it to the model.
+/// Description of an effect, with `{}` for its place, and a remedy other than adding it to the model.
 const EFFECTS: [(&str, &str, &str); 18] = [
     (
         "hand_load",
@@ -82,7 +82,7 @@ const EFFECTS: [(&str, &str, &str); 18] = [
     ),
 ];
 
-/// An effect in words; names of a later catalogue are still better told than hidden.
+/// An effect in words; an unknown name of a later catalogue is returned as it is.
 pub(in crate::report) fn effect(name: &str, place: &str) -> String {
     let known = EFFECTS.iter().find(|(known, ..)| *known == name);
     known.map_or_else(
@@ -91,7 +91,7 @@ pub(in crate::report) fn effect(name: &str, place: &str) -> String {
     )
 }
 
-/// What to do about it.
+/// Remedy for an effect.
 pub(in crate::report) fn remedy(name: &str) -> Option<&'static str> {
     EFFECTS.iter().find(|(known, ..)| *known == name).map(|&(_, _, remedy)| remedy)
 }

@@ -1,4 +1,4 @@
-//! Readings made up by hand.
+//! Hand-made readings.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use equipoise_client::{NoReading, Reading};
 use equipoise_core::message::{State, Validity};
 use equipoise_outlets::Seen;
 
-/// A state of now, 70 ms after its moment, with a value in everything, spoilt for these reasons.
+/// A current state, 70 ms after its sample time, with a value in every field and these validity flags.
 pub(crate) fn reading(valid: Validity) -> Reading {
     let now_ns = now_ns();
     let mut state = State {
@@ -47,7 +47,7 @@ pub(crate) fn reading(valid: Validity) -> Reading {
     }
 }
 
-/// The daemon says nothing.
+/// The daemon publishes nothing.
 pub(crate) fn silence() -> Seen {
     Err(NoReading::Silent { silent: Duration::from_secs(1) })
 }

@@ -1,5 +1,5 @@
-//! A state as `equipoise_msgs/msg/State`. The definition is `clients/ros2/equipoise_msgs/msg`; `tests/ros_message.rs` reads
-//! what is written here by it.
+//! Encodes a state as `equipoise_msgs/msg/State`. The definition is in `clients/ros2/equipoise_msgs/msg`;
+//! `tests/ros_message.rs` decodes the result by it.
 
 use equipoise_client::Reading;
 use equipoise_core::body::Joint;
@@ -13,8 +13,8 @@ use crate::json::silence_name;
 
 const NS_PER_S: u64 = 1_000_000_000;
 
-/// The message about a beat: the station, the message's number, the wall clock now, and what is known; with the worker's mass
-/// if `with_body`.
+/// Message of a tick: station, sequence number, wall-clock time, and the reading; with the worker's mass if
+/// `with_body`.
 pub fn state_message(
     station: &str,
     sequence: u64,
@@ -50,7 +50,7 @@ pub fn state_message(
 }
 
 fn stamp(cdr: &mut Cdr, unix_ns: u64) {
-    cdr.i32(i32::try_from(unix_ns / NS_PER_S).unwrap_or(i32::MAX)); // 2038 is ROS's affair
+    cdr.i32(i32::try_from(unix_ns / NS_PER_S).unwrap_or(i32::MAX)); // ROS time overflows in 2038
     cdr.u32((unix_ns % NS_PER_S) as u32);
 }
 
@@ -75,7 +75,7 @@ fn overload(cdr: &mut Cdr, state: &State) {
         cdr.string(joint.name());
         cdr.array(state.torque_nm[at]);
         cdr.f64(state.torque_sigma_nm[at]);
-        // A number of a later version is one that nobody here could act on.
+        // A level number of a later version that exceeds u8 becomes 0 (none).
         cdr.u8(u8::try_from(state.joint_level[at]).unwrap_or(0));
         cdr.optional(positive(state.torque_limit_nm[at]), Cdr::f64);
     });
@@ -88,7 +88,7 @@ fn overload(cdr: &mut Cdr, state: &State) {
     cdr.optional(advice, Cdr::array);
 }
 
-/// A joint's torque, if it and its sigma are numbers.
+/// A joint's torque, if the torque and its sigma are finite.
 fn torque(state: &State, joint: Joint) -> Option<[f64; 3]> {
     finite(state.torque_sigma_nm[joint.index()]).and_then(|_| all_finite(state.torque_nm[joint.index()]))
 }
@@ -145,7 +145,7 @@ fn fatigue(cdr: &mut Cdr, state: Option<&State>) {
     });
 }
 
-// Nothing of a state is ever NaN; and if it were, it would not be there.
+// State values are never NaN; if one were, it would be omitted.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
@@ -154,7 +154,7 @@ fn all_finite<const N: usize>(values: [f64; N]) -> Option<[f64; N]> {
     values.iter().all(|value| value.is_finite()).then_some(values)
 }
 
-/// Sigmas and limits are zero where they are not known.
+/// Sigmas and limits are zero where they are unavailable.
 fn positive(value: f64) -> Option<f64> {
     finite(value).filter(|value| *value > 0.0)
 }

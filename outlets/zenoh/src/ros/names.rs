@@ -1,32 +1,32 @@
-//! Keys and tokens.
+//! Zenoh keys and liveliness tokens of ROS 2.
 
 use twox_hash::XxHash3_128;
 
 use super::{TYPE_HASH, TYPE_NAME};
 
-/// The first part of every token of ROS 2.
+/// First part of all liveliness tokens of ROS 2.
 const TOKENS: &str = "@ros2_lv";
-/// Best effort, volatile, keep the last 1; no deadline, lifespan or lease. What is empty is as `rmw_zenoh` has it.
+/// Best effort, volatile, keep last 1; no deadline, lifespan or lease. Empty parts have the defaults of `rmw_zenoh`.
 const QOS: &str = "2::,1:,:,:,,";
-/// Security enclave "/", with `/` replaced as in all names within a token.
+/// Security enclave "/"; tokens replace `/` in names by `%`.
 const ENCLAVE: &str = "%";
-/// Numbers of node and publisher within the session: it has one of each.
+/// IDs of node and publisher within the session, which has one of each.
 const NODE: u32 = 0;
 const PUBLISHER: u32 = 1;
 
-/// A station's place in the graph of ROS 2: node `/equipoise/STATION/outlet`, topic `/equipoise/STATION/state`.
+/// Names of a station in the ROS 2 graph: node `/equipoise/STATION/outlet`, topic `/equipoise/STATION/state`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RosNames {
-    /// The topic's key.
+    /// Key of the topic.
     pub topic_key: String,
-    /// The node's liveliness token.
+    /// Liveliness token of the node.
     pub node_token: String,
-    /// The publisher's liveliness token.
+    /// Liveliness token of the publisher.
     pub publisher_token: String,
 }
 
 impl RosNames {
-    /// Of a station in a ROS domain, in a Zenoh session.
+    /// Names of a station in a ROS domain and a Zenoh session.
     pub fn new(station: &str, domain: u32, session_id: &str) -> RosNames {
         let station = ros_name(station);
         let node = format!("{ENCLAVE}/%equipoise%{station}/outlet");
@@ -40,13 +40,13 @@ impl RosNames {
         }
     }
 
-    /// The publisher's GID: XXH3-128 of its token, the lower half first.
+    /// GID of the publisher: XXH3-128 of its token, lower half first.
     pub fn gid(&self) -> [u8; 16] {
         XxHash3_128::oneshot(self.publisher_token.as_bytes()).to_le_bytes()
     }
 }
 
-/// A station's name as ROS 2 allows it: letters, digits and `_`, no digit at the front.
+/// The station's name with the characters that ROS 2 allows: letters, digits and `_`, no digit at the front.
 pub(super) fn ros_name(station: &str) -> String {
     let plain = station.replace(|letter: char| !letter.is_ascii_alphanumeric(), "_");
     if plain.starts_with(|letter: char| letter.is_ascii_digit()) { format!("_{plain}") } else { plain }
@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(ros_name("3rd"), "_3rd");
     }
 
-    // The tokens' parts by the order in liveliness_utils.cpp.
+    // Parts of a token in the order of liveliness_utils.cpp.
     #[test]
     fn a_publishers_token_has_thirteen_parts_and_none_is_empty() {
         let names = RosNames::new("station-1", 7, "0a1b");
@@ -74,7 +74,7 @@ mod tests {
         assert_eq!(names.topic_key, format!("7/equipoise/station_1/state/{TYPE_NAME}/{TYPE_HASH}"));
     }
 
-    // XXH3-128 of nothing with seed 0, from xxHash's own specification.
+    // XXH3-128 of empty input with seed 0, from the xxHash specification.
     #[test]
     fn a_gid_is_the_lower_half_first() {
         let names =

@@ -1,9 +1,9 @@
-//! The definitions of `clients/ros2`, read as files: what the outlet writes is held against these, not against itself.
+//! Parses the definitions of `clients/ros2`, so that tests compare the gateway's output with them and not with itself.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// How many of a field there are.
+/// Multiplicity of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Many {
     One,
@@ -12,22 +12,22 @@ pub(crate) enum Many {
     Unbounded,
 }
 
-/// A line of a definition.
+/// A field of a definition.
 #[derive(Debug, Clone)]
 pub(crate) struct Field {
     pub(crate) name: String,
-    /// A primitive's name, or a message's with its package, as `std_msgs/msg/Header`.
+    /// Name of a primitive, or of a message with its package, such as `std_msgs/msg/Header`.
     pub(crate) of: String,
     pub(crate) many: Many,
 }
 
-/// Messages by their full names.
+/// Messages by full name.
 pub(crate) type Definitions = BTreeMap<String, Vec<Field>>;
 
 pub(crate) const PRIMITIVES: [(&str, u32); 7] =
     [("uint8", 3), ("int32", 6), ("uint32", 7), ("uint64", 9), ("float64", 11), ("bool", 15), ("string", 17)];
 
-/// All messages of the package, and those of others that they use.
+/// All messages of the package, and the messages of other packages that they use.
 pub(crate) fn definitions() -> Definitions {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../clients/ros2/equipoise_msgs/msg");
     let mut all: Definitions = std::fs::read_dir(&folder)

@@ -1,4 +1,4 @@
-//! Types that say who it is and when: 12 (name), 13 (null pose), 25 (time of day).
+//! Types with identity and time: 12 (name), 13 (null pose), 25 (time of day).
 
 use super::{ONLY_DATAGRAM, Stamp, TooLong, floats, text};
 
@@ -42,14 +42,15 @@ pub struct Point {
     pub point_id: u16,
     /// For example `pHeelFoot`.
     pub name: String,
-    /// Characteristics; what the bits mean is not told.
+    /// Characteristics; the meaning of the bits is undocumented.
     pub flags: u32,
     /// From the segment's origin in the null pose, m.
     pub offset_m: [f32; 3],
 }
 
-/// Type 13: the null pose, in several datagrams. The first has the segments (name, origin in m, Z up) and no point, those
-/// behind it have points and no segment. Counters and times are those that MVN sends: sample 0 and no mark on the last.
+/// Type 13: the null pose, in several datagrams. The first has the segments (name, origin in m, Z up) and no point, the
+/// following have points and no segment. Counters and times are those that MVN sends: sample 0 and no end mark on the
+/// last.
 ///
 /// # Errors
 /// [`TooLong`].

@@ -1,4 +1,4 @@
-//! Types that are one item a segment or joint: 01, 02, 03, 05, 20, 21, 22, 23; and 24, which is one item.
+//! Types with one item per segment or joint: 01, 02, 03, 05, 20, 21, 22, 23; and 24, which is one item.
 
 use super::{ONLY_DATAGRAM, Stamp, TooLong, floats};
 
@@ -28,8 +28,8 @@ pub const JOINT_POINTS: [[u32; 2]; 22] = [
     [0x1602, 0x1701],
 ];
 
-/// The six ergonomic angles that may follow: head, left and right upper arm to T8, pelvis to T8, the vertical to pelvis and
-/// to T8. The fourth and the last bear the same points.
+/// The six ergonomic angles that may follow: head, left and right upper arm to T8, pelvis to T8, the vertical to pelvis
+/// and to T8. The fourth and the last have the same points.
 pub const ERGONOMIC_POINTS: [[u32; 2]; 6] = [
     [0x0500, 0x0700],
     [0x0500, 0x0D00],
@@ -39,7 +39,7 @@ pub const ERGONOMIC_POINTS: [[u32; 2]; 6] = [
     [0x0100, 0x0500],
 ];
 
-/// Segments that wear a tracker in a full suit: shoulder blades and toes have none of their own but for the shoulders.
+/// Segments with a tracker in a full suit: shoulder blades and toes have none of their own but for the shoulders.
 pub const TRACKED_SEGMENTS: [u32; 17] = [1, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 20, 21, 22];
 
 /// Segment ids in the order of type 05.
@@ -128,7 +128,7 @@ pub fn linear_kinematics(stamp: &Stamp, segments: &[(u32, [[f32; 3]; 3])]) -> Re
     })
 }
 
-/// A segment's turning: id, orientation, and angular velocity (rad/s) and acceleration (rad/s²).
+/// A segment's rotation: id, orientation, and angular velocity (rad/s) and acceleration (rad/s²).
 pub type Turning = (u32, [f32; 4], [[f32; 3]; 2]);
 
 /// Type 22: orientation, angular velocity (rad/s) and acceleration (rad/s²), in the world.
@@ -143,16 +143,16 @@ pub fn angular_kinematics(stamp: &Stamp, segments: &[Turning]) -> Result<Vec<u8>
     })
 }
 
-/// What a tracker senses.
+/// Data of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tracker {
-    /// The segment that wears it.
+    /// Its segment.
     pub segment_id: u32,
     /// Its orientation in the world, scalar first.
     pub orientation_wxyz: [f32; 4],
     /// Acceleration without gravity, world, m/s².
     pub free_acceleration: [f32; 3],
-    /// What accelerometer (m/s²) and gyroscope (rad/s) feel, sensor's axes; older versions do not send them.
+    /// Measured acceleration (m/s²) and angular velocity (rad/s), sensor's axes; older versions do not send them.
     pub felt: Option<[[f32; 3]; 2]>,
     /// Magnetic field, arbitrary units, sensor's axes.
     pub magnetic: [f32; 3],

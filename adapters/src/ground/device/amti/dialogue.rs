@@ -1,27 +1,27 @@
-//! How an AMTI plate is brought to stream: stop, rate, speed, zero, start, each with its answer and its patience.
+//! Start-up dialogue of an AMTI plate: stop, rate, speed, zero, start, each with its answer and its timeout.
 //!
-//! A plate that another program, or a daemon that was killed, left streaming hears nothing but "stop", and that only at
-//! the speed it streams at: it is told so at both. Whether it then wants its rate at the slow speed, as its makers'
-//! receivers have it, or at the fast one, is tried in turn.
+//! A plate left streaming (by another program, or by a killed daemon) accepts only "stop", and only at its streaming
+//! speed; "stop" is therefore sent at both speeds. Whether the plate then accepts its rate at the slow speed, as the
+//! makers' receivers assume, or at the fast one, is determined by alternating.
 
 use super::Rate;
 use crate::ground::device::Want;
 use crate::wire::amti::{Command, SPEED_FAST, SPEED_SLOW, STARTED_ONE, STARTED_TWO, ZEROED_ONE, ZEROED_TWO};
 
 const MS: u64 = 1_000_000;
-/// A plate falls silent so long after "stop".
+/// Time from "stop" until the plate is silent.
 const SETTLE_NS: u64 = 100 * MS;
-/// It answers within this, …
+/// Timeout of an answer, …
 const ANSWER_NS: u64 = 1000 * MS;
-/// … and to "zero" within this.
+/// … and of the answer to "zero".
 const ZERO_NS: u64 = 12_000 * MS;
-/// After a failure it is left alone for so long.
+/// Pause after a failure.
 const PAUSE_NS: u64 = 500 * MS;
-/// Two plates are asked again whether they are one now only so often.
+/// Pause between checks whether one of two connected plates was removed.
 const TWO_PAUSE_NS: u64 = 5000 * MS;
-/// Linking fails now and then; so many failures in a row are told.
+/// Occasional failures of the dialogue are normal; this many in a row are reported.
 const FAILURES: u32 = 2;
-/// More bytes than these before an answer are a stream and no answer.
+/// More bytes than this before an answer are a stream, not an answer.
 const CHATTER_MAX: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +29,7 @@ enum Step {
     /// At the fast speed: stop.
     FastSpeed,
     FastStop,
-    /// At the speed that the rate is told at: stop.
+    /// At the speed at which the rate is sent: stop.
     AskSpeed,
     AskStop,
     Rate,
@@ -40,11 +40,11 @@ enum Step {
     Start,
     StartAnswer,
     Streams,
-    /// Nothing until then.
+    /// Pause until `until_ns`.
     Rests,
 }
 
-/// What went wrong last.
+/// The last failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fault {
     NoAnswer,
@@ -58,7 +58,7 @@ pub(super) struct Dialogue {
     rate: Rate,
     zero: bool,
     step: Step,
-    /// Until when the step lasts at most.
+    /// End of the step, at the latest.
     until_ns: u64,
     heard: usize,
     failures: u32,
@@ -70,7 +70,7 @@ impl Dialogue {
         Dialogue { rate, zero, step: Step::FastSpeed, until_ns: 0, heard: 0, failures: 0, fault: None }
     }
 
-    /// From the start.
+    /// Restarts the dialogue.
     pub(super) fn begin(&mut self, now_ns: u64) {
         (self.step, self.until_ns) = (Step::FastSpeed, now_ns);
     }
@@ -79,12 +79,12 @@ impl Dialogue {
         self.step == Step::Streams
     }
 
-    /// Whether every second try is due, at the other speed.
+    /// Speed of the command phase: the two speeds alternate with each failure.
     fn asks_at(&self) -> u32 {
         if self.failures.is_multiple_of(2) { SPEED_SLOW } else { SPEED_FAST }
     }
 
-    /// What is to be done next; each thing is wanted once.
+    /// The next action; each is returned once.
     pub(super) fn wants(&mut self, now_ns: u64) -> Want {
         let waits = now_ns < self.until_ns;
         let say = |command: Command| Want::Send(vec![command as u8]);
@@ -109,7 +109,7 @@ impl Dialogue {
         }
     }
 
-    /// Listens for the answer that is due; what follows it if that is the stream.
+    /// Searches for the expected answer; returns the bytes after it if they belong to the stream.
     pub(super) fn hear<'a>(&mut self, bytes: &'a [u8], now_ns: u64) -> Option<&'a [u8]> {
         let expected: &[u8] = match self.step {
             Step::RateAnswer => &[self.rate.command() as u8],
@@ -120,7 +120,7 @@ impl Dialogue {
         let Some(place) = bytes.iter().position(|byte| expected.contains(byte)) else {
             self.heard += bytes.len();
             if self.heard > CHATTER_MAX {
-                // It still streams: no answer can be told from its frames.
+                // The plate still streams: an answer cannot be distinguished from its frames.
                 self.until_ns = now_ns;
             }
             return None;
@@ -132,7 +132,8 @@ impl Dialogue {
         match self.step {
             Step::RateAnswer => _ = self.go(Step::StreamSpeed, now_ns, Want::Nothing),
             Step::ZeroAnswer => {
-                // Once: whoever stands on the plate when it is plugged in again must not be taken for nothing.
+                // Zero once only: a person may stand on the plate when it is reconnected, and their weight must not
+                // become the zero.
                 self.zero = false;
                 _ = self.go(Step::Start, now_ns, Want::Nothing);
             }

@@ -14,15 +14,15 @@ fn settings() -> AmtiSettings {
     AmtiSettings { rate: Rate::Hz200, matrix, force_unit_n: 1.0, moment_unit_nm: 1.0, auto_zero: false }
 }
 
-/// A plate as the protocol describes it, and the clock.
+/// Simulated plate that follows the protocol, with a simulated clock.
 struct Bench {
     device: Amti,
     taken: Taken,
     now_ns: u64,
     line_baud: u32,
-    /// The speed that the plate listens and sends at.
+    /// Line speed of the plate.
     plate_baud: u32,
-    /// What it heard at its own speed.
+    /// Bytes received at the plate's own speed.
     heard: Vec<u8>,
     deaf: bool,
     started: u8,
@@ -65,7 +65,7 @@ impl Bench {
         }
     }
 
-    /// Until it streams, and not for ever.
+    /// Steps until the plate streams, with a bound.
     fn link(&mut self) {
         for _ in 0..1000 {
             if self.device.dialogue.streams() {
@@ -183,7 +183,7 @@ fn noise_costs_what_it_hit_and_is_counted() {
     let sound = frame([0; CHANNELS]);
     let mut hit = sound;
     hit[5] ^= 0xF0;
-    // Sound, damaged, sound, five bytes of noise, sound, cut short by a byte, sound.
+    // Valid, damaged, valid, five bytes of noise, valid, one byte short, valid.
     let pieces: [&[u8]; 7] = [&sound, &hit, &sound, &[0x55; 5], &sound, &sound[..23], &sound];
     for piece in pieces.concat().chunks(7) {
         bench.say(piece);
@@ -198,7 +198,7 @@ fn what_is_missing_is_told_by_the_room_it_left_or_by_the_time_it_took() {
     let mut samples = Vec::new();
     let mut now_ns = 1_000 * MS;
     brain.opened(now_ns);
-    // Whatever is wanted is done and answered at once.
+    // Executes and answers every request at once.
     for _ in 0..100 {
         now_ns += 20 * MS;
         if let Want::Send(bytes) = brain.wants(now_ns) {
@@ -216,12 +216,12 @@ fn what_is_missing_is_told_by_the_room_it_left_or_by_the_time_it_took() {
         brain.counts().lost
     };
     assert_eq!(feed(&mut brain, &sound, 5), 0);
-    // A byte too few, then a few too many: one frame is gone, then none.
+    // One byte missing, then a few in excess: one frame is lost, then none.
     assert_eq!(feed(&mut brain, &sound[1..], 5), 0);
     assert_eq!(feed(&mut brain, &sound, 5), 1);
     assert_eq!(feed(&mut brain, &[0x55; 3], 1), 1);
     assert_eq!(feed(&mut brain, &sound, 5), 1);
-    // A tenth of a second is gone, of which the line kept half a frame.
+    // A gap of 0.1 s, of which the line kept half a frame.
     assert_eq!(feed(&mut brain, &sound[10..], 100), 1);
     assert_eq!(feed(&mut brain, &sound, 5), 21);
 }

@@ -1,12 +1,12 @@
-//! What the counts of an ATI device are worth: as its page tells, as the configuration tells, and whether both agree.
+//! Scale of an ATI device's counts: from its settings page and from the configuration, with a check that both agree.
 
 use super::RdtSettings;
 use crate::wire::netft_xml::{NetFtPage, newton_metres_of, newtons_of};
 
-/// The page rounds nothing, so the two may differ by what printing a number costs.
+/// The page does not round, so page and configuration may differ only by the precision of the printed number.
 const AGREE: f64 = 1e-6;
 
-/// A device's page of settings as the way to it hands it on, before anything that the device sends.
+/// Envelope of the device's settings page, which the transport delivers before any data of the device.
 #[derive(Debug, Clone, Copy)]
 pub struct Page;
 
@@ -14,7 +14,7 @@ impl Page {
     const FOUND: &[u8] = b"netftapi2.xml\n";
     const MISSING: &[u8] = b"no netftapi2.xml\n";
 
-    /// The first bytes of a connection: the page, or why there is none.
+    /// Encodes the first bytes of a connection: the page, or why it is unavailable.
     pub fn to_bytes(page: Result<&str, &str>) -> Vec<u8> {
         match page {
             Ok(text) => [Self::FOUND, text.as_bytes()].concat(),
@@ -22,7 +22,7 @@ impl Page {
         }
     }
 
-    /// The inverse; `None` for records.
+    /// The inverse of [`Self::to_bytes`]; `None` for records.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Result<String, String>> {
         let text = |rest: &[u8]| String::from_utf8_lossy(rest).into_owned();
         match (bytes.strip_prefix(Self::FOUND), bytes.strip_prefix(Self::MISSING)) {
@@ -33,7 +33,7 @@ impl Page {
     }
 }
 
-/// What counts are worth.
+/// Counts per unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
     pub(super) counts_per_newton: f64,
@@ -41,7 +41,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// As the configuration alone has it.
+    /// The scale from the configuration alone.
     pub(super) fn configured(settings: &RdtSettings) -> Result<Scale, String> {
         match (settings.counts_per_newton, settings.counts_per_newton_metre) {
             (Some(counts_per_newton), Some(counts_per_newton_metre)) => {
@@ -53,7 +53,7 @@ impl Scale {
         }
     }
 
-    /// As page and configuration have it, and in words what was taken from where.
+    /// The scale from page and configuration, with a text that names the source of each value.
     pub(super) fn told(settings: &RdtSettings, page: Result<&str, &str>) -> Result<(Scale, String), String> {
         let text = match page {
             Ok(text) => text,
@@ -109,7 +109,7 @@ impl Scale {
 /// One of the two scales.
 struct Told<'a> {
     key: &'static str,
-    /// Of the page: counts, unit.
+    /// Element names in the page: counts, unit.
     elements: [&'static str; 2],
     counts: Option<f64>,
     unit: Option<&'a str>,

@@ -15,7 +15,7 @@ fn plate(settings: GroundSettings) -> GroundBrain {
     GroundBrain::new(Box::new(AtiRdt::new(RdtSettings::default())), settings)
 }
 
-/// Lets the device ask for a new stream, as after a silence.
+/// Makes the device request a new stream, as after a silence.
 fn request(brain: &mut GroundBrain) {
     assert!(matches!(brain.wants(u64::MAX), Want::Send(_)));
 }
@@ -28,7 +28,7 @@ fn receive(receiver: &mut GroundBrain, record: Record, arrival_ns: u64) -> Vec<G
 
 #[test]
 fn standing_on_the_sensor_pushes_the_person_up_where_the_feet_are() {
-    // 700 N downwards on the sensor at 0.1 m to its x, seen by a plate turned a quarter to the left at (1, 2, 0).
+    // 700 N downwards on the sensor at 0.1 m along its x, on a plate rotated by 90° to the left at (1, 2, 0).
     let mut receiver = plate(GroundSettings {
         frame: GroundFrame {
             origin_m: [1.0, 2.0, -0.02],
@@ -54,7 +54,7 @@ fn settings(counts_per_newton: Option<f64>, counts_per_newton_metre: Option<f64>
     RdtSettings { counts_per_newton, counts_per_newton_metre, ..RdtSettings::default() }
 }
 
-/// What 1 000 000 counts of force and torque become after this page, or why nothing.
+/// Result of 1 000 000 counts of force and torque with this page, or why there is none.
 fn with_page(settings: RdtSettings, page: Result<&str, &str>) -> Result<[f64; 2], String> {
     let mut device = AtiRdt::new(settings);
     let mut taken = Taken::default();

@@ -139,7 +139,7 @@ fn what_counts_nothing_is_told_lost_by_the_room_it_left() {
     stream[8..24].fill(0);
     let (samples, brain) = run(silent.clone(), &[&stream]);
     assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Garbage)), (3, 2, 1));
-    // After a silence nobody knows how many.
+    // After a silence the loss cannot be counted.
     let mut brain = GroundBrain::new(Box::new(Binary::new(silent)), GroundSettings::default());
     let mut samples = Vec::new();
     brain.receive(&frame(0), 1000 * MS, &mut samples);
@@ -193,7 +193,7 @@ fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
     );
     brain.receive(&frame(200), 110 * MS, &mut Vec::new());
     assert_eq!((brain.wants(600 * MS), brain.wants(611 * MS)), (Want::Nothing, go));
-    // It counts from the start again, and nothing was lost by that.
+    // The sequence restarts from zero; this is not a loss.
     brain.receive(&frame(0), 700 * MS, &mut Vec::new());
     assert_eq!((brain.counts().lost, brain.counts().published), (0, 2));
     assert_eq!(brain.farewell(), Some(b"halt".to_vec()));

@@ -70,7 +70,7 @@ fn damage_costs_its_frame_and_loss_shows_in_the_sensors_clock_over_its_wrap() {
     let mut damaged = at(start + 8);
     damaged[20] ^= 4;
     feed(&mut brain, &damaged);
-    // Three more on the far side of the wrap, of which one never comes, and one is cut.
+    // Three more frames after the wrap, of which one is missing and one is truncated.
     feed(&mut brain, &frame(at_us(start, 9)).to_bytes());
     feed(&mut brain, &frame(at_us(start, 11)).to_bytes());
     feed(&mut brain, &frame(at_us(start, 12)).to_bytes()[..30]);
@@ -98,7 +98,7 @@ fn a_sensor_that_was_switched_off_and_on_is_a_new_session() {
     assert_eq!(brain.counts().lost, 0);
 }
 
-/// After 36 minutes and more, zero is ahead of what the clock was, modulo 2³².
+/// After more than 36 minutes, zero is ahead of the last clock value, modulo 2³².
 #[test]
 fn a_sensor_that_ran_for_long_and_was_switched_off_and_on_lost_nothing_anybody_could_count() {
     let mut brain = brain(listening());
@@ -154,7 +154,7 @@ fn a_sensor_is_set_up_among_its_frames_and_asked_again_from_the_start() {
     brain.receive(b"r,0,", 30 * MS, &mut samples);
     brain.receive(b"C,0", 30 * MS, &mut samples);
     assert_eq!(brain.wants(40 * MS), say("c,0,1,0,4"));
-    // No answer: from the beginning.
+    // Without an answer, the set-up restarts.
     assert_eq!(brain.wants(1100 * MS), say("C"));
     for (answer, next) in [("r,0,C,0", "c,0,1,0,4"), ("r,0,c,0", "f,256,0,0,1"), ("r,0,f,0", "R")] {
         brain.receive(answer.as_bytes(), 1200 * MS, &mut samples);

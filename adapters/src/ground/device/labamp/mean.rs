@@ -1,20 +1,20 @@
-//! The mean of so many scans as one reading, and what is missing between frames.
+//! Averages scans to readings, and counts scans missing between frames.
 
 use crate::ground::reading::Taken;
 
-/// Gaps beyond this are a clock that was set, or a pause: nobody can say what is missing, s.
+/// A longer gap is a clock step or a pause, so that the loss cannot be counted from it, s.
 const GAP_MAX_S: f64 = 60.0;
 
 /// The mean of some scans.
 #[derive(Debug, PartialEq)]
 pub(super) struct Mean<'a> {
-    /// The middle of their time, ns.
+    /// Mean time of the scans, ns.
     pub(super) time_ns: u64,
     /// One number a channel.
     pub(super) values: &'a [f64],
 }
 
-/// Makes one reading of so many scans.
+/// Averages a fixed count of scans to one reading.
 #[derive(Debug, Clone)]
 pub(super) struct Decimator {
     decimate: u32,
@@ -22,13 +22,13 @@ pub(super) struct Decimator {
     sums: Vec<f64>,
     mean: Vec<f64>,
     scans: u32,
-    /// Of the first scan in `sums`.
+    /// Time of the first scan in `sums`.
     since_ns: u64,
-    /// When the next scan is due; `None` before the first frame.
+    /// Due time of the next scan; `None` before the first frame.
     next_ns: Option<f64>,
-    /// Frames that did not come before the present one, as far as anybody knows: none, and then nothing is missing.
+    /// Frames missing before the present one by their numbers; if there are none, no scan is missing.
     missing_frames: u32,
-    /// The scan in work, counted from the frame's first, and that one's time.
+    /// Index of the current scan in its frame, and the frame's time.
     index: u32,
     frame_ns: u64,
     frame_scans: u32,
@@ -51,18 +51,18 @@ impl Decimator {
         }
     }
 
-    /// So many frames are missing before the next.
+    /// Registers frames missing before the next one.
     pub(super) fn missing_frames(&mut self, frames: u32) {
         self.missing_frames = self.missing_frames.saturating_add(frames);
     }
 
-    /// A frame begins: what is missing before it is told, and half a mean is none.
+    /// A frame begins: reports the loss before it and discards a partial mean.
     pub(super) fn frame(&mut self, time_ns: u64, scans: usize, taken: &mut Taken) {
         let missing_frames = core::mem::take(&mut self.missing_frames);
         if let Some(next_ns) = self.next_ns {
             let late_ns = time_ns as f64 - next_ns;
             let late_scans = (late_ns / self.period_ns).round();
-            // A device that adjusts its clock bit by bit moves less than a scan.
+            // Gradual adjustment of the device's clock moves it by less than a scan.
             if late_scans != 0.0 {
                 let credible = late_ns > 0.0 && late_ns < GAP_MAX_S * 1e9;
                 let missing = match (missing_frames, credible) {
@@ -84,7 +84,7 @@ impl Decimator {
         self.next_ns = Some(time_ns as f64 + scans as f64 * self.period_ns);
     }
 
-    /// The next scan of the frame; a mean whenever it is full.
+    /// Adds the next scan of the frame; returns the mean when it is complete.
     pub(super) fn scan(&mut self, numbers: &mut impl Iterator<Item = f32>) -> Option<Mean<'_>> {
         if self.scans == 0 {
             self.since_ns = self.frame_ns.saturating_add((f64::from(self.index) * self.period_ns) as u64);

@@ -73,7 +73,7 @@ fn scans_become_means_with_the_time_of_their_middle() {
     let mut amp = direct(["Sensor-2", "plate 1"], Some(4));
     let mut taken = Taken::default();
     amp.opened(0);
-    // 1 kHz, frames of three scans, means of four: a mean may lie across frames.
+    // 1 kHz, frames of three scans, means of four: a mean may span frames.
     let frame = |index: u32| {
         let first = index * 3;
         let numbers: Vec<f32> = (first..first + 3).flat_map(|scan| [0.5, scan as f32]).collect();
@@ -139,7 +139,7 @@ fn channels_that_are_not_there_or_in_no_unit_of_theirs_are_said_and_asked_for_ag
     let mut amp = direct(["Sensor-2", "Sensor-1"], None);
     amp.take(b"{\"result\": 3}\n", 0, &mut Taken::default());
     assert!(amp.trouble().unwrap().contains("result 3"));
-    // What still comes of a stream that was given up is not the first line of another.
+    // Remaining bytes of an abandoned stream are not the first line of another.
     let good = [opening(1000, &["Nm", "N"]), data(0, T0_NS, &[1.0, 2.0])].concat();
     let mut taken = Taken::default();
     amp.take(&good, 0, &mut taken);
@@ -162,16 +162,16 @@ fn events_are_counted_or_end_the_stream() {
         0,
         &mut samples,
     );
-    // Frames 3 and 4 never come: four scans are lost.
+    // Frames 3 and 4 are missing: four scans are lost.
     brain.receive(&[frame(5, 8), event(6, 9)].concat(), 0, &mut samples);
     let counts = *brain.counts();
     assert_eq!((samples.len(), counts.lost, counts.refused[GroundRefusal::Overrun.index()]), (6, 4, 1));
     assert_eq!(counts.refused[GroundRefusal::UnknownKind.index()], 1);
-    // The clock is set an hour ahead: nothing is lost, and a session does not end with that.
+    // The clock is set one hour ahead: no loss, and the session continues.
     brain.receive(&[event(7, 2), frame(8, 3_600_010)].concat(), 0, &mut samples);
     assert_eq!((brain.counts().lost, samples.last().unwrap().session), (4, 0));
     assert_eq!(brain.counts().refused[GroundRefusal::DeviceStatus.index()], 1);
-    // And back: then it is another session.
+    // A step back begins another session.
     brain.receive(&frame(9, 20), 0, &mut samples);
     assert_eq!((brain.counts().lost, samples.last().unwrap().session), (4, 1));
     for code in [0, 3, 4] {
@@ -235,7 +235,7 @@ fn frames_that_do_not_fit_are_reasons() {
     amp.take(&[opening(1000, &["Nm", "N"]), b"HTTP/1.1".to_vec()].concat(), 0, &mut taken);
     assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
     assert!(matches!(amp.wants(0), Want::Reopen(_)));
-    // No number is a reason, too, and does not stay.
+    // A field that is not a number is reported, too, and not permanently.
     let mut brain =
         GroundBrain::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
     let mut samples = Vec::new();

@@ -95,7 +95,7 @@ fn stamps_that_overlap_stay_in_order_and_a_clock_that_was_set_is_another_session
     brain.receive(&[opening(1000, ["N", "Nm"]), sent].concat(), MS, &mut samples);
     let sessions: Vec<u32> = samples.iter().map(|sample| sample.session).collect();
     assert_eq!(sessions, [0, 0, 0, 0, 0, 1, 1]);
-    // Times that are none are reasons.
+    // Invalid times are refused.
     for stamp in [f64::NAN, -1.0, f64::INFINITY, 0.0] {
         brain.receive(&sample(Some(stamp), 0.0, 1.0), MS, &mut samples);
     }

@@ -38,7 +38,7 @@ fn the_known_line_is_two_feet_and_nothing_that_insoles_cannot_feel() {
     assert_eq!((sample.per_foot, sample.devices), (1, DeviceKind::Insoles as u32));
     assert_eq!(sample.foot_frame, FootFrame::Sole as u32);
     assert_eq!((sample.foot_vertical_n, sample.force_n), ([350.0, 340.0], [0.0, 0.0, 690.0]));
-    // Inwards is to the right on the left foot and to the left on the right one.
+    // Medial is to the right on the left foot and to the left on the right foot.
     let want = [[-0.1 * 0.2486, -0.02 * 0.089], [0.12 * 0.2486, -0.03 * 0.089]];
     for (got, want) in sample.foot_cop_m.iter().flatten().zip(want.iter().flatten()) {
         assert!((got - want).abs() < 1e-12, "{:?}", sample.foot_cop_m);
@@ -124,13 +124,13 @@ proptest! {
     ) {
         let mut brain = brain(&settings());
         let mut samples = Vec::new();
-        // Sensors are read exactly every so often, and stamps told in thousandths.
+        // Sensors are sampled at exact intervals; stamps are rounded to milliseconds.
         for index in (0..200).filter(|index| !drops.contains(index)) {
             let line = VECTOR.replacen("12.34", &format!("{:.3}", 5.0 + f64::from(index) / f64::from(rate_hz)), 1);
             let arrival_ns = 7_000_000_000 + u64::from(index) * 1_000_000_000 / u64::from(rate_hz);
             brain.receive(line.as_bytes(), arrival_ns, &mut samples);
         }
-        // What is missing at the end nobody can miss.
+        // A loss at the end of the stream cannot be detected.
         let missed = drops.iter().filter(|index| (**index..200).any(|later| !drops.contains(&later))).count();
         prop_assert_eq!(brain.counts().lost, missed as u64);
         prop_assert_eq!(samples.len(), 200 - drops.len());

@@ -1,14 +1,14 @@
-//! When each of a frame's forces was measured: QTM stamps frames of the cameras, and a plate is faster.
+//! Sample times of the forces in a frame: QTM stamps camera frames, and a plate samples faster.
 
 use crate::ground::reading::Taken;
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::qtm::{Frame, PlateForce};
 
 const NS_PER_US: u64 = 1000;
-/// A pause of more frames is no loss: QTM was stopped and went on. How long a frame lasts it does not tell.
+/// A longer gap, in frames, is no loss: QTM was stopped and resumed. QTM does not report its frame period.
 const LOST_MAX: u64 = 10_000;
 
-/// A force and its time.
+/// A force and its sample time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Due {
     pub(super) force: PlateForce,
@@ -16,14 +16,14 @@ pub(super) struct Due {
     pub(super) counter: u32,
 }
 
-/// Spreads the forces of a frame over its time, and counts the frames that are missing.
+/// Distributes the forces of a frame over its interval, and counts missing frames.
 #[derive(Debug, Clone)]
 pub(super) struct Pace {
     divisor: u32,
     newest: Option<Stamp>,
-    /// Time from one frame that is sent to the next, known from the second one on.
+    /// Interval between sent frames; available from the second frame on.
     interval_us: Option<u64>,
-    /// The first frame's forces, until its interval is known.
+    /// The first frame's forces, until the interval is available.
     held: Option<(Stamp, u32, Vec<PlateForce>)>,
 }
 
@@ -42,7 +42,7 @@ impl Pace {
         *self = Pace::new(self.divisor);
     }
 
-    /// The forces that have their time now, oldest first. `first` numbers the first force of this frame.
+    /// The forces whose times are determined, oldest first. `first` is the number of this frame's first force.
     pub(super) fn frame(
         &mut self,
         frame: &Frame<'_>,
@@ -56,7 +56,7 @@ impl Pace {
                 taken.refuse(GroundRefusal::Duplicate);
                 return Vec::new();
             }
-            // Time went back: another measurement.
+            // Time decreased: another measurement.
             Some(newest) if newest.timestamp_us > stamp.timestamp_us => self.forget(),
             Some(newest) => self.follow(newest, stamp, forces.len(), taken),
             None => {}
@@ -83,7 +83,7 @@ impl Pace {
         let elapsed_us = stamp.timestamp_us - newest.timestamp_us;
         let steps = u64::from(stamp.number.wrapping_sub(newest.number)) / u64::from(self.divisor);
         let lost = match (stamp.number == newest.number, self.interval_us) {
-            // A QTM that does not count while it only shows a preview: the time tells.
+            // In preview QTM does not count frames, so the loss follows from the time.
             (true, Some(interval_us)) => {
                 (elapsed_us.saturating_add(interval_us / 2) / interval_us.max(1)).saturating_sub(1)
             }

@@ -8,7 +8,7 @@ fn said(kind: u32, content: &[u8]) -> Vec<u8> {
     [&size.to_le_bytes()[..], &kind.to_le_bytes(), content].concat()
 }
 
-/// A frame with so many forces on plate 2: 1, 2, … N upwards at (100, 0) mm.
+/// A frame with `count` forces on plate 2: 1, 2, … N upwards at (100, 0) mm.
 fn frame(timestamp_us: u64, number: u32, first: u32, count: u32) -> Vec<u8> {
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>();
     let mut content = words(&[1, 2, count, first]);
@@ -25,7 +25,7 @@ fn plate(divisor: u32) -> Qtm {
     Qtm::new(QtmSettings { plate: 2, divisor })
 }
 
-/// The times and counters of what a device finds.
+/// Times and counters of the decoded readings.
 fn times(taken: &Taken) -> Vec<(Tick, u32)> {
     taken.readings().map(|reading| (reading.tick, reading.device_counter)).collect()
 }
@@ -49,7 +49,7 @@ fn the_dialogue_waits_for_its_answers() {
     assert_eq!(sent(qtm.wants(3 * MS)), "StreamFrames AllFrames Force");
     assert_eq!(qtm.wants(4 * MS), Want::Nothing);
     assert_eq!(qtm.trouble(), None);
-    // Nothing is measured; once it is, frames are asked for again at once.
+    // No measurement runs; when one starts, frames are requested at once.
     qtm.take(&said(4, b""), 5 * MS, &mut taken);
     assert!(qtm.trouble().unwrap().contains("measures nothing"));
     assert_eq!(qtm.wants(6 * MS), Want::Nothing);
@@ -57,11 +57,11 @@ fn the_dialogue_waits_for_its_answers() {
     assert_eq!(sent(qtm.wants(8 * MS)), "StreamFrames AllFrames Force");
     qtm.take(&frame(10, 1, 1, 1), 9 * MS, &mut taken);
     assert_eq!((qtm.trouble(), taken.readings().count()), (None, 1));
-    // And again after a silence.
+    // Frames are requested again after a silence.
     assert_eq!(sent(qtm.wants(3000 * MS)), "StreamFrames AllFrames Force");
     assert!(qtm.trouble().unwrap().contains("measures nothing"));
     assert_eq!(sent(Want::Send(qtm.farewell().unwrap())), "StreamFrames Stop");
-    // Every n-th frame: one force with each.
+    // Every n-th frame: one force for each.
     let mut slow = plate(4);
     slow.wants(0);
     slow.take(&said(1, b"Version set to 1.25\0"), 3 * MS, &mut taken);
@@ -107,7 +107,7 @@ fn missing_frames_are_lost_forces_and_a_frame_twice_is_one() {
     assert_eq!((samples.len(), brain.counts().lost), (8, 4));
     assert_eq!(brain.counts().refused[GroundRefusal::Duplicate.index()], 1);
     assert!(samples.iter().all(|sample| sample.session == 0));
-    // Another measurement: its time starts anew.
+    // Another measurement: its time restarts.
     brain.receive(&frame(10_000, 1, 2, 2), 70 * MS, &mut samples);
     brain.receive(&frame(20_000, 2, 4, 2), 80 * MS, &mut samples);
     assert_eq!((samples.len(), brain.counts().lost, samples.last().unwrap().session), (12, 4, 1));
@@ -117,7 +117,7 @@ fn missing_frames_are_lost_forces_and_a_frame_twice_is_one() {
 fn a_long_pause_dates_nothing_into_the_future() {
     let mut qtm = plate(1);
     let mut taken = Taken::default();
-    // 100 frames a second, 4 forces each; then QTM rests for 200 s, and for 300 s before the interval is known.
+    // 100 frames a second, 4 forces each; then QTM pauses for 200 s, and for 300 s before the interval is available.
     for (timestamp_us, number) in [(10_000, 1), (20_000, 2), (200_020_000, 20_002), (200_030_000, 20_003)] {
         qtm.take(&frame(timestamp_us, number, number * 4, 4), MS, &mut taken);
     }

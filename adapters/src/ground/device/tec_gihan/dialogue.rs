@@ -1,4 +1,4 @@
-//! From an open line to a controller that measures: one question after the other.
+//! Dialogue from an open line to a measuring controller: one command after the other.
 
 use super::TecGihanSettings;
 use crate::ground::reading::Taken;
@@ -6,21 +6,21 @@ use crate::ground::refusal::GroundRefusal;
 use crate::wire::tec_gihan::{Answer, BAUD, FullScales, Line, PLATES_MAX, State};
 
 const MS: u64 = 1_000_000;
-/// After a stop, blocks that were under way come for so long.
+/// Time after a stop in which blocks under way still arrive.
 const SETTLE_NS: u64 = 500 * MS;
-/// The plates take a new range within this; asked earlier, they overrun.
+/// Time in which the plates apply a new range; earlier requests overrun.
 const RANGE_NS: u64 = 100 * MS;
-/// Answers come within this, …
+/// Timeout of an answer, …
 const ANSWER_NS: u64 = 1000 * MS;
-/// … and a question is asked so often.
+/// … and count of attempts of a command.
 const TRIES: u32 = 3;
 /// Waking takes up to 20 s.
 const WAKE_NS: u64 = 20_000 * MS;
 const WAKE_STEP_NS: u64 = 200 * MS;
-/// No answer is longer; what is, comes from another device or at another speed.
+/// Longest answer; a longer line comes from another device or at another speed.
 const LINE_MAX: usize = 512;
 
-/// What the dialogue found out.
+/// Results of the dialogue.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Known {
     pub(super) plates: u32,
@@ -28,7 +28,7 @@ pub(super) struct Known {
     pub(super) scales: FullScales,
 }
 
-/// What is to be done.
+/// The next action.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Next {
     Wait,
@@ -42,7 +42,7 @@ pub(super) struct Dialogue {
     settings: TecGihanSettings,
     step: Step,
     line: Vec<u8>,
-    /// A line that never ends is passed over to its end.
+    /// A line that is too long is skipped to its end.
     overlong: bool,
     waking_since_ns: Option<u64>,
     plates: u32,
@@ -53,7 +53,7 @@ pub(super) struct Dialogue {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Step {
     Opened,
-    /// Whatever comes is from before; then this is said.
+    /// Input is discarded as outdated; then this command is sent.
     Settling {
         until_ns: Option<u64>,
         pause_ns: u64,
@@ -84,7 +84,7 @@ impl Dialogue {
         }
     }
 
-    /// Lines that answer what was asked; anything else passes by.
+    /// Collects lines that answer the pending command; discards other input.
     pub(super) fn take(&mut self, bytes: &[u8], taken: &mut Taken) {
         for byte in bytes {
             let Step::Asking { line, .. } = self.step else {
@@ -146,7 +146,7 @@ impl Dialogue {
         if tries < TRIES {
             return self.ask(line, now_ns, tries + 1);
         }
-        // Only for a check.
+        // The surface height serves only as a check, so the dialogue continues without it.
         if matches!(line, Line::SurfaceHeight(_)) {
             return self.ask(Line::FullScales(self.serial), now_ns, 1);
         }
@@ -176,7 +176,7 @@ impl Dialogue {
             (_, Answer::FullScales(scales)) => {
                 Next::Start(Known { plates: self.plates, surface_height_m: self.surface_height_m, scales })
             }
-            // No line has an answer of another kind.
+            // No command has an answer of another kind.
             (_, Answer::Done | Answer::Number(_) | Answer::Metres(_)) => {
                 Next::GiveUp("no answer fits".to_owned())
             }

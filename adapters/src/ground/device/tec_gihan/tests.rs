@@ -3,7 +3,7 @@ use crate::ground::{GroundBrain, GroundSettings, Measures, SensorAxes};
 
 const MS: u64 = 1_000_000;
 
-/// A controller with two plates of serial numbers 106 and 107, written from the protocol's text.
+/// Simulated controller with two plates of serial numbers 106 and 107, written from the protocol document.
 #[derive(Default)]
 struct Controller {
     heard: Vec<String>,
@@ -45,7 +45,7 @@ impl Controller {
         text.as_bytes().to_vec()
     }
 
-    /// Every sample of plate 2 bears its number from the start of all in Fz; plate 1 shouts.
+    /// Fz of each sample of plate 2 is its index from the start; plate 1 sends full-scale values.
     fn block(&mut self) -> Vec<u8> {
         let first = self.blocks * 100;
         let samples = (first..first + 100).map(|number| number as i16);
@@ -65,7 +65,7 @@ fn plate() -> TecGihan {
     })
 }
 
-/// Lets both speak for so many milliseconds; the answers come in pieces, and `harm` may change them.
+/// Exchanges data for `ms` milliseconds; the answers arrive in pieces, and `harm` may modify them.
 fn talk(
     brain: &mut GroundBrain,
     controller: &mut Controller,
@@ -77,7 +77,7 @@ fn talk(
         while let Want::Send(bytes) = brain.wants(ms * MS) {
             let mut answer = controller.hear(&bytes);
             harm(controller.blocks, &mut answer);
-            // A block is gathered first.
+            // A block takes its duration before it is sent.
             under_way.push((if answer.len() > 1000 { ms + 99 } else { ms }, answer));
         }
         for (_, answer) in under_way.extract_if(.., |(due_ms, _)| *due_ms <= ms) {
@@ -86,7 +86,7 @@ fn talk(
             }
         }
     }
-    // A count of vertical force is 0.1 N.
+    // One count of vertical force is 0.1 N.
     samples.iter().map(|sample| (sample.force_n[2] * 10.0).round()).collect()
 }
 
@@ -153,7 +153,7 @@ fn a_short_block_and_one_with_noise_are_found_out_and_begun_anew() {
             "{:?}",
             brain.trouble()
         );
-        // Blocks 0 and 1 are sound, 2 is lost, and not one number of it is passed off as another.
+        // Blocks 0 and 1 are valid, 2 is lost, and no number of it is used in another place.
         assert_eq!((forces[199], forces[200]), (199.0, 300.0));
         let counts = brain.counts();
         assert_eq!((counts.lost, counts.refused[GroundRefusal::Incomplete.index()]), (100, 1));

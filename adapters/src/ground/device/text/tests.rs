@@ -59,7 +59,7 @@ fn loss_repetition_disorder_and_lines_of_another_form_are_counted() {
     let line = |count: u32| format!("{},{:02};{};-0,7;0;0\n", count / 100, count % 100, count % 100);
     let sent: Vec<String> = [95, 96, 99, 99, 98, 100, 103].map(line).to_vec();
     let mut pieces: Vec<&[u8]> = sent.iter().map(String::as_bytes).collect();
-    // What cannot be read is lost, what was read and is no number is not.
+    // An unreadable line is lost; a readable line whose value is not finite is not.
     pieces.extend([&b"1,04;4;-0,7;0\n"[..], b"1,05;5;x;0;0\n", b"1,06;6;NaN;0;0\n", b"1,07;7;-0,7;0;0\n"]);
     let (samples, brain) = samples_of(settings(Framing::Datagrams), &pieces);
     assert_eq!(samples.len(), 6);
@@ -85,7 +85,7 @@ fn without_a_count_the_times_tell_what_is_lost() {
     assert!(samples.iter().all(|sample| sample.session == 0));
 }
 
-/// Lines that nothing counts, at 100 Hz, among which some cannot be read.
+/// Lines without a counter, at 100 Hz, some of them unreadable.
 #[test]
 fn lines_that_cannot_be_read_are_lost_and_take_their_time_where_nothing_counts() {
     let settings = TextSettings { sequence: None, time: None, ..settings(Framing::Stream) };
@@ -141,7 +141,7 @@ fn times_of_another_unit_are_told_in_words() {
     let settings = TextSettings { sequence: None, ..settings(Framing::Datagrams) };
     let mut brain = GroundBrain::new(Box::new(Text::new(settings)), GroundSettings::default());
     let mut samples = Vec::new();
-    // Milliseconds where seconds are declared.
+    // Milliseconds where seconds are configured.
     for index in 0..=u64::from(TROUBLE) {
         assert_eq!(brain.trouble(), None);
         let line = format!("{};0;-0,7;0;0\n", 1_000_000 + 10 * index);
@@ -151,7 +151,7 @@ fn times_of_another_unit_are_told_in_words() {
     assert_eq!((samples.len(), refused(&brain, GroundRefusal::OutOfOrder)), (1, u64::from(TROUBLE)));
 }
 
-/// A line of the eight volts of a real plate, and a field that is nobody's between.
+/// A line with the eight voltages of a real plate and an unused field between them.
 #[test]
 fn channels_may_be_scaled_and_stand_in_any_order() {
     let direct = Direct { force: [Some(2), Some(1), Some(0)], ..Direct::default() };

@@ -1,4 +1,5 @@
-//! The laws of cutting: portions do not matter, and damage costs what is damaged.
+//! Properties of the stream parser: the result is independent of portions, and damage affects only the damaged
+//! datagrams.
 
 use super::*;
 use crate::wire::mvn::{
@@ -35,7 +36,7 @@ fn datagram(kind: usize, counter: u32) -> Vec<u8> {
     bytes
 }
 
-/// All cuts of a stream that comes in portions; `None` is a loss of step.
+/// All elements of a stream that arrives in portions; `None` is a loss of synchronisation.
 fn cuts<'a>(portions: impl IntoIterator<Item = &'a [u8]>) -> (Vec<Option<Vec<u8>>>, u64) {
     let mut cutter = StreamCutter::new();
     let mut cuts = Vec::new();
@@ -60,17 +61,17 @@ fn in_portions<'a>(stream: &'a [u8], ends: &[usize]) -> Vec<&'a [u8]> {
 #[derive(Debug, Clone)]
 enum Damage {
     None,
-    /// Something stands before it.
+    /// Bytes inserted before it.
     Before(Vec<u8>),
-    /// Some of its bytes are others.
+    /// Some of its bytes overwritten.
     Overwritten(usize, Vec<u8>),
-    /// Some of its bytes are gone.
+    /// Some of its bytes removed.
     Gone(usize, usize),
-    /// Some bytes came in between.
+    /// Bytes inserted within it.
     Within(usize, Vec<u8>),
 }
 
-/// Noise, some of it made to look like what is expected.
+/// Noise, some of it similar to valid data.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         proptest::collection::vec(any::<u8>(), 1..80),
@@ -88,13 +89,13 @@ fn damage() -> impl Strategy<Value = Damage> {
         1 => (any::<usize>(), noise()).prop_map(|(at, bytes)| Damage::Overwritten(at, bytes)),
         1 => (any::<usize>(), 1..2000usize).prop_map(|(at, count)| Damage::Gone(at, count)),
         1 => (any::<usize>(), noise()).prop_map(|(at, bytes)| Damage::Within(at, bytes)),
-        // The last few bytes, and the sizes in the header, are where it hurts most.
+        // The last few bytes, and the sizes in the header, are the most critical.
         1 => (1..4usize).prop_map(|count| Damage::Gone(usize::MAX, count)),
         1 => any::<[u8; 2]>().prop_map(|size| Damage::Overwritten(22, size.to_vec())),
     ]
 }
 
-/// The damaged bytes, and whether the datagram itself is still whole.
+/// The damaged bytes, and whether the datagram itself is still intact.
 fn damaged(datagram: &[u8], damage: &Damage) -> (Vec<u8>, bool) {
     let mut bytes = datagram.to_vec();
     match damage {
@@ -154,7 +155,7 @@ proptest! {
         for sent in &whole {
             prop_assert!(left.any(|got| *got == sent), "a whole datagram was lost");
         }
-        // Nothing is invented: all that is cut and can be read was sent, whole or damaged.
+        // All parsed datagrams were sent, intact or damaged.
         prop_assert!(got.len() <= 2 * parts.len());
         prop_assert_eq!(cuts(in_portions(&stream, &ends)), (cut, skipped_bytes));
     }

@@ -1,4 +1,4 @@
-//! From the words of `[ground.binary]` to what the adapter takes, or to what is wrong with them.
+//! Builds the adapter's settings from the section `[ground.binary]`, or reports its mistakes.
 
 use equipoise_adapters::ground::device::binary::{BinarySettings, Count, Field, Scans, Time};
 use equipoise_adapters::wire::checksum::{Checksum, NAMES};
@@ -15,10 +15,10 @@ use crate::config::ground::numbers::{FACTORS, LengthConfig, ModulusConfig, SUMMA
 use crate::config::ground::way::Over;
 use crate::config::ground::{GroundConfig, Mistake};
 
-/// More scans than these in a frame are a mistake.
+/// A frame with more scans than this is considered a mistake.
 const SCANS_MAX: usize = 10_000;
 
-/// A key of the section, whole.
+/// The full dotted key.
 fn key(name: &str) -> String {
     format!("ground.binary.{name}")
 }
@@ -93,7 +93,7 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Mistake>
     })
 }
 
-/// Which numbers make sense beside which.
+/// Checks which numbering fields may be combined.
 fn check_numbering(config: &BinaryConfig) -> Result<(), Mistake> {
     if config.counter.is_some() && config.sequence.is_none() {
         let what = "counts measurements, sent or not, and tells no loss; if each of them is sent, call it `sequence`";

@@ -1,8 +1,8 @@
-//! Channels by the names that a description gives them.
+//! Looks up channels by the names in a description.
 
 use crate::config::ground::mistake::{Mistake, nearest};
 
-/// The names of a device's channels, and which of them were asked for.
+/// Names of a device's channels, and which of them are used.
 #[derive(Debug)]
 pub(in crate::config::ground) struct Names<'a> {
     names: &'a [String],
@@ -18,7 +18,7 @@ impl<'a> Names<'a> {
         self.names.len()
     }
 
-    /// Where a channel stands that must be there; `key` says who asks.
+    /// Index of a required channel; `key` is the configuration key that refers to it.
     pub(super) fn find(&mut self, name: &str, key: &str) -> Result<usize, Mistake> {
         self.there(name).ok_or_else(|| {
             let hint = nearest(name, self.names.iter().map(String::as_str));
@@ -26,14 +26,14 @@ impl<'a> Names<'a> {
         })
     }
 
-    /// Where a channel stands, if it is there.
+    /// Index of a channel, if it exists.
     pub(super) fn there(&mut self, name: &str) -> Option<usize> {
         let index = self.names.iter().position(|known| known == name)?;
         self.used[index] = true;
         Some(index)
     }
 
-    /// Names that nobody asked for.
+    /// Names that no key refers to.
     pub(in crate::config::ground) fn unused(&self) -> impl Iterator<Item = &str> {
         self.names.iter().zip(&self.used).filter(|(_, used)| !**used).map(|(name, _)| name.as_str())
     }

@@ -1,4 +1,5 @@
-//! Descriptions of devices that have files of their own: the same bytes make the same samples, and the same is refused.
+//! Tests that a described device matches the built-in driver of the same device: equal bytes give equal samples and
+//! equal refusals.
 
 use equipoise_adapters::counts::Counts;
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, Rate};
@@ -14,23 +15,23 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-/// Numbers that are the same at every run.
+/// Deterministic pseudo-random numbers.
 struct Dice(u64);
 
 impl Dice {
-    /// Below `sides`.
+    /// A number below `sides`.
     fn roll(&mut self, sides: u64) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) % sides
     }
 
     fn bytes(&mut self, longest: u64) -> Vec<u8> {
-        // Many are what frames begin with.
+        // Many bytes equal the first byte of a frame.
         (0..self.roll(longest)).map(|_| if self.roll(4) == 0 { 0xaa } else { self.roll(256) as u8 }).collect()
     }
 }
 
-/// A described device beside its twin that has a file of its own.
+/// A described device and the built-in driver of the same device.
 struct Twins {
     brains: [GroundBrain; 2],
     samples: [Vec<GroundSample>; 2],
@@ -51,7 +52,7 @@ impl Twins {
         }
     }
 
-    /// Both made the same of it; how many samples, and what was counted.
+    /// Asserts that both produced the same; returns the number of samples and the counters.
     fn agree(&self) -> (usize, Counts) {
         let [described, own] = &self.samples;
         for (described, own) in described.iter().zip(own) {
@@ -63,14 +64,14 @@ impl Twins {
     }
 }
 
-/// A stream of frames with all that a serial line does to them, cut into pieces of any size.
+/// A stream of frames with the faults of a serial line, split into pieces of any size.
 fn serial_line(dice: &mut Dice, twins: &mut Twins, mut frame: impl FnMut(&mut Dice, u32) -> Vec<u8>) {
     let mut index = 0;
     let mut stream = Vec::new();
     for place in 0..120 {
         index += 1;
         let mut bytes = frame(dice, index);
-        // A few whole ones first: what a stream is like must be seen before it can be missed.
+        // Begin with a few intact frames: losses are detected relative to earlier frames.
         match if place < 8 { 99 } else { dice.roll(14) } {
             0 => {
                 let (at, bit) = (dice.roll(bytes.len() as u64) as usize, dice.roll(8));
@@ -142,7 +143,7 @@ fn bota_described_reads_a_sensor_that_restarts_and_the_known_frame() {
     assert_eq!(twins.samples[0].last().unwrap().session, 2);
 }
 
-/// Brings a plate to stream, as its own file needs it; the described one was started by somebody else.
+/// Starts streaming as the built-in driver requires; the described device is assumed to be streaming already.
 fn start(plate: &mut GroundBrain) {
     let mut now_ns = 0;
     while now_ns < 5000 * MS {
@@ -223,7 +224,7 @@ fn rdt_described_is_rdt() {
         let mut now_ns = 1000 * MS;
         for _ in 0..200 {
             now_ns += if dice.roll(60) == 0 { 900 * MS } else { 10 * MS };
-            // A device that is asked, and asked again after a silence, counts from the start.
+            // A polled device that is polled again after a silence restarts its counter.
             let wants = twins.brains.each_mut().map(|brain| brain.wants(now_ns));
             assert_eq!(wants[0], wants[1]);
             if matches!(wants[0], Want::Send(_)) && dice.roll(2) == 0 {
@@ -272,7 +273,7 @@ fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
         inner.extend(index.to_le_bytes());
         inner.extend([0; 4]);
         for reading in 0..10 {
-            // Somebody steps from the first cell to the last; below zero without load.
+            // The load moves from the first cell to the last; unloaded cells read below zero.
             for counts in [(10 - reading) * 100_000, -1, 0, reading * 100_000] {
                 inner.extend(&i32::to_le_bytes(counts)[..3]);
             }
@@ -296,7 +297,7 @@ fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
     assert_eq!(counts.lost, 30, "the other plate's, the damaged and the missing one");
     assert_eq!(counts.refused[ground::GroundRefusal::UnknownKind.index()], 1);
     assert_eq!(counts.refused[ground::GroundRefusal::Checksum.index()], 1);
-    // 0.42 mN a count: 420 N less what the cell reads without load.
+    // 0.42 mN per count: 420 N minus the readings of the unloaded cells.
     let zero = -12.1 - 9.7 + 3.3 - 0.4;
     assert!((samples[0].force_n[2] - (420.0 - 0.00041 + zero)).abs() < 1e-9, "{}", samples[0].force_n[2]);
     assert!(samples[0].cop_m().unwrap()[0] > 0.2 && samples[9].cop_m().unwrap()[0] < -0.1);
