@@ -10,6 +10,7 @@ pub mod body_motion;
 pub mod build;
 pub mod checkpoint;
 mod exposure;
+mod ground_rates;
 pub mod identification;
 mod insoles;
 pub mod kept;
