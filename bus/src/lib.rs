@@ -34,6 +34,7 @@ pub mod event;
 mod half_made;
 pub mod node;
 mod open;
+mod orphaned_connections;
 pub mod publisher;
 pub mod root;
 pub mod service;

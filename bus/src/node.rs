@@ -5,6 +5,7 @@ use crate::empty_memory;
 use crate::error::BusError;
 use crate::event::{Channel, Listener, Notifier};
 use crate::half_made;
+use crate::orphaned_connections;
 use crate::publisher::{Kept, Publisher};
 use crate::root;
 use crate::service::Topic;
@@ -137,7 +138,13 @@ impl Bus {
         });
         // The default root is shared with other programs that use iceoryx2, whose files may differ.
         let shared = self.root == Path::new(root::DEFAULT_ROOT);
-        let half_made = if shared { 0 } else { half_made::remove(&self.root.join("nodes"), &prefix) };
+        if shared {
+            return (cleaned, left);
+        }
+        let nodes = self.root.join("nodes");
+        let half_made = half_made::remove(&nodes, &prefix);
+        // If a directory cannot be read, the next call tries again.
+        let _ = orphaned_connections::remove(memory, &nodes, &prefix);
         (cleaned + half_made, left)
     }
 

@@ -116,10 +116,7 @@ fn a_connection_that_never_got_its_size_keeps_nobody_from_clearing_away() {
     let publisher = bus.publisher::<State>().unwrap();
     let child = spawn_child("child_reads", root.path());
     until("the reader is there", || publisher.send(&state(1)).unwrap() == 1);
-    let prefix = shared_memory_prefix(root.path());
-    let memory = std::fs::read_dir("/dev/shm").unwrap().flatten();
-    let mut names = memory.filter_map(|file| file.file_name().into_string().ok());
-    let name = names.find(|name| name.starts_with(&prefix) && name.ends_with(".connection")).unwrap();
+    let name = connections(root.path()).swap_remove(0);
     // prefix, service_writer_reader.connection: the same reader, with another writer.
     let (writer, reader) = name.rsplit_once('_').unwrap();
     let empty = std::path::Path::new("/dev/shm").join(format!("{writer}7_{reader}"));
@@ -135,4 +132,36 @@ fn a_connection_that_never_got_its_size_keeps_nobody_from_clearing_away() {
     is_done.recv_timeout(2 * PATIENCE).expect("it waits for ever");
     assert!(!empty.exists());
     assert_eq!(publisher.subscriber_count(), 0);
+}
+
+/// A subscriber is killed between creating a connection and registering in it: iceoryx2 knows no user that would remove it.
+#[test]
+fn a_connection_of_a_subscriber_that_never_registered_is_removed() {
+    let root = root();
+    let bus = join(root.path(), "publisher");
+    let publisher = bus.publisher::<State>().unwrap();
+    let (_client, _server) = (bus.command_client().unwrap(), bus.command_server().unwrap());
+    let mut states = bus.subscriber::<State>(4).unwrap();
+    publisher.send(&state(1)).unwrap();
+    let live = connections(root.path());
+    assert!(live.len() >= 2, "of the states and of the commands: {live:?}");
+    let (same_publisher, _) = live[0].rsplit_once('_').unwrap();
+    let orphaned = format!("{same_publisher}_4711.connection");
+    std::fs::write(std::path::Path::new("/dev/shm").join(&orphaned), "x").unwrap();
+    until("it is removed", || {
+        bus.clean_up_dead_nodes();
+        !connections(root.path()).contains(&orphaned)
+    });
+    assert_eq!(connections(root.path()), live);
+    assert_eq!(states.latest().unwrap().unwrap().cycle, 1);
+}
+
+/// Names of the connections in shared memory.
+fn connections(root: &std::path::Path) -> Vec<String> {
+    let prefix = shared_memory_prefix(root);
+    let names = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|file| file.file_name());
+    let ours = |name: &String| name.starts_with(&prefix) && name.ends_with(".connection");
+    let mut names: Vec<String> = names.filter_map(|name| name.into_string().ok()).filter(ours).collect();
+    names.sort();
+    names
 }
