@@ -10,6 +10,7 @@
 
 pub mod accelerations;
 pub mod confidence;
+pub mod force_offset;
 pub mod history;
 pub mod inertia;
 pub mod unloaded;
@@ -17,6 +18,7 @@ pub mod weights;
 
 pub use accelerations::Accelerations;
 pub use confidence::{Confidence, Envelope};
+pub use force_offset::ForceOffset;
 pub use history::{History, Moment, Motion};
 pub use inertia::{Build, Inertia, UpperInertia};
 pub use unloaded::{ForceSigma, Load, Unloaded};

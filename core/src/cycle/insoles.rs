@@ -6,12 +6,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::settings::Settings;
+use super::settings::{Motion, Settings};
 use super::sole::FootShape;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::{Component, FootFrame, GroundSample};
+use crate::motion::ForceOffset;
 
 /// Standard deviations of the ground sample.
 #[repr(C)]
@@ -26,14 +27,21 @@ pub(super) struct GroundSigma {
 }
 
 impl GroundSigma {
-    /// σ by the kind of the devices: a plate, or insoles alone.
-    pub(super) fn of(ground: Option<&GroundSample>, settings: &Settings) -> GroundSigma {
+    /// σ by the kind of the devices: a plate, with its force offset, or insoles alone.
+    pub(super) fn of(
+        ground: Option<&GroundSample>,
+        offset: &ForceOffset,
+        settings: &Settings,
+    ) -> GroundSigma {
         if ground.is_some_and(GroundSample::is_by_insoles_alone) {
             let cop_m = settings.insole_cop_sigma_m;
             GroundSigma { cop_m, lasting_cop_m: cop_m, force_n: settings.insole_force_sigma_n }
         } else {
-            let (cop_m, force_n) = (settings.cop_sigma_m, settings.force_sigma_n);
-            GroundSigma { cop_m, lasting_cop_m: 0.0, force_n }
+            let force_n = match settings.motion {
+                Motion::Paper => settings.force_sigma_n,
+                Motion::Compensated { .. } => offset.sigma_n(settings.force_sigma_n),
+            };
+            GroundSigma { cop_m: settings.cop_sigma_m, lasting_cop_m: 0.0, force_n }
         }
     }
 

@@ -83,6 +83,7 @@ impl Memory {
         let sound = tare.is_sound();
         if sound {
             self.tare = *tare;
+            self.force_offset.reset();
         }
         sound
     }

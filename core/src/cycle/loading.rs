@@ -64,8 +64,8 @@ impl Memory {
         found: &mut Validity,
     ) {
         let vertical_n = self.known.ground_force_n[2];
-        let weight_n = self.identification.mass_kg * body.specific_force_m_per_s2;
-        let delta_f_n = vertical_n - weight_n - self.terms.force_n[2];
+        let unloaded_n = self.unloaded_force_n(body.specific_force_m_per_s2);
+        let delta_f_n = vertical_n - unloaded_n - self.terms.force_n[2];
         self.known.delta_f_n = [0.0, 0.0, delta_f_n];
         self.known.delta_f_sigma_n = self.delta_f_sigma_n();
         let loaded = self.is_loaded(delta_f_n, moment.time_ns, settings);

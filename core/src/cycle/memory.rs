@@ -18,12 +18,12 @@ use crate::anchor::Anchor;
 use crate::body::JOINTS;
 use crate::exposure::{Exposure, Shift};
 use crate::message::{State, Validity};
-use crate::motion::{Envelope, History, Load, Unloaded};
+use crate::motion::{Envelope, ForceOffset, History, Load, Unloaded};
 use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 11;
+pub const MEMORY_VERSION: u64 = 12;
 
 /// The loop's state between two steps. About 933 kB: allocate it in a `Box`.
 #[repr(C)]
@@ -53,6 +53,8 @@ pub struct Memory {
     pub(super) ground_rates: [Envelope; 2],
     /// Model terms besides the body.
     pub(super) terms: ModelTerms,
+    /// Difference between the vertical force of the unloaded body and its weight.
+    pub(super) force_offset: ForceOffset,
     /// Detector of intervals without a load.
     pub(super) unloaded: Unloaded,
     /// Position of the load in the hands.
@@ -156,6 +158,7 @@ impl Memory {
             && self.ground_sigma.is_sound()
             && self.ground_rates.iter().all(Envelope::is_sound)
             && self.terms.is_sound()
+            && self.force_offset.is_sound()
             && self.unloaded.is_sound()
             && self.load_place.is_sound()
             && self.load_point_m.iter().all(|value| value.is_finite())
@@ -179,6 +182,7 @@ impl Memory {
     pub(super) fn tare(&mut self) -> bool {
         let Some(shown) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
         self.tare.add(&shown);
+        self.force_offset.reset();
         true
     }
 }

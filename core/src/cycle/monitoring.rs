@@ -127,7 +127,9 @@ impl Memory {
         self.known.suit_sample_time_ns = moment.time_ns;
         self.known.group_delay_ns = self.worked_ns.saturating_sub(moment.time_ns);
         self.known.stance = moment.stance as u32;
-        self.ground_sigma = GroundSigma::of(moment.ground(), settings);
+        self.force_offset.predict(step_s);
+        self.follow_weight(settings);
+        self.ground_sigma = GroundSigma::of(moment.ground(), &self.force_offset, settings);
         let before = self.standing_before(step_s);
         self.does_not_give(NotGiven::SuitCom, moment.has_suit_com != 1);
         let mut found = Validity::default();
@@ -245,7 +247,8 @@ impl Memory {
         let mut body = BodyMotion::by_suit(&inertia, centre.z, floor_m);
         if let Some(ground) = moment.ground() {
             let [terms_x_n, terms_y_n, terms_z_n] = self.terms.force_n;
-            let delta_f_n = ground.force_n[2] - worker.mass_kg * body.specific_force_m_per_s2 - terms_z_n;
+            let unloaded_n = self.unloaded_force_n(body.specific_force_m_per_s2);
+            let delta_f_n = ground.force_n[2] - terms_z_n - unloaded_n;
             let load_kg = if delta_f_n > self.load_limit_n(settings) { body.load_kg(delta_f_n) } else { 0.0 };
             // Shear is unusable while the heading of the suit is unavailable.
             let has_shear = ground.measures(Component::Shear) && !self.placing.is_lost() && !is_suspect;
@@ -270,8 +273,8 @@ impl Memory {
     fn compare_weight(&mut self, moment: &Moment, body: &BodyMotion, step_s: f64, settings: &Settings) {
         let worker = &self.identification;
         let is_known = worker.identified == 1 && worker.mass_kg > 0.0 && !self.placing.is_lost();
-        let weight_n = worker.mass_kg * body.specific_force_m_per_s2;
-        let off_n = (moment.ground.force_n[2] - self.terms.force_n[2] - weight_n).abs();
+        let unloaded_n = self.unloaded_force_n(body.specific_force_m_per_s2);
+        let off_n = (moment.ground.force_n[2] - self.terms.force_n[2] - unloaded_n).abs();
         let State { cop_measured_m, cop_estimated_m, cop_sigma_m, .. } = self.known;
         let is_there = (0..2).all(|axis| {
             let sigma_m = math::hypot([cop_sigma_m[axis], self.ground_sigma.cop_m]);
@@ -322,12 +325,12 @@ impl Memory {
         settings: &Settings,
     ) {
         let soles = sole::both(pose, self.build.body(), settings.height_m);
+        let weight_n = self.unloaded_force_n(GRAVITY_M_PER_S2);
         let worker = &mut self.identification;
         let supported = support::is_supported(pose, stillness.cop_m, &soles, SUPPORT_MARGIN_M);
         if self.placing.is_lost() || !supported || moment.both_feet_stand != 1 || worker.mass_kg <= 0.0 {
             return;
         }
-        let weight_n = worker.mass_kg * GRAVITY_M_PER_S2;
         // The paper has no load threshold.
         let nothing_n = match settings.motion {
             Motion::Paper => settings.still.weight_share * weight_n,
@@ -376,8 +379,7 @@ impl Memory {
         let standing = self.stand_on(&ground, 0, &mut found);
         let is_off = standing.is_none() && !found.any_of(Validity::COP_NOT_MEASURED);
         found.raise(Validity::FEET_OFF_PLATE, is_off);
-        let weight_n = self.identification.mass_kg * GRAVITY_M_PER_S2;
-        self.known.delta_f_n = [0.0, 0.0, ground.force_n[2] - weight_n];
+        self.known.delta_f_n = [0.0, 0.0, ground.force_n[2] - self.unloaded_force_n(GRAVITY_M_PER_S2)];
         self.found = found.0;
     }
 }

@@ -9,6 +9,7 @@ use super::{sole, support};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::Component;
+use crate::motion::unloaded::SIGMAS_OF_A_LOAD;
 use crate::motion::{ForceSigma, Moment};
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
@@ -55,12 +56,30 @@ impl Memory {
             return;
         }
         self.learn_errors(moment, body);
+        if settings.motion != Motion::Paper && !moment.ground.is_by_insoles_alone() {
+            self.force_offset.update(self.known.delta_f_n[2], step_s, sigma);
+        }
         self.seek_the_place(pose, moment, body, settings);
         let steady = moment.both_feet_stand == 1 || !settings.suit_drifts;
         let due = moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS;
         if steady && due {
             self.learn_motion(pose, moment, body, settings);
         }
+    }
+
+    /// Applies the mass in use to the force offset: a weighed mass has the σ of its weighing, any other one that which a
+    /// weighing must reach before its use.
+    pub(super) fn follow_weight(&mut self, settings: &Settings) {
+        let worker = &self.identification;
+        let first_n = settings.load_threshold_n / SIGMAS_OF_A_LOAD;
+        let sigma_n = worker.weighed_sigma_n().map_or(first_n, |sigma_n| sigma_n.min(first_n));
+        self.force_offset.follow_mass(worker.mass_kg, sigma_n);
+    }
+
+    /// Vertical force of the unloaded body in a motion that needs this force per kilogram, m/s², with the force offset,
+    /// N.
+    pub(super) fn unloaded_force_n(&self, specific_force_m_per_s2: f64) -> f64 {
+        self.identification.mass_kg * specific_force_m_per_s2 + self.force_offset.mean_n()
     }
 
     /// Weighs the body, unless its mass comes from another source.
@@ -78,7 +97,7 @@ impl Memory {
         let vertical_n = moment.ground.force_n[2] - self.terms.force_n[2];
         let worker = &self.identification;
         let loaded = worker.mass_kg > 0.0
-            && (vertical_n - worker.mass_kg * body.specific_force_m_per_s2).abs()
+            && (vertical_n - self.unloaded_force_n(body.specific_force_m_per_s2)).abs()
                 > self.load_limit_n(settings);
         // A mass discarded after the identification is still needed.
         let is_wanted = worker.learning == 1 || worker.mass_kg <= 0.0;

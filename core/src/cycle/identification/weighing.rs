@@ -53,6 +53,12 @@ impl Weighing {
 }
 
 impl Identification {
+    /// 1-σ of the weight if the mass in use was weighed, N.
+    pub(in crate::cycle) fn weighed_sigma_n(&self) -> Option<f64> {
+        let is_weighed = self.mass_kg > 0.0 && self.mass_kg == self.weighing.in_use_kg;
+        is_weighed.then(|| GRAVITY_M_PER_S2 * self.weighing.sigma_kg())
+    }
+
     /// Discards a mass that was weighed while force and motion belonged to different instants.
     pub(in crate::cycle) fn forget_weighing(&mut self) {
         if self.mass_kg == self.weighing.in_use_kg {
