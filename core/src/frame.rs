@@ -15,7 +15,7 @@ use core::marker::PhantomData;
 
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
-use crate::body::{SEGMENTS, Segment};
+use crate::body::{SEGMENTS, Segment, Side, Skeleton};
 use crate::math;
 
 /// The suit world: Z up, with a drifting origin.
@@ -60,6 +60,24 @@ impl<W> Pose<W> {
     pub fn offset_in(&self, other: Segment, segment: Segment) -> Vector3<f64> {
         let along = self.origin_of(segment) - self.origin_of(other);
         self.world_from_segment[other.index()].inverse() * along
+    }
+
+    /// Origins of all segments from these orientations along constant bones, with the middle of the feet in its place, m.
+    pub fn origins_along(&self, skeleton: &Skeleton) -> [Vector3<f64>; SEGMENTS] {
+        let mut origin = [Vector3::zeros(); SEGMENTS];
+        for segment in Segment::ALL {
+            if let Some(parent) = segment.parent() {
+                let bone = Vector3::from(skeleton.offset_m[segment.index()]);
+                origin[segment.index()] =
+                    origin[parent.index()] + self.world_from_segment[parent.index()] * bone;
+            }
+        }
+        let between_feet = |origin: &[Vector3<f64>; SEGMENTS]| {
+            let [left, right] = Side::BOTH.map(|side| origin[side.foot().index()]);
+            0.5 * (left + right)
+        };
+        let shift = between_feet(&self.origin) - between_feet(&origin);
+        origin.map(|origin| origin + shift)
     }
 
     /// `parent_from_segment` of every joint.

@@ -19,7 +19,7 @@ pub mod sharing;
 
 use nalgebra::Vector3;
 
-use crate::body::{JOINTS, Joint, Segment, Side};
+use crate::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 
@@ -121,8 +121,11 @@ pub struct LoadingSigma {
     pub press_m: [f64; 2],
     /// σ of each segment's orientation per axis, rad.
     pub orientation_rad: f64,
-    /// σ of the point of action on each hand, per axis, m.
-    pub grip_m: f64,
+    /// σ of the point of action on each hand along the hand's axes, m: across, along, normal to the palm.
+    pub grip_m: [f64; 3],
+    /// Error of the segments' origins, common to all, m: the difference between the suit's positions and the positions
+    /// by its orientations along constant bones.
+    pub origin_m: [Vector3<f64>; SEGMENTS],
 }
 
 impl LoadingSigma {
@@ -138,7 +141,8 @@ impl LoadingSigma {
         zeta: 0.0,
         press_m: [0.0; 2],
         orientation_rad: 0.0,
-        grip_m: 0.0,
+        grip_m: [0.0; 3],
+        origin_m: [Vector3::new(0.0, 0.0, 0.0); SEGMENTS],
     };
 
     /// One loading per source of error, changed by 1-σ of that source.
@@ -177,6 +181,16 @@ impl LoadingSigma {
         off[12].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
         off[13].delta_f_n += self.delta_f_n;
         off
+    }
+}
+
+impl LoadingSigma {
+    /// Pose and loading with the segments' origins changed by their 1-σ.
+    fn elsewhere(&self, pose: &Pose<StationWorld>, loading: &Loading) -> (Pose<StationWorld>, Loading) {
+        let origin = core::array::from_fn(|index| pose.origin[index] + self.origin_m[index]);
+        let grip_m = Side::BOTH
+            .map(|side| loading.grip_m[side as usize] + self.origin_m[side.hand().index()]);
+        (Pose::new(origin, pose.world_from_segment), Loading { grip_m, ..*loading })
     }
 }
 
@@ -229,6 +243,18 @@ pub fn leverage(joint: Joint, zeta: [f64; 2], eta: [f64; 2]) -> f64 {
         (0..2).filter(|side| hang[*side]).map(|side| share[side]).sum()
     };
     share(ends.hands, eta) - share(ends.feet, zeta)
+}
+
+/// Horizontal covariance (xx, xy, yy) of the point of action on a hand, from its 1-σ along the hand's axes, m².
+pub fn grip_covariance_m2(pose: &Pose<StationWorld>, side: Side, sigma_m: [f64; 3]) -> [f64; 3] {
+    let turn = pose.world_from_segment[side.hand().index()];
+    let mut covariance_m2 = [0.0; 3];
+    for (axis, sigma_m) in [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().zip(sigma_m) {
+        let error_m = turn * axis * sigma_m;
+        let products = [error_m.x * error_m.x, error_m.x * error_m.y, error_m.y * error_m.y];
+        covariance_m2.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
+    }
+    covariance_m2
 }
 
 /// Loading with the resulting reactions of both feet.
@@ -289,15 +315,18 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
     let acting = |loading| Acting { loading, feet: Loading::foot_reactions(loading, pose) };
     let errors = sigma.errors(pose, loading);
     let (base, errors) = (acting(loading), errors.each_ref().map(acting));
+    let elsewhere = sigma.elsewhere(pose, loading);
+    let elsewhere = Acting { loading: &elsewhere.1, feet: elsewhere.1.foot_reactions(&elsewhere.0) };
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
         let arm_nm = base.arm_nm(ends, origin);
         let mut covariance = base.place_covariance_nm2(pose, joint, sigma);
-        for off in &errors {
-            let off_nm = off.arm_nm(ends, origin);
+        let mut add = |off_nm: [f64; 2]| {
             let [x, y] = [off_nm[0] - arm_nm[0], off_nm[1] - arm_nm[1]];
             covariance = [covariance[0] + x * x, covariance[1] + x * y, covariance[2] + y * y];
-        }
+        };
+        errors.iter().for_each(|off| add(off.arm_nm(ends, origin)));
+        add(elsewhere.arm_nm(ends, origin + sigma.origin_m[joint.segment().index()]));
         // r × f ẑ = (r_y f, −r_x f, 0).
         let [arm_xx, arm_xy, arm_yy] = covariance;
         let covariance_nm2 = [arm_yy, -arm_xy, arm_xx];
@@ -342,8 +371,9 @@ impl Acting<'_> {
         for (index, side) in Side::BOTH.into_iter().enumerate() {
             if ends.hands[index] {
                 let [xx, xy, yy] = chain_m2(side.hand());
-                let grip_m2 = sigma.grip_m * sigma.grip_m;
-                add(self.loading.eta[index] * self.loading.delta_f_n, [xx + grip_m2, xy, yy + grip_m2]);
+                let grip_m2 = grip_covariance_m2(pose, side, sigma.grip_m);
+                let of_hand_m2 = [xx + grip_m2[0], xy + grip_m2[1], yy + grip_m2[2]];
+                add(self.loading.eta[index] * self.loading.delta_f_n, of_hand_m2);
             }
             if ends.feet[index] {
                 let foot = &self.feet[index];

@@ -7,7 +7,7 @@ use super::memory::Memory;
 use super::monitoring::SUPPORT_MARGIN_M;
 use super::settings::{Motion, Settings};
 use super::{sole, support};
-use crate::body::Side;
+use crate::body::{SEGMENTS, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::state::SharingSource;
@@ -21,9 +21,10 @@ use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 /// 1-σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
 /// axes, m: measured on people who lift objects on two plates.
 const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
-/// 1-σ of the point of action on the hand, per axis, in addition to the uncertainty ahead, m: half the width of the
-/// hollow of the palm.
-const GRIP_SIGMA_M: f64 = 0.01;
+/// 1-σ of the point of action on the hand, in addition to the uncertainty ahead, m, each of a uniform distribution.
+/// Across the hand: the middle third of its breadth at the knuckles, 84 mm. Along it: from the hollow of the palm to the
+/// middle of the first phalanges, 42 mm. Normal to the palm: the middle of handles and edges 10 to 50 mm thick.
+const GRIP_SIGMA_M: [f64; 3] = [0.0081, 0.0121, 0.0058];
 
 impl Memory {
     /// 1-σ of the external force in this motion, N.
@@ -119,6 +120,7 @@ impl Memory {
             press_m: PRESS_SIGMA_M,
             orientation_rad: self.orientation_sigma_rad(settings),
             grip_m: GRIP_SIGMA_M,
+            origin_m: self.origin_sigma_m(pose, settings),
         };
         found.raise(
             Validity::LOAD_NOT_AT_HANDS,
@@ -136,6 +138,15 @@ impl Memory {
             self.known.torque_sigma_nm[joint] = torque.sigma_nm;
             self.torque_covariance_nm2[joint] = torque.covariance_nm2;
         }
+    }
+
+    /// Difference between the suit's positions and those by its orientations along the subject's bones: soft tissue.
+    fn origin_sigma_m(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [Vector3<f64>; SEGMENTS] {
+        if settings.motion == Motion::Paper {
+            return [Vector3::zeros(); SEGMENTS];
+        }
+        let along_bones = pose.origins_along(&self.identification.skeleton());
+        core::array::from_fn(|segment| along_bones[segment] - pose.origin[segment])
     }
 
     /// Ĉ_wo, world x and y, m, conditional on the position of the load in the hands. The load's position by the two
@@ -259,11 +270,14 @@ impl Memory {
         let offset = Vector3::new(ahead[0] * ahead_m, ahead[1] * ahead_m, 0.0);
         let (eta, eta_sigma) = (self.load_place.eta(), self.load_place.eta_sigma());
         let ahead_sigma_m = ahead.map(|part| part * ahead_sigma_m);
+        let of_hands_m2 = Side::BOTH.map(|side| overload::grip_covariance_m2(pose, side, GRIP_SIGMA_M));
         let missed_m = core::array::from_fn(|axis| {
             let in_hands_m = eta[0] * between[0][axis] + eta[1] * between[1][axis] + offset[axis];
             let aside_sigma_m = aside[axis] * eta_sigma * apart_m;
-            let place_sigma_m =
-                math::hypot([math::hypot([aside_sigma_m, ahead_sigma_m[axis]]), GRIP_SIGMA_M]);
+            // Independent on both hands; xx and yy of the covariance.
+            let grip_m2: f64 = (0..2).map(|hand| eta[hand] * eta[hand] * of_hands_m2[hand][2 * axis]).sum();
+            let hands_sigma_m = math::hypot([aside_sigma_m, ahead_sigma_m[axis]]);
+            let place_sigma_m = math::hypot([hands_sigma_m, math::sqrt(grip_m2)]);
             Measured { value: load_m[axis] - in_hands_m, sigma: math::hypot([sigma_m[axis], place_sigma_m]) }
         });
         let load_kg = body.load_kg(delta_f_n);
