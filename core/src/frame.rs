@@ -64,20 +64,21 @@ impl<W> Pose<W> {
 
     /// Origins of all segments from these orientations along constant bones, with the middle of the feet in its place, m.
     pub fn origins_along(&self, skeleton: &Skeleton) -> [Vector3<f64>; SEGMENTS] {
-        let mut origin = [Vector3::zeros(); SEGMENTS];
-        for segment in Segment::ALL {
-            if let Some(parent) = segment.parent() {
-                let bone = Vector3::from(skeleton.offset_m[segment.index()]);
-                origin[segment.index()] =
-                    origin[parent.index()] + self.world_from_segment[parent.index()] * bone;
-            }
-        }
+        let origin = skeleton.origins_m(&self.world_from_segment);
         let between_feet = |origin: &[Vector3<f64>; SEGMENTS]| {
             let [left, right] = Side::BOTH.map(|side| origin[side.foot().index()]);
             0.5 * (left + right)
         };
         let shift = between_feet(&self.origin) - between_feet(&origin);
         origin.map(|origin| origin + shift)
+    }
+
+    /// The pose halfway between the reported origins and those along constant bones.
+    #[must_use]
+    pub fn halfway_along(&self, skeleton: &Skeleton) -> Self {
+        let along_bones = self.origins_along(skeleton);
+        let origin = core::array::from_fn(|segment| 0.5 * (self.origin[segment] + along_bones[segment]));
+        Pose::new(origin, self.world_from_segment)
     }
 
     /// `parent_from_segment` of every joint.
@@ -149,4 +150,32 @@ pub fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
 /// The message form of a unit quaternion, scalar first.
 pub fn wxyz(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     [rotation.w, rotation.i, rotation.j, rotation.k]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halfway_is_the_same_for_constant_bones_and_halves_a_change_of_one() {
+        let skeleton = Skeleton::nominal(1.8);
+        let turns = core::array::from_fn(|index| {
+            UnitQuaternion::from_euler_angles(0.02 * index as f64, -0.03 * index as f64, 0.01)
+        });
+        let there = Vector3::new(0.4, -0.2, 1.0);
+        let pose = Pose::<StationWorld>::new(skeleton.origins_m(&turns).map(|origin| origin + there), turns);
+        let furthest_m = |a: &Pose<StationWorld>, b: &Pose<StationWorld>| {
+            let apart = a.origin.iter().zip(&b.origin).map(|(a, b)| (a - b).norm());
+            apart.fold(0.0, f64::max)
+        };
+        assert!(furthest_m(&pose.halfway_along(&skeleton), &pose) < 1e-12);
+        let mut raised = pose;
+        for segment in Segment::ALL.into_iter().filter(|segment| segment.is_distal_to(Segment::T8)) {
+            raised.origin[segment.index()].z += 0.02;
+        }
+        let halfway = raised.halfway_along(&skeleton);
+        assert!((furthest_m(&halfway, &pose) - 0.01).abs() < 1e-12);
+        assert!((furthest_m(&halfway, &raised) - 0.01).abs() < 1e-12);
+        assert_eq!(halfway.origin_of(Segment::LeftFoot), pose.origin_of(Segment::LeftFoot));
+    }
 }

@@ -188,8 +188,8 @@ impl LoadingSigma {
     /// Pose and loading with the segments' origins changed by their 1-σ.
     fn elsewhere(&self, pose: &Pose<StationWorld>, loading: &Loading) -> (Pose<StationWorld>, Loading) {
         let origin = core::array::from_fn(|index| pose.origin[index] + self.origin_m[index]);
-        let grip_m = Side::BOTH
-            .map(|side| loading.grip_m[side as usize] + self.origin_m[side.hand().index()]);
+        let grip_m =
+            Side::BOTH.map(|side| loading.grip_m[side as usize] + self.origin_m[side.hand().index()]);
         (Pose::new(origin, pose.world_from_segment), Loading { grip_m, ..*loading })
     }
 }

@@ -16,7 +16,6 @@ use equipoise_bus::{Bus, BusSettings, Channel, Subscriber};
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::ports::free_address;
-use equipoise_simulator::realism::Realism;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use equipoise_view::terminal::live_line;
@@ -60,10 +59,9 @@ pub fn default_page() -> SocketAddr {
 /// What could not be started, or what the demonstration failed to show.
 pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSummary> {
     let suit_port = free_address().context("a port for the suit")?;
-    let mut simulated = SimulationSettings { seed: settings.seed, ..SimulationSettings::default() };
+    let mut simulated = SimulationSettings::default().realistic(settings.seed);
     simulated.suit.target = suit_port;
     simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-    simulated.plate.latency_s = Realism::REALISTIC.clocks(settings.seed).plate_late_s;
     let person = Simulation::start(simulated).context("the simulated person")?;
     let config = config(settings, suit_port, person.plate_address())?;
     let page = config.page.as_ref().map(|page| ServedPage::start(&config, page, Path::new("")));

@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use crate::faults::Faults;
 use crate::motion::Habits;
-use crate::noise::{PlateNoise, SuitNoise};
+use crate::noise::{PlateNoise, SuitNoise, ZeroDrift};
 use crate::plate::Plate;
 use crate::realism::Realism;
 use crate::suit_sender::{Streams, SuitWorld};
@@ -65,6 +65,8 @@ pub struct PlateSettings {
     pub plate: Plate,
     /// Its errors.
     pub noise: PlateNoise,
+    /// Drift of its zero since the start or the last reset; also of the second plate.
+    pub zero: ZeroDrift,
     /// Faults of the network.
     pub faults: Faults,
 }
@@ -80,6 +82,21 @@ pub struct SecondPlateSettings {
     pub plate: Plate,
     /// Pressure points of the left and right foot, from their ankles along the world's axes, m.
     pub press_m: [[f64; 2]; 2],
+}
+
+impl SimulationSettings {
+    /// The same with the habits of the person with this seed, and with a plate that is late, whose clock drifts and
+    /// whose zero drifts ([`Realism::REALISTIC`]).
+    #[must_use]
+    pub fn realistic(mut self, seed: u64) -> SimulationSettings {
+        let clocks = Realism::REALISTIC.clocks(seed);
+        self.seed = seed;
+        self.habits = Realism::REALISTIC.habits(seed);
+        self.plate.latency_s = clocks.plate_late_s;
+        self.plate.rate_hz *= 1.0 + 1e-6 * clocks.plate_drift_ppm;
+        self.plate.zero = Realism::REALISTIC.zero_drift(seed);
+        self
+    }
 }
 
 impl Default for SimulationSettings {
@@ -109,6 +126,7 @@ impl Default for SimulationSettings {
                 latency_s: 0.0,
                 plate: Plate::default(),
                 noise: PlateNoise::ORDINARY,
+                zero: ZeroDrift::NONE,
                 faults: Faults::default(),
             },
             second_plate: None,

@@ -74,7 +74,7 @@ fn configuration(station: &Station) -> String {
 impl Rig {
     pub(crate) fn start(seed: u64) -> Rig {
         let station = Station::new();
-        let settings = SimulationSettings { seed, ..station.sensors() };
+        let settings = station.sensors().realistic(seed);
         let person = Simulation::start(settings).expect("a simulated person");
         let external = configuration(&station)
             .replace("\"mvn-udp\"", "\"external\"")

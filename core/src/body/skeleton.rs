@@ -1,6 +1,6 @@
 //! Bone lengths of the body: segment origins in their parents.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::{SEGMENTS, Segment};
 use crate::frame::Pose;
@@ -35,11 +35,20 @@ impl Skeleton {
 
     /// Segment origins in the T-pose with the pelvis at zero, m.
     pub fn t_pose_m(&self) -> [[f64; 3]; SEGMENTS] {
-        let mut origin = [[0.0; 3]; SEGMENTS];
+        self.origins_m(&[UnitQuaternion::identity(); SEGMENTS]).map(Into::into)
+    }
+
+    /// Segment origins for these orientations with the pelvis at zero, m.
+    pub fn origins_m(
+        &self,
+        world_from_segment: &[UnitQuaternion<f64>; SEGMENTS],
+    ) -> [Vector3<f64>; SEGMENTS] {
+        let mut origin = [Vector3::zeros(); SEGMENTS];
         for segment in Segment::ALL {
             if let Some(parent) = segment.parent() {
-                let (from, along) = (origin[parent.index()], self.offset_m[segment.index()]);
-                origin[segment.index()] = [from[0] + along[0], from[1] + along[1], from[2] + along[2]];
+                let bone_m = Vector3::from(self.offset_m[segment.index()]);
+                origin[segment.index()] =
+                    origin[parent.index()] + world_from_segment[parent.index()] * bone_m;
             }
         }
         origin

@@ -46,6 +46,11 @@ impl Memory {
             // The change to another body model would otherwise look like a leap of the centre of mass.
             self.history.clear();
         }
+        let in_suit_world = if self.identification.has_body() && settings.motion != Motion::Paper {
+            in_suit_world.halfway_along(&self.identification.skeleton())
+        } else {
+            in_suit_world
+        };
         let pose = if settings.suit_drifts {
             self.anchor.hold(&in_suit_world)
         } else {

@@ -178,6 +178,30 @@ fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvi
 }
 
 #[test]
+fn origins_that_are_unsure_together_count_once_at_every_joint() {
+    let (pose, mut origin_m) = (t_pose(), [Vector3::zeros(); SEGMENTS]);
+    origin_m[Segment::RightHand.index()] = Vector3::new(0.0, 0.02, 0.0);
+    origin_m[Segment::RightForearm.index()] = Vector3::new(0.0, 0.02, 0.0);
+    let sigma = LoadingSigma { origin_m, ..NO_SIGMA };
+    let at = |name: &str| spread_nm(&torques(&pose, &loaded(&pose, 60.0), &sigma), name);
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+    // The forearm moves with the hand; half of the load's 60 N.
+    assert_eq!((at("RightWrist"), at("LeftElbow"), at("LeftHip")), (0.0, 0.0, 0.0));
+    near(at("RightElbow"), 0.0);
+    near(at("RightShoulder"), 30.0 * 0.02);
+}
+
+#[test]
+fn an_unsure_grip_counts_along_the_hand_and_across_it() {
+    let pose = t_pose();
+    let sigma = LoadingSigma { grip_m: [0.01, 0.02, 0.5], ..NO_SIGMA };
+    let torque = torques(&pose, &loaded(&pose, 60.0), &sigma);
+    // The hand of a T-pose lies along Y, its palm down; half of the load's 60 N.
+    let [xx, xy, yy] = torque[Joint::named("RightWrist").unwrap().index()].covariance_nm2;
+    assert!((xx - 0.36).abs() < 1e-9 && xy.abs() < 1e-9 && (yy - 0.09).abs() < 1e-9, "{xx} {xy} {yy}");
+}
+
+#[test]
 fn sigma_is_the_spread_of_the_magnitude() {
     let pose = t_pose();
     let loading = loaded(&pose, 60.0);

@@ -65,6 +65,7 @@ impl Shared {
         let settings = &self.settings.plate;
         let (plate, rate_hz) = self.plate(which);
         let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
+        let mut reset_s = 0.0;
         let mut before = self.trouble();
         let mut number = 0_u32;
         self.pace(1, rate_hz, settings.latency_s, |clock| {
@@ -83,10 +84,13 @@ impl Shared {
             let felt = plate.felt(&plate.in_the_station(&self.pressed(which, time_s)));
             // Each sample has independent noise, whether or not those before it were requested.
             let mut random = Random::numbered(self.settings.seed, NOISE[which], number - 1);
-            let felt = settings.noise.on(felt, &mut random);
+            let mut felt = settings.noise.on(felt, &mut random);
             if wish == Some(Wish::SetBias) {
-                bias = felt;
+                (bias, reset_s) = (felt, time_s);
             }
+            let drift = settings.zero.at(time_s - reset_s);
+            felt.force_n += drift.force_n;
+            felt.moment_nm += drift.moment_nm;
             if self.plate_silent[which].load(Ordering::Relaxed) {
                 return Ok(rate_hz);
             }
