@@ -133,7 +133,7 @@ impl Memory {
         self.known.group_delay_ns = self.worked_ns.saturating_sub(moment.time_ns);
         self.known.stance = moment.stance as u32;
         self.force_offset.predict(step_s);
-        self.follow_weight(settings);
+        self.follow_weight();
         self.ground_sigma = GroundSigma::of(moment.ground(), &self.force_offset, settings);
         let before = self.standing_before(step_s);
         self.does_not_give(NotGiven::SuitCom, moment.has_suit_com != 1);

@@ -9,8 +9,8 @@ use super::{sole, support};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::Component;
-use crate::motion::unloaded::SIGMAS_OF_A_LOAD;
 use crate::motion::{ForceSigma, Moment};
+use crate::overload::GRAVITY_M_PER_S2;
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
 
@@ -20,6 +20,8 @@ pub(super) const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
 pub(super) const ROWS_PER_INDEPENDENT: f64 = 5.0;
 /// After a longer gap, whether the hands are empty is unknown, s.
 const GAP_MAX_S: f64 = 0.2;
+/// 1-σ of a configured or stored mass, kg: clothing, a meal, bathroom scales.
+const OTHER_MASS_SIGMA_KG: f64 = 0.5;
 /// Exceeded with a probability of 0.001 for two degrees of freedom.
 const NIS_OF_A_BLUNDER: f64 = 13.8;
 
@@ -45,7 +47,9 @@ impl Memory {
             at_rest_n: self.ground_sigma.force_n,
             by_motion_n: self.noise.vertical.sigma(self.noise.vertical_activity_n.height()),
         };
-        if !self.unloaded.watch(self.known.delta_f_n[2], step_s, settings.load_threshold_n, sigma) {
+        // A step below the plate's assumed σ, as of a tool in a pocket, is for the force offset to follow.
+        let gate = ForceSigma { at_rest_n: sigma.at_rest_n.max(settings.force_sigma_n), ..sigma };
+        if !self.unloaded.watch(self.known.delta_f_n[2], step_s, settings.load_threshold_n, gate) {
             return;
         }
         if self.placing.is_lost() {
@@ -67,12 +71,10 @@ impl Memory {
         }
     }
 
-    /// Applies the mass in use to the force offset: a weighed mass has the σ of its weighing, any other one that which a
-    /// weighing must reach before its use.
-    pub(super) fn follow_weight(&mut self, settings: &Settings) {
+    /// Applies the mass in use to the force offset.
+    pub(super) fn follow_weight(&mut self) {
         let worker = &self.identification;
-        let first_n = settings.load_threshold_n / SIGMAS_OF_A_LOAD;
-        let sigma_n = worker.weighed_sigma_n().map_or(first_n, |sigma_n| sigma_n.min(first_n));
+        let sigma_n = worker.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2);
         self.force_offset.follow_mass(worker.mass_kg, sigma_n);
     }
 

@@ -96,6 +96,10 @@ impl ForceOffset {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
     use super::*;
 
     /// Errors over σ of the offset of a plate that drifts at this rate, at the end of each unloaded minute between loaded

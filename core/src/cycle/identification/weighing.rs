@@ -68,8 +68,8 @@ impl Identification {
     }
 
     /// Ingests the vertical force of a snapshot without a load, N, and the force per kilogram that the motion requires,
-    /// m/s². `sigma_n`: σ of the force by the motion. The mass is used as soon as its error is below the load
-    /// threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another source is
+    /// m/s². `sigma_n`: σ of the force by the motion. The mass is used as soon as its error, with the plate's, is below
+    /// the load threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another source is
     /// kept.
     pub(in crate::cycle) fn weigh(
         &mut self,
@@ -97,7 +97,7 @@ impl Identification {
         weighing.velocity_m_per_s += specific_force_m_per_s2 * step_s;
         weighing.square_kg2_s += shown_kg * shown_kg * step_s;
         weighing.expected_kg2_s += expected_kg * expected_kg * step_s;
-        let sigma_n = GRAVITY_M_PER_S2 * weighing.sigma_kg();
+        let sigma_n = math::hypot([GRAVITY_M_PER_S2 * weighing.sigma_kg(), settings.force_sigma_n]);
         if weighing.length_s >= SHORTEST_S && sigma_n < settings.load_threshold_n / SIGMAS_OF_A_LOAD {
             weighing.in_use_kg = weighing.mass_kg();
             self.mass_kg = weighing.in_use_kg;

@@ -98,12 +98,14 @@ fn step_of(bench: &mut Bench, tick: Tick, inputs: Inputs<'_>) {
 
 /// Every state of a run: its snapshot's time, estimated CoP and external force.
 fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
-    let mut all: Vec<(u64, [f64; 2], f64)> = Vec::new();
+    // Of the external force, without the offset that was subtracted: it depends on the forces before.
+    let (mut all, mut offset_n): (Vec<(u64, [f64; 2], f64)>, f64) = (Vec::new(), 0.0);
     swing(bench, shear, |bench| {
         let known = &bench.memory.known;
         if all.last().is_none_or(|(time, ..)| *time != known.suit_sample_time_ns) {
-            all.push((known.suit_sample_time_ns, known.cop_estimated_m, known.delta_f_n[2]));
+            all.push((known.suit_sample_time_ns, known.cop_estimated_m, known.delta_f_n[2] + offset_n));
         }
+        offset_n = bench.memory.force_offset.mean_n();
     });
     all
 }
@@ -142,7 +144,7 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
     for shear in [false, true] {
         let mut plain = known(&[], |_| {});
         let mut places: Vec<(u64, f64)> = Vec::new();
-        let mut forces = Vec::new();
+        let (mut forces, mut offset_n) = (Vec::new(), 0.0);
         swing(&mut plain, shear, |bench| {
             if let Some(newest) = bench.memory.history.newest() {
                 let table = bench.memory.identification.anthropometry().com_m[Segment::T8.index()];
@@ -152,8 +154,9 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
             }
             let known = &bench.memory.known;
             if forces.last().is_none_or(|(time, _): &(u64, f64)| *time != known.suit_sample_time_ns) {
-                forces.push((known.suit_sample_time_ns, known.delta_f_n[2]));
+                forces.push((known.suit_sample_time_ns, known.delta_f_n[2] + offset_n));
             }
+            offset_n = bench.memory.force_offset.mean_n();
         });
         let with = states(&mut known(&worn, |_| {}), shear);
         let mut compared = 0;
