@@ -25,7 +25,7 @@ HANGS_AFTER_S = 30
 ALWAYS_TOLD = {
     "cycle", "time_ns", "group_delay_ns", "valid", "phase", "static_pose", "converged", "poses_used", "stance",
     "motion_samples_used", "lifts", "body_source", "sole_source", "body_refused", "not_given", "dose_damage",
-    "dose_probability", "fatigue", "published_ns", "reserved_tail",
+    "dose_probability", "fatigue", "published_ns",
 }
 
 

@@ -220,13 +220,13 @@ fn foreign_and_newer_files_are_named() {
     let other = refusal(&foreign("/camera/image", "sensor_msgs/Image", &none));
     assert!(other.contains("not of Equipoise") && other.contains("/camera/image"), "{other}");
 
-    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_5", &none));
-    assert!(newer.contains("equipoise/State_5") && newer.contains("equipoise/State/4"), "{newer}");
+    let newer = refusal(&foreign(State::TOPIC, "equipoise/State_6", &none));
+    assert!(newer.contains("equipoise/State_6") && newer.contains("equipoise/State/5"), "{newer}");
 
     let mut metadata = BTreeMap::new();
     metadata.insert("equipoise.type_name".to_owned(), State::TYPE_NAME.to_owned());
     metadata.insert("equipoise.schema_hash".to_owned(), "00000000deadbeef".to_owned());
-    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_4", &metadata));
+    let fields = refusal(&foreign(State::TOPIC, "equipoise/State_5", &metadata));
     assert!(fields.contains("deadbeef") && fields.contains("other fields"), "{fields}");
 
     let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);

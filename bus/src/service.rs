@@ -147,7 +147,7 @@ topics! {
 }
 
 /// A station's shared memory stays below this with one writer per service, bytes.
-pub const STATION_MEMORY_MAX: usize = 110_000_000;
+pub const STATION_MEMORY_MAX: usize = 125_000_000;
 const _: () = assert!(station_memory_bytes() < STATION_MEMORY_MAX);
 
 /// Upper bound of the shared memory of one station, bytes.

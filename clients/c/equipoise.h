@@ -25,8 +25,8 @@ extern "C" {
 #define EQUIPOISE_SEGMENTS 23
 
 /* What a program is compiled with: fields of all structs, and all names and numbers. See equipoise_options. */
-#define EQUIPOISE_STATE_TYPE "equipoise/State/4"
-#define EQUIPOISE_LAYOUT UINT64_C(0x03beb0def7941505)
+#define EQUIPOISE_STATE_TYPE "equipoise/State/5"
+#define EQUIPOISE_LAYOUT UINT64_C(0xfa570fec8d8aa0d6)
 
 /* Reasons why values of a state must not be used: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
@@ -292,6 +292,10 @@ typedef struct equipoise_state {
     double zeta[2];
     /* Share of the load in the left and the right hand. */
     double eta[2];
+    /* 1-σ of zeta: the two errors are equal and opposite. */
+    double zeta_sigma;
+    /* 1-σ of eta: the two errors are equal and opposite. */
+    double eta_sigma;
     /* Horizontal distance from the load to the line between the hands, m. */
     double load_distance_m;
     /* Mass in the hands, kg. */
@@ -300,6 +304,8 @@ typedef struct equipoise_state {
     double lifted_mass_sigma_kg;
     /* Horizontal distance from the middle of the ankles to the load, m. */
     double reach_m;
+    /* 1-σ of reach_m, m. */
+    double reach_sigma_m;
     /* Largest variance of an identified parameter, m² (the paper's P_jj). */
     double variance_max_m2;
     /* Predicted 1-σ of the CoP over the poses of the library, m. */
@@ -337,6 +343,9 @@ typedef struct equipoise_state {
     double torque_nm[EQUIPOISE_JOINTS][3];
     /* 1-σ of each torque's magnitude, N m. */
     double torque_sigma_nm[EQUIPOISE_JOINTS];
+    /* Covariance of the horizontal components of each torque, (N m)²: xx, xy, yy. The vertical component has no
+       σ. */
+    double torque_covariance_nm2[EQUIPOISE_JOINTS][3];
     /* τ_max of each joint for this worker, N m. */
     double torque_limit_nm[EQUIPOISE_JOINTS];
     /* Overloading fatigue of each joint, in [0, 1] (Lorenzini et al. 2019). */
@@ -344,8 +353,6 @@ typedef struct equipoise_state {
     /* When egress handed the state to the bus, CLOCK_MONOTONIC; 0 while the loop has it. The one field that a
        replay does not repeat. */
     uint64_t published_ns;
-    /* Always zero; fills the message to a multiple of 64 bytes. */
-    uint64_t reserved_tail[5];
 } equipoise_state;
 
 /* A state that is current, with what a controller must know about it. Without one (any outcome but EQUIPOISE_OK) every

@@ -257,6 +257,19 @@ pub fn grip_covariance_m2(pose: &Pose<StationWorld>, side: Side, sigma_m: [f64; 
     covariance_m2
 }
 
+/// 1-σ of the foot load fraction ζ with the load, from all sources of error.
+pub fn zeta_sigma(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigma) -> f64 {
+    let right = |pose: &Pose<StationWorld>, loading: &Loading| {
+        let [left_n, right_n] = loading.foot_reactions(pose).map(|foot| foot.with_n);
+        right_n / (left_n + right_n).max(1e-9)
+    };
+    let base = right(pose, loading);
+    let elsewhere = sigma.elsewhere(pose, loading);
+    let errors = sigma.errors(pose, loading);
+    let changed = errors.iter().map(|off| right(pose, off)).chain([right(&elsewhere.0, &elsewhere.1)]);
+    math::sqrt(changed.map(|changed| (changed - base) * (changed - base)).sum())
+}
+
 /// Loading with the resulting reactions of both feet.
 struct Acting<'a> {
     loading: &'a Loading,

@@ -75,11 +75,16 @@ impl Exported for State {
             "delta_f_n" => unless(Validity::SPOILS_DELTA_F),
             "delta_f_sigma_n" => unless(Validity::SPOILS_DELTA_F) && self.delta_f_sigma_n > 0.0,
             "lifted_mass_kg" | "lifted_mass_sigma_kg" => unless(Validity::SPOILS_LIFTED_MASS),
-            "zeta" | "sharing_source" => unless(SPOILS_ZETA),
+            "zeta" | "zeta_sigma" | "sharing_source" => unless(SPOILS_ZETA),
             "load_distance_m" => unless(SPOILS_LOAD_DISTANCE),
-            "eta" | "reach_m" | "joint_level" | "torque_nm" | "torque_sigma_nm" => {
-                unless(Validity::SPOILS_TORQUES)
-            }
+            "eta"
+            | "eta_sigma"
+            | "reach_m"
+            | "reach_sigma_m"
+            | "joint_level"
+            | "torque_nm"
+            | "torque_sigma_nm"
+            | "torque_covariance_nm2" => unless(Validity::SPOILS_TORQUES),
             // Zero: the joint has no limit.
             "torque_limit_nm" => unless(Validity::SPOILS_TORQUES) && self.torque_limit_nm[index] > 0.0,
             "advice_direction" | "advice_gain_nm_per_cm" => {

@@ -48,7 +48,7 @@ impl Told {
                     let error_nm = magnitude_error_nm(told, truth.overload_in_motion_nm[joint]);
                     coverage.add(error_nm, state.torque_sigma_nm[joint]);
                     let off = told - truth.overload_in_motion_nm[joint];
-                    self.planar[group].add([off.x, off.y], moment.torque_covariance_nm2[joint]);
+                    self.planar[group].add([off.x, off.y], moment.state.torque_covariance_nm2[joint]);
                 }
             }
         }

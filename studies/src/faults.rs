@@ -63,7 +63,7 @@ impl Outcome {
         if tells_torques(state) {
             let is_wrong = (0..state.torque_nm.len()).any(|joint| {
                 let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
-                let [xx, xy, yy] = moment.torque_covariance_nm2[joint];
+                let [xx, xy, yy] = moment.state.torque_covariance_nm2[joint];
                 let deviation = Matrix2::new(xx, xy, xy, yy)
                     .try_inverse()
                     .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());

@@ -1,6 +1,5 @@
 //! One subject with one estimator: advances time, feeds samples, compares every new state with the truth.
 
-use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Inputs, Kept, Memory, Settings, Tick, step};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
@@ -26,8 +25,6 @@ const REACTION_S: f64 = 0.02;
 pub struct Moment<'a> {
     /// Output of the estimator.
     pub state: &'a State,
-    /// Covariance of the horizontal components of each joint's overload, (N m)²: xx, xy, yy.
-    pub torque_covariance_nm2: &'a [[f64; 3]; JOINTS],
     /// The worker it refers to.
     pub worker: &'a Worker,
     /// Simulated time that the state belongs to (`suit_sample_time_ns`, not the tick's), s.
@@ -282,12 +279,7 @@ impl Session {
         }
         self.seen_ns = told_ns;
         let time_s = simulated_s(told_ns.saturating_sub(self.rig.suit_late_ns));
-        Some(Moment {
-            state: &self.memory.state,
-            torque_covariance_nm2: &self.memory.torque_covariance_nm2,
-            worker: &self.worker,
-            time_s,
-        })
+        Some(Moment { state: &self.memory.state, worker: &self.worker, time_s })
     }
 }
 

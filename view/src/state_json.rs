@@ -30,10 +30,10 @@
 //! | `ground_devices`: what the ground's sample is made of (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or it was not said |
 //! | `delta_f_n`, `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or the mass is not known |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg` | kg | as `delta_f_n`, or too little load, or moving |
-//! | `zeta` (left, right), `sharing_source` (`geometry`, `measured`) | share | the plate or the suit is silent, or the feet are off the plate |
-//! | `eta` (left, right) | share | any reason that spoils `load_distance_m`, or the load is not at the hands |
+//! | `zeta` (left, right), `zeta_sigma`, `sharing_source` (`geometry`, `measured`) | share | the plate or the suit is silent, or the feet are off the plate |
+//! | `eta` (left, right), `eta_sigma` | share | any reason that spoils `load_distance_m`, or the load is not at the hands |
 //! | `load_distance_m` | m | any of the above, not identified, moving, or too little load |
-//! | `reach_m`: load from the middle of the ankles | m | any reason at all |
+//! | `reach_m`, `reach_sigma_m`: load from the middle of the ankles | m | any reason at all |
 //! | `variance_max_m2`, `predicted_cop_sigma_m`, `nis`, `prior_inflation` | m², m, 1, 1 | the filter has not said one yet |
 //! | `pose_mismatch_rad` | rad | no pose is asked for, or the suit is silent |
 //! | `suit_skew_s`, `suit_skew_sigma_s` | s | the motion has not shown the skew |
@@ -127,13 +127,19 @@ pub struct StateJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     zeta: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    zeta_sigma: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     sharing_source: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     eta: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    eta_sigma: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     load_distance_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     reach_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reach_sigma_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     variance_max_m2: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -236,13 +242,16 @@ impl<'a> StateJson<'a> {
             lifted_mass_kg: lifted(state.lifted_mass_kg),
             lifted_mass_sigma_kg: lifted(state.lifted_mass_sigma_kg),
             zeta: state.unless(SPOILS_ZETA, state.zeta).and_then(all_finite),
+            zeta_sigma: state.unless(SPOILS_ZETA, state.zeta_sigma).and_then(finite),
             sharing_source: state
                 .unless(SPOILS_ZETA, state.sharing_source)
                 .and_then(SharingSource::from_number)
                 .map(SharingSource::name),
             eta: state.unless(Validity::SPOILS_TORQUES, state.eta).and_then(all_finite),
+            eta_sigma: state.unless(Validity::SPOILS_TORQUES, state.eta_sigma).and_then(finite),
             load_distance_m: state.unless(SPOILS_LOAD_DISTANCE, state.load_distance_m).and_then(finite),
             reach_m: state.unless(Validity::SPOILS_TORQUES, state.reach_m).and_then(finite),
+            reach_sigma_m: state.unless(Validity::SPOILS_TORQUES, state.reach_sigma_m).and_then(finite),
             variance_max_m2: positive(state.variance_max_m2),
             predicted_cop_sigma_m: positive(state.predicted_cop_sigma_m),
             nis: positive(state.nis),

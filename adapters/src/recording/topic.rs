@@ -178,7 +178,7 @@ mod tests {
         assert!(text.starts_with("uint64 sample_time_ns\nuint64 sample_time_sigma_ns\n"), "{text}");
         assert!(text.contains("\nfloat64[3] force_n\n"), "{text}");
         assert!(schema_text::<State>().contains("\nfloat64[66] torque_nm\n"));
-        assert_eq!(schema_name(State::TYPE_NAME), "equipoise/State_4");
+        assert_eq!(schema_name(State::TYPE_NAME), "equipoise/State_5");
     }
 
     #[test]

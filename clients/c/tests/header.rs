@@ -59,7 +59,7 @@ fn facts_of_structs() -> Vec<Fact> {
     }
     fields! {
         "equipoise_reading" Reading {
-            state: 2240, picked_up_ns: 8, age_ns: 8, moment_age_ns: 8, missed: 8, restarted: 4, is_new: 4
+            state: 2752, picked_up_ns: 8, age_ns: 8, moment_age_ns: 8, missed: 8, restarted: 4, is_new: 4
         }
         "equipoise_options" Options { layout: 8, stale_after_ns: 8, depth: 4, no_report: 4 }
     }

@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0xd826dc8127ed5fb5",
+    schema="0x8c8fd2698d9633fa",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -100,10 +100,13 @@ class State(ctypes.Structure):
     mass_kg: float
     zeta: ctypes.Array[ctypes.c_double]
     eta: ctypes.Array[ctypes.c_double]
+    zeta_sigma: float
+    eta_sigma: float
     load_distance_m: float
     lifted_mass_kg: float
     lifted_mass_sigma_kg: float
     reach_m: float
+    reach_sigma_m: float
     variance_max_m2: float
     predicted_cop_sigma_m: float
     nis: float
@@ -122,10 +125,10 @@ class State(ctypes.Structure):
     segment_origin_m: ctypes.Array[ctypes.c_double]
     torque_nm: ctypes.Array[ctypes.c_double]
     torque_sigma_nm: ctypes.Array[ctypes.c_double]
+    torque_covariance_nm2: ctypes.Array[ctypes.c_double]
     torque_limit_nm: ctypes.Array[ctypes.c_double]
     fatigue: ctypes.Array[ctypes.c_double]
     published_ns: int
-    reserved_tail: ctypes.Array[ctypes.c_uint64]
 
     _fields_ = [
         ("cycle", ctypes.c_uint64),
@@ -164,10 +167,13 @@ class State(ctypes.Structure):
         ("mass_kg", ctypes.c_double),
         ("zeta", ctypes.c_double * 2),
         ("eta", ctypes.c_double * 2),
+        ("zeta_sigma", ctypes.c_double),
+        ("eta_sigma", ctypes.c_double),
         ("load_distance_m", ctypes.c_double),
         ("lifted_mass_kg", ctypes.c_double),
         ("lifted_mass_sigma_kg", ctypes.c_double),
         ("reach_m", ctypes.c_double),
+        ("reach_sigma_m", ctypes.c_double),
         ("variance_max_m2", ctypes.c_double),
         ("predicted_cop_sigma_m", ctypes.c_double),
         ("nis", ctypes.c_double),
@@ -186,19 +192,19 @@ class State(ctypes.Structure):
         ("segment_origin_m", ctypes.c_double * 69),
         ("torque_nm", ctypes.c_double * 66),
         ("torque_sigma_nm", ctypes.c_double * 22),
+        ("torque_covariance_nm2", ctypes.c_double * 66),
         ("torque_limit_nm", ctypes.c_double * 22),
         ("fatigue", ctypes.c_double * 22),
         ("published_ns", ctypes.c_uint64),
-        ("reserved_tail", ctypes.c_uint64 * 5),
     ]
 
     @staticmethod
     def type_name() -> str:
         """The name that iceoryx2 compares."""
-        return "equipoise/State/4"
+        return "equipoise/State/5"
 
 
-assert ctypes.sizeof(State) == 2240
+assert ctypes.sizeof(State) == 2752
 
 
 class PickUp(ctypes.Structure):

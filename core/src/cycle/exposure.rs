@@ -177,10 +177,19 @@ impl Memory {
         magnitude_nm: &[f64; JOINTS],
     ) {
         let mass_kg = self.carried_kg(body_motion, settings);
-        let reach_m = self.load_from_m(Side::BOTH.map(|side| pose.origin_of(side.foot())));
+        let ankles = Side::BOTH.map(|side| pose.origin_of(side.foot()));
+        let reach_m = self.load_from_m(ankles);
+        // In the hands, along the reach; and between ankles and hands.
+        let middle = 0.5 * (ankles[0] + ankles[1]);
+        let along = [0, 1].map(|axis: usize| {
+            let reach = (self.load_point_m[axis] - middle[axis]) / reach_m.max(1e-9);
+            reach * self.load_point_sigma_m[axis]
+        });
+        let chain_m = self.orientation_sigma_rad(settings) * settings.height_m;
         let known = &mut self.known;
         [known.lifted_mass_kg, known.lifted_mass_sigma_kg] = mass_kg;
         known.reach_m = reach_m;
+        known.reach_sigma_m = math::hypot([math::hypot(along), chain_m]);
 
         let delta_f_n = known.delta_f_n[2];
         let Some(worst) = advice::worst_joint(magnitude_nm, &known.torque_limit_nm) else { return };
@@ -209,6 +218,7 @@ fn blank_load(state: &mut State) {
 
 fn blank_advice(state: &mut State) {
     state.reach_m = 0.0;
+    state.reach_sigma_m = 0.0;
     state.worst_joint = NO_JOINT;
     state.advice_direction = [0.0; 3];
     state.advice_gain_nm_per_cm = 0.0;

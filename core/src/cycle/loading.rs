@@ -129,14 +129,16 @@ impl Memory {
         let source = if is_measured { SharingSource::Measured } else { SharingSource::Geometry };
         self.known.zeta = loading.foot_reactions(pose).map(|foot| foot.with_n / vertical_n);
         self.known.sharing_source = source as u32;
-        self.known.eta = hands.eta;
+        self.known.zeta_sigma = overload::zeta_sigma(pose, &loading, &sigma);
+        (self.known.eta, self.known.eta_sigma) = (hands.eta, hands.eta_sigma);
         let load_m = hands.grip_m[0] * hands.eta[0] + hands.grip_m[1] * hands.eta[1];
         self.load_point_m = [load_m.x, load_m.y];
+        self.load_point_sigma_m = hands.place_sigma_m;
         self.known.load_distance_m = hands.distance_m;
         for (joint, torque) in overload::torques(pose, &loading, &sigma).into_iter().enumerate() {
             self.known.torque_nm[joint] = torque.torque_nm.into();
             self.known.torque_sigma_nm[joint] = torque.sigma_nm;
-            self.torque_covariance_nm2[joint] = torque.covariance_nm2;
+            self.known.torque_covariance_nm2[joint] = torque.covariance_nm2;
         }
     }
 
@@ -237,11 +239,13 @@ impl Memory {
             let eta = [1.0 - right_hand, right_hand];
             let (ahead_sigma_m, swing_n) = ([0.0; 2], [0.0; 2]);
             let missed_m = [Measured { value: 0.0, sigma: f64::INFINITY }; 2];
+            let place_sigma_m = [0.0; 2];
             return InHands {
                 grip_m,
                 eta,
                 eta_sigma,
                 ahead_sigma_m,
+                place_sigma_m,
                 missed_m,
                 swing_n,
                 distance_m,
@@ -271,14 +275,17 @@ impl Memory {
         let (eta, eta_sigma) = (self.load_place.eta(), self.load_place.eta_sigma());
         let ahead_sigma_m = ahead.map(|part| part * ahead_sigma_m);
         let of_hands_m2 = Side::BOTH.map(|side| overload::grip_covariance_m2(pose, side, GRIP_SIGMA_M));
-        let missed_m = core::array::from_fn(|axis| {
-            let in_hands_m = eta[0] * between[0][axis] + eta[1] * between[1][axis] + offset[axis];
+        let place_sigma_m: [f64; 2] = core::array::from_fn(|axis| {
             let aside_sigma_m = aside[axis] * eta_sigma * apart_m;
             // Independent on both hands; xx and yy of the covariance.
             let grip_m2: f64 = (0..2).map(|hand| eta[hand] * eta[hand] * of_hands_m2[hand][2 * axis]).sum();
             let hands_sigma_m = math::hypot([aside_sigma_m, ahead_sigma_m[axis]]);
-            let place_sigma_m = math::hypot([hands_sigma_m, math::sqrt(grip_m2)]);
-            Measured { value: load_m[axis] - in_hands_m, sigma: math::hypot([sigma_m[axis], place_sigma_m]) }
+            math::hypot([hands_sigma_m, math::sqrt(grip_m2)])
+        });
+        let missed_m = core::array::from_fn(|axis| {
+            let in_hands_m = eta[0] * between[0][axis] + eta[1] * between[1][axis] + offset[axis];
+            let sigma = math::hypot([sigma_m[axis], place_sigma_m[axis]]);
+            Measured { value: load_m[axis] - in_hands_m, sigma }
         });
         let load_kg = body.load_kg(delta_f_n);
         InHands {
@@ -286,6 +293,7 @@ impl Memory {
             eta,
             eta_sigma,
             ahead_sigma_m,
+            place_sigma_m,
             missed_m,
             swing_n: swing.map(|acceleration| load_kg * acceleration),
             distance_m,
@@ -303,6 +311,8 @@ struct InHands {
     eta_sigma: f64,
     /// 1-σ of the load's distance ahead of the grips, a horizontal vector, m.
     ahead_sigma_m: [f64; 2],
+    /// 1-σ of the load's position in the hands, world x and y, m.
+    place_sigma_m: [f64; 2],
     /// Load position by the two CoPs minus the position in the hands, world x and y, m.
     missed_m: [Measured; 2],
     /// Horizontal force that accelerates the load, N.

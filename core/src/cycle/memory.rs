@@ -15,7 +15,6 @@ use super::settings::Settings;
 use super::skew_watch::SkewWatch;
 use super::tare::Tare;
 use crate::anchor::Anchor;
-use crate::body::JOINTS;
 use crate::exposure::{Exposure, Shift};
 use crate::message::{State, Validity};
 use crate::motion::{Envelope, ForceOffset, History, Load, Unloaded};
@@ -61,11 +60,10 @@ pub struct Memory {
     pub(super) load_place: LoadPlace,
     /// Horizontal position of the load, world, m. Valid while a load is detected.
     pub(super) load_point_m: [f64; 2],
+    /// 1-σ of it in the hands, world x and y, m.
+    pub(super) load_point_sigma_m: [f64; 2],
     /// Uncertainty of the stance offset at this instant.
     pub(super) stance_sigma: StanceSigma,
-    /// Covariance of the horizontal components of each joint's overload torque, (N m)²: xx, xy, yy. Valid while torques
-    /// are published.
-    pub torque_covariance_nm2: [[f64; 3]; JOINTS],
     /// State of the load detector.
     pub(super) load: Load,
     /// Time of the newest suit sample in the history.
@@ -161,9 +159,8 @@ impl Memory {
             && self.force_offset.is_sound()
             && self.unloaded.is_sound()
             && self.load_place.is_sound()
-            && self.load_point_m.iter().all(|value| value.is_finite())
+            && self.load_point_m.iter().chain(&self.load_point_sigma_m).all(|value| value.is_finite())
             && self.stance_sigma.is_sound()
-            && self.torque_covariance_nm2.iter().flatten().all(|value| value.is_finite())
             && self.load.is_sound()
             && self.build.is_sound()
             && self.identification.is_sound()

@@ -394,9 +394,11 @@ pub(super) fn blank_torques(state: &mut State) {
     state.zeta = [0.0; 2];
     state.sharing_source = SharingSource::Geometry as u32;
     state.eta = [0.0; 2];
+    (state.zeta_sigma, state.eta_sigma) = (0.0, 0.0);
     state.load_distance_m = 0.0;
     state.torque_nm = [[0.0; 3]; JOINTS];
     state.torque_sigma_nm = [0.0; JOINTS];
+    state.torque_covariance_nm2 = [[0.0; 3]; JOINTS];
     state.joint_level = [Level::None as u32; JOINTS];
 }
 

@@ -12,7 +12,7 @@ message! {
     ///
     /// Everything measured belongs to one time, `suit_sample_time_ns`. Compensating inertia needs samples from both
     /// sides of that time, so it lies `group_delay_ns` behind the newest suit sample; the ages say the whole truth.
-    as "equipoise/State/4", 2240 bytes,
+    as "equipoise/State/5", 2752 bytes,
     pub struct State {
         /// The cycle's number in this daemon's life, from 1.
         pub cycle: u64,
@@ -87,6 +87,10 @@ message! {
         pub zeta: [f64; 2],
         /// Share of the load in the left and the right hand.
         pub eta: [f64; 2],
+        /// 1-σ of `zeta`: the two errors are equal and opposite.
+        pub zeta_sigma: f64,
+        /// 1-σ of `eta`: the two errors are equal and opposite.
+        pub eta_sigma: f64,
         /// Horizontal distance from the load to the line between the hands, m.
         pub load_distance_m: f64,
         /// Mass in the hands, kg.
@@ -95,6 +99,8 @@ message! {
         pub lifted_mass_sigma_kg: f64,
         /// Horizontal distance from the middle of the ankles to the load, m.
         pub reach_m: f64,
+        /// 1-σ of `reach_m`, m.
+        pub reach_sigma_m: f64,
         /// Largest variance of an identified parameter, m² (the paper's P_jj).
         pub variance_max_m2: f64,
         /// Predicted 1-σ of the CoP over the poses of the library, m.
@@ -132,6 +138,8 @@ message! {
         pub torque_nm: [[f64; 3]; JOINTS],
         /// 1-σ of each torque's magnitude, N m.
         pub torque_sigma_nm: [f64; JOINTS],
+        /// Covariance of the horizontal components of each torque, (N m)²: xx, xy, yy. The vertical component has no σ.
+        pub torque_covariance_nm2: [[f64; 3]; JOINTS],
         /// τ_max of each joint for this worker, N m.
         pub torque_limit_nm: [f64; JOINTS],
         /// Overloading fatigue of each joint, in [0, 1] (Lorenzini et al. 2019).
@@ -139,8 +147,6 @@ message! {
         /// When egress handed the state to the bus, CLOCK_MONOTONIC; 0 while the loop has it. The one field that a replay
         /// does not repeat.
         pub published_ns: u64,
-        /// Always zero; fills the message to a multiple of 64 bytes.
-        pub reserved_tail: [u64; 5],
     }
 }
 

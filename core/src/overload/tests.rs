@@ -202,6 +202,21 @@ fn an_unsure_grip_counts_along_the_hand_and_across_it() {
 }
 
 #[test]
+fn the_foot_load_fraction_is_as_unsure_as_the_points_of_action_under_the_feet() {
+    let pose = t_pose();
+    let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()).y);
+    let mut loading = loaded(&pose, 60.0);
+    loading.feet = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
+    loading.cop_measured_m[1] = 0.5 * (left + right);
+    assert_eq!(zeta_sigma(&pose, &loading, &NO_SIGMA), 0.0);
+    let sigma = LoadingSigma { press_m: [0.0, 1e-5], ..NO_SIGMA };
+    // Each foot moves the middle by half of its own error.
+    let expected = 1e-5 * core::f64::consts::FRAC_1_SQRT_2 / (left - right).abs();
+    let found = zeta_sigma(&pose, &loading, &sigma);
+    assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+}
+
+#[test]
 fn sigma_is_the_spread_of_the_magnitude() {
     let pose = t_pose();
     let loading = loaded(&pose, 60.0);
