@@ -77,11 +77,22 @@ fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
     let status = wait_for("the counts", || {
         station
             .status()
-            .filter(|status| status["daemon"]["threads"].as_array().is_some_and(|all| all.len() > 8))
+            .filter(|status| status["daemon"]["threads"].as_array().is_some_and(|all| all.len() > 9))
     });
     let threads = status["daemon"]["threads"].as_array().expect("a list");
-    for name in ["main", "commands", "saving", "egress", "loop", "ingress", "suit", "ground", "housekeeping"]
-    {
+    let names = [
+        "main",
+        "commands",
+        "saving",
+        "egress",
+        "loop",
+        "ingress",
+        "suit",
+        "ground",
+        "watchdog",
+        "housekeeping",
+    ];
+    for name in names {
         let thread = threads.iter().find(|thread| thread["thread"] == name);
         let thread = thread.unwrap_or_else(|| panic!("no {name} in {threads:?}"));
         assert!(thread["has_asked"] == true && thread["policy"] == "other", "{thread}");
