@@ -23,8 +23,8 @@ pub(crate) type Figures = [f64; FIGURES.len()];
 
 const PLATE_HZ: f64 = 250.0;
 /// The daemon's threads by name; all others are the simulated person's or this bench's.
-const THREADS: [&str; 8] =
-    ["loop", "ingress", "egress", "suit", "ground", "commands", "saving", "housekeeping"];
+const THREADS: [&str; 9] =
+    ["loop", "ingress", "egress", "suit", "ground", "commands", "saving", "watchdog", "housekeeping"];
 
 /// Runs until it receives `enough`; reports the figures since `go`.
 pub(crate) fn run(arguments: &[String]) {

@@ -1,5 +1,5 @@
-//! Periodic tasks: removes dead nodes, feeds the watchdog, publishes incidents and status, and checks whether the model
-//! still explains the measurements. Nothing here waits for a disk: saving has its own thread.
+//! Periodic tasks: removes dead nodes, publishes incidents and status, and checks whether the model still explains the
+//! measurements. The bus's files and the status may be on a slow disk: saving and the watchdog have their own threads.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -84,7 +84,6 @@ pub struct Housekeeping {
     /// Whether it was reported that some supervision is unavailable.
     blind_told: bool,
     status: StatusFile,
-    last_cycle: u64,
     /// Since when each of [`WATCHED`] is active.
     told_since: [Option<Instant>; WATCHED.len()],
     // Ports must be dropped before the node that they depend on.
@@ -117,7 +116,6 @@ impl Housekeeping {
             told_changes: 0,
             blind_told: false,
             status,
-            last_cycle: 0,
             told_since: [None; WATCHED.len()],
             bus,
         })
@@ -210,14 +208,8 @@ impl Housekeeping {
                 &format!("{dead} participants of the bus had died; what they left behind is cleared away"),
             );
         }
-        // Feed the watchdog only while cycles complete, not merely while this thread runs.
-        let cycle = self.rings.last_cycle();
-        if cycle != self.last_cycle {
-            self.last_cycle = cycle;
-            let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
-        }
         self.watch_the_model();
-        self.status.note_threads(&self.roster, cycle);
+        self.status.note_threads(&self.roster, self.rings.last_cycle());
         self.status.tell_incidents(self.board.sentences());
         self.write_status();
     }

@@ -49,5 +49,6 @@ pub mod stored_file;
 pub mod supervision;
 pub mod tick;
 pub mod trace;
+pub mod watchdog;
 pub mod whole_file;
 pub mod workers;

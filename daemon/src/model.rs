@@ -10,8 +10,7 @@ use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_discrepancy::finding::{Ask, turn};
 use equipoise_discrepancy::model_file::{Fitted, ModelFile, ModelFileError, Spans};
-use equipoise_files::{TEXT_BYTES_MAX, open_regular, read_text};
-use sha2::{Digest, Sha256};
+use equipoise_files::{Sha256, TEXT_BYTES_MAX, open_regular, read_text};
 
 /// A model file in memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,7 +111,7 @@ pub fn sha256_of(path: &Path) -> anyhow::Result<String> {
 /// # Errors
 /// As [`sha256_of`].
 pub fn sha256_with(path: &Path, mut progress: impl FnMut()) -> anyhow::Result<String> {
-    let mut hash = Sha256::new();
+    let mut hash = Sha256::default();
     let mut file = open_regular(path).with_context(|| format!("cannot read {}", path.display()))?;
     let mut buffer = vec![0; 1 << 20];
     loop {
@@ -122,12 +121,12 @@ pub fn sha256_with(path: &Path, mut progress: impl FnMut()) -> anyhow::Result<St
             count => hash.update(&buffer[..count]),
         }
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(hash.finish())
 }
 
 /// SHA-256 of a text, 64 hexadecimal digits.
 pub fn sha256_of_text(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+    Sha256::of(text.as_bytes())
 }
 
 #[cfg(test)]

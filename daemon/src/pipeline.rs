@@ -31,13 +31,14 @@ use crate::saving::{self, Saver};
 use crate::state_directory::StateDirectory;
 use crate::status::{self, Status, StatusFile};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
+use crate::watchdog;
 use crate::workers::{Saving, Workers};
 
 use self::remembered::Remembered;
 use self::threads::{Held, Running, started};
 
 /// SCHED_FIFO priorities of the other threads, relative to the loop's and below it in this order.
-const BELOW_LOOP: [(&str, u32); 2] = [("ingress", 10), ("egress", 20)];
+const BELOW_LOOP: [(&str, u32); 3] = [("ingress", 10), ("egress", 20), ("watchdog", 30)];
 /// Threads without deadlines request the ordinary scheduler.
 const ORDINARY: Asked = Asked { fifo_priority: 0, cpu: None };
 /// Prefix of the message for a refused memory lock.
@@ -275,6 +276,14 @@ impl Start<'_> {
             Ok(())
         })?;
         running.others.push(("saving", saver));
+        let rings = Arc::clone(self.rings);
+        // Real time, so that a load that leaves the loop its core does not delay the notification.
+        let (watchdog, ()) = started("watchdog", asked(BELOW_LOOP[2].1, None), roster, move |ready| {
+            let _ = ready.send(());
+            watchdog::run(&rings);
+            Ok(())
+        })?;
+        running.others.push(("watchdog", watchdog));
         let (rings, board, people) = (Arc::clone(self.rings), Arc::clone(self.board), Arc::clone(roster));
         let (settled, file) = (config.clone(), status.clone());
         let (housekeeping, ()) = started("housekeeping", ORDINARY, roster, move |ready| {

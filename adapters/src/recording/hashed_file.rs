@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 
-use sha2::{Digest, Sha256};
+use equipoise_files::Sha256;
 
 /// A file that is written sequentially.
 #[derive(Debug)]
@@ -15,13 +15,13 @@ pub struct HashedFile {
 impl HashedFile {
     /// Starts at the beginning of an empty file.
     pub(super) fn new(file: File) -> HashedFile {
-        HashedFile { file, hash: Sha256::new() }
+        HashedFile { file, hash: Sha256::default() }
     }
 
     /// Waits until the bytes are on the disk; returns their SHA-256, 64 hexadecimal digits.
     pub(super) fn finish(self) -> io::Result<String> {
         self.file.sync_all()?;
-        Ok(self.hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+        Ok(self.hash.finish())
     }
 }
 

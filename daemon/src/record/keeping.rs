@@ -248,6 +248,37 @@ mod tests {
     }
 
     #[test]
+    fn a_removed_recording_takes_its_signature_along() {
+        let (folder, shelf) = shelf();
+        let signed = |name: &str| {
+            let recording = put(folder.path(), name, 100);
+            let signature = signature_of(&recording);
+            fs::write(&signature, "untrusted comment").unwrap();
+            (recording, signature)
+        };
+        let all = [10, 11, 12].map(|second: u64| signed(&format!("station-1.{second:010}.mcap")));
+        let (_, of_another) = signed("station-2.0000000010.mcap");
+        let writer = File::open(&all[1].0).unwrap();
+        writer.try_lock().unwrap();
+        let remaining =
+            || all.each_ref().map(|(recording, signature)| [recording, signature].map(|f| f.exists()));
+
+        // Each limit by itself.
+        let limits = Limits { total_bytes: 250, ..EVERYTHING };
+        assert_eq!(shelf.clear(&limits, SystemTime::now()).unwrap().removed.len(), 1);
+        assert_eq!(remaining(), [[false; 2], [true; 2], [true; 2]]);
+        let old = Limits { age: Some(DAY), ..EVERYTHING };
+        assert_eq!(shelf.clear(&old, SystemTime::now() + 2 * DAY).unwrap().removed.len(), 1);
+        assert_eq!(remaining(), [[false; 2], [true; 2], [false; 2]], "a recording in progress keeps its own");
+        drop(writer);
+        let limits = Limits { free_bytes: u64::MAX, ..EVERYTHING };
+        assert_eq!(shelf.clear(&limits, SystemTime::now()).unwrap().removed.len(), 1);
+        assert_eq!(remaining(), [[false; 2]; 3]);
+        assert!(of_another.exists());
+        assert_eq!(names(folder.path()).len(), 2, "{:?}", names(folder.path()));
+    }
+
+    #[test]
     fn what_is_too_old_goes_whatever_its_size() {
         let (folder, shelf) = shelf();
         put(folder.path(), "station-1.0000000010.mcap", 1);

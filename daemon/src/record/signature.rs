@@ -9,9 +9,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, ensure};
-use equipoise_files::{open_regular, secret};
+use equipoise_files::{Sha256, open_regular, secret};
 use minisign::{KeyPair, SecretKey, SecretKeyBox};
-use sha2::{Digest, Sha256};
 use tracing::{info, warn};
 
 use crate::whole_file::write_whole;
@@ -94,15 +93,14 @@ impl SigningKey {
             recording.display()
         );
         let file = open_regular(recording).with_context(|| format!("cannot read {}", recording.display()))?;
-        let mut bytes = Hashed { file, hash: Sha256::new() };
+        let mut bytes = Hashed { file, hash: Sha256::default() };
         // The form of minisign's own trusted comments.
         let comment = format!("timestamp:{}\tfile:{name}\thashed", super::unix_ns() / 1_000_000_000);
         let signature =
             minisign::sign(None, &self.0, &mut bytes, Some(&comment), Some("Equipoise recording"))
                 .with_context(|| format!("cannot sign {}", recording.display()))?;
-        let found: String = bytes.hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
         ensure!(
-            found == sha256,
+            bytes.hash.finish() == sha256,
             "{} has changed since it was written: it is not signed",
             recording.display()
         );

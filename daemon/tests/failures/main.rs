@@ -39,3 +39,4 @@ mod taking_over;
 mod two_plates;
 mod usage;
 mod watch;
+mod watchdog;

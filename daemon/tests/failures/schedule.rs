@@ -36,16 +36,24 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
         }
         newest
     };
-    wait_for("records", || see(&mut late));
-    daemon.send(Signal::STOP);
-    std::thread::sleep(Duration::from_secs(1));
-    daemon.send(Signal::CONT);
-    let skipped = wait_for("the skipped slots", || {
-        see(&mut late).map(|record| record.slots_skipped).filter(|skipped| *skipped >= RATE_HZ * 9 / 10)
+    let mut skipped = wait_for("records", || see(&mut late)).slots_skipped;
+    let lateness_ns = |record: &CycleRecord| record.compute_end_ns - record.due_ns;
+    // A stop that falls between the end of one cycle's work and the choice of the next slot skips slots without a late
+    // cycle: it is repeated until one falls elsewhere.
+    let worst = (1..).find_map(|stops| {
+        daemon.send(Signal::STOP);
+        std::thread::sleep(Duration::from_secs(1));
+        daemon.send(Signal::CONT);
+        let wanted = skipped + RATE_HZ * 9 / 10;
+        skipped = wait_for("the skipped slots", || {
+            see(&mut late).map(|record| record.slots_skipped).filter(|skipped| *skipped >= wanted)
+        });
+        // The record of the delayed cycle itself shows the delay, by its number.
+        let worst = late.iter().max_by_key(|record| lateness_ns(record));
+        assert!(stops < 10, "ten stops and no cycle was late by their length: {worst:?}");
+        worst.filter(|record| lateness_ns(record) > 900_000_000).copied()
     });
-    let worst = late.iter().max_by_key(|record| record.compute_end_ns - record.due_ns).expect("a late cycle");
-    // The record of the delayed cycle itself shows the delay, by its number.
-    assert!(worst.compute_end_ns - worst.due_ns > 900_000_000, "{worst:?}");
+    let worst = worst.expect("the search ends with a result");
 
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
     let said = daemon.stderr();
@@ -77,11 +85,22 @@ fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
     let status = wait_for("the counts", || {
         station
             .status()
-            .filter(|status| status["daemon"]["threads"].as_array().is_some_and(|all| all.len() > 8))
+            .filter(|status| status["daemon"]["threads"].as_array().is_some_and(|all| all.len() > 9))
     });
     let threads = status["daemon"]["threads"].as_array().expect("a list");
-    for name in ["main", "commands", "saving", "egress", "loop", "ingress", "suit", "ground", "housekeeping"]
-    {
+    let names = [
+        "main",
+        "commands",
+        "saving",
+        "egress",
+        "loop",
+        "ingress",
+        "suit",
+        "ground",
+        "watchdog",
+        "housekeeping",
+    ];
+    for name in names {
         let thread = threads.iter().find(|thread| thread["thread"] == name);
         let thread = thread.unwrap_or_else(|| panic!("no {name} in {threads:?}"));
         assert!(thread["has_asked"] == true && thread["policy"] == "other", "{thread}");

@@ -7,9 +7,9 @@ mod msg;
 
 use std::collections::BTreeSet;
 
+use equipoise_files::Sha256;
 use equipoise_outlet_zenoh::ros::TYPE_HASH;
 use msg::{Definitions, Many, PRIMITIVES};
-use sha2::{Digest, Sha256};
 
 fn hash(all: &Definitions, name: &str) -> String {
     let mut referenced = BTreeSet::new();
@@ -20,8 +20,7 @@ fn hash(all: &Definitions, name: &str) -> String {
         description(all, name),
         referenced.join(", ")
     );
-    let digest: String = Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("RIHS01_{digest}")
+    format!("RIHS01_{}", Sha256::of(text.as_bytes()))
 }
 
 fn reference(all: &Definitions, name: &str, found: &mut BTreeSet<String>) {

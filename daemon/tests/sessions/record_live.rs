@@ -1,10 +1,8 @@
 //! A recording of a live daemon by the real program is replayed identically, state by state, byte by byte.
 
-mod common;
-
 use std::time::Duration;
 
-use common::{Station, equipoise, person, remove_shared_memory, said};
+use crate::common::{Station, equipoise, person, remove_shared_memory, said};
 use equipoise_daemon::replay::Replay;
 use equipoise_daemon::replay::input::Input;
 

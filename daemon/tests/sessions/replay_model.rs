@@ -1,12 +1,9 @@
 //! Replay with a model file: active terms, their spans, the model stored in a recording, and refusals.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::path::Path;
 use std::process::Output;
 
-use common::{equipoise, human_motion, human_motion_config, said};
+use crate::common::{equipoise, human_motion, human_motion_config, said};
 use equipoise_adapters::recording::Recording;
 use equipoise_daemon::model::sha256_of;
 
@@ -100,7 +97,7 @@ fn figaroh_replayed_with_a_model_tells_prediction_and_terms() {
 fn a_model_that_cannot_be_used_is_refused_before_anything_runs() {
     let directory = tempfile::tempdir().unwrap();
     let (config, model) = (directory.path().join("c.toml"), directory.path().join("m.toml"));
-    let text = include_str!("../../systemd/equipoise.toml");
+    let text = include_str!("../../../systemd/equipoise.toml");
     std::fs::write(&config, format!("{text}\n[model]\nfile = \"m.toml\"\n")).unwrap();
     std::fs::write(&model, "version = 1\n[[effect]]\nname = \"plate_ofset\"\nspan_s = [0, 1]\nopen_ended = true\nlog_odds = 1.0\n").unwrap();
     for arguments in [&[&"check" as &dyn AsRef<_>, &config][..], &[&"run", &"--config", &config]] {

@@ -1,12 +1,9 @@
 //! Insoles in place of a plate, over the wire: located by the suit's feet, and without quantities that they cannot
 //! measure.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{Station, said};
+use crate::common::{Station, said};
 use equipoise_simulator::devices::felt::{Ground, Mounting};
 use equipoise_simulator::devices::line::Line;
 use equipoise_simulator::devices::moticon::Moticon;

@@ -1,14 +1,11 @@
 //! Pictures of a recording for viewers, also after its recorder was killed; and retention of files by free disk space.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use common::{Station, person, said};
+use crate::common::{Station, person, said};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::message::State;
 use equipoise_simulator::simulation::SimulationHandle;

@@ -1,13 +1,10 @@
 //! A recorder as a service: its reaction when its file is deleted, its daemon is replaced, or its bus is.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Station, person, said};
+use crate::common::{Station, person, said};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_simulator::simulation::SimulationHandle;
 use rustix::process::{Pid, Signal, kill_process};

@@ -1,7 +1,4 @@
 //! Signed recordings of a service: the verdict of `equipoise report` on each file, as written and after alterations.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -9,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Station, equipoise, person, said};
+use crate::common::{Station, equipoise, person, said};
 use rustix::process::{Pid, Signal, kill_process};
 
 fn until(what: &str, mut happened: impl FnMut() -> bool) {

@@ -1,11 +1,8 @@
 //! The suit's null pose over the wire: the worker's segment lengths and soles, in status, recording and replay.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{Station, equipoise, said};
+use crate::common::{Station, equipoise, said};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::Side;
 use equipoise_core::cycle::{BodyRefusal, BodySource};

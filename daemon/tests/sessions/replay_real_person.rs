@@ -1,8 +1,6 @@
 //! A real person on a real plate: identical bytes in every run, and a model that is valid for held-out data.
 
-mod common;
-
-use common::{equipoise, human_motion, human_motion_config, said};
+use crate::common::{equipoise, human_motion, human_motion_config, said};
 use equipoise_daemon::replay::cross_validation::{cross_validate, learn_apart_from};
 use equipoise_daemon::replay::input::Input;
 use equipoise_daemon::replay::score::Judge;
