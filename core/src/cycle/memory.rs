@@ -8,6 +8,7 @@ use super::body_motion::MotionNoise;
 use super::build::Build;
 use super::identification::{Identification, StanceSigma};
 use super::insoles::GroundSigma;
+use super::lag_test::LagTest;
 use super::model_terms::ModelTerms;
 use super::placing::Placing;
 use super::plausibility::Plausibility;
@@ -47,6 +48,8 @@ pub struct Memory {
     pub(super) noise: MotionNoise,
     /// Skew between the streams, and the lag used to correct it.
     pub skew: SkewWatch,
+    /// Sequential test of that lag.
+    pub(super) lag_test: LagTest,
     /// Standard deviations of the snapshot's ground sample.
     pub(super) ground_sigma: GroundSigma,
     /// Recent rates of change of the vertical force, N/s, and of the CoP, m/s.
@@ -153,6 +156,7 @@ impl Memory {
             && self.window.is_sound()
             && self.noise.is_sound()
             && self.skew.is_sound()
+            && self.lag_test.is_sound()
             && self.ground_sigma.is_sound()
             && self.ground_rates.iter().all(Envelope::is_sound)
             && self.terms.is_sound()

@@ -216,6 +216,8 @@ impl Memory {
         if !is_suspect {
             self.overload(&on_plate, &body, moment, step_s, settings, &mut found);
         }
+        self.test_lag(moment, &body, motion.is_some() && standing.is_some(), settings);
+        found.raise(Validity::CLOCK_UNSYNCHRONISED, self.lag_test.is_off());
         self.expose(&on_plate, &body, settings, found);
         if motion.is_some() && standing.is_some() && !found.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);
