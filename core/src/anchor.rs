@@ -3,12 +3,17 @@
 //! The station world is the suit world shifted by an offset. While a foot stands, the offset keeps the foot where it
 //! came down; a foot in the air moves freely. So drift does not enter a stance, and each step starts a new stance whose
 //! position is only as accurate as the measurement of the step ([`STANCE_SIGMA_M`]).
+//!
+//! If the distance between two standing feet changes, one of them was dragged, or neither moved and the suit's
+//! orientations of the legs are wrong. The lower foot then holds the body, and the position is uncertain by the half of
+//! the change that the other foot would give.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld, SuitWorld, Turn};
+use crate::math;
 
 /// 1-σ of a stance's position on the floor, m.
 pub const STANCE_SIGMA_M: f64 = 0.005;
@@ -33,12 +38,21 @@ pub struct Anchor {
     stance: u64,
     /// 1 after a gap in the data: the feet may stand anywhere.
     lost: u64,
+    /// Half of the change of the feet's distance that ended the last stance, m; zero after a lifted foot.
+    dragged_m: [f64; 2],
+    /// 1-σ of the position of this stance relative to the previous one, m.
+    stance_sigma_m: [f64; 2],
 }
 
 impl Anchor {
     /// The number of the stance: it changes whenever a foot has come down somewhere else.
     pub fn stance(&self) -> u64 {
         self.stance
+    }
+
+    /// 1-σ of the position of this stance relative to the previous one, per axis, m.
+    pub fn stance_sigma_m(&self) -> [f64; 2] {
+        self.stance_sigma_m
     }
 
     /// Whether both feet stand.
@@ -48,7 +62,8 @@ impl Anchor {
 
     /// Whether every number is finite; a stored anchor is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.standing_at_m.iter().flatten().chain(&self.station_from_suit_m).all(|value| value.is_finite())
+        let numbers = self.standing_at_m.iter().flatten().chain(&self.station_from_suit_m);
+        numbers.chain(&self.dragged_m).chain(&self.stance_sigma_m).all(|value| value.is_finite())
             && self.standing <= 0b11
             && self.lost <= 1
             && self.stance < 1 << 48
@@ -103,10 +118,10 @@ impl Anchor {
         if self.lost == 1 {
             let shift = self.station_from_suit_m;
             self.standing_at_m = foot.map(|foot| [foot.x + shift[0], foot.y + shift[1]]);
-            self.stance += 1;
+            self.begin_stance([0.0; 2]);
             self.lost = 0;
         }
-        let stands = self.standing_feet(&foot);
+        let (stands, dragged_m) = self.standing_feet(&foot);
         if let Some(shift) = self.shift_that_holds(&foot, stands).filter(|_| suit_drifts) {
             self.station_from_suit_m = shift;
         }
@@ -118,14 +133,23 @@ impl Anchor {
         }
         let bits = u64::from(stands[0]) | u64::from(stands[1]) << 1;
         if bits & !self.standing != 0 {
-            self.stance += 1;
+            self.begin_stance(self.dragged_m);
+        }
+        if bits != 0b11 {
+            self.dragged_m = dragged_m;
         }
         self.standing = bits;
         pose.shifted(Vector3::new(self.station_from_suit_m[0], self.station_from_suit_m[1], 0.0))
     }
 
-    /// A foot in the air, or dragged, does not stand; the lower one always does.
-    fn standing_feet(&self, foot: &[Vector3<f64>; 2]) -> [bool; 2] {
+    fn begin_stance(&mut self, dragged_m: [f64; 2]) {
+        self.stance += 1;
+        self.stance_sigma_m = dragged_m.map(|dragged_m| math::hypot([STANCE_SIGMA_M, dragged_m]));
+    }
+
+    /// A foot in the air, or dragged, does not stand; the lower one always does. Also returns half of the distance by
+    /// which a foot was dragged, m.
+    fn standing_feet(&self, foot: &[Vector3<f64>; 2]) -> ([bool; 2], [f64; 2]) {
         let lower = if foot[0].z <= foot[1].z { 0 } else { 1 };
         let upper = 1 - lower;
         let lifted = foot[upper].z - foot[lower].z > LIFTED_M;
@@ -139,7 +163,7 @@ impl Anchor {
         let dragged = moved[0] * moved[0] + moved[1] * moved[1] > MOVED_M * MOVED_M;
         let mut stands = [true; 2];
         stands[upper] = !(lifted || dragged);
-        stands
+        (stands, if lifted || !dragged { [0.0; 2] } else { moved.map(|moved_m| 0.5 * moved_m) })
     }
 
     fn shift_that_holds(&self, foot: &[Vector3<f64>; 2], stands: [bool; 2]) -> Option<[f64; 2]> {
@@ -218,5 +242,25 @@ mod tests {
         let stepped = after.origin_of(Segment::LeftFoot) - before.origin_of(Segment::LeftFoot);
         assert!((stepped - Vector3::new(0.3, 0.0, 0.0)).norm() < 1e-3, "{stepped}");
         assert!((after.origin_of(Segment::RightFoot) - before.origin_of(Segment::RightFoot)).norm() < 1e-3);
+        assert_eq!(anchor.stance_sigma_m(), [STANCE_SIGMA_M; 2]);
+    }
+
+    #[test]
+    fn feet_that_move_apart_on_the_floor_leave_the_position_uncertain_by_half_of_it() {
+        let mut anchor: Anchor = Zeroable::zeroed();
+        let pelvis = Vector3::new(0.0, 0.0, 0.96);
+        let before = anchor.hold(&standing(pelvis));
+        let mut held = anchor.hold(&standing(pelvis));
+        for step in 1..=32 {
+            let mut pose = standing(pelvis);
+            // The left foot is also the higher one.
+            lift(&mut pose, Side::Left, Vector3::new(0.0, 0.001 * f64::from(step), 0.001));
+            held = anchor.hold(&pose);
+        }
+        assert_eq!(anchor.stance(), 1);
+        let [x, y] = anchor.stance_sigma_m();
+        let off_m = (held.origin_of(Segment::Pelvis) - before.origin_of(Segment::Pelvis)).norm();
+        assert!((x - STANCE_SIGMA_M).abs() < 1e-3 && (0.015..0.017).contains(&y), "{x} {y}");
+        assert!(off_m < 0.002, "the lower foot holds the body: {off_m}");
     }
 }

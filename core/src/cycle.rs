@@ -14,6 +14,7 @@ mod ground_rates;
 pub mod identification;
 mod insoles;
 pub mod kept;
+mod lag_test;
 mod loading;
 pub mod memory;
 mod model_terms;

@@ -86,7 +86,8 @@ impl Loading {
     }
 
     /// The loading relative to a body whose position on the plate is off by `by_m`.
-    fn displaced(mut self, by_m: [f64; 2]) -> Loading {
+    #[must_use]
+    pub fn displaced(mut self, by_m: [f64; 2]) -> Loading {
         for (axis, by_m) in by_m.into_iter().enumerate() {
             self.cop_measured_m[axis] -= by_m;
             self.cop_estimated_m[axis] -= by_m;

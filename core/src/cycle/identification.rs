@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::residual::ROWS_PER_INDEPENDENT;
 use super::settings::{Settings, StopRule};
+use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
 use crate::kalman::Filter;
@@ -220,7 +221,8 @@ impl Identification {
     ) -> bool {
         let (Some(newest), Some(rows)) = (window.newest(), self.mean_rows(window)) else { return false };
         let variance_m2 = self.pose_variance_m2(&pose_of(&newest), stillness, lasting_m, settings);
-        self.follow_stance(newest.stance, settings);
+        // In the cycle the stance was followed already.
+        self.follow_stance(newest.stance, [STANCE_SIGMA_M; 2], settings);
         self.filter.predict(settings.process_variance_m2);
         if self.learn_rows(&rows, stillness.cop_m, variance_m2).is_none() {
             return false;

@@ -89,9 +89,14 @@ impl Memory {
         {
             return;
         }
-        let feet = self.foot_loads(pose, moment, settings);
         let hands = self.place_load(pose, body, moment, step_s, settings);
         let body_cop = self.given_the_load(hands.missed_m, vertical_n - delta_f_n, delta_f_n);
+        let place = self.stance_sigma;
+        // The part of that correction that is an error of the body's position on the plate, which moves the joints too.
+        let place_off_m = core::array::from_fn(|axis| {
+            place.by_estimate[axis] * (body_cop[axis].value - self.known.cop_estimated_m[axis])
+        });
+        let feet = self.foot_loads(pose, moment, place_off_m, settings);
         let loading = Loading {
             cop_measured_m: self.known.cop_measured_m,
             cop_estimated_m: body_cop.map(|cop| cop.value),
@@ -105,9 +110,9 @@ impl Memory {
                 body_n: [0, 1].map(|axis| self.identification.mass_kg * body.acceleration_m_per_s2(axis)),
                 surface_z_m: moment.ground.surface_z_m,
             },
-        };
+        }
+        .displaced(place_off_m);
         let is_measured = moment.ground().and_then(GroundSample::feet).is_some();
-        let place = self.stance_sigma;
         let sigma = LoadingSigma {
             cop_measured_m: self.ground_sigma.cop_m,
             cop_estimated_m: body_cop.map(|cop| cop.sigma),
@@ -152,27 +157,40 @@ impl Memory {
     }
 
     /// Ĉ_wo, world x and y, m, conditional on the position of the load in the hands. The load's position by the two
-    /// CoPs has the error of Ĉ_wo times W/ΔF: part of its distance from the hands is that error (conditional normal
-    /// distribution).
+    /// CoPs has the error of Ĉ_wo times W/ΔF, and the hands have the part of that error that displaces the body: part of
+    /// the distance between them is that error (conditional normal distribution).
     fn given_the_load(&self, missed_m: [Measured; 2], weight_n: f64, delta_f_n: f64) -> [Measured; 2] {
         core::array::from_fn(|axis| {
             let (value, sigma) = (self.known.cop_estimated_m[axis], self.known.cop_sigma_m[axis]);
             let missed = missed_m[axis];
+            // `missed.sigma` contains the error of Ĉ_wo without the displacement of the hands.
+            let by_cops = weight_n / delta_f_n;
+            let by_both = by_cops + self.stance_sigma.by_estimate[axis];
+            let by_hands_m2 = (by_both * by_both - by_cops * by_cops) * sigma * sigma;
+            let variance_m2 = missed.sigma * missed.sigma + by_hands_m2;
             // At this distance from the hands, the assumed grip is wrong.
-            if missed.value.abs() > ANOTHER_GRIP_SIGMAS * missed.sigma {
+            let is_another =
+                missed.value * missed.value > ANOTHER_GRIP_SIGMAS * ANOTHER_GRIP_SIGMAS * variance_m2;
+            if is_another || variance_m2.is_nan() || variance_m2 <= 0.0 {
                 return Measured { value, sigma };
             }
-            let by_cops = weight_n / delta_f_n;
-            let gain = by_cops * sigma * sigma / (missed.sigma * missed.sigma);
+            let gain = by_both * sigma * sigma / variance_m2;
             Measured {
                 value: value + gain * missed.value,
-                sigma: sigma * math::sqrt((1.0 - by_cops * gain).max(0.0)),
+                sigma: sigma * math::sqrt((1.0 - by_both * gain).max(0.0)),
             }
         })
     }
 
-    /// Distribution of the ground reaction between the feet: measured, or from the ankles.
-    fn foot_loads(&self, pose: &Pose<StationWorld>, moment: &Moment, settings: &Settings) -> FootLoads {
+    /// Distribution of the ground reaction between the feet: measured, or from the ankles of a body whose position is off
+    /// by `place_off_m`.
+    fn foot_loads(
+        &self,
+        pose: &Pose<StationWorld>,
+        moment: &Moment,
+        place_off_m: [f64; 2],
+        settings: &Settings,
+    ) -> FootLoads {
         let cop_m = self.known.cop_measured_m;
         if let Some(feet) = moment.ground().and_then(GroundSample::feet) {
             return FootLoads::measured(&feet, cop_m);
@@ -183,9 +201,10 @@ impl Memory {
             return FootLoads::Common { zeta: [1.0 - right, right] };
         }
         let soles = sole::both(pose, self.build.body(), settings.height_m);
+        let relative_m = core::array::from_fn(|axis| cop_m[axis] - place_off_m[axis]);
         FootLoads::Geometry {
             press_m: [[0.0; 2]; 2],
-            stands: support::bearing_feet(pose, cop_m, &soles, SUPPORT_MARGIN_M),
+            stands: support::bearing_feet(pose, relative_m, &soles, SUPPORT_MARGIN_M),
         }
     }
 

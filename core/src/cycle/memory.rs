@@ -8,6 +8,7 @@ use super::body_motion::MotionNoise;
 use super::build::Build;
 use super::identification::{Identification, StanceSigma};
 use super::insoles::GroundSigma;
+use super::lag_test::LagTest;
 use super::model_terms::ModelTerms;
 use super::placing::Placing;
 use super::plausibility::Plausibility;
@@ -22,7 +23,7 @@ use crate::overload::LoadPlace;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 12;
+pub const MEMORY_VERSION: u64 = 13;
 
 /// The loop's state between two steps. About 933 kB: allocate it in a `Box`.
 #[repr(C)]
@@ -46,6 +47,8 @@ pub struct Memory {
     pub(super) noise: MotionNoise,
     /// Skew between the streams, and the lag used to correct it.
     pub skew: SkewWatch,
+    /// Sequential test of that lag.
+    pub(super) lag_test: LagTest,
     /// Standard deviations of the snapshot's ground sample.
     pub(super) ground_sigma: GroundSigma,
     /// Recent rates of change of the vertical force, N/s, and of the CoP, m/s.
@@ -153,6 +156,7 @@ impl Memory {
             && self.window.is_sound()
             && self.noise.is_sound()
             && self.skew.is_sound()
+            && self.lag_test.is_sound()
             && self.ground_sigma.is_sound()
             && self.ground_rates.iter().all(Envelope::is_sound)
             && self.terms.is_sound()

@@ -58,7 +58,7 @@ impl Memory {
         };
         let body = *self.identification.anthropometry();
         let mut moment = Moment::new(suit.sample_time_ns, &in_suit_world, &pose, &body);
-        moment.stance = self.anchor.stance();
+        (moment.stance, moment.stance_sigma_m) = (self.anchor.stance(), self.anchor.stance_sigma_m());
         moment.both_feet_stand = u64::from(self.anchor.both_feet_stand());
         moment.time_sigma_ns = suit.sample_time_sigma_ns;
         if suit.has(SuitBlocks::CentreOfMass) {
@@ -101,8 +101,10 @@ impl Memory {
         self.unloaded.forget();
         if settings.suit_drifts {
             self.anchor.lose();
-            if self.identification.has_body() {
+            if self.identification.has_body() && is_another {
                 self.identification.new_stance(settings);
+            } else if self.identification.has_body() {
+                self.identification.lose_stance();
             }
             if is_another {
                 self.placing.lose(core::f64::consts::PI);
@@ -192,7 +194,7 @@ impl Memory {
 
         self.compare_with_suggestion(&pose, is_still, settings);
         if self.identification.has_body() {
-            self.identification.follow_stance(moment.stance, settings);
+            self.identification.follow_stance(moment.stance, moment.stance_sigma_m, settings);
         }
         let mut observation = self.observe(&pose, moment, inertia, settings);
         self.foresee_terms(observation.as_mut(), settings);
@@ -221,6 +223,8 @@ impl Memory {
         if !is_suspect {
             self.overload(&on_plate, &body, moment, step_s, settings, &mut found);
         }
+        self.test_lag(moment, &body, motion.is_some() && standing.is_some(), settings);
+        found.raise(Validity::CLOCK_UNSYNCHRONISED, self.lag_test.is_off());
         self.expose(&on_plate, &body, settings, found);
         if motion.is_some() && standing.is_some() && !found.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             self.watch_the_residual(&pose, moment, &body, step_s, settings);

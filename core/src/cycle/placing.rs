@@ -19,7 +19,6 @@ use super::identification::REGISTRATION_SIGMA_M;
 use super::memory::Memory;
 use super::residual::{MOTION_ROW_EVERY_NS, ROWS_PER_INDEPENDENT};
 use super::settings::Settings;
-use crate::anchor::STANCE_SIGMA_M;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld, Turn};
 use crate::math;
@@ -230,7 +229,8 @@ impl Memory {
             return;
         }
         if moment.stance != self.placing.stance {
-            self.placing.fit.wander(STANCE_SIGMA_M * STANCE_SIGMA_M);
+            let [x_m, y_m] = moment.stance_sigma_m;
+            self.placing.fit.wander(x_m.max(y_m) * x_m.max(y_m));
         }
         (self.placing.paired_ns, self.placing.stance) = (moment.time_ns, moment.stance);
         let worker = &self.identification;

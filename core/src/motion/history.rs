@@ -28,6 +28,8 @@ pub struct Moment {
     pub time_ns: u64,
     /// The anchor's stance.
     pub stance: u64,
+    /// 1-σ of its position relative to the previous stance, per axis, m.
+    pub stance_sigma_m: [f64; 2],
     /// 1 while both feet stand.
     pub both_feet_stand: u64,
     /// 1-σ of the sample's time, ns.
@@ -88,6 +90,7 @@ impl Moment {
             self.ground.force_n.iter().chain(&self.ground.moment_nm).chain([&self.ground.surface_z_m]);
         let numbers = numbers
             .chain(&self.station_from_suit_m)
+            .chain(&self.stance_sigma_m)
             .chain(&self.suit_com_m)
             .chain(self.acceleration_m_per_s2.iter().flatten());
         let turned = self.orientation_wxyz.iter().all(|q| {

@@ -7,7 +7,6 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{Identification, pose_of};
-use crate::anchor::STANCE_SIGMA_M;
 use crate::cycle::settings::Settings;
 use crate::frame::{Pose, StationWorld};
 use crate::kalman::STATES;
@@ -43,15 +42,15 @@ impl StanceSigma {
 
 impl Identification {
     /// Starts a new stance if the number changed: the anchor keeps its shift over a step, so the offset is that of the
-    /// last stance with an additional σ of [`STANCE_SIGMA_M`]. For a suit with absolute position it stays zero.
-    pub fn follow_stance(&mut self, stance: u64, settings: &Settings) {
+    /// last stance with this additional σ per axis, m. For a suit with absolute position it stays zero.
+    pub fn follow_stance(&mut self, stance: u64, sigma_m: [f64; 2], settings: &Settings) {
         if self.stance == stance {
             return;
         }
         self.stance = stance;
         if settings.suit_drifts {
-            for axis in 0..2 {
-                self.filter.wander(self.reduction.count() + axis, STANCE_SIGMA_M * STANCE_SIGMA_M);
+            for (axis, sigma_m) in sigma_m.into_iter().enumerate() {
+                self.filter.wander(self.reduction.count() + axis, sigma_m * sigma_m);
             }
         }
     }
@@ -62,6 +61,14 @@ impl Identification {
         let variance_m2 =
             if settings.suit_drifts { REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M } else { 0.0 };
         self.stand_within([variance_m2; 2]);
+    }
+
+    /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its shift,
+    /// with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
+    pub(in crate::cycle) fn lose_stance(&mut self) {
+        for axis in 0..2 {
+            self.filter.wander(self.reduction.count() + axis, REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M);
+        }
     }
 
     /// Sets the stance offset to zero with this variance per axis, m². θ is kept.

@@ -76,6 +76,8 @@ fn where_a_load_may_hide_it_is_said_so_and_no_back_is_told() {
     // Long enough for the offset of the vertical force, whose uncertainty also hides a load.
     bench.hold(&person, &carrying_pose(), None, 4000);
     bench.takes_ms = 10.0;
+    // The bench's plate does not show the inertia of the arms, which the lag test would reject.
+    bench.settings.align_streams = false;
     let (mut hidden, mut told) = (0, 0);
     for step in 0..560_i16 {
         // After the box is put down, the arms swing and stop repeatedly.

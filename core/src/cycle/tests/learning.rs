@@ -75,7 +75,7 @@ fn a_stance_s_offset_does_not_become_part_of_the_worker() {
         assert!(one.cop_variance_m2(&rows)[axis].sqrt() < 0.3 * STANCE_SIGMA_M);
     }
     // The next stance has the full uncertainty of a stance, however many poses the last one had.
-    one.follow_stance(1, &settings);
+    one.follow_stance(1, [STANCE_SIGMA_M; 2], &settings);
     assert!(one.is_sound());
     let (error, sigma) = mean_error_m(&one, &person);
     for axis in 0..2 {
@@ -92,7 +92,7 @@ fn where_the_position_is_absolute_a_stance_has_no_offset() {
         learn(&mut one, &person, &posture, [0.0; 2]);
     }
     let before = *one;
-    one.follow_stance(1, &settings);
+    one.follow_stance(1, [STANCE_SIGMA_M; 2], &settings);
     let (error, sigma) = mean_error_m(&one, &person);
     let (was, was_sigma) = mean_error_m(&before, &person);
     assert_eq!((error, sigma), (was, was_sigma));
