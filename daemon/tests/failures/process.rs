@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Time limit of every wait, on a machine with other load.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+/// Time limit of every wait, on a machine whose cores and disk have much other load.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Polls until there is a result.
 pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {

@@ -31,12 +31,17 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     let station = Station::new();
     let socket = station.file("notify");
     let notified = UnixDatagram::bind(&socket).expect("a socket");
-    notified.set_read_timeout(Some(PATIENCE)).expect("a patience");
-    let mut heard = [0; 4096];
-    let mut hear = || {
-        let length = notified.recv(&mut heard).expect("a word of the daemon");
-        String::from_utf8_lossy(&heard[..length]).into_owned()
-    };
+    // Read at once, as systemd does: the socket holds few datagrams, and a full one blocks the daemon.
+    let (sender, words) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut bytes = [0; 4096];
+        while let Ok(length) = notified.recv(&mut bytes) {
+            if sender.send(String::from_utf8_lossy(&bytes[..length]).into_owned()).is_err() {
+                break;
+            }
+        }
+    });
+    let mut hear = || words.recv_timeout(PATIENCE).expect("a word of the daemon");
 
     let text = station.configuration();
     station.write("live.toml", &text);
