@@ -6,7 +6,6 @@
 mod common;
 mod insoles;
 mod null_pose;
-mod real_input;
 mod record_live;
 mod record_pictures;
 mod record_service;
