@@ -75,6 +75,7 @@ impl Rig {
     pub(crate) fn start(seed: u64) -> Rig {
         let station = Station::new();
         let settings = station.sensors().realistic(seed);
+        let plate_late_ns = (settings.plate.latency_s * 1e9) as u64;
         let person = Simulation::start(settings).expect("a simulated person");
         let external = configuration(&station)
             .replace("\"mvn-udp\"", "\"external\"")
@@ -87,7 +88,7 @@ impl Rig {
         let states = bus.subscriber(1024).expect("a place for the states");
         let resources = Resources::of(daemon.id());
         Rig {
-            judge: Judge::new(),
+            judge: Judge::new(plate_late_ns),
             states,
             _bus: bus,
             person,

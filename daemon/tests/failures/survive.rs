@@ -101,9 +101,12 @@ fn subject_in_use(station: &Station) -> String {
     status["daemon"]["subject"].as_str().expect("a subject").to_owned()
 }
 
+/// Begin and, once it has ended, end of each write.
+type Writes = Arc<Mutex<Vec<(Instant, Option<Instant>)>>>;
+
 /// Writes a small file durably again and again, next to those of the daemon, and keeps the time that each write took.
 struct Disk {
-    writes: Arc<Mutex<Vec<(Instant, Option<Instant>)>>>,
+    writes: Writes,
     ends: Arc<AtomicBool>,
 }
 

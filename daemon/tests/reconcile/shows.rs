@@ -118,7 +118,9 @@ fn a_replay_with_the_model_shrinks_by_what_the_finding_says() {
     };
     let (without, with) = (residual(&[]), residual(&["--model", shown.model().to_str().unwrap()]));
     println!("without {without}, with {with}");
-    assert!(number(&without["moments"]) > 3000.0 && without["moments"] == with["moments"]);
+    // Without the model, the lag test takes some forces of the load for a delay of the plate, and withholds them.
+    let [of_without, of_with] = [&without, &with].map(|residual| number(&residual["moments"]));
+    assert!(of_without > 3000.0 && of_without <= of_with, "{of_without} {of_with}");
     let gap = &shown.finding["gap"];
     let pairs = [
         ("cop_mm", [&gap["before_mm"], &gap["after_mm"]]),
