@@ -90,8 +90,6 @@ struct Worst {
 
 /// Checks every state.
 pub(crate) struct Judge {
-    /// Delay of the plate's samples, ns. The station dates them by their arrival, so their age lacks it.
-    plate_late_ns: u64,
     pub(crate) state: State,
     pub(crate) during: &'static str,
     pub(crate) states: u64,
@@ -111,9 +109,8 @@ pub(crate) struct Judge {
 }
 
 impl Judge {
-    pub(crate) fn new(plate_late_ns: u64) -> Judge {
+    pub(crate) fn new() -> Judge {
         Judge {
-            plate_late_ns,
             state: State::zeroed(),
             during: "identification",
             states: 0,
@@ -183,8 +180,7 @@ impl Judge {
             let newest_ns = state.time_ns - age_ns;
             let sent_ns = if self.held_up[sensor] { sent_at_ns[sensor] } else { sent_ns[sensor] };
             let ahead_ns = newest_ns.saturating_sub(sent_ns);
-            let ahead_at_most_ns = AHEAD_AT_MOST_NS + [0, self.plate_late_ns][sensor];
-            self.hold(of_age, ahead_ns as f64 * 1e-9, ahead_at_most_ns as f64 * 1e-9);
+            self.hold(of_age, ahead_ns as f64 * 1e-9, AHEAD_AT_MOST_NS as f64 * 1e-9);
             let silent_ns = state.time_ns.saturating_sub(sent_at_ns[sensor]);
             self.hold(of_silence, silent_ns as f64 * 1e-9, SILENT_AT_MOST_NS[sensor] as f64 * 1e-9);
         }
@@ -427,7 +423,7 @@ mod tests {
             l5s1_compression_n: truth.back.moment_nm.xy().norm() / EXTENSOR_LEVER_M + truth.back.axial_n,
             ..State::zeroed()
         };
-        let mut judge = Judge::new(0);
+        let mut judge = Judge::new();
         // This test must not depend on whether the host delays the sensors now.
         let mut see = |state: State, held_up: [bool; 2]| {
             (judge.state, judge.held_up) = (state, held_up);
@@ -453,7 +449,7 @@ mod tests {
 
     #[test]
     fn a_verdict_needs_enough_of_every_value() {
-        let mut judge = Judge::new(0);
+        let mut judge = Judge::new();
         judge.begin_to_count();
         assert_eq!(judge.too_little(), None);
         judge.states = 1000;
