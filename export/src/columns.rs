@@ -145,6 +145,7 @@ mod tests {
         for name in [
             "t_s",
             "torque_nm_RightKnee_y",
+            "torque_covariance_nm2_RightKnee_xy",
             "fatigue_L5S1",
             "segment_origin_m_Pelvis_z",
             "zeta_left",

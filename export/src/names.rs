@@ -11,16 +11,19 @@ use serde_json::{Map, Value, json};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const QUATERNION: [&str; 4] = ["w", "x", "y", "z"];
+/// Elements of the covariance of two horizontal components.
+const COVARIANCE: [&str; 3] = ["xx", "xy", "yy"];
 const SIDES: [&str; 2] = ["left", "right"];
 /// Names of MVN's joint angles.
 const ANGLES: [&str; 3] = ["abduction", "axial_rotation", "flexion"];
 
 /// Suffixes of field names, longer ones first, and the units that they denote.
-const UNITS: [(&str, &str); 17] = [
+const UNITS: [(&str, &str); 18] = [
     ("_nm_per_cm", "N m/cm"),
     ("_m_per_s2", "m/s^2"),
     ("_m_per_s", "m/s"),
     ("_rad_per_s", "rad/s"),
+    ("_nm2", "(N m)^2"),
     ("_m2", "m^2"),
     ("_ns", "ns"),
     ("_ms", "ms"),
@@ -52,6 +55,7 @@ pub(super) fn column(field: &Field, index: usize) -> String {
         ("foot_cop_m", 4) => format!("{name}_{}_{}", SIDES[index / 2], AXES[index % 2]),
         ("joint_angle_deg", _) => format!("{name}_{}_{}", joint(index / 3), ANGLES[index % 3]),
         ("orientation_wxyz", _) => format!("{name}_{}_{}", segment(index / 4), QUATERNION[index % 4]),
+        ("torque_covariance_nm2", _) => format!("{name}_{}_{}", joint(index / 3), COVARIANCE[index % 3]),
         (_, 2 | 3) => format!("{name}_{}", AXES[index]),
         (_, JOINTS) => format!("{name}_{}", joint(index)),
         (_, count) if count == 3 * JOINTS => format!("{name}_{}_{}", joint(index / 3), AXES[index % 3]),
