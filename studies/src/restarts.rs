@@ -253,11 +253,15 @@ mod tests {
     #[test]
     fn whatever_is_started_again_no_centre_of_pressure_is_told_at_another_place() {
         let (mut all_told, mut all_beyond) = (0, 0);
+        // Motion that says little about the heading takes longer in one of 20 restarts of a suit (docs/state.md).
+        let (mut times, mut late) = (0, 0);
         for seed in 0..3 {
             let subject = Subject::somebody(seed);
             for outcome in restarts(&subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4]) {
-                let patience_s = if outcome.carrying { AWAY_S[1] + SOON_S } else { SOON_S };
-                assert!(outcome.found_s.is_some_and(|found_s| found_s < patience_s), "{seed}: {outcome:?}");
+                let found_s = outcome.found_s.unwrap_or(f64::INFINITY);
+                assert!(found_s < AWAY_S[1] + SOON_S, "{seed}: {outcome:?}");
+                times += 1;
+                late += u32::from(found_s > SOON_S && !outcome.carrying);
                 assert!(outcome.tells_torques, "{seed}: {outcome:?}");
                 let Errors { told, cop_max_m, beyond_three_sigma, .. } = outcome.errors;
                 assert!(told > 300, "{seed}: {outcome:?}");
@@ -266,5 +270,6 @@ mod tests {
             }
         }
         assert!(all_beyond * 50 < all_told, "{all_beyond} of {all_told}");
+        assert!(late * 10 <= times, "{late} of {times} restarts later than {SOON_S} s");
     }
 }

@@ -30,6 +30,7 @@ pub(crate) fn monitoring() -> State {
     state.ground_force_n = [0.0, 0.0, 800.0];
     state.delta_f_n = [0.0, 0.0, 88.75];
     state.zeta = [0.5, 0.5];
+    (state.zeta_sigma, state.eta_sigma, state.reach_sigma_m) = (0.02, 0.125, 0.03);
     state.eta = [0.25, 0.75];
     state.load_distance_m = 0.02;
     state.variance_max_m2 = 0.0015;
@@ -95,8 +96,8 @@ fn a_whole_state_is_exactly_this_text_up_to_the_second_joint() {
         + r#""ground_force_n":[0.0,0.0,800.0],"vertical_force_n":800.0,"ground_devices":["plate"],"#
         + r#""delta_f_n":[0.0,0.0,88.75],"delta_f_sigma_n":3.5,"#
         + r#""lifted_mass_kg":9.0,"lifted_mass_sigma_kg":0.25,"#
-        + r#""zeta":[0.5,0.5],"sharing_source":"measured","eta":[0.25,0.75],"load_distance_m":0.02,"#
-        + r#""reach_m":0.45,"#
+        + r#""zeta":[0.5,0.5],"zeta_sigma":0.02,"sharing_source":"measured","eta":[0.25,0.75],"eta_sigma":0.125,"load_distance_m":0.02,"#
+        + r#""reach_m":0.45,"reach_sigma_m":0.03,"#
         + r#""variance_max_m2":0.0015,"predicted_cop_sigma_m":0.006,"nis":1.5,"prior_inflation":1.0,"#
         + r#""l5s1_moment_nm":120.0,"l5s1_moment_sigma_nm":6.0,"l5s1_compression_n":2400.0,"#
         + r#""l5s1_compression_sigma_n":480.0,"lifts":3,"dose_damage":0.0005,"dose_probability":0.125,"#
