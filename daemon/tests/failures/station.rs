@@ -221,7 +221,8 @@ poses_min = 1000
 
     /// A simulated person in suit and on plate.
     pub(crate) fn person(&self) -> SimulationHandle {
-        Simulation::start(self.sensors()).expect("a simulated person")
+        // A process that seeks a free port binds it for an instant.
+        wait_for("a simulated person", || Simulation::start(self.sensors()).ok())
     }
 
     /// `equipoise status --json`; `None` while no daemon publishes.
