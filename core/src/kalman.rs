@@ -332,7 +332,7 @@ impl Filter {
     /// P is symmetric, so the sum runs over rows: sums along a row would be sequential, whereas adding rows to each
     /// other fills vector registers. Four rows at a time, so that the partial sum is read and written once for all
     /// four.
-    fn times_covariance(&self, h: &[f64; STATES]) -> [f64; STATES] {
+    pub fn times_covariance(&self, h: &[f64; STATES]) -> [f64; STATES] {
         let count = self.states();
         let mut sum = [0.0; STATES];
         let (fours, rest) = self.covariance_m2[..count].as_chunks::<4>();

@@ -275,9 +275,41 @@ pub fn zeta_sigma(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingS
 struct Acting<'a> {
     loading: &'a Loading,
     feet: [FootReaction; 2],
+    /// Fractions of the vertical force with and without the load, per foot.
+    fractions: [[f64; 2]; 2],
 }
 
-impl Acting<'_> {
+impl<'a> Acting<'a> {
+    fn new(pose: &Pose<StationWorld>, loading: &'a Loading) -> Acting<'a> {
+        let feet = loading.foot_reactions(pose);
+        let per_n = [loading.vertical_n, loading.weight_n()].map(f64::recip);
+        let fractions = feet.each_ref().map(|foot| [foot.with_n * per_n[0], foot.without_n * per_n[1]]);
+        Acting { loading, feet, fractions }
+    }
+
+    /// Horizontal components of a joint's Δτ, N m.
+    fn horizontal_nm(&self, ends: &Ends, origin: Vector3<f64>) -> [f64; 2] {
+        let Loading { swing, grip_m, eta, .. } = self.loading;
+        let [arm_x, arm_y] = self.arm_nm(ends, origin);
+        // Horizontal forces times their heights above the joint: of the load at the hands, and of the ground.
+        let [mut force_x, mut force_y] = [0.0; 2];
+        let mut add = |[x, y]: [f64; 2], height_m: f64| {
+            force_x += x * height_m;
+            force_y += y * height_m;
+        };
+        for hand in (0..2).filter(|hand| ends.hands[*hand]) {
+            add(swing.force_n, eta[hand] * (grip_m[hand].z - origin.z));
+        }
+        for foot in (0..2).filter(|foot| ends.feet[*foot]) {
+            let [with, without] = self.fractions[foot];
+            let height_m = swing.surface_z_m - origin.z;
+            add(swing.force_n, -with * height_m);
+            add(swing.body_n, (without - with) * height_m);
+        }
+        // r × (f_x, f_y, f_z) = (r_y f_z − r_z f_y, r_z f_x − r_x f_z, …).
+        [arm_y - force_y, force_x - arm_x]
+    }
+
     /// Horizontal arms of all vertical forces distal of a joint, times these forces, N m: x and y.
     fn arm_nm(&self, ends: &Ends, origin: Vector3<f64>) -> [f64; 2] {
         [0, 1].map(|axis| {
@@ -293,32 +325,31 @@ impl Acting<'_> {
         })
     }
 
-    /// Moment of the horizontal forces: of the load at the hands, and the difference of the ground's with and without
-    /// the load.
-    fn swing_nm(&self, ends: &Ends, origin: Vector3<f64>) -> Vector3<f64> {
-        let Loading { swing, grip_m, eta, vertical_n, .. } = self.loading;
-        let horizontal = |[x, y]: [f64; 2]| Vector3::new(x, y, 0.0);
-        let (load_n, body_n) = (horizontal(swing.force_n), horizontal(swing.body_n));
-        let on_floor = |[x, y]: [f64; 2]| Vector3::new(x, y, swing.surface_z_m);
+    /// Vertical component of a joint's Δτ, N m: of the load's horizontal force at the hands, and of the difference of the
+    /// ground's with and without the load.
+    fn vertical_nm(&self, ends: &Ends, origin: Vector3<f64>) -> f64 {
+        let Loading { swing, grip_m, eta, cop_measured_m, cop_estimated_m, .. } = self.loading;
+        let about = |[x, y]: [f64; 2], [force_x, force_y]: [f64; 2]| x * force_y - y * force_x;
+        let from = |[x, y]: [f64; 2]| [x - origin.x, y - origin.y];
+        let (load_n, body_n) = (swing.force_n, swing.body_n);
+        let with_load_n = [load_n[0] + body_n[0], load_n[1] + body_n[1]];
         let load_m = grip_m[0] * eta[0] + grip_m[1] * eta[1];
-        let (with_m, without_m) =
-            (on_floor(self.loading.cop_measured_m), on_floor(self.loading.cop_estimated_m));
         // The ground also provides the load's moment about the vertical: the part not due to its forces is a free
         // moment.
-        let free_nm = (load_m.cross(&load_n) - with_m.cross(&(load_n + body_n)) + without_m.cross(&body_n)).z;
-        let mut torque_nm = Vector3::zeros();
-        for hand in (0..2).filter(|hand| ends.hands[*hand]) {
-            torque_nm += (grip_m[hand] - origin).cross(&load_n) * eta[hand];
-        }
-        for foot in (0..2).filter(|foot| ends.feet[*foot]) {
-            let reaction = &self.feet[foot];
-            let with = reaction.with_n / vertical_n;
-            let without = reaction.without_n / self.loading.weight_n();
-            torque_nm -= (on_floor(reaction.with_m) - origin).cross(&(load_n + body_n)) * with;
-            torque_nm += (on_floor(reaction.without_m) - origin).cross(&body_n) * without;
-            torque_nm.z -= free_nm * with;
-        }
-        torque_nm
+        let free_nm = about([load_m.x, load_m.y], load_n) - about(*cop_measured_m, with_load_n)
+            + about(*cop_estimated_m, body_n);
+        let hands = (0..2).filter(|hand| ends.hands[*hand]);
+        let at_hands_nm: f64 =
+            hands.map(|hand| about(from([grip_m[hand].x, grip_m[hand].y]), load_n) * eta[hand]).sum();
+        let at_feet_nm: f64 = (0..2)
+            .filter(|foot| ends.feet[*foot])
+            .map(|foot| {
+                let ([with, without], reaction) = (self.fractions[foot], &self.feet[foot]);
+                with * (about(from(reaction.with_m), with_load_n) + free_nm)
+                    - without * about(from(reaction.without_m), body_n)
+            })
+            .sum();
+        at_hands_nm - at_feet_nm
     }
 }
 
@@ -326,25 +357,22 @@ impl Acting<'_> {
 ///
 /// The ball-of-foot joints carry none: the ground's force is assumed to act on the foot, proximal of them.
 pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigma) -> [Torque; JOINTS] {
-    let acting = |loading| Acting { loading, feet: Loading::foot_reactions(loading, pose) };
     let errors = sigma.errors(pose, loading);
-    let (base, errors) = (acting(loading), errors.each_ref().map(acting));
+    let (base, errors) = (Acting::new(pose, loading), errors.each_ref().map(|off| Acting::new(pose, off)));
     let elsewhere = sigma.elsewhere(pose, loading);
-    let elsewhere = Acting { loading: &elsewhere.1, feet: elsewhere.1.foot_reactions(&elsewhere.0) };
+    let elsewhere = Acting::new(&elsewhere.0, &elsewhere.1);
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
-        let arm_nm = base.arm_nm(ends, origin);
-        let mut covariance = base.place_covariance_nm2(pose, joint, sigma);
+        let [x, y] = base.horizontal_nm(ends, origin);
+        let torque_nm = Vector3::new(x, y, base.vertical_nm(ends, origin));
+        let [arm_xx, arm_xy, arm_yy] = base.place_covariance_nm2(pose, joint, sigma);
+        let mut covariance_nm2 = [arm_yy, -arm_xy, arm_xx];
         let mut add = |off_nm: [f64; 2]| {
-            let [x, y] = [off_nm[0] - arm_nm[0], off_nm[1] - arm_nm[1]];
-            covariance = [covariance[0] + x * x, covariance[1] + x * y, covariance[2] + y * y];
+            let [x, y] = [off_nm[0] - torque_nm.x, off_nm[1] - torque_nm.y];
+            covariance_nm2.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, product)| *sum += product);
         };
-        errors.iter().for_each(|off| add(off.arm_nm(ends, origin)));
-        add(elsewhere.arm_nm(ends, origin + sigma.origin_m[joint.segment().index()]));
-        // r × f ẑ = (r_y f, −r_x f, 0).
-        let [arm_xx, arm_xy, arm_yy] = covariance;
-        let covariance_nm2 = [arm_yy, -arm_xy, arm_xx];
-        let torque_nm = Vector3::new(arm_nm[1], -arm_nm[0], 0.0) + base.swing_nm(ends, origin);
+        errors.iter().for_each(|off| add(off.horizontal_nm(ends, origin)));
+        add(elsewhere.horizontal_nm(ends, origin + sigma.origin_m[joint.segment().index()]));
         let sigma_nm = sigma_of_length([torque_nm.x, torque_nm.y], covariance_nm2);
         Torque { torque_nm, sigma_nm, covariance_nm2 }
     })
@@ -387,7 +415,13 @@ impl Acting<'_> {
                 let [xx, xy, yy] = chain_m2(side.hand());
                 let grip_m2 = grip_covariance_m2(pose, side, sigma.grip_m);
                 let of_hand_m2 = [xx + grip_m2[0], xy + grip_m2[1], yy + grip_m2[2]];
-                add(self.loading.eta[index] * self.loading.delta_f_n, of_hand_m2);
+                // Root mean square of the uncertain η: a hand that seems empty may hold a part of the load.
+                let eta_rms = math::hypot([self.loading.eta[index], sigma.eta]);
+                add(eta_rms * self.loading.delta_f_n, of_hand_m2);
+                if ends.hands != [true; 2] {
+                    let [x, y] = sigma.load_ahead_m;
+                    add(sigma.eta * self.loading.delta_f_n, [x * x, x * y, y * y]);
+                }
             }
             if ends.feet[index] {
                 let foot = &self.feet[index];

@@ -115,7 +115,7 @@ impl Realism {
     /// Habits of the person with this seed: [`Habits::ORDINARY`] with the contact phenomena.
     pub fn habits(&self, seed: u64) -> Habits {
         let mut random = Random::new(seed, "hands");
-        let right_hand_share = 0.5 + self.hands.factor().min(1.6) * (random.between(0.2, 0.8) - 0.5);
+        let right_hand_share = 0.5 + self.hands.factor().min(1.0) * (random.between(0.0, 1.0) - 0.5);
         let mut random = Random::new(seed, "grips");
         let grip_off_m = std::array::from_fn(|_| {
             [random.between(-0.012, 0.012), random.between(-0.021, 0.021), random.between(-0.025, -0.005)]

@@ -54,21 +54,19 @@ impl Told {
         }
     }
 
-    fn merge(&mut self, other: &Told) {
-        for (sum, others) in self.all_mut().into_iter().zip(other.all()) {
-            sum.merge(others);
+    /// The table's rows.
+    fn rows(&self) -> Vec<(String, Coverage)> {
+        let quantities = ["CoP forward", "CoP sideways", "external force, vertical"].map(String::from);
+        let mut rows: Vec<_> =
+            quantities.into_iter().zip(self.cop.into_iter().chain([self.delta_f])).collect();
+        let groups = GROUPS.iter().map(|(name, _)| name);
+        rows.extend(groups.clone().zip(self.joints).map(|(name, coverage)| (name.to_string(), coverage)));
+        rows.push(("all joints".into(), Coverage::of_all(&self.joints)));
+        for (name, planar) in groups.zip(&self.planar) {
+            rows.push((format!("{name}, each horizontal axis"), planar.by_axis));
+            rows.push((format!("{name}, both axes together"), planar.by_distance));
         }
-        for (sum, others) in self.planar.iter_mut().zip(&other.planar) {
-            sum.merge(others);
-        }
-    }
-
-    fn all(&self) -> Vec<&Coverage> {
-        self.cop.iter().chain([&self.delta_f]).chain(&self.joints).collect()
-    }
-
-    fn all_mut(&mut self) -> Vec<&mut Coverage> {
-        self.cop.iter_mut().chain([&mut self.delta_f]).chain(&mut self.joints).collect()
+        rows
     }
 }
 
@@ -100,67 +98,39 @@ pub fn told(subject: &Subject) -> [Told; 2] {
 
 /// The table.
 pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
-    let mut sums = [Told::default(); 2];
-    for both in ask_all(&crowd, told) {
-        for (sum, told) in sums.iter_mut().zip(&both) {
-            sum.merge(told);
-        }
-    }
+    let people = ask_all(&crowd.subjects(), |subject| told(subject).map(|told| told.rows()));
     let mut table = Table::new(
-        format!("How often errors lie within the told sigma ({count} subjects, default method)"),
+        format!("How often errors lie within the told sigma ({} subjects, default method)", crowd.count),
         &[
             "quantity",
             "still: 1-sigma %",
+            "still: standard error",
             "still: 2-sigma %",
             "still: error/sigma",
-            "still: samples",
             "motion: 1-sigma %",
+            "motion: standard error",
             "motion: 2-sigma %",
             "motion: error/sigma",
-            "motion: samples",
         ],
     );
-    let names = ["CoP forward", "CoP sideways", "external force, vertical"].into_iter();
-    let names = names.chain(GROUPS.iter().map(|(name, _)| *name));
-    for (index, name) in names.enumerate() {
-        push(&mut table, name, sums.map(|told| *told.all()[index]));
-    }
-    let overall = sums.map(|told| {
-        let mut overall = Coverage::default();
-        told.joints.iter().for_each(|joint| overall.merge(joint));
-        overall
-    });
-    push(&mut table, "all joints", overall);
-    for (group, (name, _)) in GROUPS.iter().enumerate() {
-        push(
-            &mut table,
-            &format!("{name}, each horizontal axis"),
-            sums.map(|told| told.planar[group].by_axis),
-        );
-        push(
-            &mut table,
-            &format!("{name}, both axes together"),
-            sums.map(|told| told.planar[group].by_distance),
-        );
+    for (row, (name, _)) in people[0][0].iter().enumerate() {
+        let mut cells = vec![name.as_str().into()];
+        for condition in 0..2 {
+            let coverage: Vec<Coverage> = people.iter().map(|told| told[condition][row].1).collect();
+            let all = Coverage::of_all(&coverage);
+            let [once, twice] = all.percent();
+            let cell = [once, Coverage::standard_error_percent(&coverage), twice, all.ratio_rms()];
+            cells.extend(cell.map(Into::into));
+        }
+        table.push(cells);
     }
     table.note("a normal error lies within 1 sigma 68.3 % and within 2 sigma 95.4 % of the time; error/sigma: root mean square, 1 where sigma is right");
+    table.note("standard error of the 1-sigma percentage, from its spread between the subjects: the samples of one subject share most of their error");
     table.note("CoP: estimated less true centre of pressure of the unloaded body in this motion; force: vertical, told less true");
     table.note("joints: magnitude of the published torque less that of the true one, with the whole box of 4 or 10 kg in the hands; true: inverse dynamics, forces under each foot and at each hand");
     table.note("each horizontal axis: error over its own 1-sigma; both axes together: Mahalanobis distance by the covariance, as the normal deviate of the same probability");
-    table.note("still: the estimator's own static pose; motion: the rest; samples follow each other at 60 Hz and are not independent");
+    table.note("still: the estimator's own static pose; motion: the rest");
     vec![table]
-}
-
-fn push(table: &mut Table, name: &str, coverage: [Coverage; 2]) {
-    let mut row = vec![name.into()];
-    for coverage in coverage {
-        row.extend(coverage.percent().map(Into::into));
-        row.push(coverage.ratio_rms().into());
-        row.push(coverage.count.into());
-    }
-    table.push(row);
 }
 
 #[cfg(test)]

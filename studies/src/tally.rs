@@ -141,6 +141,21 @@ impl Coverage {
         self.ratio.merge(&other.ratio);
     }
 
+    /// The sum of several.
+    pub fn of_all(several: &[Coverage]) -> Coverage {
+        let mut all = Coverage::default();
+        several.iter().for_each(|coverage| all.merge(coverage));
+        all
+    }
+
+    /// Standard error of the mean fraction within 1σ over subjects, in percent; `None` for fewer than two of them.
+    pub fn standard_error_percent(subjects: &[Coverage]) -> Option<f64> {
+        let mut sums = Sums::default();
+        subjects.iter().filter_map(|coverage| coverage.percent()[0]).for_each(|percent| sums.add(percent));
+        let (mean, rms, count) = (sums.mean()?, sums.rms()?, sums.count as f64);
+        (sums.count > 1).then(|| ((rms * rms - mean * mean).max(0.0) / (count - 1.0)).sqrt())
+    }
+
     /// Fraction within 1σ and within 2σ, in percent.
     pub fn percent(&self) -> [Option<f64>; 2] {
         self.within.map(|within| percent(within, self.count))
@@ -173,12 +188,6 @@ impl PlanarCoverage {
         let square = (x * x * yy - 2.0 * x * y * xy + y * y * xx) / determinant;
         // χ² with two degrees of freedom as the normal deviate of the same probability: P = 1 − exp(−d²/2).
         self.by_distance.add(normal_deviate((-0.5 * square).exp()), 1.0);
-    }
-
-    /// Adds another sum.
-    pub fn merge(&mut self, other: &PlanarCoverage) {
-        self.by_axis.merge(&other.by_axis);
-        self.by_distance.merge(&other.by_distance);
     }
 }
 
@@ -248,6 +257,21 @@ mod tests {
         }
         coverage.add(1.0, 0.0);
         assert_eq!((coverage.count, coverage.percent()), (4, [Some(50.0), Some(75.0)]));
+    }
+
+    #[test]
+    fn the_standard_error_counts_subjects_and_not_samples() {
+        let subject = |within: usize, samples: usize| {
+            let mut coverage = Coverage::default();
+            (0..samples).for_each(|index| coverage.add(if index < within { 0.5 } else { 1.5 }, 1.0));
+            coverage
+        };
+        // 100 %, 50 % and 0 %: a standard deviation of 50 %.
+        let three = [subject(1000, 1000), subject(5, 10), subject(0, 10)];
+        let error = Coverage::standard_error_percent(&three).unwrap();
+        assert!((error - 50.0 / 3.0_f64.sqrt()).abs() < 1e-9, "{error}");
+        assert_eq!(Coverage::standard_error_percent(&three[..1]), None);
+        assert_eq!(Coverage::of_all(&three).count, 1020);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::message::state::SharingSource;
 use crate::message::{GroundSample, State, Validity};
 use crate::motion::Moment;
 use crate::motion::unloaded::SIGMAS_OF_A_LOAD;
-use crate::overload::load_place::{ANOTHER_GRIP_SIGMAS, Measured};
+use crate::overload::load_place::{ANOTHER_GRIP_SIGMAS, ByModel, Measured};
 use crate::overload::sharing::{TOO_CLOSE_M, project};
 use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 
@@ -280,15 +280,32 @@ impl Memory {
             [apart.x / apart_m, apart.y / apart_m]
         };
         let ahead = [-aside[1], aside[0]];
-        let along = |direction: [f64; 2]| {
+        let rows = worker.reduction.rows(pose, body.slope);
+        let cop_rows = [0, 1].map(|axis| worker.with_stance(&rows, axis));
+        let magnified = weight_n / delta_f_n;
+        let by_model_m2 = worker.cop_variance_m2(&rows).map(|cop_m2| cop_m2 * magnified * magnified);
+        let rest_m2 = [0, 1].map(|axis| (sigma_m[axis] * sigma_m[axis] - by_model_m2[axis]).max(0.0));
+        // The load's position along a direction from the middle between the grips, per unit.
+        let along = |direction: [f64; 2], unit_m: f64| {
             let middle = [0, 1].map(|axis| 0.5 * (between[0][axis] + between[1][axis]));
             let value: f64 = (0..2).map(|axis| direction[axis] * (load_m[axis] - middle[axis])).sum();
-            let sigma = math::hypot([direction[0] * sigma_m[0], direction[1] * sigma_m[1]]);
-            Measured { value, sigma }
+            let rest_m2: f64 = (0..2).map(|axis| direction[axis] * direction[axis] * rest_m2[axis]).sum();
+            let parts = direction.map(|part| -part * magnified / unit_m);
+            ByModel {
+                measured: Measured { value: value / unit_m, sigma: math::sqrt(rest_m2) / unit_m },
+                row: core::array::from_fn(|state| {
+                    parts[0] * cop_rows[0][state] + parts[1] * cop_rows[1][state]
+                }),
+            }
         };
-        let Measured { value, sigma } = along(aside);
-        let right = Measured { value: 0.5 + value / apart_m, sigma: sigma / apart_m };
-        self.load_place.update((!are_together).then_some(right), along(ahead), step_s);
+        let from_middle = along(aside, apart_m);
+        let right = ByModel {
+            measured: Measured { value: 0.5 + from_middle.measured.value, ..from_middle.measured },
+            ..from_middle
+        };
+        self.load_place.update((!are_together).then_some(&right), &along(ahead, 1.0), step_s, |row| {
+            worker.filter.times_covariance(row)
+        });
         let [ahead_m, ahead_sigma_m] = self.load_place.ahead_m();
         let offset = Vector3::new(ahead[0] * ahead_m, ahead[1] * ahead_m, 0.0);
         let (eta, eta_sigma) = (self.load_place.eta(), self.load_place.eta_sigma());

@@ -1,22 +1,28 @@
 //! Position of a load in the hands: the hand load fraction η, and its distance ahead of the line between the grips.
 //!
-//! The two CoPs give the load's position at every instant, `p = (C_wt (W + ΔF) − Ĉ_wo W)/ΔF`, with an error of σ_CoP
-//! W/ΔF that lasts as long as the posture, because it results from the body model. The position in the hands is
-//! constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`. For an error with
-//! the correlation time τ the mean has the variance `(T/Σw)/(1 + T/2τ)`, T being the time that the weights cover,
-//! `(Σw)²/Σ(w²/dt)`: that of one instant at first, `2τ/Σw` in the end. It is combined with a prior.
+//! The two CoPs give the load's position at every instant, `p = (C_wt (W + ΔF) − Ĉ_wo W)/ΔF`. The position in the hands
+//! is constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`, combined with a
+//! prior. Its error has two parts:
+//!
+//! - that of the body model, `h δθ` with the row `h` of Ĉ_wo times W/ΔF. θ's error is the same in every posture, so the
+//!   mean has the variance `h̄ P h̄ᵀ` with the weighted mean `h̄` of the rows;
+//! - the rest, which lasts as long as the posture. For an error with the correlation time τ the mean has the variance
+//!   `v̄/(1 + T/2τ)`, v̄ being the weighted mean of its variance and T the time that the weights cover,
+//!   `(Σw)²/Σ(w²/dt)`: that of one instant at first, `2τ v̄/T` in the end.
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::kalman::STATES;
 use crate::math;
 
-/// 1-σ of the hand load fraction between people, around equal shares.
-const EVEN_SIGMA: f64 = 0.2;
+/// Prior mean and 1-σ of the hand load fraction: uniform between one hand and the other.
+const EVEN: f64 = 0.5;
+const EVEN_SIGMA: f64 = 0.289;
 /// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for
 /// the centre of a box; the variance of a uniform distribution is the square of its width over 12.
 const AHEAD_M: f64 = 0.025;
 const AHEAD_SIGMA_M: f64 = 0.0144;
-/// Correlation time of the CoPs' errors: from one posture of work to the next, s.
+/// Correlation time of the CoPs' errors besides the body model's: from one posture of work to the next, s.
 const POSTURE_S: f64 = 2.0;
 /// Averaging time, because grips change, s: older measurements have less weight.
 const GRIP_S: f64 = 15.0;
@@ -32,40 +38,91 @@ pub struct Measured {
     pub sigma: f64,
 }
 
-/// Sums over a carry: w, w z, and w²/dt.
+/// One coordinate with the body model's part of its error separate.
+#[derive(Debug, Clone, Copy)]
+pub struct ByModel {
+    /// The value, and the 1-σ of its error besides the body model's part.
+    pub measured: Measured,
+    /// Row that gives the body model's part of the error from θ's.
+    pub row: [f64; STATES],
+}
+
+/// Sums over a carry.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Coordinate {
+    /// Σ w.
     weight: f64,
+    /// Σ w z.
     weighted: f64,
+    /// Σ w²/dt.
     square: f64,
+    /// Σ w v: v is the variance of a value besides the body model's part.
+    rest: f64,
+    /// `h̄`.
+    row: [f64; STATES],
+    /// `h̄ P h̄ᵀ`.
+    by_model: f64,
 }
 
 impl Coordinate {
-    fn update(&mut self, measured: Measured, step_s: f64) {
-        let variance = measured.sigma * measured.sigma;
+    /// Ingests one value; `times_covariance` gives `P hᵀ`.
+    fn update(
+        &mut self,
+        value: &ByModel,
+        step_s: f64,
+        times_covariance: impl Fn(&[f64; STATES]) -> [f64; STATES],
+    ) {
+        let ByModel { measured, row } = value;
+        let rest = measured.sigma * measured.sigma;
+        let spread = times_covariance(row);
+        let dot =
+            |row: &[f64; STATES]| row.iter().zip(&spread).map(|(row, spread)| row * spread).sum::<f64>();
+        let (own, with_mean) = (dot(row).max(0.0), dot(&self.row));
+        let variance = rest + own;
         // False for NaN.
-        if !(variance > 0.0 && variance < f64::MAX && measured.value.abs() < f64::MAX && step_s > 0.0) {
+        if !(variance > 0.0
+            && variance < f64::MAX
+            && measured.value.abs() < f64::MAX
+            && row.iter().all(|part| part.is_finite())
+            && step_s > 0.0)
+        {
             return;
         }
         if self.weight > 0.0 {
-            let [mean, own_variance] = self.mean();
-            let off = measured.value - mean;
-            if off * off > ANOTHER_GRIP_SIGMAS * ANOTHER_GRIP_SIGMAS * (variance + own_variance) {
+            let off = measured.value - self.weighted / self.weight;
+            let apart = (own - 2.0 * with_mean + self.by_model).max(0.0);
+            let off_variance = apart + rest + self.rest_variance();
+            if off * off > ANOTHER_GRIP_SIGMAS * ANOTHER_GRIP_SIGMAS * off_variance {
                 *self = Zeroable::zeroed();
             }
         }
-        let (kept, weight) = (1.0 / (1.0 + step_s / GRIP_S), step_s / variance);
+        let (kept, weight) = ((1.0 - step_s / GRIP_S).max(0.0), step_s / variance);
         self.weight = kept * self.weight + weight;
         self.weighted = kept * self.weighted + weight * measured.value;
         self.square = kept * self.square + weight * weight / step_s;
+        self.rest = kept * self.rest + weight * rest;
+        let share = weight / self.weight;
+        for (mean, own) in self.row.iter_mut().zip(row) {
+            *mean += share * (own - *mean);
+        }
+        // By recursion, because a product with P is most of a step's cost: θ is not updated while a load is carried.
+        let rest_share = 1.0 - share;
+        self.by_model = rest_share * rest_share * self.by_model
+            + 2.0 * rest_share * share * with_mean
+            + share * share * own;
+        self.by_model = self.by_model.max(0.0);
+    }
+
+    /// Variance of the mean besides the body model's part.
+    fn rest_variance(&self) -> f64 {
+        let covered_s = self.weight * self.weight / self.square;
+        self.rest / self.weight / (1.0 + covered_s / (2.0 * POSTURE_S))
     }
 
     /// Mean and variance of the mean, without a prior.
     fn mean(&self) -> [f64; 2] {
-        let covered_s = self.weight * self.weight / self.square;
-        let variance = covered_s / self.weight / (1.0 + covered_s / (2.0 * POSTURE_S));
-        [self.weighted / self.weight, variance]
+        [self.weighted / self.weight, self.by_model + self.rest_variance()]
     }
 
     /// Mean and variance, with a prior of this mean and 1-σ.
@@ -80,8 +137,10 @@ impl Coordinate {
     }
 
     fn is_sound(&self) -> bool {
+        let sums = [self.weight, self.square, self.rest, self.by_model];
         self.weighted.is_finite()
-            && [self.weight, self.square].iter().all(|sum| sum.is_finite() && *sum >= 0.0)
+            && self.row.iter().all(|value| value.is_finite())
+            && sums.iter().all(|sum| sum.is_finite() && *sum >= 0.0)
     }
 }
 
@@ -100,24 +159,31 @@ impl LoadPlace {
     }
 
     /// Ingests the position by the CoPs, `step_s` after the previous instant: η of the right hand (`None` for hands
-    /// close together), and the distance of the load ahead of the line between the grips, m.
-    pub fn update(&mut self, right: Option<Measured>, ahead_m: Measured, step_s: f64) {
+    /// close together), and the distance of the load ahead of the line between the grips, m. `times_covariance`
+    /// gives `P hᵀ` of the body model.
+    pub fn update(
+        &mut self,
+        right: Option<&ByModel>,
+        ahead_m: &ByModel,
+        step_s: f64,
+        times_covariance: impl Fn(&[f64; STATES]) -> [f64; STATES],
+    ) {
         if let Some(right) = right {
-            self.right.update(right, step_s);
+            self.right.update(right, step_s, &times_covariance);
         }
-        self.ahead.update(ahead_m, step_s);
+        self.ahead.update(ahead_m, step_s, &times_covariance);
     }
 
     /// η: hand load fractions, left and right; equal before a load is carried.
     pub fn eta(&self) -> [f64; 2] {
-        let [right, _] = self.right.posterior(0.5, EVEN_SIGMA);
+        let [right, _] = self.right.posterior(EVEN, EVEN_SIGMA);
         let right = right.clamp(0.0, 1.0);
         [1.0 - right, right]
     }
 
     /// 1-σ of η.
     pub fn eta_sigma(&self) -> f64 {
-        math::sqrt(self.right.posterior(0.5, EVEN_SIGMA)[1])
+        math::sqrt(self.right.posterior(EVEN, EVEN_SIGMA)[1])
     }
 
     /// Distance of the load ahead of the line between the grips, and its 1-σ, m.
@@ -136,13 +202,26 @@ impl LoadPlace {
 mod tests {
     use super::*;
 
+    /// θ with unit variance in its first state.
+    fn first_state(row: &[f64; STATES]) -> [f64; STATES] {
+        let mut spread = [0.0; STATES];
+        spread[0] = row[0];
+        spread
+    }
+
+    /// A value of whose variance this share is the body model's, with this sign.
+    fn by_model(value: f64, sigma: f64, share: f64) -> ByModel {
+        let mut row = [0.0; STATES];
+        row[0] = share.signum() * sigma * share.abs().sqrt();
+        ByModel { measured: Measured { value, sigma: sigma * (1.0 - share.abs()).sqrt() }, row }
+    }
+
     fn carry(seconds: f64, error: impl Fn(f64) -> f64, sigma: f64) -> LoadPlace {
         let mut place = LoadPlace::zeroed();
         for step in 0..(seconds * 60.0) as u32 {
             let time_s = f64::from(step) / 60.0;
-            let right = Measured { value: 0.7 + error(time_s), sigma };
-            let ahead = Measured { value: 0.04, sigma: 0.5 };
-            place.update(Some(right), ahead, 1.0 / 60.0);
+            let right = by_model(0.7 + error(time_s), sigma, 0.0);
+            place.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
         }
         place
     }
@@ -155,6 +234,23 @@ mod tests {
         assert!(long.eta_sigma() < 0.8 * short.eta_sigma(), "{} {}", long.eta_sigma(), short.eta_sigma());
         assert!((long.eta()[1] - 0.7).abs() < 2.0 * long.eta_sigma(), "{:?}", long.eta());
         assert!(long.is_sound() && short.is_sound());
+    }
+
+    #[test]
+    fn the_body_models_error_does_not_average_out_unless_the_postures_turn_it_round() {
+        let sigma_after_30_s = |share_at: fn(u32) -> f64| {
+            let mut place = LoadPlace::zeroed();
+            for step in 0..1800 {
+                let right = by_model(0.7, 0.05, share_at(step));
+                place.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
+            }
+            place.eta_sigma()
+        };
+        let one_posture = sigma_after_30_s(|_| 1.0);
+        assert!((one_posture - 0.0493).abs() < 1e-3, "0.05 and the prior's 0.289 together: {one_posture}");
+        let both_ways = sigma_after_30_s(|step| if step % 2 == 0 { 1.0 } else { -1.0 });
+        assert!(both_ways < 0.005, "{both_ways}");
+        assert!(sigma_after_30_s(|_| 0.0) < 0.5 * one_posture);
     }
 
     #[test]
@@ -174,11 +270,7 @@ mod tests {
     fn a_load_that_goes_to_the_other_hand_is_followed() {
         let mut place = carry(20.0, |_| 0.0, 0.05);
         for _ in 0..30 {
-            place.update(
-                Some(Measured { value: 0.0, sigma: 0.05 }),
-                Measured { value: 0.04, sigma: 0.5 },
-                1.0 / 60.0,
-            );
+            place.update(Some(&by_model(0.0, 0.05, 0.0)), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
         }
         assert!(place.eta()[1] < 0.1, "{:?}", place.eta());
     }
@@ -189,9 +281,10 @@ mod tests {
         let before = place.eta();
         for value in [f64::NAN, f64::INFINITY] {
             place.update(
-                Some(Measured { value, sigma: 0.1 }),
-                Measured { value: 0.0, sigma: f64::NAN },
+                Some(&by_model(value, 0.1, 0.5)),
+                &by_model(0.0, f64::NAN, 0.5),
                 1.0 / 60.0,
+                first_state,
             );
         }
         assert_eq!(place.eta(), before);

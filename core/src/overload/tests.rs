@@ -202,6 +202,41 @@ fn an_unsure_grip_counts_along_the_hand_and_across_it() {
 }
 
 #[test]
+fn an_unsure_share_of_a_load_that_accelerates_counts_with_its_horizontal_force() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    loading.grip_m[1].z -= 0.4;
+    loading.swing.force_n = [12.0, -5.0];
+    let torque = torques(&pose, &loading, &LoadingSigma { eta: 0.1, ..NO_SIGMA });
+    loading.eta = [loading.eta[0] - 0.1, loading.eta[1] + 0.1];
+    let moved = torques(&pose, &loading, &NO_SIGMA);
+    let shoulder = Joint::named("RightShoulder").unwrap().index();
+    let off_nm = moved[shoulder].torque_nm - torque[shoulder].torque_nm;
+    let [xx, xy, yy] = torque[shoulder].covariance_nm2;
+    let expected = [off_nm.x * off_nm.x, off_nm.x * off_nm.y, off_nm.y * off_nm.y];
+    for (found, expected) in [xx, xy, yy].into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+}
+
+#[test]
+fn a_hand_that_seems_empty_has_the_sigma_of_a_load_that_it_may_hold() {
+    let pose = t_pose();
+    let loading = Loading { eta: [1.0, 0.0], ..loaded(&pose, 60.0) };
+    let sigma = LoadingSigma { grip_m: [0.01; 3], load_ahead_m: [0.02, 0.0], eta: 0.2, ..NO_SIGMA };
+    let at_wrist = |sigma: &LoadingSigma| {
+        torques(&pose, &loading, sigma)[Joint::named("RightWrist").unwrap().index()].covariance_nm2
+    };
+    let only_eta = at_wrist(&LoadingSigma { eta: 0.2, ..NO_SIGMA });
+    let own = core::array::from_fn::<f64, 3, _>(|part| at_wrist(&sigma)[part] - only_eta[part]);
+    // 0.2 of 60 N, 10 mm along both axes and 20 mm more along x.
+    let expected = [12.0 * 12.0 * 1e-4, 0.0, 12.0 * 12.0 * 5e-4];
+    for (found, expected) in own.into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{own:?}");
+    }
+}
+
+#[test]
 fn the_foot_load_fraction_is_as_unsure_as_the_points_of_action_under_the_feet() {
     let pose = t_pose();
     let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()).y);

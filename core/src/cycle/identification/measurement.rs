@@ -230,7 +230,7 @@ impl Identification {
     }
 
     /// A row over all states: the parameters, then the stance offset on this axis.
-    pub(super) fn with_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
+    pub(in crate::cycle) fn with_stance(&self, rows: &Rows, axis: usize) -> [f64; STATES] {
         let mut row = self.without_stance(rows, axis);
         row[self.reduction.count() + axis] = 1.0;
         row

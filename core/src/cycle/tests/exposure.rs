@@ -219,7 +219,7 @@ fn levels_follow_table_1_where_the_torque_is_known_well() {
     // Long enough to determine the load's position in the hands.
     let bench = carrying(&person, 4000);
     let state = bench.state();
-    let mut told = 0;
+    let mut known = Vec::new();
     for joint in Joint::ALL {
         let index = joint.index();
         let magnitude_nm = Vector3::from(state.torque_nm[index]).norm();
@@ -228,11 +228,11 @@ fn levels_follow_table_1_where_the_torque_is_known_well() {
         let level = Level::from_number(state.joint_level[index]).unwrap();
         if of(magnitude_nm - sigma_nm) == of(magnitude_nm + sigma_nm) {
             assert_eq!(level, of(magnitude_nm), "{}", joint.name());
-            told += 1;
+            known.push(level);
         }
         assert_ne!(level, Level::None);
     }
-    assert!(told >= 10, "{told}");
+    assert!(known.contains(&Level::Green) && known.iter().any(|level| *level > Level::Green), "{known:?}");
 }
 
 #[test]
