@@ -2,6 +2,8 @@
 //!
 //! Works on the source text; comments and string literals are removed first.
 
+#[path = "architecture/language.rs"]
+mod language;
 #[path = "architecture/source.rs"]
 mod source;
 

@@ -124,15 +124,15 @@ mod tests {
         ) {
             let count = |sample: u32| sample * 240 / hz;
             let mut stride = Stride::default();
-            let (mut sample, mut dropped, mut told) = (0, 0, 0);
+            let (mut sample, mut dropped, mut counted) = (0, 0, 0);
             for (place, drop) in drops.iter().enumerate() {
                 // Enough gaps to determine the stride, and enough without loss to keep it.
                 let skipped = if place > REMEMBERED && place % 4 == 0 { drop.saturating_sub(9) } else { 0 };
-                told += stride.lost_in(count(sample + 1 + skipped) - count(sample));
+                counted += stride.lost_in(count(sample + 1 + skipped) - count(sample));
                 sample += 1 + skipped;
                 dropped += skipped;
             }
-            prop_assert_eq!(told, dropped);
+            prop_assert_eq!(counted, dropped);
         }
     }
 
@@ -153,17 +153,17 @@ mod tests {
         ) {
             // Every stamp is off by up to 5 % of a step; each seed sets the error, and whether stamps are omitted.
             let mut stride = TimeStride::of_rounded();
-            let (mut index, mut before, mut dropped, mut told) = (0u32, 0u32, 0, 0);
+            let (mut index, mut before, mut dropped, mut counted) = (0u32, 0u32, 0, 0);
             for (place, (jitter, drop)) in seeds.iter().enumerate() {
                 // Some runs are complete, including the first: the stride cannot be determined without one.
                 let skipped = if place % 16 > 4 && *drop < 3 { drop + 1 } else { 0 };
                 index += 1 + skipped;
                 dropped += skipped;
                 let stamp = index * step + step * jitter / 2000;
-                told += stride.lost_in(stamp - before);
+                counted += stride.lost_in(stamp - before);
                 before = stamp;
             }
-            prop_assert_eq!(told, dropped);
+            prop_assert_eq!(counted, dropped);
         }
     }
 }

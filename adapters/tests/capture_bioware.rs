@@ -96,13 +96,13 @@ fn the_eight_channels_of_a_real_plate_give_the_rows_that_were_computed_elsewhere
             "time (s)\tfx12 (N)\tfx34 (N)\tfy14 (N)\tfy23 (N)\tfz1 (N)\tfz2 (N)\tfz3 (N)\tfz4 (N)\n0\t{channels}\n"
         );
         let sample = read(&text, BioWareSettings { sensor_offsets_m: Some(offsets_m), ..kistler() })[0];
-        let told = |name: &str| row[name].as_f64().unwrap();
+        let reported = |name: &str| row[name].as_f64().unwrap();
         let [x, y] = sample.cop_m().unwrap();
         // The person's x is the plate's; y has the opposite sign.
-        assert!((x - told("ax")).abs() < 1e-6 && (y + told("ay")).abs() < 1e-6, "{row} {sample:?}");
-        let force_n = [-told("Fx"), told("Fy"), told("Fz")];
+        assert!((x - reported("ax")).abs() < 1e-6 && (y + reported("ay")).abs() < 1e-6, "{row} {sample:?}");
+        let force_n = [-reported("Fx"), reported("Fy"), reported("Fz")];
         assert!(sample.force_n.iter().zip(force_n).all(|(a, b)| (a - b).abs() < 1e-9), "{row} {sample:?}");
-        assert!((sample.moment_nm[2] - told("Mz")).abs() < 1e-9);
+        assert!((sample.moment_nm[2] - reported("Mz")).abs() < 1e-9);
         compared += 1;
     }
     assert!(compared >= 3, "{compared}");
@@ -159,8 +159,8 @@ fn of_two_plates_one_must_be_named() {
 fn what_is_no_export_is_refused_and_what_is_no_row_is_counted() {
     assert_eq!(refusal("", kistler()), BioWareError::NoHead);
     assert_eq!(refusal(&"nothing\n".repeat(1000), kistler()), BioWareError::NoHead);
-    let told = refusal("time (s)\tFz (N)\n0\t1\n", kistler()).to_string();
-    assert!(told.contains("there are time, fz"), "{told}");
+    let reported = refusal("time (s)\tFz (N)\n0\t1\n", kistler()).to_string();
+    assert!(reported.contains("there are time, fz"), "{reported}");
     let channels = "time (s)\tfx12 (N)\tfx34 (N)\tfy14 (N)\tfy23 (N)\tfz1 (N)\tfz2 (N)\tfz3 (N)\tfz4 (N)\n";
     assert_eq!(refusal(channels, kistler()), BioWareError::NoOffsets { line: 1 });
 
@@ -168,9 +168,9 @@ fn what_is_no_export_is_refused_and_what_is_no_row_is_counted() {
         + "0.001\t1\t2\t3\t4\t5\t6\t7\n0.002\tnan\t2\t3\t4\t5\t6\t7\n0.003\t1\t2\n\n0.004\t1e9\t2\t3\t4\t5\t6\t7\n0.005\t1\t2\t3\t4\t5\t6\t7\n";
     let mut capture = BioWareCapture::new(text.as_bytes(), kistler()).unwrap();
     assert_eq!(capture.by_ref().count(), 3);
-    let told = "1 implausible (first at line 12), 1 not_a_number (first at line 9), 1 time_not_increasing (first at \
+    let reported = "1 implausible (first at line 12), 1 not_a_number (first at line 9), 1 time_not_increasing (first at \
                 line 8), 1 unreadable_row (first at line 10)";
-    assert_eq!(capture.rejected().to_string(), told);
+    assert_eq!(capture.rejected().to_string(), reported);
     let endless = EXPORT.to_owned() + &"7".repeat(1 << 20);
     assert_eq!(BioWareCapture::new(endless.as_bytes(), kistler()).unwrap().count(), 2);
 }

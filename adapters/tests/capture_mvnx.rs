@@ -213,9 +213,9 @@ fn both_versions_and_any_order_give_the_same_samples() {
         let known = positions(time_s);
         for segment in Segment::ALL {
             let place = segment.index();
-            let told = sample.orientation_wxyz[place];
-            let cosine: f64 = told.iter().zip(orientation(segment, time_s)).map(|(a, b)| a * b).sum();
-            assert!(cosine > 1.0 - 1e-9, "{segment:?}: {told:?}");
+            let reported = sample.orientation_wxyz[place];
+            let cosine: f64 = reported.iter().zip(orientation(segment, time_s)).map(|(a, b)| a * b).sum();
+            assert!(cosine > 1.0 - 1e-9, "{segment:?}: {reported:?}");
             assert!((sample.position_m[place][1] - known[place][1]).abs() < 1e-6);
             assert_eq!(sample.velocity_m_per_s[place][..2], [1.0, place as f64]);
             assert_eq!(sample.acceleration_m_per_s2[place][..2], [2.0, place as f64]);
@@ -299,7 +299,7 @@ fn frames_that_cannot_be_used_are_counted_with_their_line() {
     let (samples, rejected, fault) = read(&text);
     assert_eq!((samples.len(), fault), (1, None));
     let line = text[..text.find("0.1 x 0.9").unwrap()].lines().count() - 8;
-    for told in [
+    for reported in [
         format!("not_a_number (first at line {line})"),
         "1 time_not_increasing".to_owned(),
         "2 wrong_count".to_owned(),
@@ -308,7 +308,7 @@ fn frames_that_cannot_be_used_are_counted_with_their_line() {
         "1 no_pose".to_owned(),
         "1 not_a_rotation".to_owned(),
     ] {
-        assert!(rejected.contains(&told), "{told}: {rejected}");
+        assert!(rejected.contains(&reported), "{reported}: {rejected}");
     }
 }
 
@@ -355,8 +355,8 @@ fn bombs_do_not_go_off() {
     assert!(refusal(&deep).to_string().contains("within each other"));
     let long = head(V4) + &"7".repeat(300_000);
     assert!(refusal(&long).to_string().contains("more than 262144 bytes"), "{}", refusal(&long));
-    let told = refusal(&(head(V4) + "</" + &"x".repeat(5000) + ">")).to_string();
-    assert!(told.len() < 400, "{told}");
+    let reported = refusal(&(head(V4) + "</" + &"x".repeat(5000) + ">")).to_string();
+    assert!(reported.len() < 400, "{reported}");
     let many = head(V4).replace("</segments>", &("<segment label=\"x\"/>".repeat(60) + "</segments>"));
     assert!(refusal(&many).to_string().contains("more than 64 segments"));
     let points = head(V4).replacen("</points>", &("<point label=\"x\"/>".repeat(80) + "</points>"), 1);
@@ -367,15 +367,15 @@ fn bombs_do_not_go_off() {
 fn a_file_cut_anywhere_gives_the_frames_before_the_cut() {
     let text = file(V3, 4);
     let whole = read(&text).0;
-    let mut told = 0;
+    let mut reported = 0;
     for length in (0..text.len()).step_by(17) {
         let Ok(mut capture) = MvnxCapture::new(&text.as_bytes()[..length]) else { continue };
         let samples: Vec<_> = capture.by_ref().collect();
         assert!(whole.starts_with(&samples), "cut at {length}");
         assert!(samples.len() == 4 || capture.fault().is_some(), "cut at {length}");
-        told += 1;
+        reported += 1;
     }
-    assert!(told > 100, "{told}");
+    assert!(reported > 100, "{reported}");
 }
 
 proptest! {
@@ -432,9 +432,9 @@ fn a_real_file_of_version_3() {
         for place in 0..SEGMENTS {
             for axis in 0..3 {
                 let moved = (pair[1].position_m[place][axis] - pair[0].position_m[place][axis]) * 240.0;
-                let told =
+                let reported =
                     (pair[0].velocity_m_per_s[place][axis] + pair[1].velocity_m_per_s[place][axis]) / 2.0;
-                assert!((moved - told).abs() < 0.05, "{place} {axis}: {moved} {told}");
+                assert!((moved - reported).abs() < 0.05, "{place} {axis}: {moved} {reported}");
             }
         }
     }

@@ -120,7 +120,7 @@ fn lines_over_tcp_are_samples_and_a_connection_that_breaks_is_made_again() {
 }
 
 #[test]
-fn a_described_device_is_asked_answers_and_is_told_the_end() {
+fn a_described_device_gets_its_start_and_stop_commands() {
     let device = UdpSocket::bind("127.0.0.1:0").unwrap();
     device.set_read_timeout(Some(PATIENCE)).unwrap();
     let place = |at, number| Place::new(at, number, Endian::Big);

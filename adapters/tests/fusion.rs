@@ -47,17 +47,17 @@ fn two_plates_with_clocks_of_their_own_are_the_whole_while_a_box_is_lifted() {
     }
     assert!(fused.len() > 2950, "{}", fused.len());
     let mut worst = [0.0_f64; 4];
-    for told in fused.iter().step_by(7) {
-        let time_s = told.sample_time_ns as f64 * 1e-9;
+    for reported in fused.iter().step_by(7) {
+        let time_s = reported.sample_time_ns as f64 * 1e-9;
         let feet = ground_reaction_per_foot(&worker, time_s, PRESS_M.map(Vector2::from));
         let truth = ground_sample(&feet);
-        let off = |told: &[f64], truth: &[f64]| {
-            told.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        let off = |reported: &[f64], truth: &[f64]| {
+            reported.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
-        worst[0] = worst[0].max(off(&told.force_n, &truth.force_n));
-        worst[1] = worst[1].max(off(&told.moment_nm, &truth.moment_nm));
-        worst[2] = worst[2].max(off(&told.cop_m().unwrap(), &truth.cop_m().unwrap()));
-        let (by_foot, true_feet) = (told.feet().unwrap(), truth.feet().unwrap());
+        worst[0] = worst[0].max(off(&reported.force_n, &truth.force_n));
+        worst[1] = worst[1].max(off(&reported.moment_nm, &truth.moment_nm));
+        worst[2] = worst[2].max(off(&reported.cop_m().unwrap(), &truth.cop_m().unwrap()));
+        let (by_foot, true_feet) = (reported.feet().unwrap(), truth.feet().unwrap());
         worst[3] = worst[3].max(off(&by_foot.vertical_n, &true_feet.vertical_n));
     }
     println!("worst: {:.3} N, {:.4} N m, {:.6} m, {:.3} N a foot", worst[0], worst[1], worst[2], worst[3]);

@@ -251,8 +251,8 @@ fn messages_with_impossible_numbers_are_left_out_and_counted_at_the_end() {
     let mut entries = recording.entries();
     let times = entries.by_ref().take(2).map(|entry| entry.unwrap().log_time_ns);
     assert_eq!(times.collect::<Vec<_>>(), [1, 3]);
-    let told = entries.next().unwrap().unwrap_err();
-    assert!(matches!(told, ReadError::Impossible { count: 3, .. }), "{told}");
+    let reported = entries.next().unwrap().unwrap_err();
+    assert!(matches!(reported, ReadError::Impossible { count: 3, .. }), "{reported}");
     assert!(entries.next().is_none());
 }
 

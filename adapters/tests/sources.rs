@@ -99,7 +99,7 @@ fn a_port_that_is_listened_to_is_held_by_what_was_accepted() {
         }
         panic!("nothing came");
     };
-    assert!(sent(&stray, false) && sent(&device, false), "nobody holds it yet");
+    assert!(sent(&stray, false) && sent(&device, false), "no sender holds it yet");
     assert!(sent(&device, true) && !sent(&stray, true) && sent(&device, false));
 }
 
@@ -138,7 +138,7 @@ fn device(socket: &UdpSocket) -> Vec<Command> {
 }
 
 #[test]
-fn a_plate_is_asked_until_it_streams_and_told_to_stop() {
+fn a_plate_is_requested_until_it_streams_and_then_stopped() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = socket.local_addr().unwrap();
     let played = std::thread::spawn(move || device(&socket));

@@ -108,7 +108,7 @@ pub enum BusError {
         most: usize,
     },
     /// No process serves commands.
-    #[error("nobody answers on {service}: no daemon runs on this station; start `equipoise run`")]
+    #[error("no answer on {service}: no daemon runs on this station; start `equipoise run`")]
     NoDaemon {
         /// Full name of the service.
         service: String,

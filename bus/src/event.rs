@@ -21,7 +21,7 @@ pub const EVENTS_SCHEMA: &str = "events/1";
 pub enum Channel {
     /// `…/wake`: wakes the daemon's ingress, as soon as a sample is published or a command is sent.
     Inputs,
-    /// `…/events`: wakes whoever consumes results, once per cycle.
+    /// `…/events`: wakes the consumers of results, once per cycle.
     Results,
 }
 
@@ -79,7 +79,7 @@ events! {
     NewCheckpoint = 6,
     /// An adapter's health was published.
     NewHealth = 7,
-    /// A notifier was killed and has been cleaned up; nobody sends this one.
+    /// A notifier was killed and has been cleaned up; no process sends this one.
     NotifierDied = 8,
     /// What is measured is no longer what the model predicts of this worker; the status says where.
     ModelNoLongerExplains = 9,

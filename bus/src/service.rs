@@ -1,6 +1,6 @@
 //! The table of services: what is shared on a station, how often, how deep, and who writes it.
 //!
-//! Every limit is fixed by whoever opens a service first, so all of them stand here and nowhere else.
+//! The first process that opens a service fixes its limits, so all of them are defined here.
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
@@ -42,7 +42,7 @@ pub struct Service {
     pub writer: &'static str,
     /// How many write at once, hand-over apart.
     pub writers: usize,
-    /// Whether more are refused even for a hand-over: while one lives, nobody else may say the same thing.
+    /// Whether more are refused even for a hand-over: while one lives, no other process may publish the same data.
     pub exclusive: bool,
     /// How often, in words.
     pub rate: &'static str,

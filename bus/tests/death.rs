@@ -54,7 +54,7 @@ fn a_killed_reader_is_not_noticed_until_it_is_cleaned_up() {
         for cycle in 0..1000 {
             publisher.send(&state(cycle)).unwrap();
         }
-        assert_eq!(publisher.subscriber_count(), 1, "nobody cleans up behind our back");
+        assert_eq!(publisher.subscriber_count(), 1, "no other process cleans up");
         // Only one clean-up at a time runs in a process, and the test that runs in parallel cleans up too.
         until("it is cleaned up", || bus.clean_up_dead_nodes() == 1);
         assert_eq!(publisher.subscriber_count(), 0);
@@ -82,7 +82,7 @@ fn a_daemon_killed_and_restarted_is_found_by_running_peers() {
         assert!(matches!(error, BusError::NoAnswer { .. } | BusError::NoDaemon { .. }), "{error}");
         while states.latest().unwrap().is_some() {}
     }
-    until("its death is told", || {
+    until("its death is reported", || {
         bus.clean_up_dead_nodes();
         events.wait(Duration::from_millis(5)).unwrap().contains(Event::NotifierDied)
     });
@@ -110,7 +110,7 @@ fn what_was_killed_while_it_joined_is_cleared_away_once_it_is_old() {
 
 /// A reader is killed between creating the memory of a connection and setting its size: iceoryx2 would wait for ever.
 #[test]
-fn a_connection_that_never_got_its_size_keeps_nobody_from_clearing_away() {
+fn an_unfinished_connection_does_not_prevent_cleanup() {
     let root = root();
     let bus = join(root.path(), "writer");
     let publisher = bus.publisher::<State>().unwrap();

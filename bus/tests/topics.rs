@@ -79,7 +79,7 @@ fn a_silent_writer_can_still_serve_a_late_reader() {
 }
 
 #[test]
-fn a_stuck_reader_blocks_nobody_and_then_sees_the_newest() {
+fn a_stuck_reader_does_not_block_the_writer_and_then_receives_the_newest() {
     let root = root();
     let bus = join(root.path(), "both");
     let publisher = bus.publisher::<CycleRecord>().unwrap();
@@ -133,7 +133,7 @@ fn a_sensor_s_stream_has_one_writer_and_no_second_while_it_lives() {
 }
 
 #[test]
-fn the_table_tells_every_service_and_fits_into_memory() {
+fn the_table_lists_every_service_and_fits_into_memory() {
     let text = Table.to_string();
     for row in TABLE {
         assert!(text.contains(&format!("`{}`", row.suffix)), "{text}");
@@ -151,12 +151,12 @@ fn the_table_does_not_understate_the_memory() {
     let segments = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let ours = segments.filter(|file| file.file_name().to_string_lossy().starts_with(&prefix));
     let largest = ours.map(|file| file.metadata().unwrap().len()).max().unwrap() as usize;
-    let told = State::SERVICE.memory_bytes();
-    assert!(largest <= told && largest > told * 9 / 10, "{largest} of {told} bytes");
+    let reported = State::SERVICE.memory_bytes();
+    assert!(largest <= reported && largest > reported * 9 / 10, "{largest} of {reported} bytes");
 }
 
 #[test]
-fn every_service_has_a_place_more_than_writers_and_who_wrote_is_told() {
+fn every_service_has_one_slot_more_than_writers_and_names_the_writer() {
     let root = root();
     let bus = join(root.path(), "both");
     let mut reader = bus.subscriber::<PickUp>(32).unwrap();
@@ -169,11 +169,11 @@ fn every_service_has_a_place_more_than_writers_and_who_wrote_is_told() {
         error,
         BusError::Full { service: "equipoise/test/pickup".to_owned(), what: "publisher", most }
     );
-    let mut told = std::collections::BTreeSet::new();
+    let mut reported = std::collections::BTreeSet::new();
     for writer in &writers {
         writer.send(&patterned(1)).unwrap();
         reader.receive().unwrap().unwrap();
-        told.insert(reader.writer());
+        reported.insert(reader.writer());
     }
-    assert_eq!(told.len(), most);
+    assert_eq!(reported.len(), most);
 }

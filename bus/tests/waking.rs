@@ -77,13 +77,13 @@ fn a_command_wakes_the_daemon_and_is_answered() {
 }
 
 #[test]
-fn without_a_daemon_the_client_is_told_so() {
+fn without_a_daemon_the_client_gets_an_error() {
     let root = root();
     let client = join(root.path(), "client").command_client().unwrap();
     let error = client.ask(&command(CommandKind::Tare), PATIENCE).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "nobody answers on equipoise/test/command: no daemon runs on this station; start `equipoise run`"
+        "no answer on equipoise/test/command: no daemon runs on this station; start `equipoise run`"
     );
 }
 
@@ -97,5 +97,5 @@ fn a_command_given_up_is_never_carried_out() {
         let error = client.ask(&command(CommandKind::Tare), Duration::from_millis(5)).unwrap_err();
         assert!(matches!(error, BusError::NoAnswer { .. }), "{error}");
     }
-    while server.poll(|_| panic!("nobody waits for this")).unwrap() {}
+    while server.poll(|_| panic!("no request was sent")).unwrap() {}
 }

@@ -55,16 +55,16 @@ extern "C" {
 #define EQUIPOISE_REASON_PLATE_FAULT (UINT64_C(1) << 11)
 /* The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either. */
 #define EQUIPOISE_REASON_COP_NOT_MEASURED (UINT64_C(1) << 12)
-/* The external force is below what can be told in quick motion, and a load may hide there: nobody knows whether
-   something is carried. */
+/* The external force is below the detection limit in quick motion, where a load is possible: it is unknown
+   whether something is carried. */
 #define EQUIPOISE_REASON_LOAD_MAY_HIDE (UINT64_C(1) << 13)
-/* Where the worker stands on the plate is not known: the suit was started anew, or was silent for long. */
+/* Where the worker stands on the plate is not known: the suit was restarted, or was silent for long. */
 #define EQUIPOISE_REASON_PLACE_UNKNOWN (UINT64_C(1) << 14)
 /* What the ground's devices show no body does, or no working device: a reading that leaps, repeats, or pulls. */
 #define EQUIPOISE_REASON_GROUND_IMPLAUSIBLE (UINT64_C(1) << 15)
 /* What the suit shows no body does, or no working suit: poses that repeat, leap, or come apart at the joints. */
 #define EQUIPOISE_REASON_SUIT_IMPLAUSIBLE (UINT64_C(1) << 16)
-/* The ground carries less than the body weighs: a foot beside the plate, a hand that leans on something, or a
+/* The ground carries less than the body weighs: a foot off the plate, a hand that leans on something, or a
    device whose gain is another than before. */
 #define EQUIPOISE_REASON_WEIGHT_MISSING (UINT64_C(1) << 17)
 
@@ -249,7 +249,7 @@ typedef struct equipoise_state {
     uint32_t motion_samples_used;
     /* Where zeta comes from: an enum equipoise_sharing. */
     uint32_t sharing_source;
-    /* Index of the joint that comes closest to its limit; UINT32_MAX while no torque is told. */
+    /* Index of the joint that comes closest to its limit; UINT32_MAX while no torque is published. */
     uint32_t worst_joint;
     /* Lifts that entered the cumulative dose. */
     uint32_t lifts;
@@ -257,7 +257,7 @@ typedef struct equipoise_state {
     uint32_t body_source;
     /* Where the outline of the soles comes from: an enum equipoise_sole. */
     uint32_t sole_source;
-    /* Why the build that the suit told last is not used: an enum equipoise_body_refused. */
+    /* Why the body dimensions that the suit sent last are not used: an enum equipoise_body_refused. */
     uint32_t body_refused;
     /* What this station's sensors do not give: EQUIPOISE_NOT_GIVEN_…. Those values are zero and mean nothing,
        whatever valid says. */

@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_suit_that_does_not_drift_is_followed_wherever_it_says_the_worker_is() {
+    fn a_suit_without_drift_is_followed_to_any_position() {
         let mut anchor: Anchor = Zeroable::zeroed();
         anchor.follow(&standing(Vector3::new(0.0, 0.0, 0.96)));
         let moved = anchor.follow(&standing(Vector3::new(0.2, -0.1, 0.96)));

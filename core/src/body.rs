@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_bear_the_names_of_their_segments() {
+    fn joints_have_the_names_of_their_segments() {
         assert_eq!(Joint::named("RightElbow").map(Joint::segment), Some(RightForearm));
         assert_eq!(Joint::named("LeftHip").map(Joint::segment), Some(LeftUpperLeg));
         assert_eq!(L5.proximal_joint().map(Joint::name), Some("L5S1"));

@@ -110,8 +110,8 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
         memory.take_in(settings, &aligned);
     }
     let stands = !memory.findings().any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));
-    let told_ns = memory.known.suit_sample_time_ns;
-    memory.identification.plan_one(told_ns, stands, memory.build.body(), settings);
+    let published_ns = memory.known.suit_sample_time_ns;
+    memory.identification.plan_one(published_ns, stands, memory.build.body(), settings);
     memory.tell(settings, tick);
     &memory.state
 }
@@ -147,7 +147,7 @@ impl Memory {
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
-                self.asked.begin_anew();
+                self.asked.restart();
                 // The measured mass may have been wrong.
                 self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
                 self.identification.learning = 1;
@@ -173,14 +173,14 @@ impl Memory {
             CommandKind::Reload => {
                 // Filters and the static pose window contain results of the previous model.
                 self.terms.restart();
-                self.asked.begin_anew();
+                self.asked.restart();
                 self.window.clear();
                 self.history.clear();
                 self.unloaded.forget();
                 self.model_changed_ns = tick.due_ns;
             }
             CommandKind::SubjectLoad => {
-                self.asked.begin_anew();
+                self.asked.restart();
                 // The window contains poses of the previous subject.
                 self.window.clear();
                 self.history.clear();
@@ -200,12 +200,12 @@ impl Memory {
         let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
         // The newest samples may still wait for the ground; the results belong to the samples processed so far.
-        let told_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
+        let published_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
         let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
         let suit_period_ns = self.alignment.suit_period_ns();
         let patience_ns = self.patience_ns(settings, tick);
         let suit_stale = stale(beyond(suit_age_ns, self.suit_latency_ns(settings, tick)), suit_period_ns)
-            || stale(beyond(told_age_ns, patience_ns + settings.half_window_ns()), suit_period_ns);
+            || stale(beyond(published_age_ns, patience_ns + settings.half_window_ns()), suit_period_ns);
         let ground_stale =
             stale(beyond(ground_age_ns, settings.ground_latency_ns), self.alignment.ground_period_ns());
         if suit_stale && !ground_stale {
@@ -265,12 +265,12 @@ impl Memory {
             state.static_pose = 0;
         }
         self.state = self.known;
-        blank_spoilt(&mut self.state, settings, &mut self.exposure.levels);
+        mask_invalid(&mut self.state, settings, &mut self.exposure.levels);
     }
 }
 
 /// Sets invalid values to zero, so that no consumer can act on values of a stale sensor.
-fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
+fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_COP_MEASURED) {
         state.cop_measured_m = [0.0; 2];
@@ -300,7 +300,7 @@ fn blank_spoilt(state: &mut State, settings: &Settings, levels: &mut Levels) {
     } else {
         monitoring::colour(state, settings, levels);
     }
-    exposure::blank_spoilt(state);
+    exposure::mask_invalid(state);
 }
 
 #[cfg(test)]

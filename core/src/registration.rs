@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_still_tells_the_place_and_no_heading() {
+    fn standing_determines_the_place_and_not_the_heading() {
         let mut fit: PlanarFit = Zeroable::zeroed();
         fit.start(core::f64::consts::PI);
         for _ in 0..100 {
@@ -229,7 +229,7 @@ mod tests {
         let [x, y] = fit.image_m([2.0, -1.0]);
         assert!((x - 0.1).abs() < 1e-9 && (y - 0.2).abs() < 1e-9);
         assert!(fit.variance_m2([2.0, -1.0])[0] < 1.1e-6);
-        assert!(fit.variance_m2([2.5, -1.0])[0] > 0.01, "half a metre beside it anything is possible");
+        assert!(fit.variance_m2([2.5, -1.0])[0] > 0.01, "half a metre off, the fit is free");
     }
 
     #[test]

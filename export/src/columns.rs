@@ -187,6 +187,6 @@ mod tests {
         assert_eq!(of(&state, "cop_measured_m_x"), None);
         assert_eq!(of(&state, "torque_nm_L5S1_y"), None);
         assert_eq!(of(&state, "valid_names"), Some(Value::Text("ground_stale".to_owned())));
-        assert_eq!(of(&state, "lifts"), Some(Value::U32(0)), "what has added up is always told");
+        assert_eq!(of(&state, "lifts"), Some(Value::U32(0)), "sums are always published");
     }
 }

@@ -27,7 +27,7 @@ use rules::Exported;
 /// Which messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Topic {
-    /// What the loop told, a row a cycle
+    /// Published states, a row a cycle
     State,
     /// Samples of the suit
     Suit,
@@ -39,7 +39,7 @@ pub enum Topic {
 
 /// What became of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Told {
+pub struct Summary {
     /// Rows written.
     pub rows: u64,
     /// Columns of each.
@@ -52,18 +52,18 @@ pub struct Told {
 ///
 /// # Errors
 /// The recording cannot be read or has no such message, an unknown ending, a file that cannot be written.
-pub fn export(recording: &Path, topic: Topic, out: &Path) -> anyhow::Result<Told> {
+pub fn export(recording: &Path, topic: Topic, out: &Path) -> anyhow::Result<Summary> {
     let form = Form::of(out)?;
     let recording = Recording::open(recording).with_context(|| recording.display().to_string())?;
-    let part = Part::beside(out)?;
-    let told = match topic {
+    let part = Part::next_to(out)?;
+    let summary = match topic {
         Topic::State => write::<State>(&recording, form, &part, "state"),
         Topic::Suit => write::<SuitSample>(&recording, form, &part, "sample of a suit"),
         Topic::Ground => write::<GroundSample>(&recording, form, &part, "sample of the ground"),
         Topic::Cycle => write::<CycleRecord>(&recording, form, &part, "cycle record"),
     }?;
     part.take_place(out)?;
-    Ok(told)
+    Ok(summary)
 }
 
 /// What kind of table a name asks for.
@@ -84,32 +84,33 @@ impl Form {
     }
 }
 
-fn write<M: Exported>(recording: &Recording, form: Form, part: &Part, what: &str) -> anyhow::Result<Told> {
+fn write<M: Exported>(recording: &Recording, form: Form, part: &Part, what: &str) -> anyhow::Result<Summary> {
     let columns = columns::<M>();
     let mut sink = sink::<M>(recording.header(), form, part.file()?, &columns)?;
     let started_ns = recording.header().started_monotonic_ns;
-    let mut told = Told { rows: 0, columns: columns.len(), rejected: Vec::new() };
+    let mut summary = Summary { rows: 0, columns: columns.len(), rejected: Vec::new() };
     for timed in recording.entries() {
         match timed {
             Ok(timed) => {
                 if let Some(message) = M::of(&timed.entry) {
-                    told.rows += 1;
+                    summary.rows += 1;
                     sink.write(&Row::of(message, &columns, started_ns))?;
                 }
             }
-            Err(damage) => told.rejected.push(damage.to_string()),
+            Err(damage) => summary.rejected.push(damage.to_string()),
         }
     }
     if recording.truncated() {
         let cut = "the recording was cut short: what came after its last whole chunk is not there";
-        told.rejected.push(cut.to_owned());
+        summary.rejected.push(cut.to_owned());
     }
-    if told.rows == 0 {
-        let told: String = told.rejected.iter().map(|told| format!("\nrejected: {told}")).collect();
-        bail!("there is no {what} in it{told}");
+    if summary.rows == 0 {
+        let summary: String =
+            summary.rejected.iter().map(|summary| format!("\nrejected: {summary}")).collect();
+        bail!("there is no {what} in it{summary}");
     }
     sink.finish()?;
-    Ok(told)
+    Ok(summary)
 }
 
 /// Where rows go.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use equipoise_export::{Told, Topic, export};
+use equipoise_export::{Summary, Topic, export};
 
 /// Write the messages of a recording as a table: Parquet or CSV
 ///
@@ -26,7 +26,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     match export(&arguments.file, arguments.topic, &arguments.out) {
-        Ok(told) => tell(&arguments, &told),
+        Ok(summary) => tell(&arguments, &summary),
         Err(error) => {
             eprintln!("equipoise-export: {error:#}");
             ExitCode::FAILURE
@@ -34,10 +34,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn tell(arguments: &Arguments, told: &Told) -> ExitCode {
-    println!("{}: {} rows of {} columns", arguments.out.display(), told.rows, told.columns);
-    for what in &told.rejected {
+fn tell(arguments: &Arguments, summary: &Summary) -> ExitCode {
+    println!("{}: {} rows of {} columns", arguments.out.display(), summary.rows, summary.columns);
+    for what in &summary.rejected {
         eprintln!("rejected: {what}");
     }
-    if told.rejected.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(3) }
+    if summary.rejected.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(3) }
 }

@@ -132,7 +132,7 @@ impl Values {
         }
     }
 
-    /// Writes them and begins anew.
+    /// Writes them and begins again.
     fn write(&mut self, column: &mut SerializedColumnWriter<'_>) -> anyhow::Result<()> {
         let there = Some(self.there.as_slice());
         match &mut self.values {

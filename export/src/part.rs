@@ -19,7 +19,7 @@ pub(super) struct Part {
 
 impl Part {
     /// Creates the file next to the result: the result's name, the process ID, `.part`.
-    pub(super) fn beside(out: &Path) -> anyhow::Result<Part> {
+    pub(super) fn next_to(out: &Path) -> anyhow::Result<Part> {
         let mut name: OsString = out.as_os_str().to_owned();
         name.push(format!(".{}.part", std::process::id()));
         let path = PathBuf::from(name);

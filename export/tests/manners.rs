@@ -33,7 +33,7 @@ fn export(recording: &Path, out: &Path) -> Output {
 #[test]
 fn the_subject_is_who_was_in_use() {
     let folder = tempfile::tempdir().unwrap();
-    for (number, (subject, later, told)) in [
+    for (number, (subject, later, reported)) in [
         ("", &[][..], "configured"),
         ("anon-1", &[], "anon-1"),
         ("anon-1", &["anon-77", "anon-1"], "anon-1, anon-77"),
@@ -48,7 +48,7 @@ fn the_subject_is_who_was_in_use() {
         let reader = SerializedFileReader::new(std::fs::File::open(&out).unwrap()).unwrap();
         let pairs = reader.metadata().file_metadata().key_value_metadata().unwrap();
         let found = pairs.iter().find(|pair| pair.key == "equipoise.subject").unwrap();
-        assert_eq!(found.value.as_deref(), Some(told));
+        assert_eq!(found.value.as_deref(), Some(reported));
     }
 }
 

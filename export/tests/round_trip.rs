@@ -108,7 +108,7 @@ fn read_parquet(path: &Path) -> (Vec<Row>, BTreeMap<String, String>) {
     let pairs = reader.metadata().file_metadata().key_value_metadata().unwrap();
     let footer = pairs.iter().map(|pair| (pair.key.clone(), pair.value.clone().unwrap())).collect();
     let there = |(name, value): (&String, &Field)| {
-        let told = match value {
+        let reported = match value {
             // CSV does not distinguish an empty text from a missing one.
             Field::Null => return None,
             Field::Str(text) if text.is_empty() => return None,
@@ -118,15 +118,15 @@ fn read_parquet(path: &Path) -> (Vec<Row>, BTreeMap<String, String>) {
             Field::Str(text) => text.clone(),
             other => panic!("{name}: {other:?}"),
         };
-        Some((name.clone(), told))
+        Some((name.clone(), reported))
     };
     let rows = reader.get_row_iter(None).unwrap();
     (rows.map(|row| row.unwrap().get_column_iter().filter_map(there).collect()).collect(), footer)
 }
 
 fn read_csv(path: &Path) -> Vec<Row> {
-    let told = std::fs::read_to_string(path).unwrap();
-    let mut lines = told.lines();
+    let reported = std::fs::read_to_string(path).unwrap();
+    let mut lines = reported.lines();
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
     let row = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
@@ -214,10 +214,10 @@ fn a_table_of_states_is_their_json() {
         let t_s = (state.time_ns - STARTED_NS) as f64 / 1e9;
         let json = serde_json::to_value(StateJson::new(state, t_s)).unwrap();
         for (column, path) in &pairs {
-            let told = row.get(column).map(|told| told.parse::<f64>().unwrap());
+            let reported = row.get(column).map(|reported| reported.parse::<f64>().unwrap());
             let said = json.pointer(&format!("/{}", path.join("/"))).map(|value| value.as_f64().unwrap());
-            assert_eq!(told.map(f64::to_bits), said.map(f64::to_bits), "{column} {:?}", json["valid"]);
-            if told.is_some() { there += 1 } else { withheld += 1 }
+            assert_eq!(reported.map(f64::to_bits), said.map(f64::to_bits), "{column} {:?}", json["valid"]);
+            if reported.is_some() { there += 1 } else { withheld += 1 }
         }
         assert_eq!(row["phase_name"], json["phase"].as_str().unwrap());
         let names: Vec<&str> =

@@ -157,13 +157,13 @@ fn record_skipped(times_ns: &mut Histogram<u64>, time_ns: u64, period_ns: u64, s
         return;
     }
     // Beyond this number every value saturates, so the rest is recorded in one call.
-    let told_apart = skipped.min(HIGHEST_NS / period_ns);
-    for n in 1..=told_apart {
+    let distinct = skipped.min(HIGHEST_NS / period_ns);
+    for n in 1..=distinct {
         times_ns.saturating_record(time_ns.saturating_add(n.saturating_mul(period_ns)));
     }
     // Recording a value zero times would still make it the maximum.
-    if skipped > told_apart {
-        times_ns.saturating_record_n(HIGHEST_NS, skipped - told_apart);
+    if skipped > distinct {
+        times_ns.saturating_record_n(HIGHEST_NS, skipped - distinct);
     }
 }
 

@@ -71,7 +71,7 @@ stages! {
     SuitIngress = "suit.ingress", SuitTaken: suit_published_ns => suit_ingress_ns;
     /// The ring and the wait for the next cycle.
     SuitWait = "suit.wait", SuitTaken: suit_ingress_ns => compute_start_ns;
-    /// The whole path: the age of the newest suit sample when the cycle that took it was published. What that state tells
+    /// The whole path: the age of the newest suit sample when the cycle that took it was published. What that state reports
     /// lies `group_delay_ns` further back, for compensation of motion waits for a moment's future.
     SuitToState = "suit.to_state", SuitTaken: suit_sample_time_ns => published_ns;
     /// The plate's own processing and the network.
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_reversed_and_not_taken_are_told_apart() {
+    fn missing_reversed_and_unused_are_distinguished() {
         let mut record = CycleRecord { due_ns: 50, woken_ns: 40, ..Zeroable::zeroed() };
         assert_eq!(Stage::LoopWake.time_ns(&record), Some(Err(NotRecorded::Reversed)));
         assert_eq!(Stage::LoopCompute.time_ns(&record), Some(Err(NotRecorded::Missing)));

@@ -171,15 +171,15 @@ impl FaultyStream {
 
     fn fate(&mut self, samples: u32) -> Fate {
         let fate = Fate::draw(self.faults, &mut self.random);
-        let (samples, told) = (u64::from(samples), &mut self.suffered);
-        told.sent += samples;
-        told.garbage += u64::from(fate.garbage);
+        let (samples, reported) = (u64::from(samples), &mut self.suffered);
+        reported.sent += samples;
+        reported.garbage += u64::from(fate.garbage);
         if fate.lost {
-            told.lost += samples;
+            reported.lost += samples;
         } else if fate.damaged || fate.cut {
-            told.damaged += samples;
+            reported.damaged += samples;
         } else if fate.twice {
-            told.doubled += samples;
+            reported.doubled += samples;
         }
         fate
     }
@@ -288,11 +288,14 @@ mod tests {
         let faults = Faults { loss: 0.1, corrupt: 0.1, truncate: 0.1, garbage: 0.1, ..Faults::default() };
         let mut stream = FaultyStream::new(faults, 3);
         let arriving: Vec<_> = (0..400).map(|number| stream.bytes(&[number as u8; 20], 2)).collect();
-        let told = stream.suffered();
+        let reported = stream.suffered();
         let empty = arriving.iter().filter(|bytes| bytes.is_empty()).count() as u64;
-        assert!(told.sent == 800 && told.lost / 2 >= empty && empty > 20, "{told:?}");
+        assert!(reported.sent == 800 && reported.lost / 2 >= empty && empty > 20, "{reported:?}");
         let sound =
             arriving.iter().zip(0..).filter(|(bytes, number)| **bytes == [*number as u8; 20]).count() as u64;
-        assert!(sound * 2 >= 800 - told.lost - told.damaged - 2 * told.garbage, "{told:?} {sound}");
+        assert!(
+            sound * 2 >= 800 - reported.lost - reported.damaged - 2 * reported.garbage,
+            "{reported:?} {sound}"
+        );
     }
 }

@@ -147,14 +147,14 @@ mod tests {
         Wrench::at(Vector3::new(0.06, -0.03, 0.0), Vector3::new(25.0, -10.0, 700.0))
     }
 
-    fn told(fault: PlateFault) -> Wrench {
+    fn reported(fault: PlateFault) -> Wrench {
         FaultyPlate::new(vec![(fault, Span::ALWAYS)]).feel(standing(), 5.0)
     }
 
     #[test]
     fn each_fault_does_to_pressure_what_its_name_says() {
         let here = standing().cop_m();
-        let to = |fault| told(fault).cop_m();
+        let to = |fault| reported(fault).cop_m();
         let is = |found: Vector2<f64>, expected: Vector2<f64>| {
             assert!((found - expected).norm() < 1e-12, "{found:?} {expected:?}");
         };
@@ -165,9 +165,9 @@ mod tests {
         is(to(PlateFault::Height(0.04)), here - Vector2::new(25.0, -10.0) / 700.0 * 0.04);
         let (sin, cos) = 0.1_f64.sin_cos();
         is(to(PlateFault::Yaw(0.1)), Vector2::new(cos * here.x + sin * here.y, cos * here.y - sin * here.x));
-        assert!((told(PlateFault::ForceGain(0.02)).force_n.z - 714.0).abs() < 1e-9);
+        assert!((reported(PlateFault::ForceGain(0.02)).force_n.z - 714.0).abs() < 1e-9);
         // The load cell of the pressure's quadrant carries more than a quarter of the weight.
-        let more_n = told(PlateFault::LoadCell(0.1, Vector2::new(0.2, -0.15))).force_n.z - 700.0;
+        let more_n = reported(PlateFault::LoadCell(0.1, Vector2::new(0.2, -0.15))).force_n.z - 700.0;
         assert!((0.1 * 0.25 * 700.0 * 1.3 * 1.2 - more_n).abs() < 1e-9, "{more_n}");
     }
 

@@ -136,7 +136,7 @@ mod tests {
                 let around = (-60..60).map(|ms| force_n(hit_s + 1e-3 * f64::from(ms)));
                 let (least, most) = around.fold((f64::INFINITY, 0.0_f64), |(a, b), n| (a.min(n), b.max(n)));
                 assert!(most - least > 300.0, "{height_m} m: {least} to {most} N");
-                assert!(least > 0.0, "nobody leaps: {least} N");
+                assert!(least > 0.0, "the feet stay on the plate: {least} N");
             }
             let mut step_s = 0.0;
             while step_s < end_s {

@@ -31,13 +31,13 @@ pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<
 /// The sample of two adjacent plates on the floor (`z = 0`): the sum, and each foot separately. Times, counters and
 /// sequence are left to the caller.
 pub fn ground_sample(feet: &[Wrench; 2]) -> GroundSample {
-    let bears = |foot: &Wrench| foot.force_n.z > 0.0;
+    let carries = |foot: &Wrench| foot.force_n.z > 0.0;
     GroundSample {
         per_foot: 1,
         force_n: (feet[0].force_n + feet[1].force_n).into(),
         moment_nm: (feet[0].moment_nm + feet[1].moment_nm).into(),
         foot_vertical_n: [0, 1].map(|k| feet[k].force_n.z),
-        foot_cop_m: [0, 1].map(|k| if bears(&feet[k]) { feet[k].cop_m().into() } else { [0.0; 2] }),
+        foot_cop_m: [0, 1].map(|k| if carries(&feet[k]) { feet[k].cop_m().into() } else { [0.0; 2] }),
         ..GroundSample::zeroed()
     }
 }
@@ -88,15 +88,18 @@ mod tests {
                 let feet = ground_reaction_per_foot(&worker, time_s, press_m);
                 assert!((feet[0].force_n + feet[1].force_n - whole.force_n).norm() < 1e-9);
                 assert!((feet[0].moment_nm + feet[1].moment_nm - whole.moment_nm).norm() < 1e-9);
-                let told = ground_sample(&feet);
-                let cop_m = Vector2::from(told.cop_m().unwrap());
+                let reported = ground_sample(&feet);
+                let cop_m = Vector2::from(reported.cop_m().unwrap());
                 assert!((cop_m - whole.cop_m()).norm() < 1e-12);
                 let by_feet: Vector2<f64> = [0, 1]
-                    .map(|k| Vector2::from(told.foot_cop_m[k]) * told.foot_vertical_n[k] / told.force_n[2])
+                    .map(|k| {
+                        Vector2::from(reported.foot_cop_m[k]) * reported.foot_vertical_n[k]
+                            / reported.force_n[2]
+                    })
                     .iter()
                     .sum();
                 assert!((by_feet - cop_m).norm() < 1e-12);
-                assert!(told.feet().is_some_and(|feet| feet.cop_m.is_some()));
+                assert!(reported.feet().is_some_and(|feet| feet.cop_m.is_some()));
             }
         }
     }

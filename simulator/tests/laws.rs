@@ -102,7 +102,7 @@ fn a_box_adds_its_weight_and_moves_the_pressure_towards_it() {
 }
 
 #[test]
-fn without_a_load_no_joint_is_overloaded_and_with_one_each_hand_bears_half() {
+fn without_a_load_no_joint_is_overloaded_and_with_one_each_hand_carries_half() {
     let mut worker = statue();
     worker.take_pose(&LIBRARY[2], 0.0, 1.0);
     let empty = Truth::of(&worker, 3.0);

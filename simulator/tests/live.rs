@@ -47,7 +47,7 @@ fn settings(suit: &UdpSocket) -> SimulationSettings {
 }
 
 #[test]
-fn the_plate_streams_whole_numbers_of_records_to_whoever_asks() {
+fn the_plate_streams_whole_records_to_every_client() {
     let (suit, plate) = (listener(), listener());
     let simulation = Simulation::start(settings(&suit)).unwrap();
     ask(&plate, simulation.plate_address(), Command::StartRealTime, 50);

@@ -16,8 +16,8 @@ fn seen(streams: Streams) -> SuitFrame {
     frame_at(&worker, &suit, SuitWorld::default(), streams, 0, 0.9, (54, 900))
 }
 
-fn apart(told: [f32; 3], is: [f64; 3]) -> f64 {
-    told.iter().zip(is).map(|(told, is)| (f64::from(*told) - is).abs()).fold(0.0, f64::max)
+fn apart(reported: [f32; 3], is: [f64; 3]) -> f64 {
+    reported.iter().zip(is).map(|(reported, is)| (f64::from(*reported) - is).abs()).fold(0.0, f64::max)
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn every_datagram_is_read_and_all_poses_are_one() {
 }
 
 #[test]
-fn what_turns_is_told_as_it_turns() {
+fn angular_velocities_match_the_rotation() {
     let (before, now, after) = (seen_at(0.899), seen_at(0.9), seen_at(0.901));
     let angular = now.more.angular.unwrap();
     for segment in [Segment::Pelvis, Segment::RightUpperArm, Segment::Head] {
@@ -75,8 +75,8 @@ fn what_turns_is_told_as_it_turns() {
             nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
         };
         let rate = (turn(&after) * turn(&before).inverse()).scaled_axis() / 0.002;
-        let told = nalgebra::Vector3::from(angular[i][0]);
-        assert!((rate - told).norm() < 0.02 * rate.norm() + 0.01, "{segment:?}: {rate:?} {told:?}");
+        let reported = nalgebra::Vector3::from(angular[i][0]);
+        assert!((rate - reported).norm() < 0.02 * rate.norm() + 0.01, "{segment:?}: {rate:?} {reported:?}");
     }
     // A tracker measures gravity and its own acceleration.
     for tracker in &now.more.trackers {

@@ -35,8 +35,9 @@ fn rdt_requests_are_understood_and_records_are_those_of_the_manual() {
     assert_eq!(asked("rdt_start_realtime"), Some((ati_rdt::Command::Stream, 0)));
     assert_eq!(asked("rdt_stop"), Some((ati_rdt::Command::Stop, 0)));
     assert_eq!(asked("rdt_bias"), Some((ati_rdt::Command::Bias, 0)));
-    let told = &vectors["rdt_record"];
-    let counts = |name: &str, per_unit: &str| (number(&told[name]) * number(&told[per_unit])).round() as i32;
+    let reported = &vectors["rdt_record"];
+    let counts =
+        |name: &str, per_unit: &str| (number(&reported[name]) * number(&reported[per_unit])).round() as i32;
     let record = ati_rdt::Record {
         rdt_sequence: 1000,
         ft_sequence: 123_456,
@@ -44,7 +45,7 @@ fn rdt_requests_are_understood_and_records_are_those_of_the_manual() {
         force_counts: ["fx", "fy", "fz"].map(|name| counts(name, "cpf")),
         torque_counts: ["tx", "ty", "tz"].map(|name| counts(name, "cpt")),
     };
-    assert_eq!(hex(&record.to_bytes()), told["hex"].as_str().unwrap());
+    assert_eq!(hex(&record.to_bytes()), reported["hex"].as_str().unwrap());
 }
 
 #[test]
@@ -66,11 +67,11 @@ fn a_bota_frame_has_the_vectors_bytes() {
 #[test]
 fn an_amti_frame_has_the_vectors_bytes_with_and_without_trigger() {
     let vectors = vectors();
-    let told = &vectors["amti_rs232_frame"];
+    let reported = &vectors["amti_rs232_frame"];
     let counts: Vec<i16> =
-        told["counts_minus_2048"].as_array().unwrap().iter().map(|count| number(count) as i16).collect();
+        reported["counts_minus_2048"].as_array().unwrap().iter().map(|count| number(count) as i16).collect();
     let counts: [i16; 12] = counts.try_into().unwrap();
-    assert_eq!(hex(&amti::frame(counts, false)), told["hex"].as_str().unwrap());
+    assert_eq!(hex(&amti::frame(counts, false)), reported["hex"].as_str().unwrap());
     let triggered = &vectors["amti_rs232_frame_trigger"];
     assert_eq!(hex(&amti::frame(counts, true)), triggered["hex"].as_str().unwrap());
 }
@@ -90,12 +91,12 @@ fn labamp_frames_have_the_vectors_bytes() {
 #[test]
 fn tec_gihans_numbers_are_the_vectors() {
     let vectors = vectors();
-    let told = &vectors["tecgihan_sample"];
-    let eng: Vec<f64> = told["eng"].as_array().unwrap().iter().map(number).collect();
+    let reported = &vectors["tecgihan_sample"];
+    let eng: Vec<f64> = reported["eng"].as_array().unwrap().iter().map(number).collect();
     let plate = tec_gihan::PlateInfo::new(106, -0.042);
-    assert_eq!(told["fs_R3K"], serde_json::json!([1500, 1500, 3000, 300, 300, 200]));
+    assert_eq!(reported["fs_R3K"], serde_json::json!([1500, 1500, 3000, 300, 300, 200]));
     let counts = plate.counts(0, eng.try_into().unwrap());
-    assert_eq!(hex(&tec_gihan::block(&[vec![counts]])), told["hex"].as_str().unwrap());
+    assert_eq!(hex(&tec_gihan::block(&[vec![counts]])), reported["hex"].as_str().unwrap());
 }
 
 #[test]
@@ -118,8 +119,8 @@ fn a_moticon_datagram_says_the_vectors_numbers_in_the_vectors_fields() {
         }
     };
     let text = moticon::datagram(expected[0], &[insole(1), insole(26)], &moticon::ALL);
-    let told: Vec<f64> = text.split(' ').map(|field| field.parse().unwrap()).collect();
-    assert_eq!(told, expected);
+    let reported: Vec<f64> = text.split(' ').map(|field| field.parse().unwrap()).collect();
+    assert_eq!(reported, expected);
 }
 
 fn wire_file(name: &str) -> Option<Vec<u8>> {

@@ -36,7 +36,7 @@ enum Question {
     /// Identification from natural squat lifts and bends without held poses, then a carry
     #[command(after_help = "Example: equipoise-study natural --subjects 20")]
     Natural(Choices),
-    /// How often errors lie within the told 1-sigma and 2-sigma
+    /// How often errors lie within the published 1-sigma and 2-sigma
     #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
     Coverage(Choices),
     /// Moment and axial force at L5/S1 in natural bends and squats

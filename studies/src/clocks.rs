@@ -8,7 +8,7 @@ use crate::sensors::Rig;
 use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
-use crate::tasks::{CopErrors, tells_cop};
+use crate::tasks::{CopErrors, publishes_cop};
 
 /// Squat lifts and bends until this time, s.
 const SESSION_S: f64 = 300.0;
@@ -123,7 +123,7 @@ fn work(subject: &Subject, (_, ground_late_s, ground_drift_ppm, step): Case, ali
             let [samples, masked, wrong] = &mut sums.samples[usize::from(is_after)];
             *samples += 1;
             *masked += u64::from(is_masked);
-            *wrong += u64::from(is_wrong && !is_masked && tells_cop(state));
+            *wrong += u64::from(is_wrong && !is_masked && publishes_cop(state));
             if state.suit_skew_sigma_s > 0.0 {
                 sums.sure_s = sums.sure_s.or(Some(moment.time_s));
             }

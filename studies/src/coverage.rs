@@ -6,7 +6,7 @@ use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::Table;
 use crate::tally::{Coverage, GROUPS, PlanarCoverage, joints_of};
-use crate::tasks::{tells_cop, tells_torques};
+use crate::tasks::{publishes_cop, publishes_torques};
 use equipoise_core::message::Validity;
 
 /// Boxes that are lifted, kg.
@@ -20,7 +20,7 @@ const LIFTED: f64 = 0.999;
 
 /// Coverage in one condition.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Told {
+pub struct Deviations {
     cop: [Coverage; 2],
     delta_f: Coverage,
     joints: [Coverage; GROUPS.len()],
@@ -28,10 +28,10 @@ pub struct Told {
     planar: [PlanarCoverage; GROUPS.len()],
 }
 
-impl Told {
+impl Deviations {
     fn add(&mut self, moment: &Moment, carries: bool) {
         let (state, truth) = (moment.state, moment.truth());
-        if tells_cop(state) {
+        if publishes_cop(state) {
             for axis in 0..2 {
                 let error_m = state.cop_estimated_m[axis] - truth.cop_without_load_in_motion_m[axis];
                 self.cop[axis].add(error_m, state.cop_sigma_m[axis]);
@@ -41,13 +41,13 @@ impl Told {
             let error_n = state.delta_f_n[2] + truth.load_force_in_motion_n.z;
             self.delta_f.add(error_n, state.delta_f_sigma_n);
         }
-        if carries && tells_torques(state) {
+        if carries && publishes_torques(state) {
             for (group, coverage) in self.joints.iter_mut().enumerate() {
                 for joint in joints_of(group) {
-                    let told = Vector3::from(state.torque_nm[joint]);
-                    let error_nm = magnitude_error_nm(told, truth.overload_in_motion_nm[joint]);
+                    let deviations = Vector3::from(state.torque_nm[joint]);
+                    let error_nm = magnitude_error_nm(deviations, truth.overload_in_motion_nm[joint]);
                     coverage.add(error_nm, state.torque_sigma_nm[joint]);
-                    let off = told - truth.overload_in_motion_nm[joint];
+                    let off = deviations - truth.overload_in_motion_nm[joint];
                     self.planar[group].add([off.x, off.y], moment.state.torque_covariance_nm2[joint]);
                 }
             }
@@ -76,13 +76,13 @@ fn magnitude_error_nm(published: Vector3<f64>, real: Vector3<f64>) -> f64 {
 }
 
 /// One subject: static and in motion.
-pub fn told(subject: &Subject) -> [Told; 2] {
+pub fn deviations(subject: &Subject) -> [Deviations; 2] {
     let mut session = Session::new(subject, subject.settings());
     session.identify(POSES_MAX);
-    let mut both = [Told::default(); 2];
+    let mut both = [Deviations::default(); 2];
     session.hold_unknown(CHECK_POSES, |moment| both[0].add(moment, false));
     session.stand(2.0);
-    let sort = |moment: &Moment, both: &mut [Told; 2], mass_kg: f64| {
+    let sort = |moment: &Moment, both: &mut [Deviations; 2], mass_kg: f64| {
         let carries = moment.worker.sample(moment.time_s).load_kg >= LIFTED * mass_kg;
         let condition = usize::from(moment.state.static_pose == 0);
         both[condition].add(moment, carries);
@@ -98,9 +98,10 @@ pub fn told(subject: &Subject) -> [Told; 2] {
 
 /// The table.
 pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let people = ask_all(&crowd.subjects(), |subject| told(subject).map(|told| told.rows()));
+    let people =
+        ask_all(&crowd.subjects(), |subject| deviations(subject).map(|deviations| deviations.rows()));
     let mut table = Table::new(
-        format!("How often errors lie within the told sigma ({} subjects, default method)", crowd.count),
+        format!("How often errors lie within the published sigma ({} subjects, default method)", crowd.count),
         &[
             "quantity",
             "still: 1-sigma %",
@@ -116,7 +117,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     for (row, (name, _)) in people[0][0].iter().enumerate() {
         let mut cells = vec![name.as_str().into()];
         for condition in 0..2 {
-            let coverage: Vec<Coverage> = people.iter().map(|told| told[condition][row].1).collect();
+            let coverage: Vec<Coverage> =
+                people.iter().map(|deviations| deviations[condition][row].1).collect();
             let all = Coverage::of_all(&coverage);
             let [once, twice] = all.percent();
             let cell = [once, Coverage::standard_error_percent(&coverage), twice, all.ratio_rms()];
@@ -126,7 +128,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     }
     table.note("a normal error lies within 1 sigma 68.3 % and within 2 sigma 95.4 % of the time; error/sigma: root mean square, 1 where sigma is right");
     table.note("standard error of the 1-sigma percentage, from its spread between the subjects: the samples of one subject share most of their error");
-    table.note("CoP: estimated less true centre of pressure of the unloaded body in this motion; force: vertical, told less true");
+    table.note("CoP: estimated less true centre of pressure of the unloaded body in this motion; force: vertical, published less true");
     table.note("joints: magnitude of the published torque less that of the true one, with the whole box of 4 or 10 kg in the hands; true: inverse dynamics, forces under each foot and at each hand");
     table.note("each horizontal axis: error over its own 1-sigma; both axes together: Mahalanobis distance by the covariance, as the normal deviate of the same probability");
     table.note("still: the estimator's own static pose; motion: the rest");
@@ -139,7 +141,7 @@ mod tests {
 
     #[test]
     fn one_subject_is_seen_still_and_in_motion() {
-        let [still, moving] = told(&Subject::somebody(1));
+        let [still, moving] = deviations(&Subject::somebody(1));
         for coverage in still.cop.iter().chain(&moving.cop).chain(&still.joints) {
             assert!(coverage.count > 100, "{coverage:?}");
             let [once, twice] = coverage.percent().map(Option::unwrap_or_default);

@@ -12,7 +12,7 @@ use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
-use crate::tasks::tells_torques;
+use crate::tasks::publishes_torques;
 use injection::Fault;
 
 /// Poses that identify the worker before the first fault.
@@ -60,7 +60,7 @@ impl Outcome {
             let off_kg = (state.lifted_mass_kg - moment.worker.sample(moment.time_s).load_kg).abs();
             self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
         }
-        if tells_torques(state) {
+        if publishes_torques(state) {
             let is_wrong = (0..state.torque_nm.len()).any(|joint| {
                 let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
                 let [xx, xy, yy] = moment.state.torque_covariance_nm2[joint];
@@ -157,14 +157,14 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         all.iter().for_each(|outcomes| sum.merge(&outcomes[index].1));
         let slowest = |seconds: &[f64]| seconds.iter().copied().reduce(f64::max);
         let median = |seconds: &[f64]| quartiles(seconds.to_vec()).map(|[_, median, _]| median);
-        let (samples, told) = (sum.telling.samples, sum.telling.told);
+        let (samples, published) = (sum.telling.samples, sum.telling.published);
         let row: Vec<Cell> = vec![
             fault.name().into(),
             sum.times.into(),
             (sum.noticed_s.len() as u64).into(),
             median(&sum.noticed_s).into(),
             slowest(&sum.noticed_s).into(),
-            percent(samples - told, samples).into(),
+            percent(samples - published, samples).into(),
             sum.telling.reasons().as_str().into(),
             sum.wrong[0].into(),
             sum.wrong[1].into(),
@@ -186,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_mass_is_told_wrong_as_valid_whatever_fails_and_what_works_is_believed() {
+    fn no_fault_gives_a_wrong_valid_mass_and_sound_sensors_are_accepted() {
         let wanted = [
             Fault::None,
             Fault::DoubleGlitch,

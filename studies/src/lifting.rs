@@ -9,7 +9,7 @@ use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
-use crate::tasks::{CopErrors, tells_torques};
+use crate::tasks::{CopErrors, publishes_torques};
 use crate::variants::MOTIONS;
 
 /// Boxes that are lifted, kg.
@@ -30,7 +30,7 @@ pub struct Telling {
     /// New states.
     pub samples: u64,
     /// Those with torques.
-    pub told: u64,
+    pub published: u64,
     /// Those with torques that put some joint above green.
     pub coloured: u64,
     /// How often each invalid reason was raised, by [`Validity::NAMES`]; one state may have several.
@@ -45,8 +45,8 @@ impl Telling {
         for (count, (reason, _)) in self.withheld.iter_mut().zip(Validity::NAMES) {
             *count += u64::from(valid.any_of(*reason) && valid.any_of(Validity::SPOILS_TORQUES));
         }
-        if tells_torques(state) {
-            self.told += 1;
+        if publishes_torques(state) {
+            self.published += 1;
             let above = [Level::Orange, Level::Red, Level::AboveMax].map(|level| level as u32);
             self.coloured += u64::from(state.joint_level.iter().any(|level| above.contains(level)));
         }
@@ -54,7 +54,7 @@ impl Telling {
 
     pub(crate) fn merge(&mut self, other: &Telling) {
         self.samples += other.samples;
-        self.told += other.told;
+        self.published += other.published;
         self.coloured += other.coloured;
         for (sum, count) in self.withheld.iter_mut().zip(other.withheld) {
             *sum += count;
@@ -110,7 +110,7 @@ pub(crate) fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, t
         return;
     }
     telling.add(moment.state);
-    if tells_torques(moment.state) {
+    if publishes_torques(moment.state) {
         let truth = moment.truth();
         torques.add(&moment.state.torque_nm, &moment.state.torque_sigma_nm, &truth.overload_in_motion_nm);
     }
@@ -139,13 +139,13 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ],
     );
     let mut telling = Table::new(
-        format!("What is told in motion ({count} subjects)"),
+        format!("Published in motion ({count} subjects)"),
         &[
             "motion",
             "task",
             "CoP error mm",
             "samples",
-            "told %",
+            "published %",
             "above green %",
             "withheld for (of all samples)",
         ],
@@ -158,9 +158,11 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     ] {
         let mut sum = Shift::default();
         for shift in ask_all(&crowd, |subject| shift(subject, motion, ground)) {
-            for ((torques, told), (others, others_told)) in sum.lifting.iter_mut().zip(&shift.lifting) {
+            for ((torques, published), (others, others_published)) in
+                sum.lifting.iter_mut().zip(&shift.lifting)
+            {
                 torques.merge(others);
-                told.merge(others_told);
+                published.merge(others_published);
             }
             for (sum, task) in [(&mut sum.work, &shift.work), (&mut sum.march, &shift.march)] {
                 sum.0.merge(&task.0);
@@ -178,27 +180,28 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             torques.push(row);
         }
         let unloaded = [("no load: bends, reaches, squats", &sum.work), ("no load: marching", &sum.march)];
-        let unloaded = unloaded.map(|(task, (cop, told))| (task, Some(1e3 * cop.distance_rms_m()), told));
+        let unloaded =
+            unloaded.map(|(task, (cop, published))| (task, Some(1e3 * cop.distance_rms_m()), published));
         let lifting = ["4 kg", "8 kg", "12 kg"].into_iter().zip(&sum.lifting);
-        let lifting = lifting.map(|(task, (_, told))| (task, None, told));
-        for (task, cop_mm, told) in unloaded.into_iter().chain(lifting) {
+        let lifting = lifting.map(|(task, (_, published))| (task, None, published));
+        for (task, cop_mm, published) in unloaded.into_iter().chain(lifting) {
             telling.push(vec![
                 name.into(),
                 task.into(),
                 cop_mm.into(),
-                told.samples.into(),
-                percent(told.told, told.samples).into(),
-                percent(told.coloured, told.samples).into(),
-                told.reasons().as_str().into(),
+                published.samples.into(),
+                percent(published.published, published.samples).into(),
+                percent(published.coloured, published.samples).into(),
+                published.reasons().as_str().into(),
             ]);
         }
     }
     torques.note("natural speed: poses 1 s apart without a rest, a box from a table, round to both sides, up, and back");
-    torques.note("error: RMS length of told less true torque, left and right together, over samples with torques and the whole box in the hands");
+    torques.note("error: RMS length of published less true torque, left and right together, over samples with torques and the whole box in the hands");
     torques.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box less without it, forces under each foot and at each hand");
-    torques.note("sigma: mean of the told 1-sigma of the magnitude");
+    torques.note("sigma: mean of the published 1-sigma of the magnitude");
     telling.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
-    telling.note("told: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
+    telling.note("published: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
     telling.note("without a load nothing should be above green");
     vec![torques, telling]
 }

@@ -194,7 +194,7 @@ pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shi
         session.run(phase_s, |moment| {
             shift.held_out.add(moment);
             shift.unloaded.add(moment.state);
-            if crate::tasks::tells_cop(moment.state) {
+            if crate::tasks::publishes_cop(moment.state) {
                 for axis in 0..2 {
                     let measured_m = moment.truth().cop_without_load_in_motion_m[axis];
                     let error_m = moment.state.cop_estimated_m[axis] - measured_m;
@@ -310,7 +310,7 @@ impl Together {
             sideways[0].into(),
             forward[1].into(),
             sideways[1].into(),
-            percent(self.sum.unloaded.told, self.sum.unloaded.samples).into(),
+            percent(self.sum.unloaded.published, self.sum.unloaded.samples).into(),
             percent(self.sum.unloaded.coloured, self.sum.unloaded.samples).into(),
             withheld_percent(&self.sum.carry).into(),
             self.sum.carry.reasons().as_str().into(),
@@ -322,7 +322,7 @@ impl Together {
 }
 
 fn withheld_percent(carry: &Telling) -> Option<f64> {
-    percent(carry.samples - carry.told, carry.samples)
+    percent(carry.samples - carry.published, carry.samples)
 }
 
 /// The tables.

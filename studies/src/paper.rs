@@ -7,7 +7,7 @@ use crate::session::Session;
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, quartiles};
-use crate::tasks::{CopErrors, Identified, tells_torques};
+use crate::tasks::{CopErrors, Identified, publishes_torques};
 use crate::variants::paper;
 
 /// The box of the paper, kg.
@@ -38,13 +38,13 @@ pub fn trial(subject: &Subject, settings: Settings) -> Trial {
     let (mut cop, mut before, mut lifting) = (CopErrors::default(), ByGroup::default(), ByGroup::default());
     session.hold_unknown(CHECK_POSES, |moment| {
         cop.add(moment);
-        if tells_torques(moment.state) {
+        if publishes_torques(moment.state) {
             let truth = moment.truth();
             before.add(&moment.state.torque_nm, &moment.state.torque_sigma_nm, &truth.overload_in_motion_nm);
         }
     });
     session.lift(BOX_KG, |moment| {
-        if tells_torques(moment.state) {
+        if publishes_torques(moment.state) {
             let truth = moment.truth();
             if truth.body.load_kg >= LIFTED * BOX_KG {
                 lifting.add(
@@ -90,7 +90,16 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     let mut torques = Table::new(
         format!("Torques before and while lifting {BOX_KG} kg"),
-        &["method", "joint", "before N m", "lifting N m", "true N m", "error RMS N m", "1-sigma N m", "told"],
+        &[
+            "method",
+            "joint",
+            "before N m",
+            "lifting N m",
+            "true N m",
+            "error RMS N m",
+            "1-sigma N m",
+            "published",
+        ],
     );
     for variant in 0..4 {
         let trials = ask_all(&subjects, |subject| trial(subject, variants(subject)[variant].1));
@@ -106,12 +115,12 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             torques.push(vec![
                 name.into(),
                 (*joint).into(),
-                before.told_nm.mean().into(),
-                lifting.told_nm.mean().into(),
+                before.published_nm.mean().into(),
+                lifting.published_nm.mean().into(),
                 lifting.true_nm.mean().into(),
                 lifting.error_nm.rms().into(),
                 lifting.sigma_nm.mean().into(),
-                lifting.told_nm.count.into(),
+                lifting.published_nm.count.into(),
             ]);
         }
     }
@@ -120,7 +129,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     identification.note(format!("converged: bodies for which it held within {POSES_MAX} poses"));
     identification.note(
-        "largest P_jj: median at the end; each begins at 1 m2 without a prior, and what no pose tells apart keeps part of it",
+        "largest P_jj: median at the end; each begins at 1 m2 without a prior, and what no pose distinguishes keeps part of it",
     );
     identification
         .note("promised: median of the filter's predicted 1-sigma of the CoP over the library, both axes");
@@ -131,11 +140,11 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         "% of base: distance over the length of the base of support, heel to toe; % of range: distance over the diagonal of the measured CoP's range (the paper: 16.17 %, of what it does not say)",
     );
     torques.note(
-        "before, lifting: mean magnitude that was told; '-' where nothing was told: below the load threshold",
+        "before, lifting: mean published magnitude; '-' where nothing was published: below the load threshold",
     );
     torques
         .note("true: mean magnitude by inverse dynamics, with the ground at the common centre of pressure");
-    torques.note("error: RMS length of the vectors' difference; told: samples of both sides together");
+    torques.note("error: RMS length of the vectors' difference; published: samples of both sides together");
     vec![identification, torques]
 }
 

@@ -70,14 +70,14 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
         };
         poses += 1;
         for (square_m2, model) in squares_m2.iter_mut().zip(&models) {
-            *square_m2 += (told_in(&window, model) - Vector2::from(stillness.cop_m)).norm_squared();
+            *square_m2 += (published_in(&window, model) - Vector2::from(stillness.cop_m)).norm_squared();
         }
     }
     Course { error_m: squares_m2.iter().map(|square_m2| (square_m2 / f64::from(poses)).sqrt()).collect() }
 }
 
 /// Mean centre of pressure of a static window by a model, m.
-fn told_in(window: &Window, model: &Identification) -> Vector2<f64> {
+fn published_in(window: &Window, model: &Identification) -> Vector2<f64> {
     let sum: Vector2<f64> = window
         .samples()
         .map(|held| {
@@ -140,7 +140,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         POSES_MAX + 1
     ));
     table.note(format!(
-        "held-out error: RMS distance of the told from the measured centre of pressure, means over a still window, over {} poses of the library; the other {} were there to learn from",
+        "held-out error: RMS distance of the estimated from the measured centre of pressure, means over a still window, over {} poses of the library; the other {} were there to learn from",
         held_out.len(),
         learnt.len()
     ));

@@ -67,7 +67,7 @@ impl Restart {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Errors {
     /// States with a centre of pressure.
-    pub told: u64,
+    pub published: u64,
     square_m2: f64,
     /// The largest error of the centre of pressure, m.
     pub cop_max_m: f64,
@@ -92,7 +92,7 @@ impl Errors {
         let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
         let [x, y, _] = state.segment_origin_m[0];
         let pelvis = truth.body.origin_m[0];
-        self.told += 1;
+        self.published += 1;
         self.square_m2 += off_m.norm_squared();
         self.cop_max_m = self.cop_max_m.max(off_m.norm());
         self.pelvis_max_m = self.pelvis_max_m.max((Vector2::new(x, y) - pelvis.xy()).norm());
@@ -101,7 +101,7 @@ impl Errors {
     }
 
     fn merge(&mut self, other: &Errors) {
-        self.told += other.told;
+        self.published += other.published;
         self.square_m2 += other.square_m2;
         self.cop_max_m = self.cop_max_m.max(other.cop_max_m);
         self.pelvis_max_m = self.pelvis_max_m.max(other.pelvis_max_m);
@@ -110,7 +110,7 @@ impl Errors {
 
     /// Root mean square error of the centre of pressure, m.
     pub fn cop_rms_m(&self) -> f64 {
-        (self.square_m2 / self.told.max(1) as f64).sqrt()
+        (self.square_m2 / self.published.max(1) as f64).sqrt()
     }
 }
 
@@ -124,7 +124,7 @@ pub struct Outcome {
     /// From the end of the interruption until a centre of pressure is reported again, s; `None`: not within a minute.
     pub found_s: Option<f64>,
     /// Whether torques of a box lifted afterwards are reported.
-    pub tells_torques: bool,
+    pub publishes_torques: bool,
     /// Errors of all values reported from the restart to the end of the evaluated time.
     pub errors: Errors,
 }
@@ -182,10 +182,10 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
         false
     });
     session.order(|worker, at_s| worker.lift(BOX_KG, at_s));
-    let tells = |moment: &Moment| !moment.state.validity().any_of(Validity::SPOILS_TORQUES);
-    let tells_torques = movements.work(session, LIFTING_S, tells);
+    let is_published = |moment: &Moment| !moment.state.validity().any_of(Validity::SPOILS_TORQUES);
+    let publishes_torques = movements.work(session, LIFTING_S, is_published);
     session.order(equipoise_simulator::motion::Worker::put_down);
-    Outcome { restart, carrying, found_s, tells_torques, errors }
+    Outcome { restart, carrying, found_s, publishes_torques, errors }
 }
 
 /// The table.
@@ -229,20 +229,20 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
                 (of.len() as u64).into(),
                 (seconds.len() as u64).into(),
                 (seconds.iter().filter(|seconds| **seconds <= SOON_S).count() as u64).into(),
-                (of.iter().filter(|outcome| outcome.tells_torques).count() as u64).into(),
+                (of.iter().filter(|outcome| outcome.publishes_torques).count() as u64).into(),
                 quartiles(seconds.clone()).map(|[_, median, _]| median).into(),
                 seconds.iter().copied().reduce(f64::max).into(),
                 (1e3 * errors.cop_rms_m()).into(),
                 (1e3 * errors.cop_max_m).into(),
                 (1e3 * errors.pelvis_max_m).into(),
-                percent(errors.beyond_three_sigma, errors.told).into(),
+                percent(errors.beyond_three_sigma, errors.published).into(),
             ];
             table.push(row);
         }
     }
     table.note("squats and bends at natural speed; the suit's new origin up to 2 m off on each axis, its heading any");
     table.note("place found: seconds after all is back, by the time of the sample; what is carried is put down 4 s after the restart");
-    table.note("errors: of every value told from the restart on, against the simulated person");
+    table.note("errors: of every value published from the restart on, against the simulated person");
     vec![table]
 }
 
@@ -251,8 +251,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whatever_is_started_again_no_centre_of_pressure_is_told_at_another_place() {
-        let (mut all_told, mut all_beyond) = (0, 0);
+    fn no_restart_publishes_a_wrong_centre_of_pressure() {
+        let (mut all_published, mut all_beyond) = (0, 0);
         // Motion that says little about the heading takes longer in one of 20 restarts of a suit (docs/state.md).
         let (mut times, mut late) = (0, 0);
         for seed in 0..3 {
@@ -262,14 +262,14 @@ mod tests {
                 assert!(found_s < AWAY_S[1] + SOON_S, "{seed}: {outcome:?}");
                 times += 1;
                 late += u32::from(found_s > SOON_S && !outcome.carrying);
-                assert!(outcome.tells_torques, "{seed}: {outcome:?}");
-                let Errors { told, cop_max_m, beyond_three_sigma, .. } = outcome.errors;
-                assert!(told > 300, "{seed}: {outcome:?}");
-                (all_told, all_beyond) = (all_told + told, all_beyond + beyond_three_sigma);
+                assert!(outcome.publishes_torques, "{seed}: {outcome:?}");
+                let Errors { published, cop_max_m, beyond_three_sigma, .. } = outcome.errors;
+                assert!(published > 300, "{seed}: {outcome:?}");
+                (all_published, all_beyond) = (all_published + published, all_beyond + beyond_three_sigma);
                 assert!(cop_max_m < 0.15 && outcome.errors.cop_rms_m() < 0.03, "{seed}: {outcome:?}");
             }
         }
-        assert!(all_beyond * 50 < all_told, "{all_beyond} of {all_told}");
+        assert!(all_beyond * 50 < all_published, "{all_beyond} of {all_published}");
         assert!(late * 10 <= times, "{late} of {times} restarts later than {SOON_S} s");
     }
 }

@@ -201,7 +201,7 @@ pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> Grou
         // Under the ankles, and without noise: these devices are compared by the quantities that they measure, not by
         // accuracy.
         let feet = ground_reaction_per_foot(worker, time_s, [Vector2::zeros(); 2]);
-        let told = match rig.ground {
+        let published = match rig.ground {
             Ground::Insoles => insole_sample(worker, time_s, &feet),
             Ground::TwoPlates | Ground::Plate => two_plates::ground_sample(&feet),
         };
@@ -212,7 +212,7 @@ pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> Grou
             published_ns: time_ns,
             sequence: u64::from(number) + 1,
             device_counter: number,
-            ..told
+            ..published
         };
     }
     GroundSample {

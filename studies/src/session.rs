@@ -273,12 +273,12 @@ impl Session {
 
     /// The state if its suit sample differs from the previous one.
     fn take_new(&mut self) -> Option<Moment<'_>> {
-        let told_ns = self.memory.state.suit_sample_time_ns;
-        if told_ns == self.seen_ns {
+        let published_ns = self.memory.state.suit_sample_time_ns;
+        if published_ns == self.seen_ns {
             return None;
         }
-        self.seen_ns = told_ns;
-        let time_s = simulated_s(told_ns.saturating_sub(self.rig.suit_late_ns));
+        self.seen_ns = published_ns;
+        let time_s = simulated_s(published_ns.saturating_sub(self.rig.suit_late_ns));
         Some(Moment { state: &self.memory.state, worker: &self.worker, time_s })
     }
 }
@@ -302,15 +302,15 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_seen_beside_the_truth_of_its_own_time() {
+    fn a_state_is_compared_with_the_truth_of_its_own_time() {
         let (mut seen, mut sample_later_m) = (0, 0.0_f64);
         perfect().run(1.0, |moment| {
             let hand = Segment::LeftHand.index();
             let truth = moment.truth();
             for segment in 0..SEGMENTS {
-                let told = Vector3::from(moment.state.segment_origin_m[segment]);
+                let published = Vector3::from(moment.state.segment_origin_m[segment]);
                 assert!(
-                    (told - truth.body.origin_m[segment]).norm() < 1e-6,
+                    (published - truth.body.origin_m[segment]).norm() < 1e-6,
                     "{segment} at {} s",
                     moment.time_s
                 );

@@ -9,7 +9,7 @@ use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, percent};
-use crate::tasks::{CopErrors, tells_cop};
+use crate::tasks::{CopErrors, publishes_cop};
 
 /// The box that is lifted, kg.
 const BOX_KG: f64 = 8.0;
@@ -42,9 +42,9 @@ pub struct Shift {
     march: CopErrors,
     /// Vertical external force without a load, N.
     force_n: [Sums; 2],
-    told_unloaded: [u64; 2],
+    published_unloaded: [u64; 2],
     torques: ByGroup,
-    told: [u64; 2],
+    published: [u64; 2],
 }
 
 impl Shift {
@@ -58,7 +58,9 @@ impl Shift {
         for (sum, other) in self.force_n.iter_mut().zip(&other.force_n) {
             sum.merge(other);
         }
-        for (sum, other) in [(&mut self.told_unloaded, other.told_unloaded), (&mut self.told, other.told)] {
+        for (sum, other) in
+            [(&mut self.published_unloaded, other.published_unloaded), (&mut self.published, other.published)]
+        {
             *sum = [sum[0] + other[0], sum[1] + other[1]];
         }
         self.torques.merge(&other.torques);
@@ -73,25 +75,25 @@ pub fn shift(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Shift
     shift.poses.add(f64::from(session.identify(POSES_MAX).poses));
     session.stand(2.0);
     session.run(2.0, |moment| shift.still.add(moment));
-    let unloaded = |moment: &Moment, cop: &mut CopErrors, force_n: &mut Sums, told: &mut [u64; 2]| {
+    let unloaded = |moment: &Moment, cop: &mut CopErrors, force_n: &mut Sums, published: &mut [u64; 2]| {
         cop.add(moment);
-        if tells_cop(moment.state) && !moment.state.validity().any_of(Validity::SPOILS_DELTA_F) {
+        if publishes_cop(moment.state) && !moment.state.validity().any_of(Validity::SPOILS_DELTA_F) {
             force_n.add(moment.state.delta_f_n[2]);
         }
-        told[0] += u64::from(!moment.state.validity().any_of(Validity::SPOILS_TORQUES));
-        told[1] += 1;
+        published[0] += u64::from(!moment.state.validity().any_of(Validity::SPOILS_TORQUES));
+        published[1] += 1;
     };
     session.work_unloaded(|moment| {
-        unloaded(moment, &mut shift.work, &mut shift.force_n[0], &mut shift.told_unloaded);
+        unloaded(moment, &mut shift.work, &mut shift.force_n[0], &mut shift.published_unloaded);
     });
     session.stand(2.0);
     session.march(STEPS, |moment| {
-        unloaded(moment, &mut shift.march, &mut shift.force_n[1], &mut shift.told_unloaded);
+        unloaded(moment, &mut shift.march, &mut shift.force_n[1], &mut shift.published_unloaded);
     });
     session.stand(2.0);
     let mut telling = crate::lifting::Telling::default();
     session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut shift.torques, &mut telling));
-    shift.told = [telling.told, telling.samples];
+    shift.published = [telling.published, telling.samples];
     shift
 }
 
@@ -107,11 +109,11 @@ fn table(title: String, first: &'static str, second: &'static str) -> Table {
             "work force N",
             "march CoP mm",
             "march force N",
-            "told without load %",
+            "published without load %",
             "shoulder N m",
             "elbow N m",
             "back N m",
-            "told with load %",
+            "published with load %",
         ],
     )
 }
@@ -128,13 +130,13 @@ fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Shift + Sy
         row.push(Some(1e3 * cop.distance_rms_m()).into());
         row.push(force_n.rms().into());
     }
-    row.push(percent(sum.told_unloaded[0], sum.told_unloaded[1]).into());
+    row.push(percent(sum.published_unloaded[0], sum.published_unloaded[1]).into());
     for (group, (name, _)) in GROUPS.iter().enumerate() {
         if SHOWN.contains(name) {
             row.push(sum.torques.0[group].error_nm.rms().into());
         }
     }
-    row.push(percent(sum.told[0], sum.told[1]).into());
+    row.push(percent(sum.published[0], sum.published[1]).into());
     row
 }
 
@@ -166,8 +168,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             |subject: &Subject| shift(subject, Accelerations::Positions, Rig { ground, ..subject.rig() });
         by_ground.push(row([name, "positions"], &crowd, ask));
     }
-    by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the told external force; both without a load");
-    by_ground.note("torques: RMS length of told less true while 8 kg are lifted at natural speed");
+    by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the published external force; both without a load");
+    by_ground.note("torques: RMS length of published less true while 8 kg are lifted at natural speed");
     tables.push(by_ground);
     tables
 }
@@ -191,13 +193,13 @@ mod tests {
         let mut session = Session::with(&subject, subject.settings(), rig, subject.habits());
         session.run(1.0, |_| {});
         session.order(|worker, at_s| worker.intend(&equipoise_simulator::repertoire::LIFTING[3], at_s, 0.8));
-        let mut told = Vec::new();
+        let mut published = Vec::new();
         session.run(1.5, |moment| {
-            if tells_cop(moment.state) {
-                told.push((moment.time_s, moment.state.cop_measured_m));
+            if publishes_cop(moment.state) {
+                published.push((moment.time_s, moment.state.cop_measured_m));
             }
         });
-        told
+        published
     }
 
     #[test]
@@ -239,8 +241,8 @@ mod tests {
                 "{name}: {by_insoles} N m, by plates {by_plates} N m"
             );
         }
-        let share = |[told, of]: [u64; 2]| told as f64 / of as f64;
-        assert!(share(insoles.told) > 0.6, "{}", share(insoles.told));
-        assert!(share(insoles.told_unloaded) < 0.1, "{}", share(insoles.told_unloaded));
+        let share = |[published, of]: [u64; 2]| published as f64 / of as f64;
+        assert!(share(insoles.published) > 0.6, "{}", share(insoles.published));
+        assert!(share(insoles.published_unloaded) < 0.1, "{}", share(insoles.published_unloaded));
     }
 }

@@ -58,7 +58,7 @@ impl Sums {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TorqueSums {
     /// Estimated magnitude, N m.
-    pub told_nm: Sums,
+    pub published_nm: Sums,
     /// True magnitude, N m.
     pub true_nm: Sums,
     /// Length of the difference of the vectors, N m.
@@ -68,15 +68,15 @@ pub struct TorqueSums {
 }
 
 impl TorqueSums {
-    fn add(&mut self, told_nm: Vector3<f64>, true_nm: Vector3<f64>, sigma_nm: f64) {
-        self.told_nm.add(told_nm.norm());
+    fn add(&mut self, published_nm: Vector3<f64>, true_nm: Vector3<f64>, sigma_nm: f64) {
+        self.published_nm.add(published_nm.norm());
         self.true_nm.add(true_nm.norm());
-        self.error_nm.add((told_nm - true_nm).norm());
+        self.error_nm.add((published_nm - true_nm).norm());
         self.sigma_nm.add(sigma_nm);
     }
 
     fn merge(&mut self, other: &TorqueSums) {
-        self.told_nm.merge(&other.told_nm);
+        self.published_nm.merge(&other.published_nm);
         self.true_nm.merge(&other.true_nm);
         self.error_nm.merge(&other.error_nm);
         self.sigma_nm.merge(&other.sigma_nm);
@@ -91,13 +91,13 @@ impl ByGroup {
     /// Adds all joints of one sample: estimate, its σ, and truth.
     pub fn add(
         &mut self,
-        told_nm: &[[f64; 3]; JOINTS],
+        published_nm: &[[f64; 3]; JOINTS],
         sigma_nm: &[f64; JOINTS],
         true_nm: &[Vector3<f64>; JOINTS],
     ) {
         for (group, sums) in self.0.iter_mut().enumerate() {
             for joint in joints_of(group) {
-                sums.add(Vector3::from(told_nm[joint]), true_nm[joint], sigma_nm[joint]);
+                sums.add(Vector3::from(published_nm[joint]), true_nm[joint], sigma_nm[joint]);
             }
         }
     }
@@ -238,14 +238,14 @@ mod tests {
     }
 
     #[test]
-    fn who_tells_the_truth_errs_by_nothing() {
+    fn exact_values_have_no_error() {
         let truth: [Vector3<f64>; JOINTS] =
             std::array::from_fn(|joint| Vector3::new(joint as f64, -2.0, 0.5));
         let mut sums = ByGroup::default();
         sums.add(&truth.map(Into::into), &[1.0; JOINTS], &truth);
         for group in &sums.0 {
             assert_eq!(group.error_nm.rms(), Some(0.0));
-            assert_eq!(group.told_nm, group.true_nm);
+            assert_eq!(group.published_nm, group.true_nm);
         }
     }
 

@@ -36,12 +36,12 @@ pub struct Identified {
 }
 
 /// Whether centre of pressure is reported both as measured and as estimated.
-pub fn tells_cop(state: &State) -> bool {
+pub fn publishes_cop(state: &State) -> bool {
     !state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED))
 }
 
 /// Whether torques are reported.
-pub fn tells_torques(state: &State) -> bool {
+pub fn publishes_torques(state: &State) -> bool {
     !state.validity().any_of(Validity::SPOILS_TORQUES)
 }
 
@@ -214,7 +214,7 @@ impl CopErrors {
     /// Adds a state if it reports both.
     pub fn add(&mut self, moment: &Moment) {
         let state = moment.state;
-        if !tells_cop(state) {
+        if !publishes_cop(state) {
             return;
         }
         for axis in 0..2 {

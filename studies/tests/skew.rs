@@ -10,7 +10,7 @@ use equipoise_studies::subject::{Subject, ask_all};
 fn the_skew_of_a_late_suit_is_found_and_none_where_there_is_none() {
     let questions: Vec<(u64, u64)> =
         [0, 12, 30].into_iter().flat_map(|late_ms| [3, 4].map(|seed| (late_ms, seed))).collect();
-    let told = ask_all(&questions, |(late_ms, seed)| {
+    let published = ask_all(&questions, |(late_ms, seed)| {
         let subject = Subject::somebody(*seed);
         let rig = Rig { suit_late_ns: late_ms * 1_000_000, ..Rig::ORDINARY };
         let mut session = Session::with(&subject, subject.settings(), rig, subject.habits());
@@ -19,7 +19,7 @@ fn the_skew_of_a_late_suit_is_found_and_none_where_there_is_none() {
         session.work_unloaded(|_| {});
         [session.state().suit_skew_s, session.state().suit_skew_sigma_s].map(|s| 1e3 * s)
     });
-    for ((late_ms, seed), [skew_ms, sigma_ms]) in questions.iter().zip(told) {
+    for ((late_ms, seed), [skew_ms, sigma_ms]) in questions.iter().zip(published) {
         println!("subject {seed}: stamped {late_ms} ms late, published {skew_ms:.1} ± {sigma_ms:.1} ms");
         assert!(sigma_ms > 0.0, "{late_ms} ms late: nothing is published");
         let error_ms = skew_ms - *late_ms as f64;

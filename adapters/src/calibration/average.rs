@@ -27,9 +27,9 @@ pub fn average(values: &[f64]) -> Average {
     let mean = values.iter().sum::<f64>() / count;
     let off: Vec<f64> = values.iter().map(|value| value - mean).collect();
     let square: f64 = off.iter().map(|off| off * off).sum();
-    let beside: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
+    let neighbours: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let scatter = if values.len() > 1 { (square / (count - 1.0)).sqrt() } else { 0.0 };
-    let correlation = if square > 0.0 { (beside / square).clamp(0.0, CORRELATION_MAX) } else { 0.0 };
+    let correlation = if square > 0.0 { (neighbours / square).clamp(0.0, CORRELATION_MAX) } else { 0.0 };
     let middle = 0.5 * (count - 1.0);
     let moment: f64 = off.iter().enumerate().map(|(index, off)| (index as f64 - middle) * off).sum();
     let lever: f64 = (0..values.len()).map(|index| (index as f64 - middle).powi(2)).sum();
@@ -48,8 +48,8 @@ mod tests {
     #[test]
     fn a_line_has_its_drift_and_equal_values_have_no_scatter() {
         let line: Vec<f64> = (0..11).map(|index| 5.0 + 0.2 * f64::from(index)).collect();
-        let told = average(&line);
-        assert!((told.mean - 6.0).abs() < 1e-12 && (told.drift - 2.0).abs() < 1e-12);
+        let averaged = average(&line);
+        assert!((averaged.mean - 6.0).abs() < 1e-12 && (averaged.drift - 2.0).abs() < 1e-12);
         assert_eq!(average(&[3.0; 9]), Average { mean: 3.0, ..Average::default() });
         assert_eq!(average(&[]), Average::default());
     }
@@ -64,7 +64,8 @@ mod tests {
         };
         let alone: Vec<f64> = (0..400).map(|_| next()).collect();
         let fours: Vec<f64> = alone.iter().take(100).flat_map(|value| [*value; 4]).collect();
-        let [one, four] = [average(&alone), average(&fours)].map(|told| told.sigma / told.scatter * 20.0);
+        let [one, four] =
+            [average(&alone), average(&fours)].map(|averaged| averaged.sigma / averaged.scatter * 20.0);
         assert!((0.9..1.3).contains(&one), "{one}");
         assert!((1.7..3.0).contains(&four), "{four}");
     }

@@ -93,7 +93,7 @@ pub enum RegisterRefusal {
     /// No rotation and translation maps one set of points onto the other.
     #[error(
         "no turn and shift of the plate explains the places: they are off by {:.0} mm, place {} most; is the plate's scale \
-         right (`equipoise verify`), was it tared, and did nobody lean on anything?",
+         right (`equipoise verify`), was it tared, and did the worker lean on nothing?",
         1e3 * off_m, worst + 1
     )]
     Contradictory {

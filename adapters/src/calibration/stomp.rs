@@ -130,7 +130,7 @@ pub enum StompRefusal {
     },
     /// Most hits on the plate have no matching stop in the suit's data.
     #[error(
-        "only {stomps} of {plate_hits} hits of the plate are stomps that the suit saw; nobody else may step on the \
+        "only {stomps} of {plate_hits} hits of the plate are stomps that the suit saw; no other person may step on the \
          plate, and nothing may be dropped on it"
     )]
     MostlyUnseen {

@@ -52,7 +52,7 @@ pub enum MvnxError {
     NoFrameRate { line: u64, found: Option<String> },
     /// Frames without the list of segments cannot be interpreted.
     #[error(
-        "line {line}: <frames> without <segments> before it: nobody says which number belongs to which segment"
+        "line {line}: <frames> without <segments> before it: which number belongs to which segment is unknown"
     )]
     NoSegments { line: u64 },
     /// A body has 23 segments.

@@ -29,7 +29,7 @@ impl GroundBrain {
     /// The connection was opened (again).
     pub fn opened(&mut self, now_ns: u64) {
         self.device.opened(now_ns);
-        self.receiver.begin_anew();
+        self.receiver.restart();
     }
 
     /// Processes one datagram, or a piece of a stream, and appends its samples to `samples`, oldest first.

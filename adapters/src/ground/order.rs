@@ -9,7 +9,7 @@ use crate::stride::TimeStride;
 
 /// Time and sequence of a reading; the configured layout defines which of these exist.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Told {
+pub(super) struct Stamps {
     /// Count of sent readings.
     pub(super) sequence: Option<u64>,
     /// Count of measurements, sent or not.
@@ -120,20 +120,20 @@ impl Order {
     /// counted.
     pub(super) fn place(
         &mut self,
-        told: Told,
+        stamps: Stamps,
         arrival_ns: u64,
         taken: &mut Taken,
     ) -> Option<(Option<u32>, Tick)> {
         // Truncation is intended: the receiver takes sequences and counters modulo 2³².
-        let sequence = told.sequence.map(|raw| self.sequence.take(raw) as u32);
-        let counter = told.counter.map(|raw| self.counter.take(raw) as u32);
-        let tick = match (counter, told.time_ns, sequence) {
+        let sequence = stamps.sequence.map(|raw| self.sequence.take(raw) as u32);
+        let counter = stamps.counter.map(|raw| self.counter.take(raw) as u32);
+        let tick = match (counter, stamps.time_ns, sequence) {
             (Some(counter), _, _) => Tick::Counter(counter),
             (None, Some(time_ns), _) => Tick::Time(time_ns),
             (None, None, Some(sequence)) => Tick::Counter(sequence),
             (None, None, None) => Tick::Uncounted,
         };
-        if let (None, Some(time_ns)) = (sequence, told.time_ns) {
+        if let (None, Some(time_ns)) = (sequence, stamps.time_ns) {
             let placed = match self.trust {
                 Trust::Doubtful => self.timeline.place(time_ns, arrival_ns),
                 Trust::Proven => self.timeline.follow(time_ns, arrival_ns),
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_proven_clock_is_at_its_start_again_whichever_way_it_seems_to_have_leapt() {
+    fn a_proven_clock_that_restarts_is_recognised_for_a_leap_in_either_direction() {
         for (start_ns, first_ns) in [(70_000 * MS, 0), (3_000_000 * MS, 4_294_967_296_000)] {
             let mut timeline = Timeline::new(Trust::Proven);
             let mut follow = |index: u64, time_ns| timeline.follow(time_ns, 9000 * MS + index * 10 * MS);

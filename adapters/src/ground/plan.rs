@@ -6,7 +6,7 @@ use crate::units::letters;
 
 /// A channel as described by the device.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Told {
+pub(super) struct DeviceChannel {
     /// The device's unique name of the channel.
     pub(super) name: String,
     /// The user's label of the channel; not necessarily unique.
@@ -81,24 +81,24 @@ impl Plan {
     ///
     /// # Errors
     /// What does not fit, and the remedy, in a sentence.
-    pub(super) fn fit(&self, told: &[Told], whose: Whose) -> Result<Fitted, String> {
-        self.fit_with(told, whose, [None; 2])
+    pub(super) fn fit(&self, channels_of_device: &[DeviceChannel], whose: Whose) -> Result<Fitted, String> {
+        self.fit_with(channels_of_device, whose, [None; 2])
     }
 
     /// As [`Self::fit`], with default units of force and moment for channels without a unit.
     pub(super) fn fit_with(
         &self,
-        told: &[Told],
+        channels_of_device: &[DeviceChannel],
         whose: Whose,
         [force_unit, moment_unit]: [Option<&str>; 2],
     ) -> Result<Fitted, String> {
-        let mut unit = vec![0.0; told.len()];
+        let mut unit = vec![0.0; channels_of_device.len()];
         let mut find = |name: &str, in_base: fn(&str) -> Option<f64>, kind: &str| {
-            let (index, channel) = found(told, name, whose)?;
+            let (index, channel) = found(channels_of_device, name, whose)?;
             let declared = if kind == FORCE { force_unit } else { moment_unit };
             let written = match (channel.unit.as_str(), declared) {
                 ("", Some(declared)) => declared,
-                (told, _) => told,
+                (channels_of_device, _) => channels_of_device,
             };
             unit[index] = in_base(written).ok_or_else(|| {
                 let Whose { device, unit, .. } = whose;
@@ -124,7 +124,7 @@ impl Plan {
                     newtons_per_unit: [1.0; 8],
                     zero: [0.0; 8],
                 };
-                Channels::eight(told.len(), &eight)
+                Channels::eight(channels_of_device.len(), &eight)
             }
             Plan::Direct { force, moment } => {
                 let mut direct = Direct::default();
@@ -134,7 +134,7 @@ impl Plan {
                 for (place, name) in direct.moment.iter_mut().zip(moment) {
                     *place = name.as_deref().map(|name| find(name, newton_metres, MOMENT)).transpose()?;
                 }
-                Channels::direct(told.len(), direct, ForceUnit::Newton, MomentUnit::NewtonMetre)
+                Channels::direct(channels_of_device.len(), direct, ForceUnit::Newton, MomentUnit::NewtonMetre)
             }
         };
         let channels = channels.map_err(|fault| format!("[{}]: {fault}", whose.section))?;
@@ -142,17 +142,21 @@ impl Plan {
     }
 }
 
-fn found<'a>(told: &'a [Told], name: &str, whose: Whose) -> Result<(usize, &'a Told), String> {
+fn found<'a>(
+    channels_of_device: &'a [DeviceChannel],
+    name: &str,
+    whose: Whose,
+) -> Result<(usize, &'a DeviceChannel), String> {
     let Whose { device, section, missing, .. } = whose;
-    let places = || told.iter().enumerate();
+    let places = || channels_of_device.iter().enumerate();
     let by_name = places().find(|(_, channel)| channel.name.eq_ignore_ascii_case(name));
     let by_label: Vec<_> = places().filter(|(_, channel)| channel.label.eq_ignore_ascii_case(name)).collect();
     let there = || {
-        let called = |channel: &Told| match channel.label.as_str() {
+        let called = |channel: &DeviceChannel| match channel.label.as_str() {
             "" => channel.name.clone(),
             label => format!("{} ({label})", channel.name),
         };
-        told.iter().map(called).collect::<Vec<_>>().join(", ")
+        channels_of_device.iter().map(called).collect::<Vec<_>>().join(", ")
     };
     match (by_name, &by_label[..]) {
         (Some(found), _) => Ok(found),

@@ -87,7 +87,7 @@ impl GroundReceiver {
                 }
                 Found::Refused(refusal) => self.refuse(refusal),
                 Found::Lost(readings) => self.skip(readings),
-                Found::Restarted => self.begin_anew(),
+                Found::Restarted => self.restart(),
                 Found::Rebooted => self.begin_clock(),
             }
         }
@@ -122,7 +122,7 @@ impl GroundReceiver {
 
     /// Begins a new stream. A device's own clock continues across it; where readings are merely counted, the new count
     /// is unrelated to the old one.
-    pub(super) fn begin_anew(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.sequence.forget();
         if let Some((Tick::Uncounted, _)) = self.newest {
             self.begin_clock();

@@ -13,8 +13,8 @@ use super::topic::{Entry, Recorded, SCHEMA_HASH_KEY, TYPE_NAME_KEY, TopicTable};
 /// Maximum size of the names and schemas in a file; Equipoise's own have 40 000 bytes.
 const ANNOUNCED_BYTES_MAX: usize = 16 << 20;
 /// Limits of the description of a foreign file: count of topics, and length of each text.
-const TOPICS_TOLD: usize = 8;
-const TOLD_CHARS_MAX: usize = 160;
+const TOPICS_NAMED: usize = 8;
+const NAME_CHARS_MAX: usize = 160;
 
 #[derive(Debug)]
 struct Schema {
@@ -52,7 +52,7 @@ impl Schema {
 
 /// A text of the file, sanitised for display.
 pub(super) fn shown(text: &str) -> String {
-    Printable { text, chars_max: TOLD_CHARS_MAX }.to_string()
+    Printable { text, chars_max: NAME_CHARS_MAX }.to_string()
 }
 
 /// Schemas and channels defined so far.
@@ -120,12 +120,12 @@ impl Channels {
             return Ok(());
         }
         found.sort_unstable();
-        let told: Vec<String> = found.iter().take(TOPICS_TOLD).map(|topic| shown(topic)).collect();
-        let more = match found.len().saturating_sub(TOPICS_TOLD) {
+        let listed: Vec<String> = found.iter().take(TOPICS_NAMED).map(|topic| shown(topic)).collect();
+        let more = match found.len().saturating_sub(TOPICS_NAMED) {
             0 => String::new(),
             more => format!(" and {more} more"),
         };
-        Err(ReadError::Foreign { found: format!("the topics {}{more}", told.join(", ")) })
+        Err(ReadError::Foreign { found: format!("the topics {}{more}", listed.join(", ")) })
     }
 
     /// Decodes the message in `data`.

@@ -78,7 +78,7 @@ pub enum SourceError {
 
 impl SourceError {
     /// Whether a later attempt may succeed without a change of the configuration.
-    pub fn may_mend(&self) -> bool {
+    pub fn may_recover(&self) -> bool {
         matches!(self, SourceError::Absent { .. } | SourceError::Unready { .. } | SourceError::Send { .. })
     }
 }

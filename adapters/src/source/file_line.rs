@@ -156,7 +156,7 @@ impl Transport for FileLine {
         }
         let left = if open.is_pipe {
             // A writer that closed the pipe in the middle of a line will not continue it.
-            was_read.then_some("nobody writes into this pipe any more")
+            was_read.then_some("no process writes into this pipe any more")
         } else {
             match is_replaced(open, &self.path) {
                 Ok(replaced) => {
@@ -174,7 +174,7 @@ impl Transport for FileLine {
     }
 
     fn send(&mut self, _bytes: &[u8]) -> Result<(), SourceError> {
-        Err(SourceError::Unusable(format!("{}: a file cannot be told anything", self.key)))
+        Err(SourceError::Unusable(format!("{}: a file takes no commands", self.key)))
     }
 }
 
@@ -227,34 +227,34 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_comes_late_or_is_begun_anew_is_read_from_its_start() {
+    fn a_late_or_truncated_file_is_read_from_its_start() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("export.txt");
         let mut line = FileLine::new(path.clone(), Begin::End, "ground.file.path");
         let said = line.open().unwrap_err();
-        assert!(said.may_mend() && said.to_string().contains("ground.file.path"), "{said}");
+        assert!(said.may_recover() && said.to_string().contains("ground.file.path"), "{said}");
         append(&path, "first\n");
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 6), "first\n");
         std::fs::write(&path, "x\n").unwrap();
-        assert!(error_within_a_while(&mut line).may_mend());
+        assert!(error_within_a_while(&mut line).may_recover());
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 2), "x\n");
         std::fs::remove_file(&path).unwrap();
         append(&path, "another\n");
-        assert!(error_within_a_while(&mut line).may_mend());
+        assert!(error_within_a_while(&mut line).may_recover());
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 8), "another\n");
         // A file that is absent for longer than one attempt.
         std::fs::remove_file(&path).unwrap();
-        assert!(error_within_a_while(&mut line).may_mend());
-        assert!(line.open().unwrap_err().may_mend());
+        assert!(error_within_a_while(&mut line).may_recover());
+        assert!(line.open().unwrap_err().may_recover());
         append(&path, "and yet another\n");
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 16), "and yet another\n");
         // A file that was truncated and is longer than before when it is opened again.
         std::fs::write(&path, "y\n").unwrap();
-        assert!(error_within_a_while(&mut line).may_mend());
+        assert!(error_within_a_while(&mut line).may_recover());
         append(&path, "more than there was before\n");
         line.open().unwrap();
         assert_eq!(text_within_a_while(&mut line, 29), "y\nmore than there was before\n");
@@ -295,7 +295,7 @@ mod tests {
             writer.write_all(text.as_bytes()).unwrap();
             assert_eq!(text_within_a_while(&mut line, 4), text);
             drop(writer);
-            assert!(error_within_a_while(&mut line).may_mend());
+            assert!(error_within_a_while(&mut line).may_recover());
             line.open().unwrap();
         }
         let folder = FileLine::new(folder.path().to_owned(), Begin::Start, "ground.file.path").open();

@@ -140,8 +140,8 @@ impl FusedSource {
 
     /// Properties that the devices report, in a sentence; `None` if there are none.
     pub fn note(&self) -> Option<String> {
-        let told = |device: &Device| device.note.as_ref().map(|note| format!("{}: {note}", device.name));
-        let notes: Vec<String> = self.devices.iter().filter_map(told).collect();
+        let reported = |device: &Device| device.note.as_ref().map(|note| format!("{}: {note}", device.name));
+        let notes: Vec<String> = self.devices.iter().filter_map(reported).collect();
         (!notes.is_empty()).then(|| notes.join("; "))
     }
 
@@ -197,7 +197,7 @@ struct Reader {
 
 impl Reader {
     fn run(mut self, stop: &AtomicBool) {
-        let (mut told, mut told_ns) = (None, 0);
+        let (mut reported, mut reported_ns) = (None, 0);
         while !stop.load(Ordering::Relaxed) {
             let mut samples = Vec::new();
             if let Err(error) = self.source.receive(&mut samples) {
@@ -208,14 +208,14 @@ impl Reader {
                 self.missed += if self.say(Word::Samples(samples)) { 0 } else { count };
             }
             let (trouble, now_ns) = (self.source.trouble(), now_monotonic_ns());
-            if now_ns.saturating_sub(told_ns) >= FARES_EVERY_NS || told.as_ref() != Some(&trouble) {
+            if now_ns.saturating_sub(reported_ns) >= FARES_EVERY_NS || reported.as_ref() != Some(&trouble) {
                 let mut counts = Box::new(*self.source.counts());
                 counts.lost += self.missed;
                 let block_latency_ns = self.source.block_latency_ns();
                 // If the queue is full, the report is repeated later.
                 let note = self.source.note();
                 if self.say(Word::Fares { counts, block_latency_ns, trouble: trouble.clone(), note }) {
-                    (told, told_ns) = (Some(trouble), now_ns);
+                    (reported, reported_ns) = (Some(trouble), now_ns);
                 }
             }
         }
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_whose_last_word_nobody_fetches_ends_when_it_shall() {
+    fn a_reader_ends_on_request_with_an_unread_report() {
         let (sender, words) = sync_channel(1);
         sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
         let stop = Arc::new(AtomicBool::new(false));

@@ -165,7 +165,7 @@ impl GroundSource {
 
     /// Retries after the loss of a device; passes other errors to the caller.
     fn failed(&mut self, error: SourceError) -> Result<(), SourceError> {
-        if !error.may_mend() {
+        if !error.may_recover() {
             return Err(error);
         }
         (self.open, self.trouble) = (false, Some(error.to_string()));

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_followed_elsewhere() {
+    fn redirects_are_not_followed() {
         let (url, serving) = device(
             b"HTTP/1.1 302 Found\r\nLocation: http://192.0.2.1/\r\nContent-Length: 0\r\n\r\n".to_vec(),
         );

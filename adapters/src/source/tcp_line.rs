@@ -187,20 +187,20 @@ mod tests {
         line.open().unwrap();
         drop(listener.accept().unwrap());
         let error = take(&mut line, 1).unwrap_err();
-        assert!(error.may_mend() && error.to_string().contains("it closed the connection"), "{error}");
-        assert!(line.receive().unwrap_err().may_mend() && line.send(b"x").unwrap_err().may_mend());
+        assert!(error.may_recover() && error.to_string().contains("it closed the connection"), "{error}");
+        assert!(line.receive().unwrap_err().may_recover() && line.send(b"x").unwrap_err().may_recover());
         line.open().unwrap();
         listener.accept().unwrap().0.write_all(b"again").unwrap();
         assert_eq!(take(&mut line, 5).unwrap(), b"again");
     }
 
     #[test]
-    fn nobody_there_is_said_in_words() {
+    fn an_absent_device_is_reported_in_words() {
         let (mut line, listener) = pair();
         let port = listener.local_addr().unwrap().port();
         drop(listener);
         let error = line.open().unwrap_err();
-        assert!(error.may_mend(), "{error:?}");
+        assert!(error.may_recover(), "{error:?}");
         let text = error.to_string();
         assert!(text.contains(&format!("nothing listens on port {port}")), "{text}");
         assert!(text.contains("the plate at 127.0.0.1") && text.contains("correct ground.address"), "{text}");

@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_datagram_bears_its_arrival_and_its_sender() {
+    fn a_datagram_carries_its_arrival_and_its_sender() {
         let mut door = loopback(Senders::Loopback);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         // The kernel starts stamping some time after the first socket requests it; until then it stamps on reading.
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn strangers_are_told_apart() {
+    fn other_senders_are_distinguished() {
         assert!(!Senders::Loopback.admit("192.168.1.4".parse().unwrap()));
         assert!(Senders::Loopback.admit("::1".parse().unwrap()));
         assert!(Senders::Anyone.admit("192.168.1.4".parse().unwrap()));

@@ -86,8 +86,7 @@ impl Transport for UdpLine {
 
     fn send(&mut self, bytes: &[u8]) -> Result<(), SourceError> {
         let Some(peer) = self.peer else {
-            let listening =
-                format!("{}: a device that is only listened to cannot be told anything", self.key);
+            let listening = format!("{}: a device that is only listened to takes no commands", self.key);
             return Err(SourceError::Unusable(listening));
         };
         let Some(door) = &self.door else { return Err(unopened(self.key)) };

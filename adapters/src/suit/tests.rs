@@ -262,10 +262,10 @@ fn a_constant_latency_is_taken_off_every_sample_time_and_off_nothing_else() {
         let datagrams = [pose_datagram(counter, &standing())];
         let arrival_ns = 1_000_000_000 + u64::from(counter) * PERIOD_NS;
         let expected = feed(&mut plain, &datagrams, arrival_ns);
-        for (mut told, expected) in feed(&mut late, &datagrams, arrival_ns).into_iter().zip(expected) {
-            assert_eq!(told.sample_time_ns, expected.sample_time_ns - LATENCY_NS);
-            told.sample_time_ns += LATENCY_NS;
-            assert_eq!(told, expected);
+        for (mut late_sample, expected) in feed(&mut late, &datagrams, arrival_ns).into_iter().zip(expected) {
+            assert_eq!(late_sample.sample_time_ns, expected.sample_time_ns - LATENCY_NS);
+            late_sample.sample_time_ns += LATENCY_NS;
+            assert_eq!(late_sample, expected);
             compared += 1;
         }
     }

@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_found_wherever_the_stream_is_entered_or_cut() {
+    fn frames_are_found_from_any_start_and_cut_of_the_stream() {
         for from in 0..FRAME_SIZE {
             let mut stream = Sliding::default();
             let mut found = Vec::new();

@@ -3,7 +3,7 @@
 
 use crc::{Algorithm, Crc};
 
-/// A checksum that a frame can bear.
+/// Checksum of a frame.
 #[derive(Clone)]
 pub struct Checksum {
     name: &'static str,

@@ -35,7 +35,7 @@ pub enum Length {
     /// Constant length.
     Fixed(usize),
     /// A length field: `plus` bytes more than its value, at most `most`.
-    Told {
+    InHead {
         /// Position of the field.
         place: Place,
         /// Bytes that the field does not count.
@@ -108,7 +108,7 @@ impl FrameForm {
         match self.length {
             Length::Fixed(bytes) => bytes,
             // The length field counts the rest of the frame; sync and the field itself are always present.
-            Length::Told { place, plus, .. } => {
+            Length::InHead { place, plus, .. } => {
                 place.end(0).unwrap_or(usize::MAX).max(self.sync.len()).max(plus)
             }
         }
@@ -118,7 +118,7 @@ impl FrameForm {
     pub fn most(&self) -> usize {
         match self.length {
             Length::Fixed(bytes) => bytes,
-            Length::Told { most, .. } => most,
+            Length::InHead { most, .. } => most,
         }
     }
 
@@ -144,7 +144,7 @@ impl FrameForm {
     /// # Errors
     /// [`FormFault`].
     pub fn check(&self, stream: bool) -> Result<(), FormFault> {
-        if let Length::Told { place, .. } = self.length
+        if let Length::InHead { place, .. } = self.length
             && (place.at < 0 || matches!(place.number, Number::F32 | Number::F64))
         {
             return Err(FormFault::LengthPlace);
@@ -173,9 +173,9 @@ impl FrameForm {
         }
         let length = match self.length {
             Length::Fixed(length) => length,
-            Length::Told { place, plus, most } => {
-                let told = place.raw(head).and_then(|told| usize::try_from(told).ok());
-                match told.and_then(|told| told.checked_add(plus)) {
+            Length::InHead { place, plus, most } => {
+                let declared = place.raw(head).and_then(|declared| usize::try_from(declared).ok());
+                match declared.and_then(|declared| declared.checked_add(plus)) {
                     Some(length) if (self.least()..=most).contains(&length) => length,
                     _ => return Look::Nothing,
                 }

@@ -160,7 +160,7 @@ mod tests {
         <scfgtu>N-m</scfgtu><comrdte>Enabled</comrdte><comrdtrate>7000</comrdtrate><comrdtbsiz>40</comrdtbsiz></netft>";
 
     #[test]
-    fn a_page_tells_counts_units_and_rate() {
+    fn a_page_gives_counts_units_and_rate() {
         let page = NetFtPage::parse(PAGE).unwrap();
         assert_eq!((page.counts_per_force, page.counts_per_torque), (Some(1e6), Some(5e5)));
         assert_eq!((page.force_unit.as_deref(), page.torque_unit.as_deref()), (Some("N"), Some("N-m")));

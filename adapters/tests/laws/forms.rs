@@ -51,9 +51,9 @@ fn form(choices: &mut Choices<'_>) -> FrameForm {
     let sync = choices.take(usize::from(sync)).to_vec();
     let length = match choices.byte() {
         fixed @ 0..=127 => Length::Fixed(usize::from(fixed)),
-        told => Length::Told {
+        declared => Length::InHead {
             place: place(choices),
-            plus: usize::from(told & 0x1f),
+            plus: usize::from(declared & 0x1f),
             most: usize::from(choices.small() % 300),
         },
     };
@@ -105,20 +105,20 @@ pub(crate) fn binary(bytes: &[u8]) {
     if form.check(true).is_err() || all.into_iter().any(|place| form.check_place(*place).is_err()) {
         return;
     }
-    let (mut frames, mut told) = (Frames::new(form.clone()), 0);
+    let (mut frames, mut declared) = (Frames::new(form.clone()), 0);
     frames.push(rest);
     while let Some(found) = frames.advance() {
         match found {
             Found::Frame(frame) => {
                 assert!(matches!(form.look(frame), Look::Frame(whole) if whole == frame));
                 assert!((form.least()..=form.most()).contains(&frame.len()));
-                told += frame.len();
+                declared += frame.len();
             }
             Found::Other => {}
-            Found::Passed { bytes, .. } => told += bytes,
+            Found::Passed { bytes, .. } => declared += bytes,
         }
     }
-    assert!(told + frames.kept() <= rest.len());
+    assert!(declared + frames.kept() <= rest.len());
     let direct = Direct { force: [Some(0), Some(1), Some(2)], moment: [Some(3), Some(4), Some(5)] };
     let settings = BinarySettings {
         form,
@@ -197,10 +197,10 @@ pub(crate) mod seeds {
         };
         let frames: Vec<u8> = (0..8).flat_map(|index| frame(index).to_bytes()).collect();
         // A sync byte, a length field, and a checksum: `A5 05 x y s`.
-        let mut told = vec![1, 1, 0xa5, 200, 0, 1, 0, 0, 40, 0, 0, 0];
-        told.resize(FORM_BYTES, 0);
-        told.extend([0xa5, 9, 1, 2, 3, 4, 5, 6, 7].repeat(6));
-        vec![[&[0; FORM_BYTES][..], &[3, 40, 0, 7, 120, 1, 1, 60], &frames].concat(), told]
+        let mut declared = vec![1, 1, 0xa5, 200, 0, 1, 0, 0, 40, 0, 0, 0];
+        declared.resize(FORM_BYTES, 0);
+        declared.extend([0xa5, 9, 1, 2, 3, 4, 5, 6, 7].repeat(6));
+        vec![[&[0; FORM_BYTES][..], &[3, 40, 0, 7, 120, 1, 1, 60], &frames].concat(), declared]
     }
 
     pub(crate) fn mvn_stream() -> Vec<Vec<u8>> {

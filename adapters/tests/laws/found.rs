@@ -17,6 +17,6 @@ pub(crate) const FOUND: &[(&str, &[u8], &str)] = &[
     (
         "mvn_datagram",
         b"MXTP12\0\0\0\0\x80\x01\0\0\0\0\0\x17\0\0\0\0\0\x1c\0\0\0\x18color:1\nname:F\n7\nname:F\r",
-        "a name that ends in a carriage return was told with it, and without once it was written again",
+        "a name that ends in a carriage return was reported with it, and without it after writing",
     ),
 ];

@@ -31,7 +31,7 @@ pub(crate) fn rdt(bytes: &[u8]) {
 pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]) {
     let mut brain = GroundBrain::new(device(), GroundSettings::default());
     let mut choices = Choices::new(bytes);
-    let (mut arrival_ns, mut samples, mut told) = (1_000_000_000_u64, Vec::new(), 0);
+    let (mut arrival_ns, mut samples, mut reported) = (1_000_000_000_u64, Vec::new(), 0);
     brain.opened(arrival_ns);
     while !choices.is_empty() {
         let length = usize::from(choices.small() % 2000);
@@ -40,13 +40,13 @@ pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]
         brain.receive(choices.take(length), arrival_ns, &mut samples);
         for sample in &samples {
             sound(sample);
-            told += 1;
-            assert_eq!(sample.sequence, told);
+            reported += 1;
+            assert_eq!(sample.sequence, reported);
             assert!(sample.arrival_ns == arrival_ns);
         }
         let _ = (brain.trouble(), brain.wants(arrival_ns));
     }
-    assert_eq!(brain.counts().published, told);
+    assert_eq!(brain.counts().published, reported);
 }
 
 /// A byte stream gives the same samples for any division into pieces; the first eight bytes select the pieces.

@@ -138,8 +138,8 @@ pub(crate) fn mvn_sessions() -> Vec<Vec<u8>> {
     let all_types: Vec<u8> = (0..20_u8)
         .flat_map(|_| (0..6_u8).flat_map(|kind| [kind, u8::from(kind == 0) * 8, u8::from(kind == 0), 0]))
         .collect();
-    let anew: Vec<u8> = [&plain[..], &[0, 8, 255, 0, 0, 0], &plain[..]].concat();
-    vec![plain, all_types, anew]
+    let restarted: Vec<u8> = [&plain[..], &[0, 8, 255, 0, 0, 0], &plain[..]].concat();
+    vec![plain, all_types, restarted]
 }
 
 /// Requests, one record, several, and a sequence of datagrams.

@@ -132,7 +132,7 @@ fn a_stream_is_asked_for_read_and_asked_for_again_when_somebody_stops_it() {
     assert_eq!(
         (samples[95].session, samples[96].session),
         (0, 1),
-        "the played clock starts anew with the stream"
+        "the played clock restarts with the stream"
     );
     assert_eq!(source.health().block_latency_ns, 51_200_000);
     drop(source);

@@ -80,7 +80,7 @@ fn frames_become_samples_and_a_track_manager_that_was_closed_is_found_again() {
     assert_eq!(source.health().block_latency_ns, 10_000_000);
     until(&mut source, |source, _| source.trouble().is_some_and(|why| why.contains("closed the connection")));
     let samples = until(&mut source, |_, samples| samples.len() >= 300);
-    assert_eq!((samples.last().unwrap().session, source.trouble()), (1, None), "its time started anew");
+    assert_eq!((samples.last().unwrap().session, source.trouble()), (1, None), "its time restarted");
     drop(source);
     let (first, second) = played.join().unwrap();
     assert_eq!(first, ["Version 1.25", "StreamFrames AllFrames Force"]);
@@ -88,7 +88,7 @@ fn frames_become_samples_and_a_track_manager_that_was_closed_is_found_again() {
 }
 
 #[test]
-fn nobody_at_the_address_is_a_sentence_and_no_end() {
+fn an_address_without_a_device_is_reported_and_tried_again() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let line = TcpLine::to(listener.local_addr().unwrap(), "Qualisys' track manager", "ground.address");
     drop(listener);

@@ -71,7 +71,7 @@ fn a_plate_is_started_at_its_speed_and_found_again_after_it_was_pulled_out() {
 }
 
 #[test]
-fn a_plate_is_told_to_stop_when_nobody_listens_any_more() {
+fn a_plate_is_stopped_when_its_reader_ends() {
     let socket = Socket::new();
     let mut source = open(&socket, 57_600, amti(Rate::Hz50));
     let plate = Plate::plug(&socket, Box::new(|_| FRAME.to_vec()));

@@ -56,7 +56,7 @@ fn the_speed_is_set_and_changed_and_what_came_before_is_gone() {
     line.set_speed(250_000).unwrap();
     assert_eq!(device.speed(), 250_000);
     line.open().unwrap();
-    assert_eq!(device.speed(), 57_600, "opened anew, it is as it was configured");
+    assert_eq!(device.speed(), 57_600, "opened again, it is as configured");
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn a_port_that_is_not_there_is_named_with_what_to_do_and_works_once_it_is() {
     let socket = Socket::new();
     let mut line = line(socket.port());
     let refused = line.open().unwrap_err();
-    assert!(refused.may_mend());
+    assert!(refused.may_recover());
     let said = refused.to_string();
     let port = socket.port().display().to_string();
     assert!(said.starts_with(&format!("the serial port {port} is not there: No such file")), "{said}");
@@ -84,7 +84,7 @@ fn a_device_that_is_unplugged_is_missed_at_once_and_found_again_under_its_name()
     device.unplug();
     // Data in transit may still be read, or be lost with the device; then the line fails permanently.
     let gone = (0..100).find_map(|_| line.receive().err()).expect("that it is gone");
-    assert!(gone.may_mend(), "{gone}");
+    assert!(gone.may_recover(), "{gone}");
     assert!(gone.to_string().contains("it was unplugged"), "{gone}");
     assert!(line.open().is_err());
     let device = socket.plug();
@@ -99,7 +99,7 @@ fn a_port_that_somebody_has_is_busy_and_free_once_they_let_go() {
     let (device, first) = open(&socket);
     let mut second = line(socket.port());
     let refused = second.open().unwrap_err();
-    assert!(refused.may_mend());
+    assert!(refused.may_recover());
     let said = refused.to_string();
     assert!(said.contains("cannot be used: this very process") && said.contains("close that"), "{said}");
     drop(first);
@@ -115,7 +115,7 @@ fn what_is_no_serial_port_is_refused_for_good() {
     std::fs::write(&file, "").unwrap();
     for path in [file, PathBuf::from("/dev/null")] {
         let refused = line(path).open().unwrap_err();
-        assert!(!refused.may_mend(), "{refused}");
+        assert!(!refused.may_recover(), "{refused}");
         assert!(refused.to_string().contains("is no serial port; set ground.serial.port"), "{refused}");
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct AskedPose {
 
 impl AskedPose {
     /// Resets the reference heading, for example for another subject.
-    pub(super) fn begin_anew(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.begun = 0;
     }
 

@@ -198,7 +198,7 @@ impl BodyMotion {
     }
 
     /// Part of the CoP that the rows of the chain omit, m: rotation of the body, and height of the floor.
-    pub(super) fn beside_the_rows_m(&self, axis: usize) -> f64 {
+    pub(super) fn besides_rows_m(&self, axis: usize) -> f64 {
         self.turning_m[axis] + self.slope[axis] * self.floor_m
     }
 

@@ -78,7 +78,7 @@ impl BodyRefusal {
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Build {
     /// The last plausible message; valid if `published_ns` is not 0.
-    told: SuitBody,
+    of_suit: SuitBody,
     /// 1 once a pose agreed.
     believed: u64,
     /// Number of consecutive poses that contradicted.
@@ -90,7 +90,7 @@ pub struct Build {
 impl Build {
     /// The accepted body dimensions.
     pub fn body(&self) -> Option<&SuitBody> {
-        (self.believed == 1).then_some(&self.told)
+        (self.believed == 1).then_some(&self.of_suit)
     }
 
     /// Why the last message is not used; the number of a [`BodyRefusal`].
@@ -123,7 +123,7 @@ impl Build {
         if newest.is_some_and(|suit| body.avatar != suit.avatar) {
             return self.refuse(BodyRefusal::OtherCharacter);
         }
-        if self.told.published_ns > 0 && self.told.is_same_build(body) {
+        if self.of_suit.published_ns > 0 && self.of_suit.is_same_build(body) {
             // A repetition; the comparison with the poses stays valid.
             let of_this_one = [BodyRefusal::ContradictsPoses, BodyRefusal::ContradictsWorker];
             if !of_this_one.iter().any(|refusal| self.refused == *refusal as u64) {
@@ -131,24 +131,24 @@ impl Build {
             }
             return;
         }
-        *self = Build { told: *body, ..Zeroable::zeroed() };
+        *self = Build { of_suit: *body, ..Zeroable::zeroed() };
     }
 
     /// Compares one suit pose with the body; returns whether the body has just been accepted.
     fn compare(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample) -> bool {
         // The suit's software may send the body before the first pose of a session.
-        let is_early = self.told.session > suit.session && self.believed == 0;
-        if self.told.published_ns == 0 || is_early {
+        let is_early = self.of_suit.session > suit.session && self.believed == 0;
+        if self.of_suit.published_ns == 0 || is_early {
             return false;
         }
-        if self.told.session != suit.session || self.told.avatar != suit.avatar {
+        if self.of_suit.session != suit.session || self.of_suit.avatar != suit.avatar {
             // The suit restarted, or its adapter, which counts sessions from zero; the body of the present wearer will
             // be sent again.
             *self = Zeroable::zeroed();
             self.refuse(BodyRefusal::Stale);
             return false;
         }
-        if self.told.skeleton().differs_by_m(&Skeleton::of(pose)) <= BONES_AGREE_M {
+        if self.of_suit.skeleton().differs_by_m(&Skeleton::of(pose)) <= BONES_AGREE_M {
             self.contradicting = 0;
             let newly = self.believed == 0;
             if newly {
@@ -167,9 +167,9 @@ impl Build {
 
     /// Whether numbers are in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        (self.told.published_ns == 0 || self.told.is_plausible())
+        (self.of_suit.published_ns == 0 || self.of_suit.is_plausible())
             && self.believed <= 1
-            && (self.believed == 0 || self.told.published_ns > 0)
+            && (self.believed == 0 || self.of_suit.published_ns > 0)
             && self.contradicting <= CONTRADICTIONS
             && BodyRefusal::from_number(self.refused as u32).is_some()
     }

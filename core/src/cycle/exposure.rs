@@ -232,7 +232,7 @@ fn blank_back(state: &mut State) {
 }
 
 /// Sets invalid values to zero.
-pub(super) fn blank_spoilt(state: &mut State) {
+pub(super) fn mask_invalid(state: &mut State) {
     let valid = state.validity();
     if valid.any_of(Validity::SPOILS_LIFTED_MASS) {
         blank_load(state);

@@ -124,13 +124,13 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_s_centre_is_the_feet_s_weighted_by_force_wherever_the_person_stands_and_turns() {
-        let told = insoles([200.0, 500.0], [[0.03, -0.01], [-0.02, 0.005]]);
-        assert!(told.cop_m().is_err(), "nobody knows where the feet are");
+    fn the_common_centre_is_the_force_weighted_mean_of_the_feet_in_any_place_and_heading() {
+        let measured = insoles([200.0, 500.0], [[0.03, -0.01], [-0.02, 0.005]]);
+        assert!(measured.cop_m().is_err(), "the places of the feet are unknown");
         for (turn, x, y) in [(0.0, 0.0, 0.0), (1.2, 0.4, -0.3), (-2.5, -1.0, 2.0)] {
             let pose = standing(turn, Vector3::new(x, y, 0.95));
             let soles = sole::both(&pose, None, HEIGHT_M);
-            let placed = place(&told, &pose, &soles);
+            let placed = place(&measured, &pose, &soles);
             let feet = placed.feet().unwrap();
             assert_eq!(feet.vertical_n, [200.0, 500.0]);
             let at = feet.cop_m.unwrap();
@@ -146,8 +146,8 @@ mod tests {
                 let on_foot = pose.world_from_segment[side.foot().index()].inverse() * away;
                 let middle = soles[side as usize].middle_m();
                 for axis in 0..2 {
-                    let told = told.foot_cop_m[side as usize][axis];
-                    assert!((on_foot[axis] - middle[axis] - told).abs() < 1e-12);
+                    let measured = measured.foot_cop_m[side as usize][axis];
+                    assert!((on_foot[axis] - middle[axis] - measured).abs() < 1e-12);
                 }
             }
         }
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn beside_a_plate_only_the_feet_are_placed() {
+    fn with_a_plate_insoles_place_only_the_feet() {
         let pose = standing(0.0, Vector3::zeros());
         let both = GroundSample {
             moment_nm: [30.0, -20.0, 1.0],
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_on_them_is_nobody_standing_and_contradiction_is_no_centre() {
+    fn empty_insoles_mean_that_no_person_stands_and_a_contradiction_gives_no_centre() {
         let pose = standing(0.0, Vector3::zeros());
         let soles = sole::both(&pose, None, HEIGHT_M);
         let empty = place(&insoles([0.0; 2], [[0.0; 2]; 2]), &pose, &soles);

@@ -147,7 +147,7 @@ impl Memory {
 
     /// Whether the suit restarted since the last sample: its counter started at zero and is not larger than the elapsed
     /// time allows. A counter that jumps to another value is no restart.
-    pub(super) fn started_anew(&self, suit: &SuitSample) -> bool {
+    pub(super) fn has_restarted(&self, suit: &SuitSample) -> bool {
         let (gap_s, period_s) = self.since_last_s(suit);
         let counted_s = f64::from(suit.device_counter) * period_s;
         u64::from(suit.session) != self.session

@@ -34,7 +34,7 @@ pub(super) struct ModelTerms {
     /// Index of the next entry, in [0, WINDOW).
     next: u64,
     /// Number of consecutive snapshots for which the terms were available, up to WINDOW.
-    told: u64,
+    applied: u64,
     /// The plate's filter, applied to the predictions of the same three quantities.
     filter: [LowPass; 3],
 }
@@ -50,7 +50,7 @@ impl ModelTerms {
         let numbers = self.cop_m.iter().chain(&self.force_n).chain(self.recent.iter().flatten());
         numbers.copied().all(f64::is_finite)
             && self.next < WINDOW as u64
-            && self.told <= WINDOW as u64
+            && self.applied <= WINDOW as u64
             && self.filter.iter().all(LowPass::is_sound)
     }
 
@@ -107,7 +107,7 @@ impl ModelTerms {
     /// A full static pose window without the contribution of the terms; `None` while that is unavailable for part of
     /// the window.
     pub(super) fn off(&self, stillness: &Stillness, model: &Model) -> Option<Stillness> {
-        if !model.is_empty() && self.told < WINDOW as u64 {
+        if !model.is_empty() && self.applied < WINDOW as u64 {
             return None;
         }
         let mut without = *stillness;
@@ -194,12 +194,12 @@ impl Memory {
             o.slope_is_measured = body.slope_is_measured;
             let rows = self.identification.reduction.rows(pose, body.slope);
             let still = self.identification.predict_cop_m(&rows);
-            o.cop_predicted_m = [0, 1].map(|axis| still[axis] + body.beside_the_rows_m(axis));
+            o.cop_predicted_m = [0, 1].map(|axis| still[axis] + body.besides_rows_m(axis));
             (self.terms.cop_m, self.terms.force_n) = settings.model.change(o);
             self.terms.filter(&settings.model, o, step_s);
-            self.terms.told = (self.terms.told + 1).min(WINDOW as u64);
+            self.terms.applied = (self.terms.applied + 1).min(WINDOW as u64);
         } else {
-            self.terms.told = 0;
+            self.terms.applied = 0;
             self.terms.filter.iter_mut().for_each(LowPass::forget);
         }
         self.terms.remember();

@@ -88,12 +88,12 @@ impl Memory {
     /// After a gap in the samples or a restart of the suit the subject may stand elsewhere.
     fn lose_sight_after_a_gap(&mut self, suit: &SuitSample, settings: &Settings) {
         let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
-        let is_another = self.started_anew(suit) || self.plausibility.moved_ns == suit.sample_time_ns;
+        let is_another = self.has_restarted(suit) || self.plausibility.moved_ns == suit.sample_time_ns;
         let is_session = u64::from(suit.session) != self.session;
-        let anew = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || is_session || is_another);
+        let is_restart = self.worked_ns > 0 && (gap_ns > SIGHT_LOST_NS || is_session || is_another);
         self.session = u64::from(suit.session);
         self.suit_counter = u64::from(suit.device_counter);
-        if !anew {
+        if !is_restart {
             return;
         }
         self.history.clear();
@@ -312,7 +312,7 @@ impl Memory {
         } else {
             body.leaning_sigma_m(self.noise.moving_acceleration_sigma_m_per_s2())
         };
-        let cop_m = [0, 1].map(|axis| still[axis] + body.beside_the_rows_m(axis) + self.terms.cop_m[axis]);
+        let cop_m = [0, 1].map(|axis| still[axis] + body.besides_rows_m(axis) + self.terms.cop_m[axis]);
         self.known.cop_estimated_m = cop_m;
         let headed_m = self.placing.heading_sigma_m(pose, cop_m);
         let variance_m2 = [0, 1].map(|axis: usize| {

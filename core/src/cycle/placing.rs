@@ -104,8 +104,8 @@ impl Placing {
     /// rotates about that point.
     pub(super) fn heading_sigma_m(&self, pose: &Pose<StationWorld>, cop_m: [f64; 2]) -> [f64; 2] {
         let between = 0.5 * (pose.origin_of(Side::Left.foot()) + pose.origin_of(Side::Right.foot()));
-        let [ahead_m, beside_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
-        [beside_m, ahead_m].map(|lever_m| lever_m.abs() * self.sigma_rad())
+        let [ahead_m, sideways_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
+        [sideways_m, ahead_m].map(|lever_m| lever_m.abs() * self.sigma_rad())
     }
 
     /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`.

@@ -26,7 +26,7 @@ const REPEAT_CHANCE: f64 = 1e-2;
 /// causes about 2 N.
 const BODY_MOVES_N: f64 = 1.0;
 /// For this time after a pose the suit counts as evidence of motion, ns: three samples of the slowest suit, 30 Hz.
-const POSE_TELLS_NS: u64 = 100_000_000;
+const POSE_EVIDENCE_NS: u64 = 100_000_000;
 /// A segment that moved farther than this from the previous pose, m, does not stop within one sample: 60 mm/s at 60 Hz.
 /// Recorded positions are rounded to a millimetre at most.
 const POSE_MOVES_M: f64 = 1e-3;
@@ -224,7 +224,7 @@ impl Plausibility {
             [fx, fy, fz, mx, my, mz]
         };
         let since_pose_ns = sample.sample_time_ns.saturating_sub(self.shown_newest_ns);
-        let suit_moves = self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_TELLS_NS;
+        let suit_moves = self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_EVIDENCE_NS;
         let mut since_ns = None;
         for (channel, (now, then)) in numbers(sample).into_iter().zip(numbers(before)).enumerate() {
             // Exactly zero is the reading of an empty plate, or of a channel that is not measured.
@@ -270,7 +270,7 @@ impl Plausibility {
         }
         // Only at the start of the run: a body that really stopped is static from then on.
         let has_just_moved =
-            self.pose_step_m > POSE_MOVES_M && time_ns.saturating_sub(self.poses.begun_ns) < POSE_TELLS_NS;
+            self.pose_step_m > POSE_MOVES_M && time_ns.saturating_sub(self.poses.begun_ns) < POSE_EVIDENCE_NS;
         if is_same && (plate_moves || has_just_moved) && self.poses.probability() < REPEAT_CHANCE {
             return false;
         }

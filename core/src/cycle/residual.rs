@@ -165,7 +165,7 @@ impl Memory {
         let rows = self.identification.reduction.rows(pose, body.slope);
         let wander = self.identification.wander_variance_m2(pose, settings);
         let cop_m = core::array::from_fn(|axis| {
-            self.known.cop_measured_m[axis] - body.beside_the_rows_m(axis) - self.terms.cop_m[axis]
+            self.known.cop_measured_m[axis] - body.besides_rows_m(axis) - self.terms.cop_m[axis]
         });
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         let one_m2: [f64; 2] = core::array::from_fn(|axis| {

@@ -129,7 +129,7 @@ mod tests {
         Pose::new(origin, [turn; SEGMENTS])
     }
 
-    fn told() -> SuitBody {
+    fn measured_body() -> SuitBody {
         let mut body: SuitBody = Zeroable::zeroed();
         body.foot_points = [0b1111; 2];
         for (foot, out) in [(0, 1.0), (1, -1.0)] {
@@ -147,7 +147,7 @@ mod tests {
     fn the_suit_s_points_are_the_outline_and_the_big_toe_is_on_the_inside() {
         let pose = standing(0.0, Vector3::zeros());
         let [left, right] =
-            Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77).with(&told(), side));
+            Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77).with(&measured_body(), side));
         assert_eq!((left.along_m, left.sole_z_m), ([-0.06, 0.24], -0.1));
         assert_eq!((left.across_m, right.across_m), ([-0.04, 0.055], [-0.055, 0.04]));
         assert!((left.middle_m()[0] - 0.09).abs() < 1e-12 && (left.middle_m()[1] - 0.0075).abs() < 1e-12);
@@ -157,10 +157,10 @@ mod tests {
     fn points_that_make_no_sole_are_passed_over() {
         let pose = standing(0.0, Vector3::zeros());
         let nominal = FootShape::by_stature(&pose, Side::Left, 1.77);
-        let mut backwards = told();
+        let mut backwards = measured_body();
         backwards.foot_point_m[0][3][0] = -0.3;
         assert_eq!(nominal.with(&backwards, Side::Left), nominal);
-        let mut only_heel = told();
+        let mut only_heel = measured_body();
         only_heel.foot_points = [FootPoint::Heel as u32; 2];
         let with = nominal.with(&only_heel, Side::Left);
         assert_eq!((with.along_m, with.across_m), ([-0.06, nominal.along_m[1]], nominal.across_m));

@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_raised_heel_bears_weight_unless_the_other_sole_alone_explains_the_centre_of_pressure() {
+    fn a_raised_heel_carries_weight_unless_the_other_foot_alone_explains_the_centre_of_pressure() {
         let mut pose = standing();
         let soles = Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77));
         let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()));

@@ -148,14 +148,14 @@ mod tests {
         // addition.
         let own = [(70.0, [0.3, 0.2]), (100.0, [-0.2, -0.3])];
         let with = |feet: [(f64, [f64; 2]); 2]| {
-            let told = [0, 1].map(|foot| {
+            let reported = [0, 1].map(|foot| {
                 let ((own_n, own_m), (foot_n, foot_m)) = (own[foot], feet[foot]);
                 let all_n = own_n + foot_n;
                 (all_n, [0, 1].map(|axis| (own_n * own_m[axis] + foot_n * foot_m[axis]) / all_n))
             });
             GroundSample {
-                foot_cop_m: told.map(|(_, cop_m)| cop_m),
-                ..plates(told.map(|(newtons, _)| newtons))
+                foot_cop_m: reported.map(|(_, cop_m)| cop_m),
+                ..plates(reported.map(|(newtons, _)| newtons))
             }
         };
         let tare = Tare::shown_by([with([(0.0, [0.0; 2]); 2])].iter());
@@ -163,8 +163,8 @@ mod tests {
         let standing = tare.off(&with(feet));
         for (foot, (foot_n, foot_m)) in feet.into_iter().enumerate() {
             assert!((standing.foot_vertical_n[foot] - foot_n).abs() < 1e-9);
-            for (told_m, true_m) in standing.foot_cop_m[foot].into_iter().zip(foot_m) {
-                assert!((told_m - true_m).abs() < 1e-12, "{told_m} {true_m}");
+            for (reported_m, true_m) in standing.foot_cop_m[foot].into_iter().zip(foot_m) {
+                assert!((reported_m - true_m).abs() < 1e-12, "{reported_m} {true_m}");
             }
         }
         let lifted = tare.off(&with([(0.0, [0.0; 2]), (700.0, [0.02, -0.11])]));

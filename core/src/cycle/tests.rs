@@ -72,8 +72,8 @@ fn a_box_overloads_the_joints_that_carry_it() {
         let arm = at - pose.origin_of(joint.segment());
         // The true torque about the lateral axis; the load's position along it is determined by the two CoPs.
         let truth = -arm.x * share * 4.0 * GRAVITY_M_PER_S2;
-        let told = state.torque_nm[joint.index()][1];
-        assert!((told - truth).abs() < 0.15 * truth.abs() + 0.2, "{name}: {told} {truth}");
+        let published = state.torque_nm[joint.index()][1];
+        assert!((published - truth).abs() < 0.15 * truth.abs() + 0.2, "{name}: {published} {truth}");
     }
     assert!((state.zeta[0] + state.zeta[1] - 1.0).abs() < 1e-12);
     assert!((state.eta[0] + state.eta[1] - 1.0).abs() < 1e-12);
@@ -152,24 +152,24 @@ fn a_worker_who_is_forgotten_is_waited_for_and_no_sensor_is_blamed() {
 #[test]
 fn the_first_moments_of_a_known_body_are_no_leap() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    let mut told = 0;
+    let mut published = 0;
     for _ in 0..1500 {
         bench.hold(&person, &postures()[0], None, 1);
         let state = bench.state();
-        let spoilt = Validity::SPOILS_DELTA_F.and(Validity::SPOILS_COM);
-        if !state.validity().any_of(spoilt) {
-            told += 1;
-            assert!(state.delta_f_n[2].abs() < 10.0, "{} N are carried by nobody", state.delta_f_n[2]);
+        let invalid = Validity::SPOILS_DELTA_F.and(Validity::SPOILS_COM);
+        if !state.validity().any_of(invalid) {
+            published += 1;
+            assert!(state.delta_f_n[2].abs() < 10.0, "{} N without a load", state.delta_f_n[2]);
             assert!(state.com_m[2] > 0.5, "a centre of mass at {:?}", state.com_m);
             let [cop_x_m, cop_y_m] = state.cop_estimated_m;
-            assert!(cop_x_m != 0.0 || cop_y_m != 0.0, "an estimate that nobody made");
+            assert!(cop_x_m != 0.0 || cop_y_m != 0.0, "no estimate was made");
         }
     }
-    assert!(told > 500, "{told}");
+    assert!(published > 500, "{published}");
 }
 
 #[test]
-fn what_the_plate_said_before_its_silence_is_not_told_after_it() {
+fn values_of_the_plate_before_a_silence_are_not_published_after_it() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     bench.hold(&person, &posture, None, 1000);
@@ -177,20 +177,20 @@ fn what_the_plate_said_before_its_silence_is_not_told_after_it() {
     bench.ground_silent = true;
     bench.hold(&person, &posture, Some((10.0, at)), 1000);
     bench.ground_silent = false;
-    let (expected_n, mut told) = ((MASS_KG + 10.0) * GRAVITY_M_PER_S2, 0);
+    let (expected_n, mut published) = ((MASS_KG + 10.0) * GRAVITY_M_PER_S2, 0);
     for _ in 0..500 {
         bench.hold(&person, &posture, Some((10.0, at)), 1);
         if !bench.state().validity().any_of(Validity::SPOILS_GROUND_FORCE) {
-            told += 1;
-            let told_n = bench.state().ground_force_n[2];
-            assert!((told_n - expected_n).abs() < 1.0, "{told_n} N of {expected_n} N");
+            published += 1;
+            let published_n = bench.state().ground_force_n[2];
+            assert!((published_n - expected_n).abs() < 1.0, "{published_n} N of {expected_n} N");
         }
     }
-    assert!(told > 200, "{told}");
+    assert!(published > 200, "{published}");
 }
 
 #[test]
-fn staleness_is_told_within_two_periods_and_the_tolerance() {
+fn staleness_is_reported_within_two_periods_and_the_tolerance() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 500);
     bench.suit_silent = true;
@@ -355,7 +355,7 @@ fn a_worker_who_holds_a_box_on_one_foot_is_not_weighed() {
     assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "no worker weighs 472 kg");
     bench.command(CommandKind::IdentifyReset);
     bench.hold(&person, &postures()[1], Some((20.0, Vector3::new(0.05, 0.0, 1.0))), 4000);
-    assert!(bench.state().mass_kg > 90.0, "a box in the hands cannot be told from a heavy worker");
+    assert!(bench.state().mass_kg > 90.0, "a box in the hands cannot be distinguished from a heavy worker");
     bench.hold(&person, &postures()[2], None, 300);
     bench.command(CommandKind::IdentifyReset);
     bench.hold(&person, &postures()[2], None, 1500);

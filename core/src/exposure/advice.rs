@@ -87,12 +87,12 @@ mod tests {
         for load_n in [80.0, -60.0] {
             let base = loaded(&pose, load_n, Vector3::zeros());
             let before = magnitudes(&pose, &base);
-            let told = torques(&pose, &base, &NO_SIGMA);
+            let base_torque = torques(&pose, &base, &NO_SIGMA);
             let mut advised = 0;
             for joint in Joint::ALL {
                 let index = joint.index();
                 let leverage = leverage(joint, ZETA, ETA);
-                let advice = Advice::of(leverage, load_n, told[index].torque_nm.into(), 0.0);
+                let advice = Advice::of(leverage, load_n, base_torque[index].torque_nm.into(), 0.0);
                 let slope = |along: Vector3<f64>| {
                     let moved = magnitudes(&pose, &loaded(&pose, load_n, along * step_m));
                     (moved[index] - before[index]) / step_m

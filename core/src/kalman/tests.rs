@@ -327,7 +327,7 @@ fn the_spread_given_the_nuisance_is_that_after_measuring_it_exactly() {
         row[N + axis] = 1.0;
         filter.update(&row, 0.4, 0.1).unwrap();
     }
-    let told = filter.spread_given_nuisance_m2(&h);
+    let expected_spread = filter.spread_given_nuisance_m2(&h);
     let mut row = [0.0; STATES];
     row[..N].copy_from_slice(&h[..N]);
     let mut measured = filter;
@@ -336,8 +336,8 @@ fn the_spread_given_the_nuisance_is_that_after_measuring_it_exactly() {
         nuisance[N + axis] = 1.0;
         measured.update(&nuisance, 0.0, 1e-14).unwrap();
     }
-    for (told, after) in told.iter().zip(measured.times_covariance(&row)).take(N) {
-        assert!((told - after).abs() < 1e-9, "{told} {after}");
+    for (expected_spread, after) in expected_spread.iter().zip(measured.times_covariance(&row)).take(N) {
+        assert!((expected_spread - after).abs() < 1e-9, "{expected_spread} {after}");
     }
     // For known nuisance states nothing is subtracted.
     assert_eq!(known.spread_given_nuisance_m2(&h), known.times_covariance(&row));

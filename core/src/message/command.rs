@@ -50,11 +50,11 @@ pub enum CommandKind {
     SubjectSave = 5,
     /// Load a stored profile by id.
     SubjectLoad = 6,
-    /// Take the wrench of the last 0.3 s as zero; nobody may stand on the plate.
+    /// Take the wrench of the last 0.3 s as zero; the plate must be empty.
     Tare = 7,
     /// The worker cannot hold the suggested pose: ask for another.
     PoseSkip = 8,
-    /// Forget a subject by id wherever the daemon knows it; if it is in use, an unknown worker takes its place.
+    /// Delete a subject by id from the daemon's state; if it is in use, an unknown subject replaces it.
     SubjectForget = 9,
     /// Other settings hold from this cycle on. Not asked for over the bus: the daemon reads its configuration again.
     Reload = 10,

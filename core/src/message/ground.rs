@@ -25,7 +25,7 @@ message! {
         pub device_counter: u32,
         /// The device's status word; not zero means that the sample must not be used.
         pub device_status: u32,
-        /// Grows by one whenever the device's counter starts anew.
+        /// Grows by one whenever the device's counter restarts.
         pub session: u32,
         /// 1 if each foot was measured by itself (two plates, insoles): then the `foot_` fields mean something.
         pub per_foot: u32,
@@ -86,7 +86,7 @@ impl GroundDevice {
     ];
 }
 
-/// In which frame each foot's centre of pressure is told.
+/// Frame of each foot's centre of pressure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum FootFrame {
@@ -99,7 +99,7 @@ pub enum FootFrame {
 /// Why a wrench has no centre of pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoCop {
-    /// The vertical force is below the threshold: nobody stands there.
+    /// The vertical force is below the threshold: no person stands there.
     TooLittleForce {
         /// The vertical force, N.
         vertical_n: f64,
@@ -115,7 +115,7 @@ pub enum NoCop {
 pub struct Feet {
     /// Vertical force, N; none is negative, and their sum is positive.
     pub vertical_n: [f64; 2],
-    /// Centre of pressure, world x and y, m; `None` if a foot bears too little to have one, or is told in the sole's own
+    /// Centre of pressure, world x and y, m; `None` if a foot carries too little to have one, or if it is in the sole's own
     /// frame.
     pub cop_m: Option<[[f64; 2]; 2]>,
 }
@@ -152,7 +152,7 @@ impl GroundSample {
         self.not_measured & component as u32 == 0
     }
 
-    /// The same with zero for every number that was not measured: nobody may come to believe one by mistake.
+    /// The same with zero for every number that was not measured, so that none is used by mistake.
     #[must_use]
     pub fn without_what_was_not_measured(mut self) -> GroundSample {
         if !self.measures(Component::Shear) {
@@ -183,7 +183,7 @@ impl GroundSample {
             && self.foot_cop_m.iter().flatten().all(|metres| metres.is_finite())
     }
 
-    /// What each foot bears; `None` if it was not measured, contradicts the whole, or nobody stands there.
+    /// What each foot carries; `None` if it was not measured, contradicts the whole, or no person stands there.
     pub fn feet(&self) -> Option<Feet> {
         if !self.has_feet() || self.cop_m().is_err() {
             return None;

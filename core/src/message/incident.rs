@@ -90,7 +90,7 @@ kinds! {
     SuitImplausible = 20, "suit_implausible";
     /// The ground carries less than the body weighs, and this lasts.
     WeightMissing = 21, "weight_missing";
-    /// What the ground carries beside the body is not in the hands, and this lasts.
+    /// The ground carries an external load that is not in the hands, and this lasts.
     LoadElsewhere = 22, "load_elsewhere";
 }
 

@@ -81,7 +81,7 @@ pub trait Message: Pod + ZeroCopySend + core::fmt::Debug {
     const FIELDS: &'static [Field];
     /// FNV-1a over names, kinds, counts and order of the fields.
     ///
-    /// iceoryx2 compares type name and size only; this tells apart two layouts of one size. Recordings hold it. What the
+    /// iceoryx2 compares type name and size only; this distinguishes two layouts of one size. Recordings hold it. What the
     /// bits and numbers in the fields mean is not in it: who reads the bus agrees on `equipoise_bus::Topic::schema`.
     const SCHEMA_HASH: u64 = schema_hash(Self::TYPE_NAME, Self::FIELDS);
 

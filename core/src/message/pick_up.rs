@@ -2,7 +2,7 @@
 
 use super::layout::{ZeroCopySend, message};
 
-/// Sub-buckets of one octave: times are told apart to 6 %.
+/// Sub-buckets of one octave: times are resolved to 6 %.
 pub const SUB_BUCKETS: u64 = 16;
 /// Buckets of a histogram; the last takes in everything from 2³⁴ ns (17 s) on.
 pub const BUCKETS: usize = 512;

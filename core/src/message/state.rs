@@ -7,7 +7,7 @@ use crate::body::{JOINTS, SEGMENTS};
 message! {
     /// Everything the pipeline says, once per cycle. World: X forward, Y left, Z up, the station's origin.
     ///
-    /// A value may be used only if none of its spoilers ([`Validity`]) is raised in `valid`; a spoilt value is zero
+    /// A value may be used only if none of its invalid reasons ([`Validity`]) is raised in `valid`; an invalid value is zero
     /// and means nothing. Nothing here is ever NaN, and nothing is repeated past its age.
     ///
     /// Everything measured belongs to one time, `suit_sample_time_ns`. Compensating inertia needs samples from both
@@ -44,7 +44,7 @@ message! {
         pub motion_samples_used: u32,
         /// Where `zeta` comes from: a [`SharingSource`].
         pub sharing_source: u32,
-        /// Index of the joint that comes closest to its limit; `u32::MAX` while no torque is told.
+        /// Index of the joint that comes closest to its limit; `u32::MAX` while no torque is published.
         pub worst_joint: u32,
         /// Lifts that entered the cumulative dose.
         pub lifts: u32,
@@ -52,7 +52,7 @@ message! {
         pub body_source: u32,
         /// Where the outline of the soles comes from: a [`SoleSource`].
         pub sole_source: u32,
-        /// Why the build that the suit told last is not used: a `core::cycle::BodyRefusal`.
+        /// Why the body dimensions that the suit sent last are not used: a `core::cycle::BodyRefusal`.
         pub body_refused: u32,
         /// What this station's sensors do not give: a union of [`NotGiven`] bits. Those values are zero and mean
         /// nothing, whatever `valid` says.

@@ -27,7 +27,7 @@ message! {
         pub device_counter: u32,
         /// The suit's own time code, ms (MVN header, bytes 12–15).
         pub device_time_ms: u32,
-        /// Grows by one whenever the suit's counter starts anew.
+        /// Grows by one whenever the suit's counter restarts.
         pub session: u32,
         /// MVN character id.
         pub avatar: u32,

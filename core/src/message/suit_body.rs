@@ -9,7 +9,7 @@ use crate::body::{SEGMENTS, Segment, Side, Skeleton};
 pub const FOOT_POINTS: usize = 4;
 
 message! {
-    /// The worker's dimensions as the suit's software knows them (MVN type 13): told once a second, and at once when
+    /// The worker's dimensions from the suit's software (MVN type 13): sent once a second, and at once when
     /// they change.
     ///
     /// Null pose: upright, arms to the sides, every segment's axes along the world's (X forward, Y left, Z up).
@@ -22,7 +22,7 @@ message! {
         pub published_ns: u64,
         /// MVN character id.
         pub avatar: u32,
-        /// The session of the suit's counter in which it was told: `SuitSample::session`.
+        /// The session of the suit's counter in which it was sent: `SuitSample::session`.
         pub session: u32,
         /// Which points were sent of the left and the right foot: a union of [`FootPoint`] bits. Others are zero and
         /// mean nothing.
@@ -51,11 +51,11 @@ pub enum FootPoint {
     ToeTip = 1 << 3,
 }
 
-/// Nobody is longer than this in any direction, m.
+/// Largest size of a person in any direction, m.
 const REACH_MAX_M: f64 = 4.0;
 /// No foot reaches farther from its ankle, m.
 const FOOT_MAX_M: f64 = 0.5;
-/// Head above feet: nobody who stands is smaller or taller, m.
+/// Range of the head's height above the feet of a standing person, m.
 const STATURE_M: core::ops::RangeInclusive<f64> = 0.8..=2.6;
 
 impl SuitBody {
@@ -90,7 +90,7 @@ impl SuitBody {
             && sides(Segment::LeftUpperArm, Segment::RightUpperArm)
     }
 
-    /// Whether both tell of the same build of the same character in the same session, whenever they were told.
+    /// Whether both have the same dimensions, character and session, at any time.
     pub fn is_same_build(&self, other: &SuitBody) -> bool {
         *self == SuitBody { arrival_ns: self.arrival_ns, published_ns: self.published_ns, ..*other }
     }
@@ -125,29 +125,32 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_is_built_like_is_refused() {
+    fn an_impossible_body_is_refused() {
         assert!(body().is_plausible());
-        let spoilt = |spoil: &dyn Fn(&mut SuitBody)| {
+        let is_sound_after = |corrupt: &dyn Fn(&mut SuitBody)| {
             let mut body = body();
-            spoil(&mut body);
+            corrupt(&mut body);
             body.is_plausible()
         };
-        assert!(!spoilt(&|body| body.origin_m[4][2] = f64::NAN));
-        assert!(!spoilt(&|body| body.origin_m = [[0.0; 3]; SEGMENTS]), "everything in one place");
+        assert!(!is_sound_after(&|body| body.origin_m[4][2] = f64::NAN));
+        assert!(!is_sound_after(&|body| body.origin_m = [[0.0; 3]; SEGMENTS]), "everything in one place");
         assert!(
-            !spoilt(&|body| body.origin_m.iter_mut().for_each(|[_, y, z]| core::mem::swap(y, z))),
+            !is_sound_after(&|body| body.origin_m.iter_mut().for_each(|[_, y, z]| core::mem::swap(y, z))),
             "lying"
         );
-        assert!(!spoilt(&|body| body.origin_m.iter_mut().for_each(|[_, y, _]| *y = -*y)), "sides exchanged");
         assert!(
-            !spoilt(&|body| body.origin_m.iter_mut().flatten().for_each(|metres| *metres *= 100.0)),
+            !is_sound_after(&|body| body.origin_m.iter_mut().for_each(|[_, y, _]| *y = -*y)),
+            "sides exchanged"
+        );
+        assert!(
+            !is_sound_after(&|body| body.origin_m.iter_mut().flatten().for_each(|metres| *metres *= 100.0)),
             "cm"
         );
-        assert!(!spoilt(&|body| body.foot_point_m[0][0] = [0.0, 0.0, -9.0]));
+        assert!(!is_sound_after(&|body| body.foot_point_m[0][0] = [0.0, 0.0, -9.0]));
     }
 
     #[test]
-    fn the_same_build_told_again_is_the_same() {
+    fn the_same_build_sent_again_is_the_same() {
         let again = SuitBody { published_ns: 9, arrival_ns: 8, ..body() };
         assert!(again.is_same_build(&body()));
         assert!(!again.is_same_build(&SuitBody { session: 1, ..body() }));

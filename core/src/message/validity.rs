@@ -1,4 +1,4 @@
-//! Why a value must not be used: named bits, and which of them spoil which value.
+//! Why a value must not be used: named bits, and which of them invalidate which value.
 
 /// A set of reasons. Empty means that every value of the message may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,16 +41,16 @@ reasons! {
     PLATE_FAULT = 11, "plate_fault";
     /// The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either.
     COP_NOT_MEASURED = 12, "cop_not_measured";
-    /// The external force is below what can be told in quick motion, and a load may hide there: nobody knows whether
+    /// The external force is below the detection limit in quick motion, where a load is possible: it is unknown whether
     /// something is carried.
     LOAD_MAY_HIDE = 13, "load_may_hide";
-    /// Where the worker stands on the plate is not known: the suit was started anew, or was silent for long.
+    /// Where the worker stands on the plate is not known: the suit was restarted, or was silent for long.
     PLACE_UNKNOWN = 14, "place_unknown";
     /// What the ground's devices show no body does, or no working device: a reading that leaps, repeats, or pulls.
     GROUND_IMPLAUSIBLE = 15, "ground_implausible";
     /// What the suit shows no body does, or no working suit: poses that repeat, leap, or come apart at the joints.
     SUIT_IMPLAUSIBLE = 16, "suit_implausible";
-    /// The ground carries less than the body weighs: a foot beside the plate, a hand that leans on something, or a device
+    /// The ground carries less than the body weighs: a foot off the plate, a hand that leans on something, or a device
     /// whose gain is another than before.
     WEIGHT_MISSING = 17, "weight_missing";
 }

@@ -172,8 +172,8 @@ mod tests {
 
     #[test]
     fn without_them_positions_are_taken() {
-        let told = shaken(Accelerations::Blend, 0.0, false);
-        assert_eq!(told, shaken(Accelerations::Positions, 0.0, false));
-        assert!(!told.2);
+        let reported = shaken(Accelerations::Blend, 0.0, false);
+        assert_eq!(reported, shaken(Accelerations::Positions, 0.0, false));
+        assert!(!reported.2);
     }
 }

@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_leaves_the_moments_beside_it_without_inertia() {
+    fn samples_next_to_a_gap_have_no_inertia() {
         let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
         let gyration_m2 = gyration_m2(&skeleton(), 1.77);
         let build = Build { body: &body, gyration_m2: &gyration_m2 };

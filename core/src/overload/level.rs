@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_told_twice_is_the_same() {
+    fn a_level_survives_a_round_trip() {
         for held in TABLE {
             for torque in 0..130 {
                 for sigma in [0.0, 1.0, 5.0, 12.0, 40.0] {

@@ -117,16 +117,16 @@ mod tests {
         let (p, q) = (known(&before), known(&after));
         let variance_m2 = [r_m2, 1.0];
 
-        let told = d_gain(&before, &rows, variance_m2);
+        let reported = d_gain(&before, &rows, variance_m2);
         let dropped = (p.determinant() / q.determinant()).ln();
-        assert!((told - dropped).abs() < 1e-6, "{told} {dropped}");
+        assert!((reported - dropped).abs() < 1e-6, "{reported} {dropped}");
 
-        let told = a_gain(&before, &rows, variance_m2);
-        assert!((told - (p - q).trace()).abs() < 1e-9);
+        let reported = a_gain(&before, &rows, variance_m2);
+        assert!((reported - (p - q).trace()).abs() < 1e-9);
 
         let weight = weight();
         let w = nalgebra::SMatrix::<f64, N, N>::from_fn(|row, column| weight[row][column]);
-        let told = i_gain(&before, &weight, &rows, variance_m2);
-        assert!((told - ((p - q) * w).trace()).abs() < 1e-9);
+        let reported = i_gain(&before, &weight, &rows, variance_m2);
+        assert!((reported - ((p - q) * w).trace()).abs() < 1e-9);
     }
 }

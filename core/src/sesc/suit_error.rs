@@ -118,9 +118,9 @@ mod tests {
                     let off = off(segment, axis, small);
                     let wrong = pose_with(&skeleton, &off, tied);
                     let moved = (centre_of_mass(&wrong, &phi) - centre_of_mass(&right, &phi)) / small;
-                    let told = right.world_from_segment[segment]
+                    let reported = right.world_from_segment[segment]
                         * (off[segment] / small).cross(&Vector3::from(psi.0[segment]));
-                    assert!((moved - told).norm() < 1e-5, "{tied} {segment} {axis}: {moved} {told}");
+                    assert!((moved - reported).norm() < 1e-5, "{tied} {segment} {axis}: {moved} {reported}");
                 }
             }
         }
@@ -138,9 +138,9 @@ mod tests {
                 let moved = (centre_of_mass(&wrong, &phi) - centre_of_mass(&right, &phi)) / small;
                 sum = [0, 1].map(|axis| sum[axis] + sigma_rad * sigma_rad * moved[axis] * moved[axis]);
             }
-            let told = wander_variance_m2(&right, &effective_vectors(&phi, &skeleton, tied), sigma_rad);
+            let reported = wander_variance_m2(&right, &effective_vectors(&phi, &skeleton, tied), sigma_rad);
             for axis in 0..2 {
-                assert!((told[axis] - sum[axis]).abs() < 1e-4 * sum[axis], "{told:?} {sum:?}");
+                assert!((reported[axis] - sum[axis]).abs() < 1e-4 * sum[axis], "{reported:?} {sum:?}");
             }
         }
     }

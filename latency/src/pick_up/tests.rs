@@ -29,23 +29,23 @@ fn times(count: usize, mut seed: u64) -> Vec<u64> {
     (0..count).map(|_| 10_f64.powf(9.9 * next()) as u64).collect()
 }
 
-fn within_a_bucket(told_ns: u64, true_ns: u64) -> bool {
-    told_ns.abs_diff(true_ns) as f64 <= 0.0625 * true_ns as f64
+fn within_a_bucket(quantile_ns: u64, true_ns: u64) -> bool {
+    quantile_ns.abs_diff(true_ns) as f64 <= 0.0625 * true_ns as f64
 }
 
 #[test]
 fn percentiles_are_those_of_the_raw_times_to_a_bucket() {
     for (count, seed) in [(1, 1), (2, 2), (17, 3), (1000, 4), (50_000, 5)] {
         let mut raw = times(count, seed);
-        let mut told = report("a", 1, 1);
-        enter(&mut told, &raw);
+        let mut quantile_ns = report("a", 1, 1);
+        enter(&mut quantile_ns, &raw);
         raw.sort_unstable();
-        let histogram = &since_its_start(&told).times_ns[0];
+        let histogram = &since_its_start(&quantile_ns).times_ns[0];
         assert_eq!(histogram.len(), count as u64);
         for quantile in [0.0, 0.01, 0.25, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0] {
             let rank = ((quantile * count as f64).ceil() as usize).clamp(1, count) - 1;
-            let told_ns = histogram.value_at_quantile(quantile);
-            assert!(within_a_bucket(told_ns, raw[rank]), "{quantile}: {told_ns} for {}", raw[rank]);
+            let quantile_ns = histogram.value_at_quantile(quantile);
+            assert!(within_a_bucket(quantile_ns, raw[rank]), "{quantile}: {quantile_ns} for {}", raw[rank]);
         }
         // The maximum is transmitted separately, so only hdrhistogram's own 0.1 % is lost.
         let max_ns = raw[count - 1];
@@ -54,20 +54,20 @@ fn percentiles_are_those_of_the_raw_times_to_a_bucket() {
 }
 
 #[test]
-fn only_what_happened_since_the_beginning_is_told() {
-    let mut told = report("a", 1, 5 * S);
-    enter(&mut told, &[4 * S; 100]);
-    told.states_missed = 7;
+fn only_times_since_the_start_are_reported() {
+    let mut quantile_ns = report("a", 1, 5 * S);
+    enter(&mut quantile_ns, &[4 * S; 100]);
+    quantile_ns.states_missed = 7;
     let mut pick_ups = PickUps::new(100 * S);
     // The last report before the start, which a late subscriber receives from the history.
-    told.time_ns = 100 * S - 1;
-    pick_ups.see(&told);
+    quantile_ns.time_ns = 100 * S - 1;
+    pick_ups.see(&quantile_ns);
     assert!(pick_ups.reports.is_empty());
     for second in 100..110 {
-        told.time_ns = second * S;
-        pick_ups.see(&told);
-        enter(&mut told, &[1_000, 2_000]);
-        told.states_missed += 1;
+        quantile_ns.time_ns = second * S;
+        pick_ups.see(&quantile_ns);
+        enter(&mut quantile_ns, &[1_000, 2_000]);
+        quantile_ns.states_missed += 1;
     }
     let consumers = pick_ups.consumers();
     let [consumer] = &consumers[..] else { panic!("{consumers:?}") };
@@ -79,7 +79,7 @@ fn only_what_happened_since_the_beginning_is_told() {
 }
 
 #[test]
-fn a_consumer_that_starts_anew_begins_afresh() {
+fn a_restarted_consumer_begins_with_empty_statistics() {
     let mut pick_ups = PickUps::new(100 * S);
     let mut first = report("a", 1, 5 * S);
     enter(&mut first, &[50; 10]);
@@ -93,8 +93,8 @@ fn a_consumer_that_starts_anew_begins_afresh() {
     enter(&mut second, &[70; 3]);
     second.time_ns = 104 * S;
     pick_ups.see(&second);
-    let told: Vec<_> = pick_ups.consumers().iter().map(|one| (one.name.clone(), one.states)).collect();
-    assert_eq!(told, [("a-1".to_owned(), 10), ("a-2".to_owned(), 3)]);
+    let quantile_ns: Vec<_> = pick_ups.consumers().iter().map(|one| (one.name.clone(), one.states)).collect();
+    assert_eq!(quantile_ns, [("a-1".to_owned(), 10), ("a-2".to_owned(), 3)]);
 }
 
 #[test]
@@ -115,19 +115,19 @@ fn what_shrinks_or_has_a_strange_name_does_no_harm() {
 
 #[test]
 fn a_time_beyond_the_last_bucket_stays_there() {
-    let mut told = report("a", 1, 1);
-    enter(&mut told, &[40 * S, 18 * S]);
-    let histogram = &since_its_start(&told).times_ns[0];
+    let mut quantile_ns = report("a", 1, 1);
+    enter(&mut quantile_ns, &[40 * S, 18 * S]);
+    let histogram = &since_its_start(&quantile_ns).times_ns[0];
     assert_eq!(histogram.len(), 2);
     assert!(histogram.max() >= HIGHEST_NS && histogram.min() > HIGHEST_NS / 1000 * 999);
 }
 
 #[test]
 fn consumers_stand_in_report_and_log_under_their_own_names() {
-    let mut told = report("controller-1", 7, 1);
-    enter(&mut told, &[1_000; 100]);
-    told.states_missed = 3;
-    let consumers = [since_its_start(&told)];
+    let mut quantile_ns = report("controller-1", 7, 1);
+    enter(&mut quantile_ns, &[1_000; 100]);
+    quantile_ns.states_missed = 3;
+    let consumers = [since_its_start(&quantile_ns)];
     let report = crate::Report::of(&crate::PathHistograms::new()).with_consumers(&consumers);
     let rows = &report.consumers[0].stages;
     assert_eq!((rows[0].stage.as_ref(), rows[0].count), ("controller-1.pick_up", 100));

@@ -48,7 +48,7 @@ pub struct Mounting {
 
 impl Mounting {
     /// Output of the sensor for a wrench `on_person` of the ground on the person, about the origin on the floor.
-    pub fn tells(&self, on_person: &Wrench) -> Wrench {
+    pub fn measures(&self, on_person: &Wrench) -> Wrench {
         let felt = self.plate.felt(&self.plate.in_the_station(on_person));
         let sign = if self.reaction { -1.0 } else { 1.0 };
         let half_a_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::PI);
@@ -105,9 +105,9 @@ impl OnFeet {
     /// Wrenches on the plates under these feet.
     pub fn on(&self, ground: &Ground) -> Vec<Wrench> {
         match ground {
-            Ground::One(plate) => vec![plate.tells(&self.whole())],
+            Ground::One(plate) => vec![plate.measures(&self.whole())],
             Ground::Two(plates) => {
-                plates.iter().zip(&self.wrench).map(|(plate, foot)| plate.tells(foot)).collect()
+                plates.iter().zip(&self.wrench).map(|(plate, foot)| plate.measures(foot)).collect()
             }
         }
     }
@@ -155,10 +155,10 @@ mod tests {
             z_down: true,
             reaction: false,
         };
-        let told = feet.on(&Ground::Two([at(0.2), at(-0.2)]));
+        let reported = feet.on(&Ground::Two([at(0.2), at(-0.2)]));
         // On a sensor whose z axis points down, a load is positive.
-        assert!(told.iter().all(|plate| plate.force_n.z > 100.0));
-        let sum: f64 = told.iter().map(|plate| plate.force_n.z).sum();
+        assert!(reported.iter().all(|plate| plate.force_n.z > 100.0));
+        let sum: f64 = reported.iter().map(|plate| plate.force_n.z).sum();
         assert!((sum - feet.whole().force_n.z).abs() < 1e-9);
     }
 
@@ -168,11 +168,12 @@ mod tests {
         let plate =
             Plate { origin_m: [0.1, 0.2, -0.05], yaw_rad: 0.4, surface_height_m: 0.05, ..Plate::default() };
         for (z_down, reaction) in [(false, false), (false, true), (true, false), (true, true)] {
-            let told = Mounting { plate, z_down, reaction }.tells(&feet.whole());
-            let ([x, y], h) = ([told.force_n.x, told.force_n.y], plate.surface_height_m);
+            let reported = Mounting { plate, z_down, reaction }.measures(&feet.whole());
+            let ([x, y], h) = ([reported.force_n.x, reported.force_n.y], plate.surface_height_m);
             // The surface is at −h along a z axis that points down, and at +h along one that points up.
             let h = if z_down { -h } else { h };
-            let in_plate = Vector2::new(h * x - told.moment_nm.y, h * y + told.moment_nm.x) / told.force_n.z;
+            let in_plate =
+                Vector2::new(h * x - reported.moment_nm.y, h * y + reported.moment_nm.x) / reported.force_n.z;
             let upright = Vector3::new(in_plate.x, if z_down { -in_plate.y } else { in_plate.y }, 0.0);
             let in_world = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.4) * upright;
             let cop = in_world.xy() + Vector2::new(0.1, 0.2);

@@ -86,7 +86,7 @@ impl Qtm {
 }
 
 /// A force in QTM's format: force, moment, and point of application on the plane of the sensor's origin, mm.
-fn told(Wrench { force_n: f, moment_nm: m }: &Wrench) -> [f32; 9] {
+fn reported(Wrench { force_n: f, moment_nm: m }: &Wrench) -> [f32; 9] {
     let at_mm = if f.z.abs() < 5.0 { [0.0; 2] } else { [-1000.0 * m.y / f.z, 1000.0 * m.x / f.z] };
     [f.x, f.y, f.z, m.x, m.y, m.z, at_mm[0], at_mm[1], 0.0].map(|number| number as f32)
 }
@@ -120,7 +120,7 @@ impl Device for Qtm {
                 .collect();
         }
         for (plate, wrench) in self.gathered.iter_mut().zip(&felt.plates) {
-            plate.forces.push(told(wrench));
+            plate.forces.push(reported(wrench));
         }
         self.forces = self.forces.wrapping_add(1);
         if !self.forces.is_multiple_of(FORCES_OF_A_FRAME) {

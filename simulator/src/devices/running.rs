@@ -161,10 +161,10 @@ impl Runner {
                 let felt = Felt { time_s, number, device_s: time_s * faster, plates, soles: on_feet.soles };
                 device.measure(&felt)?;
             }
-            let mut told = orders.lock().unwrap_or_else(PoisonError::into_inner);
-            told.suffered = device.suffered();
-            told.measured += 1;
-            drop(told);
+            let mut reported = orders.lock().unwrap_or_else(PoisonError::into_inner);
+            reported.suffered = device.suffered();
+            reported.measured += 1;
+            drop(reported);
             number = number.wrapping_add(1);
             clock.advance(device.rate_hz() * faster);
         }

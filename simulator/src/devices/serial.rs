@@ -243,7 +243,7 @@ mod tests {
         port.unplug();
         assert!(!port.name().exists());
         let ended = host.read(&mut [0; 8]);
-        assert!(ended.is_err() || ended.unwrap() == 0, "the host is told");
+        assert!(ended.is_err() || ended.unwrap() == 0, "the host gets an error");
         port.plug().unwrap();
         let mut host = opened(&port, 1_000_000);
         port.hear().unwrap();

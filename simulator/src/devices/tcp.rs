@@ -144,18 +144,18 @@ mod tests {
     }
 
     #[test]
-    fn a_host_is_let_in_heard_told_and_cut_off() {
+    fn a_host_connects_exchanges_bytes_and_is_disconnected() {
         let mut port = TcpPort::bind("127.0.0.1:0".parse().unwrap()).unwrap();
         let mut host = TcpStream::connect(port.address()).unwrap();
         host.write_all(b"hello").unwrap();
         let heard = until(|| Some(port.hear().unwrap()).filter(|bytes| !bytes.is_empty()));
         assert_eq!((heard, port.session()), (b"hello".to_vec(), 1));
         port.write(b"here").unwrap();
-        let mut told = [0; 4];
-        host.read_exact(&mut told).unwrap();
-        assert_eq!(&told, b"here");
+        let mut reported = [0; 4];
+        host.read_exact(&mut reported).unwrap();
+        assert_eq!(&reported, b"here");
         port.unplug();
-        assert_eq!(host.read(&mut told).unwrap_or(0), 0);
+        assert_eq!(host.read(&mut reported).unwrap_or(0), 0);
         assert!(TcpStream::connect(port.address()).is_err());
         port.plug().unwrap();
         let _again = TcpStream::connect(port.address()).unwrap();

@@ -152,14 +152,14 @@ mod tests {
         let gauges = Gauges::ORDINARY;
         let (force, moment) = ([-31.0, 12.0, 702.0], [41.0, -28.0, 6.0]);
         let counts = gauges.counts(force, moment);
-        let told: Vec<f64> = gauges
+        let reported: Vec<f64> = gauges
             .matrix()
             .iter()
             .map(|row| row.iter().zip(counts).map(|(part, count)| part * f64::from(count)).sum())
             .collect();
-        for (told, meant) in told.iter().zip([force, moment].concat()) {
+        for (reported, meant) in reported.iter().zip([force, moment].concat()) {
             // Half a count at each of four gauges.
-            assert!((told - meant).abs() <= 4.0 * 0.5 * 0.39, "{told} {meant}");
+            assert!((reported - meant).abs() <= 4.0 * 0.5 * 0.39, "{reported} {meant}");
         }
         assert!(counts.iter().all(|count| count.abs() < 2048));
     }

@@ -231,9 +231,9 @@ mod tests {
         let rate = r#"{"params": [{"name": "/daq/samplingRate", "value": "62500"}]}"#;
         assert_eq!(ask("/api/param/set", rate).unwrap().1, Asked::Rate(62_500));
         assert_eq!(ask("/api/nothing", ""), None);
-        let (told, _) = ask("/api/daq/measurement/metadata/get", "{}").unwrap();
-        let told: serde_json::Value = serde_json::from_str(&told).unwrap();
-        let provider = &told["metadata"]["measurement"]["signalProvider"];
+        let (reported, _) = ask("/api/daq/measurement/metadata/get", "{}").unwrap();
+        let reported: serde_json::Value = serde_json::from_str(&reported).unwrap();
+        let provider = &reported["metadata"]["measurement"]["signalProvider"];
         assert_eq!(provider["samplingRate"], 1000.0);
         assert_eq!(provider["signals"][0]["unit"], "N");
     }

@@ -17,7 +17,7 @@ use crate::table::Table;
 /// What to do with hidden effects.
 #[derive(Debug, Subcommand)]
 pub enum Task {
-    /// Write recordings with something hidden in them, and the truth beside
+    /// Write recordings with something hidden in them, and the truth in a file of its own
     #[command(after_help = "Example: equipoise-study hidden make --out sessions --sessions 40 --seed 1")]
     Make(MakeChoices),
     /// Have a program reconcile sessions, and judge what it says by the truth

@@ -66,31 +66,31 @@ pub fn put(
     at: &Circumstances,
     span: Span,
     drawn: &mut Drawn,
-) -> Told {
-    let mut told = Told { place: None, parameters: Vec::new(), description: String::new() };
+) -> Truth {
+    let mut drawn_truth = Truth { place: None, parameters: Vec::new(), description: String::new() };
     match kind.split_once(' ').map_or(kind, |(name, _)| name) {
         "hand_load" | "hand_contact" | "worn_mass" => {
-            on_the_body(kind, size, random, at, span, drawn, &mut told);
+            on_the_body(kind, size, random, at, span, drawn, &mut drawn_truth);
         }
         name if name.starts_with("suit") || name.starts_with("segment") => {
-            in_the_suit(kind, size, random, span, drawn, &mut told);
+            in_the_suit(kind, size, random, span, drawn, &mut drawn_truth);
         }
         "inertia" => {
             drawn.without_inertia = true;
-            told.parameters.push(("share", 1.0));
+            drawn_truth.parameters.push(("share", 1.0));
         }
         "periodic_sway" | "unbalanced_parameters" => {
-            of_the_body(kind, size, random, at, span, drawn, &mut told);
+            of_the_body(kind, size, random, at, span, drawn, &mut drawn_truth);
         }
-        "outside" => outside(kind, size, random, at, span, drawn, &mut told),
-        _ => in_the_plate(kind, size, random, span, drawn, &mut told),
+        "outside" => outside(kind, size, random, at, span, drawn, &mut drawn_truth),
+        _ => in_the_plate(kind, size, random, span, drawn, &mut drawn_truth),
     }
-    told
+    drawn_truth
 }
 
 /// Description of an effect for the evaluator.
 #[derive(Debug, Clone)]
-pub struct Told {
+pub struct Truth {
     /// `hand` or `segment`, and which.
     pub place: Option<(&'static str, String)>,
     /// By the catalogue's names and in its units.
@@ -99,7 +99,7 @@ pub struct Told {
     pub description: String,
 }
 
-impl Told {
+impl Truth {
     fn on(&mut self, segment: Segment) {
         self.place = Some(("segment", segment.name().to_owned()));
     }
@@ -112,7 +112,7 @@ fn on_the_body(
     at: &Circumstances,
     span: Span,
     drawn: &mut Drawn,
-    told: &mut Told,
+    drawn_truth: &mut Truth,
 ) {
     let mut jitter = |sigma: f64| Vector3::from_fn(|_, _| sigma * random.normal().clamp(-2.0, 2.0));
     let off_the_grip_m = jitter(0.015);
@@ -129,8 +129,8 @@ fn on_the_body(
         let force_n = upwards.normalize() * (nominal(kind) * size);
         let variation = Coloured::new(random, 0.12, 1.5, at.length_s);
         drawn.hidden.burdens.push((Burden::Push(hand(side), force_n, variation), span));
-        told.place = Some(("hand", side_name(side).to_owned()));
-        told.parameters.extend([("fx_n", force_n.x), ("fy_n", force_n.y), ("fz_n", force_n.z)]);
+        drawn_truth.place = Some(("hand", side_name(side).to_owned()));
+        drawn_truth.parameters.extend([("fx_n", force_n.x), ("fy_n", force_n.y), ("fz_n", force_n.z)]);
         return;
     }
     if what == "hand_load" {
@@ -144,8 +144,8 @@ fn on_the_body(
             let burden = Burden::Mass(hand(*side), mass_kg / hands.len() as f64);
             drawn.hidden.burdens.push((burden, span));
         }
-        told.place = Some(("hand", place.to_owned()));
-        told.parameters.push(("mass_kg", mass_kg));
+        drawn_truth.place = Some(("hand", place.to_owned()));
+        drawn_truth.parameters.push(("mass_kg", mass_kg));
         return;
     }
     let height_m = at.person.height_m;
@@ -161,15 +161,22 @@ fn on_the_body(
     let mass_kg = nominal(kind) * size;
     let point = Point { segment, at_m: at_m + off_the_middle_m };
     drawn.hidden.burdens.push((Burden::Mass(point, mass_kg), span));
-    told.on(segment);
-    told.parameters.push(("mass_kg", mass_kg));
+    drawn_truth.on(segment);
+    drawn_truth.parameters.push(("mass_kg", mass_kg));
 }
 
 fn side_name(side: Side) -> &'static str {
     if side == Side::Left { "left" } else { "right" }
 }
 
-fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &mut Drawn, told: &mut Told) {
+fn in_the_plate(
+    kind: &str,
+    size: f64,
+    random: &mut Random,
+    span: Span,
+    drawn: &mut Drawn,
+    drawn_truth: &mut Truth,
+) {
     let along = direction(random);
     let amount = nominal(kind) * size;
     let signed = amount * sign(random);
@@ -208,22 +215,29 @@ fn in_the_plate(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &
         }
     };
     drawn.hidden.plate.push((fault, span));
-    told.parameters.extend(parameters);
+    drawn_truth.parameters.extend(parameters);
 }
 
-fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &mut Drawn, told: &mut Told) {
+fn in_the_suit(
+    kind: &str,
+    size: f64,
+    random: &mut Random,
+    span: Span,
+    drawn: &mut Drawn,
+    drawn_truth: &mut Truth,
+) {
     let amount = nominal(kind) * size;
     let signed = amount * sign(random);
     let (side, _) = side_of(random);
     if kind == "suit_lag" {
         drawn.hidden.suit_lag_s.push((1e-3 * signed, span));
-        told.parameters.push(("tau_s", 1e-3 * signed));
+        drawn_truth.parameters.push(("tau_s", 1e-3 * signed));
         return;
     }
     let fault = match kind {
         "suit_heading_drift" => {
             let rad_per_s = signed.to_radians() / 60.0;
-            told.parameters.push(("rate_rad_per_s", rad_per_s));
+            drawn_truth.parameters.push(("rate_rad_per_s", rad_per_s));
             SuitFault::HeadingDrift(rad_per_s)
         }
         "segment_heading T8" | "segment_heading arm" => {
@@ -233,8 +247,8 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             // A forearm's heading has half the effect of an upper arm's.
             let is_forearm = [Segment::LeftForearm, Segment::RightForearm].contains(&segment);
             let radians = signed.to_radians() * if is_forearm { 2.0 } else { 1.0 };
-            told.on(segment);
-            told.parameters.push(("psi_rad", radians));
+            drawn_truth.on(segment);
+            drawn_truth.parameters.push(("psi_rad", radians));
             SuitFault::Heading(segment, radians)
         }
         _ => {
@@ -249,8 +263,12 @@ fn in_the_suit(kind: &str, size: f64, random: &mut Random, span: Span, drawn: &m
             };
             let axis = axis.map(|weight| weight * random.normal()).normalize();
             let radians = axis * (share * amount.to_radians());
-            told.on(segment);
-            told.parameters.extend([("rx_rad", radians.x), ("ry_rad", radians.y), ("rz_rad", radians.z)]);
+            drawn_truth.on(segment);
+            drawn_truth.parameters.extend([
+                ("rx_rad", radians.x),
+                ("ry_rad", radians.y),
+                ("rz_rad", radians.z),
+            ]);
             SuitFault::Misalignment(segment, radians)
         }
     };
@@ -264,7 +282,7 @@ fn of_the_body(
     at: &Circumstances,
     span: Span,
     drawn: &mut Drawn,
-    told: &mut Told,
+    drawn_truth: &mut Truth,
 ) {
     let share = |segment: Segment| at.person.segment_mass_kg[segment.index()] / at.person.mass_kg;
     if kind == "periodic_sway" {
@@ -275,7 +293,7 @@ fn of_the_body(
         let moves_m = amplitude_m / (share(Segment::T8) * (1.0 + inertia));
         let breath = BodyChange::Breath(Segment::T8, Vector3::x() * moves_m, hertz);
         drawn.hidden.changes.push((breath, span));
-        told.parameters.extend([("hz", hertz), ("amplitude_m", amplitude_m)]);
+        drawn_truth.parameters.extend([("hz", hertz), ("amplitude_m", amplitude_m)]);
         return;
     }
     let segment =
@@ -283,8 +301,8 @@ fn of_the_body(
     let along = Vector3::from_fn(|_, _| random.normal()).normalize();
     let phi_m = along * (1e-3 * nominal(kind) * size);
     drawn.hidden.changes.push((BodyChange::Centre(segment, phi_m / share(segment)), span));
-    told.on(segment);
-    told.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);
+    drawn_truth.on(segment);
+    drawn_truth.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);
 }
 
 /// Effects outside the catalogue. "Detectable" means here: a column of the hidden physics, with its true shape (work
@@ -297,7 +315,7 @@ fn outside(
     at: &Circumstances,
     span: Span,
     drawn: &mut Drawn,
-    told: &mut Told,
+    drawn_truth: &mut Truth,
 ) {
     let (side, _) = side_of(random);
     let height_m = at.person.height_m;
@@ -305,12 +323,13 @@ fn outside(
         "outside shoulder_blades" => {
             let by_m = Vector3::new(1.0, 0.4, 0.3).normalize() * (0.020 * size);
             drawn.hidden.changes.push((BodyChange::ShoulderBlades(by_m), span));
-            told.description = format!("shoulders leave their place by {:.0} mm in level arms", 20.0 * size);
+            drawn_truth.description =
+                format!("shoulders leave their place by {:.0} mm in level arms", 20.0 * size);
         }
         "outside spine_shape" => {
             let by_m = Vector3::new(0.9, 0.0, 0.4).normalize() * (0.015 * size * sign(random));
             drawn.hidden.changes.push((BodyChange::SpineShape(by_m), span));
-            told.description =
+            drawn_truth.description =
                 format!("the trunk leaves its place by {:.0} mm per radian of bend", 15.0 * size);
         }
         "outside magnetic_region" => {
@@ -323,8 +342,8 @@ fn outside(
             for segment in arm.map(|segment| of_side(side, segment)) {
                 drawn.hidden.suit.push((SuitFault::MagneticRegion(segment, radians, centre_m, 0.35), span));
             }
-            told.on(of_side(side, Segment::LeftForearm));
-            told.description = format!(
+            drawn_truth.on(of_side(side, Segment::LeftForearm));
+            drawn_truth.description = format!(
                 "headings of the {} arm err by up to {:.0}° in a region",
                 side_name(side),
                 radians.to_degrees()
@@ -337,27 +356,27 @@ fn outside(
             let nominal = if segment == Segment::T8 { 0.4 } else { 0.04 };
             let rate = nominal * size * sign(random);
             drawn.hidden.suit.push((SuitFault::Slip(segment, rate), span));
-            told.on(segment);
-            told.description =
+            drawn_truth.on(segment);
+            drawn_truth.description =
                 format!("sensor of {} slips by {rate:.2} of the joint's angle", segment.name());
         }
         "outside hysteresis" => {
             drawn.hidden.plate.push((PlateFault::Hysteresis(0.006 * size), span));
-            told.description = format!("pressure lags within {:.0} mm, as an insole's", 6.0 * size);
+            drawn_truth.description = format!("pressure lags within {:.0} mm, as an insole's", 6.0 * size);
         }
         "outside load_cell" => {
             let cell_m = Vector2::new(0.20 * sign(random), 0.15 * sign(random));
             let more = 0.05 * size * sign(random);
             drawn.hidden.plate.push((PlateFault::LoadCell(more, cell_m), span));
-            told.description = format!("one load cell of four has a gain of {:.3}", 1.0 + more);
+            drawn_truth.description = format!("one load cell of four has a gain of {:.3}", 1.0 + more);
         }
         _ => {
             let point = Point { segment: Segment::T8, at_m: Vector3::new(-0.10, 0.0, 0.0) };
             let anchor_m = Vector3::new(-1.2, 0.3 * sign(random), height_m);
             let stiffness = 25.0 * size;
             drawn.hidden.burdens.push((Burden::Band(point, anchor_m, stiffness, 1.0), span));
-            told.on(Segment::T8);
-            told.description = format!("a band of {stiffness:.0} N/m from the trunk to a wall");
+            drawn_truth.on(Segment::T8);
+            drawn_truth.description = format!("a band of {stiffness:.0} N/m from the trunk to a wall");
         }
     }
 }

@@ -1,9 +1,9 @@
-//! One finding beside the truth.
+//! One finding compared with the truth.
 //!
 //! The oracle's gap is what would be left if the true effect were known: with a clean twin of the session it is the gap
-//! that the program tells of the twin before anything is named (the same worker, noise and model, nothing hidden); without
+//! that the program reports of the twin before anything is named (the same worker, noise and model, nothing hidden); without
 //! one it is taken from the session's own gap before, less what the truth says is hidden, `√(before² − effect²)`, and not
-//! below the noise floor that the program tells.
+//! below the noise floor that the program reports.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -28,14 +28,14 @@ pub enum Class {
     Outside,
 }
 
-/// A parameter beside its truth.
+/// A parameter with its truth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
     /// Label of the effect and name of the parameter.
     pub name: String,
     /// What is so.
     pub truth: f64,
-    /// What was told.
+    /// What was reported.
     pub value: f64,
     /// Its 1-σ.
     pub sigma: f64,
@@ -83,7 +83,7 @@ pub struct Judged {
     pub declared: bool,
     /// Parameters of what was named exactly.
     pub parameters: Vec<Compared>,
-    /// Gap before and after, and noise floor, mm, as the program tells them.
+    /// Gap before and after, and noise floor, mm, as the program reports them.
     pub gap_mm: [f64; 3],
     /// What would be left if the truth were known, mm.
     pub oracle_mm: f64,
@@ -147,7 +147,7 @@ fn class_of(truth: &Truth) -> Class {
 }
 
 /// Name with place of an effect in a finding.
-fn told_label(effect: &Value) -> String {
+fn reported_label(effect: &Value) -> String {
     let name = effect["name"].as_str().unwrap_or_default();
     let place = ["hand", "segment"].iter().find_map(|key| effect["where"][key].as_str());
     place.map_or(name.to_owned(), |place| format!("{name} {place}"))
@@ -157,7 +157,7 @@ impl Judged {
     fn take(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
         let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
         self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
-        for label in effects.iter().map(told_label) {
+        for label in effects.iter().map(reported_label) {
             // Count one effect in two spans, such as one with a flipped sign, once.
             if !self.named.contains(&label) {
                 self.named.push(label);
@@ -174,9 +174,9 @@ impl Judged {
             .iter()
             .filter(|effect| effect.flips_at_s.is_none())
             .filter_map(|hidden| {
-                Some((hidden, effects.iter().find(|told| told_label(told) == hidden.label())?))
+                Some((hidden, effects.iter().find(|answer| reported_label(answer) == hidden.label())?))
             })
-            .flat_map(|(hidden, told)| compare(hidden, told))
+            .flat_map(|(hidden, answer)| compare(hidden, answer))
             .collect();
         let gap = |key: &str| finding["gap"][key].as_f64().unwrap_or(0.0);
         self.gap_mm = ["before_mm", "after_mm", "noise_floor_mm"].map(gap);
@@ -187,15 +187,19 @@ impl Judged {
 
     fn compare_names(&mut self) {
         let answers = if self.verdict == "ambiguous" { &self.set } else { &self.named };
-        self.found =
-            self.hidden.iter().filter(|hidden| answers.iter().any(|told| are_family(hidden, told))).count();
+        self.found = self
+            .hidden
+            .iter()
+            .filter(|hidden| answers.iter().any(|answer| are_family(hidden, answer)))
+            .count();
         if self.class != Class::Single {
             return;
         }
         let hidden = &self.hidden[0];
         self.exact = self.verdict == "named" && self.named.first() == Some(hidden);
-        let first_is_family = self.named.first().is_some_and(|told| are_family(hidden, told));
-        let in_the_set = self.verdict == "ambiguous" && self.set.iter().any(|told| are_family(hidden, told));
+        let first_is_family = self.named.first().is_some_and(|answer| are_family(hidden, answer));
+        let in_the_set =
+            self.verdict == "ambiguous" && self.set.iter().any(|answer| are_family(hidden, answer));
         self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
     }
 
@@ -224,9 +228,9 @@ fn close_candidates(finding: &Value) -> Vec<String> {
         .collect()
 }
 
-fn compare(hidden: &super::truth::Hidden, told: &Value) -> Vec<Compared> {
+fn compare(hidden: &super::truth::Hidden, answer: &Value) -> Vec<Compared> {
     let one = |(name, truth): (&String, &f64)| {
-        let estimate = &told["parameters"][name];
+        let estimate = &answer["parameters"][name];
         Some(Compared {
             name: format!("{} {name}", hidden.label()),
             truth: *truth,
@@ -266,7 +270,7 @@ pub(super) mod tests {
             height_m: 1.77,
             mass_kg: 72.0,
             spans: Spans { identify: [0.0, 60.0], reference: [60.0, 180.0], work: [180.0, 270.0] },
-            tells_reference: true,
+            reports_reference: true,
             length_s: 270.0,
             places: Vec::new(),
             turned: true,
@@ -304,14 +308,14 @@ pub(super) mod tests {
 
     #[test]
     fn the_right_name_at_the_right_place_is_exact_and_its_parameter_is_compared() {
-        let told = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&told), None, 1.0);
+        let answer = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
+        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
         assert!(judged.exact && judged.family && judged.found == 1);
         assert!((judged.parameters[0].off() - 1.6).abs() < 1e-9);
         // √(5² − 3²) = 4.
         assert!((judged.oracle_mm - 4.0).abs() < 1e-12);
         assert!((judged.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
-        assert!((judge(&truth(&[LOAD]), Ok(&told), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
+        assert!((judge(&truth(&[LOAD]), Ok(&answer), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
     }
 
     #[test]
@@ -328,11 +332,11 @@ pub(super) mod tests {
     fn an_ambiguous_answer_is_right_if_its_set_holds_the_truth() {
         let candidates =
             [("plate_gain", 20.0), ("plate_crosstalk", 18.0), ("hand_load right", 17.0), ("plate_yaw", 3.0)];
-        let told = finding("ambiguous", &[], &candidates);
-        let judged = judge(&truth(&[LOAD]), Ok(&told), None, 1.0);
+        let answer = finding("ambiguous", &[], &candidates);
+        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
         assert!(!judged.exact && judged.family);
         let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
-        assert!(!judge(&truth(&[yaw]), Ok(&told), None, 1.0).family);
+        assert!(!judge(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
     }
 
     #[test]
@@ -344,7 +348,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn of_a_pair_both_must_be_found_and_a_failure_is_told() {
+    fn both_of_a_pair_must_be_found_and_a_failure_is_reported() {
         let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
         let both = finding(
             "named",

@@ -174,13 +174,13 @@ fn span_of(kind: &str, random: &mut Random, at: &Circumstances) -> (Span, bool) 
 
 fn hide(kind: &str, size: f64, random: &mut Random, at: &Circumstances, drawn: &mut Drawn) {
     let (span, from_beginning) = span_of(kind, random, at);
-    let told = effects::put(kind, size, random, at, span, drawn);
+    let published = effects::put(kind, size, random, at, span, drawn);
     let name = kind.split_once(' ').map_or(kind, |(name, _)| name).to_owned();
-    let description = if told.description.is_empty() { kind.to_owned() } else { told.description };
+    let description = if published.description.is_empty() { kind.to_owned() } else { published.description };
     drawn.effects.push(Hidden {
         name,
-        place: told.place.map(|(what, place)| (what.to_owned(), place)).into_iter().collect(),
-        parameters: told.parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        place: published.place.map(|(what, place)| (what.to_owned(), place)).into_iter().collect(),
+        parameters: published.parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         span_s: [span.from_s.max(0.0), span.to_s.min(at.length_s)],
         flips_at_s: span.flips_at_s,
         // Inertia is either missing or not: it has no rungs.

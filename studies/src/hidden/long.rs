@@ -74,32 +74,32 @@ impl Long {
         };
         let mut writer = Writer { recorder: Recorder::create(path, &header)?, written: [0; 2] };
         let again_ns = EPOCH_NS + ((self.taken_s() + SETTLED_S) * 1e9) as u64;
-        let mut again: Vec<Told> = Vec::new();
+        let mut again: Vec<Recorded> = Vec::new();
         let repeats = self.length_s > self.simulated_s;
         let mut seen = [0_u32; 2];
         station.play(|sample| {
-            let (told, stream) = match sample {
-                Sample::Suit(message) => (Told::Suit(message), 0),
-                Sample::Ground { message, .. } => (Told::Ground(message), 1),
+            let (recorded, stream) = match sample {
+                Sample::Suit(message) => (Recorded::Suit(message), 0),
+                Sample::Ground { message, .. } => (Recorded::Ground(message), 1),
             };
             seen[stream] += 1;
             if !(seen[stream] - 1).is_multiple_of(self.every[stream]) {
                 return Ok(());
             }
-            writer.write(&told, 0)?;
-            if repeats && told.time_ns() >= again_ns {
-                again.push(told);
+            writer.write(&recorded, 0)?;
+            if repeats && recorded.time_ns() >= again_ns {
+                again.push(recorded);
             }
             Ok::<(), WriteError>(())
         })?;
         let span_ns = EPOCH_NS + (self.simulated_s * 1e9) as u64 - again_ns;
         let end_ns = EPOCH_NS + (self.length_s * 1e9) as u64;
         for time in 1.. {
-            for told in &again {
-                if told.time_ns() + time * span_ns >= end_ns {
+            for recorded in &again {
+                if recorded.time_ns() + time * span_ns >= end_ns {
                     break;
                 }
-                writer.write(told, time * span_ns)?;
+                writer.write(recorded, time * span_ns)?;
             }
             if !repeats || again_ns + (time + 1) * span_ns >= end_ns {
                 break;
@@ -144,16 +144,16 @@ impl Long {
 }
 
 /// One sample.
-enum Told {
+enum Recorded {
     Suit(Box<SuitSample>),
     Ground(Box<GroundSample>),
 }
 
-impl Told {
+impl Recorded {
     fn time_ns(&self) -> u64 {
         match self {
-            Told::Suit(sample) => sample.sample_time_ns,
-            Told::Ground(sample) => sample.sample_time_ns,
+            Recorded::Suit(sample) => sample.sample_time_ns,
+            Recorded::Ground(sample) => sample.sample_time_ns,
         }
     }
 }
@@ -166,19 +166,19 @@ struct Writer {
 
 impl Writer {
     /// Writes a sample with its time shifted.
-    fn write(&mut self, told: &Told, later_ns: u64) -> Result<(), WriteError> {
-        let stream = usize::from(matches!(told, Told::Ground(_)));
+    fn write(&mut self, recorded: &Recorded, later_ns: u64) -> Result<(), WriteError> {
+        let stream = usize::from(matches!(recorded, Recorded::Ground(_)));
         let number = self.written[stream];
         self.written[stream] += 1;
-        let time_ns = told.time_ns() + later_ns;
-        match told {
-            Told::Suit(sample) => {
+        let time_ns = recorded.time_ns() + later_ns;
+        match recorded {
+            Recorded::Suit(sample) => {
                 let mut sample = sample.clone();
                 (sample.sample_time_ns, sample.arrival_ns, sample.published_ns) = (time_ns, time_ns, time_ns);
                 (sample.sequence, sample.device_counter) = (u64::from(number) + 1, number);
                 self.recorder.write(time_ns, &*sample)
             }
-            Told::Ground(sample) => {
+            Recorded::Ground(sample) => {
                 let mut sample = sample.clone();
                 (sample.sample_time_ns, sample.arrival_ns, sample.published_ns) = (time_ns, time_ns, time_ns);
                 (sample.sequence, sample.device_counter) = (u64::from(number) + 1, number);

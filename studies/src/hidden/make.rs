@@ -115,7 +115,7 @@ pub fn prepare(order: &Order) -> Result<(), String> {
 /// # Errors
 /// A message: a file exists or cannot be written.
 pub fn make_one(plan: &Plan, order: &Order) -> Result<Truth, String> {
-    let Session { subject, noise, script, drawn, tells_reference } = draw(plan, order.fast);
+    let Session { subject, noise, script, drawn, reports_reference } = draw(plan, order.fast);
     let clean = Station::new(&script, Default::default(), noise, plan.seed);
     let mut station = Station::new(&script, drawn.hidden.clone(), noise, plan.seed);
     // Slightly fewer poses than there are, so that identification has ended when free work begins.
@@ -146,7 +146,7 @@ pub fn make_one(plan: &Plan, order: &Order) -> Result<Truth, String> {
         height_m: subject.height_m,
         mass_kg: subject.mass_kg,
         spans: script.spans,
-        tells_reference,
+        reports_reference,
         length_s: script.length_s,
         places: script.places,
         turned: script.turned,
@@ -172,7 +172,7 @@ pub struct Session {
     /// The hidden effects.
     pub drawn: Drawn,
     /// Whether the program receives the reference span.
-    pub tells_reference: bool,
+    pub reports_reference: bool,
 }
 
 /// Draws a session.
@@ -188,8 +188,8 @@ pub fn draw(plan: &Plan, fast: bool) -> Session {
     let at = Circumstances { person: &person, spans: &script.spans, length_s: script.length_s };
     let drawn = ladder::draw(plan.kind, plan.size, &mut random, &at);
     let known = !drawn.effects.iter().any(|effect| effect.from_beginning);
-    let tells_reference = known && !random.happens(0.25);
-    Session { subject, noise, script, drawn, tells_reference }
+    let reports_reference = known && !random.happens(0.25);
+    Session { subject, noise, script, drawn, reports_reference }
 }
 
 #[cfg(test)]
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_hidden_is_told_in_the_truth_and_is_in_the_simulator() {
+    fn every_hidden_effect_is_in_the_truth_file_and_in_the_simulation() {
         for (index, kind) in ladder::deck().into_iter().enumerate() {
             for size in RUNGS {
                 let plan = Plan { session: "s".into(), kind, size, seed: index as u64 };
@@ -237,10 +237,10 @@ mod tests {
                     + hidden.suit_lag_s.len()
                     + hidden.plate.len()
                     + usize::from(drawn.without_inertia);
-                let told = drawn.effects.len();
+                let published = drawn.effects.len();
                 let expected = if kind == "pair" { 2 } else { usize::from(!kind.starts_with("clean")) };
-                assert_eq!(told, expected, "{kind}");
-                assert!(if expected == 0 { things == 0 } else { things >= told }, "{kind}: {things}");
+                assert_eq!(published, expected, "{kind}");
+                assert!(if expected == 0 { things == 0 } else { things >= published }, "{kind}: {things}");
                 for effect in &drawn.effects {
                     assert!(effect.is_in_catalogue() != kind.starts_with("outside"));
                     assert!(effect.span_s[1] - effect.span_s[0] > 10.0, "{effect:?}");

@@ -111,7 +111,7 @@ impl Station {
     fn ground_sample(&mut self, number: u32) -> Sample {
         let (time_ns, time_s) = (sample_time_ns(number, PLATE_HZ), f64::from(number) / f64::from(PLATE_HZ));
         let faulty = self.plate.faulty(self.scene.ground_reaction(time_s), time_s);
-        let told = self.plate.noisy(faulty, time_s, number);
+        let published = self.plate.noisy(faulty, time_s, number);
         let message = GroundSample {
             sample_time_ns: time_ns,
             sample_time_sigma_ns: TIME_SIGMA_NS,
@@ -119,8 +119,8 @@ impl Station {
             published_ns: time_ns,
             sequence: u64::from(number) + 1,
             device_counter: number,
-            force_n: told.force_n.into(),
-            moment_nm: told.moment_nm.into(),
+            force_n: published.force_n.into(),
+            moment_nm: published.moment_nm.into(),
             ..Zeroable::zeroed()
         };
         Sample::Ground { message: Box::new(message), number, time_s, faulty }
@@ -284,8 +284,8 @@ mod tests {
             let session = watch(&plan, Hidden::default(), |time_s, state| {
                 poses = state.poses_used;
                 stances.insert(state.stance);
-                let spoilt = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-                if !state.validity().any_of(spoilt) && (work_s[0]..work_s[1]).contains(&time_s) {
+                let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+                if !state.validity().any_of(invalid) && (work_s[0]..work_s[1]).contains(&time_s) {
                     let gap_m = Vector2::from(state.cop_measured_m) - Vector2::from(state.cop_estimated_m);
                     square_m2 += gap_m.norm_squared();
                     count += 1.0;

@@ -215,7 +215,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nobody_falls_over_whatever_the_script() {
+    fn every_script_keeps_the_person_in_balance() {
         for seed in 1..25 {
             let subject = Subject::somebody(seed);
             let script = play(&subject, Habits::ORDINARY, &Lengths::FAST);

@@ -125,7 +125,7 @@ fn ask(recording: &Path, truth: &Truth, asking: &Asking) -> Result<Value, String
     if !asking.finds_spans {
         let span = |[from_s, to_s]: [f64; 2]| format!("{from_s:.3}:{to_s:.3}");
         command.args(["--identify", &span(truth.spans.identify), "--work", &span(truth.spans.work)]);
-        if truth.tells_reference {
+        if truth.reports_reference {
             command.args(["--reference", &span(truth.spans.reference)]);
         }
     }
@@ -134,9 +134,9 @@ fn ask(recording: &Path, truth: &Truth, asking: &Asking) -> Result<Value, String
     // The report is not used here.
     let _ = std::fs::remove_dir_all(&out);
     serde_json::from_slice(&output.stdout).map_err(|error| {
-        let told = String::from_utf8_lossy(&output.stderr);
+        let published = String::from_utf8_lossy(&output.stderr);
         let mut why = format!("{}: no finding ({error})", output.status);
-        if let Some(line) = told.lines().rfind(|line| !line.trim().is_empty()) {
+        if let Some(line) = published.lines().rfind(|line| !line.trim().is_empty()) {
             let _ = write!(why, ": {line}");
         }
         why
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_refuses_is_told_with_its_last_word() {
+    fn a_refusal_is_reported_with_the_last_line_of_the_program() {
         let folder = tempfile::tempdir().unwrap();
         sessions(folder.path());
         let asking = Asking { program: program(folder.path(), &json!({}), "--identify"), finds_spans: true };

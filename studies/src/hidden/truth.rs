@@ -1,4 +1,4 @@
-//! The sealed side of a session: what was hidden in it. Nobody but the judge opens it.
+//! The sealed side of a session: what was hidden in it. Only the judge opens it.
 
 use std::collections::BTreeMap;
 
@@ -22,8 +22,8 @@ pub struct Truth {
     /// Which part is what, s since the recording's begin.
     pub spans: Spans,
     /// Whether to tell the program the span of the reference: not where something is there from the beginning, and not
-    /// always otherwise, so that its absence tells nothing.
-    pub tells_reference: bool,
+    /// always otherwise, so that its absence has no meaning.
+    pub reports_reference: bool,
     /// How long the recording is, s.
     pub length_s: f64,
     /// Where the worker stands, in order.

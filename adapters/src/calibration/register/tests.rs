@@ -39,7 +39,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_found_is_within_the_sigma_that_is_told() {
+fn the_estimate_is_within_its_published_sigma() {
     let mut random = Random::new(7, "register");
     let mut squares = [0.0; 3];
     let mut within = [0.0; 3];
@@ -144,7 +144,7 @@ fn a_hold_is_two_seconds_of_stillness_at_a_new_place() {
         "the same place does not count twice"
     );
     assert_eq!(stand([0.0, 0.0], 0.0, 1, 1.9, true).0, 1);
-    assert_eq!(stand([0.0, 0.0], 0.0, 2, 1.9, true).0, 1, "a step begins anew");
+    assert_eq!(stand([0.0, 0.0], 0.0, 2, 1.9, true).0, 1, "a step begins again");
     assert_eq!(stand([0.0, 0.0], 0.0, 2, 0.3, true).0, 2);
     assert_eq!(stand([0.0, 0.0], 0.8, 3, 2.3, true).0, 3, "turned on the spot");
 }

@@ -96,9 +96,12 @@ fn a_leg_that_is_thrown_down_lightens_the_plate_before_it_lands() {
             let thrown = begins_s.iter().any(|begin_s| (0.42..0.455).contains(&(time_s - begin_s)));
             force.vertical_n -= if thrown { 200.0 } else { 0.0 };
         }
-        let told = estimate(&plate, &feet, &settings()).unwrap();
-        let off_ns = told.offset_ns - 40 * MS;
-        assert!(off_ns.abs() < 2 * told.sigma_ns.cast_signed(), "{suit_hz} Hz: {off_ns} ns off, {told:?}");
+        let result = estimate(&plate, &feet, &settings()).unwrap();
+        let off_ns = result.offset_ns - 40 * MS;
+        assert!(
+            off_ns.abs() < 2 * result.sigma_ns.cast_signed(),
+            "{suit_hz} Hz: {off_ns} ns off, {result:?}"
+        );
     }
 }
 
@@ -195,8 +198,8 @@ fn a_regular_beat_is_refused() {
 fn what_is_no_stomp_is_said() {
     let (plate, feet) = session(USUAL, &[0.5], 240.0, 0);
     let quiet: Vec<_> = plate.iter().map(|force| Force { vertical_n: 600.0, ..*force }).collect();
-    let told = estimate(&quiet, &feet, &settings()).unwrap_err();
-    assert!(matches!(told, StompRefusal::NoHit { largest_n: 0.0, .. }), "{told}");
+    let result = estimate(&quiet, &feet, &settings()).unwrap_err();
+    assert!(matches!(result, StompRefusal::NoHit { largest_n: 0.0, .. }), "{result}");
     // Sitting down on the plate is slow.
     let slow: Vec<_> = plate
         .iter()
@@ -206,16 +209,16 @@ fn what_is_no_stomp_is_said() {
     assert!(matches!(estimate(&slow, &feet, &settings()), Err(StompRefusal::NoHit { .. })));
     let gentle: Vec<_> =
         feet.iter().map(|f| Feet { upward_m_per_s: f.upward_m_per_s.map(|v| v * 0.2), ..*f }).collect();
-    let told = estimate(&plate, &gentle, &settings()).unwrap_err();
-    assert!(matches!(told, StompRefusal::NoStop { .. }), "{told}");
-    assert!(told.to_string().contains("m/s at most"), "{told}");
+    let result = estimate(&plate, &gentle, &settings()).unwrap_err();
+    assert!(matches!(result, StompRefusal::NoStop { .. }), "{result}");
+    assert!(result.to_string().contains("m/s at most"), "{result}");
     let late: Vec<_> = feet.iter().map(|f| Feet { time_ns: f.time_ns + 5_000_000_000, ..*f }).collect();
-    let told = estimate(&plate, &late, &settings()).unwrap_err();
-    assert!(matches!(told, StompRefusal::TooFarApart { .. }), "{told}");
+    let result = estimate(&plate, &late, &settings()).unwrap_err();
+    assert!(matches!(result, StompRefusal::TooFarApart { .. }), "{result}");
     let (other, _) = session(USUAL, &[0.5, 2.0, 3.7, 5.1], 240.0, 0);
-    let told =
+    let result =
         estimate(&other, &feet, &StompSettings { offset_max_ns: 400_000_000, ..settings() }).unwrap_err();
-    assert_eq!(told, StompRefusal::MostlyUnseen { stomps: 1, plate_hits: 4 });
+    assert_eq!(result, StompRefusal::MostlyUnseen { stomps: 1, plate_hits: 4 });
     assert!(matches!(estimate(&[], &[], &settings()), Err(StompRefusal::NoHit { .. })));
 }
 

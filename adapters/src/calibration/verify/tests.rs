@@ -75,7 +75,7 @@ fn a_mass_is_weighed_at_each_place_and_the_empty_plate_in_between() {
 }
 
 #[test]
-fn what_is_touched_begins_anew_and_what_pulls_is_refused() {
+fn a_touch_restarts_the_measurement_and_a_pull_is_refused() {
     let mut bench = Bench::new(SETTINGS);
     bench.lies(3.0, 0.0, [0.0; 2]).unwrap();
     bench.lies(2.5, 196.0, [0.0; 2]).unwrap();
@@ -125,7 +125,7 @@ fn places_tell_scales_turn_and_origin() {
 }
 
 #[test]
-fn a_rod_that_leans_tells_the_height_of_its_tip() {
+fn a_tilted_rod_gives_the_height_of_its_tip() {
     let mut random = Random::new(9, "rod");
     let tip_m = [0.11, -0.07, 0.043];
     let mut blocks = |lean_n: f64, count: u32| -> Vec<Block> {

@@ -223,15 +223,15 @@ impl Search<'_> {
 
     /// The column with its unit: after its name, below it, or declared; never guessed.
     fn column(&self, index: usize, dimension: Dimension) -> Result<Column, BioWareError> {
-        let (name, beside) = &self.names[index];
+        let (name, in_brackets) = &self.names[index];
         let below = self.has_unit_line.then(|| self.below.get(index)).flatten().map(|cell| cell.trim());
-        let told = beside
+        let unit_word = in_brackets
             .or(below)
             .map(|word| word.trim_matches(['(', ')', '[', ']', '"']))
             .filter(|word| !word.is_empty());
         let mut declared = self.units;
         let declared = *declared.slot(dimension);
-        let size = match told.map(|word| (word, unit(word))) {
+        let size = match unit_word.map(|word| (word, unit(word))) {
             Some((_, Some((found, size)))) if found == dimension => size,
             Some((word, _)) if declared.is_none() => {
                 let (line, column, unit) = (self.line, name.clone(), word.chars().take(40).collect());

@@ -140,9 +140,9 @@ proptest! {
             newtons_per_unit: 1.0, newton_metres_per_unit: 1.0, metres_per_unit: 1e-3,
         };
         let load = Channels::centre(5, centre).unwrap().load(&[shear[0], shear[1], fz, x * 1e3, y * 1e3]);
-        let Load::Part { wrench: told, not_measured } = load else { panic!("the free moment is missing") };
+        let Load::Part { wrench: of_channels, not_measured } = load else { panic!("the free moment is missing") };
         prop_assert_eq!(not_measured, Component::FreeMoment as u32);
-        let cop = [(0.05 * told.force_n[0] - told.moment_nm[1]) / fz, (told.moment_nm[0] + 0.05 * told.force_n[1]) / fz];
+        let cop = [(0.05 * of_channels.force_n[0] - of_channels.moment_nm[1]) / fz, (of_channels.moment_nm[0] + 0.05 * of_channels.force_n[1]) / fz];
         prop_assert!((cop[0] - x).abs() < 1e-9 && (cop[1] - y).abs() < 1e-9);
     }
 
@@ -159,8 +159,8 @@ proptest! {
         let less: Vec<f64> = values.iter().zip(zero).map(|(value, zero)| value - zero).collect();
         prop_assert_eq!(of(&zero, &values), of(&[], &less));
         let row = |row: usize| weights[row * 4..row * 4 + 4].iter().zip(&less).map(|(w, x)| w * x).sum::<f64>();
-        let told = of(&[], &less);
-        prop_assert!((told.force_n[2] - row(2) * 4.448_221_615_260_5).abs() < 1e-9);
-        prop_assert!((told.moment_nm[1] - row(4) * 0.112_984_829_027_616_7).abs() < 1e-9);
+        let of_channels = of(&[], &less);
+        prop_assert!((of_channels.force_n[2] - row(2) * 4.448_221_615_260_5).abs() < 1e-9);
+        prop_assert!((of_channels.moment_nm[1] - row(4) * 0.112_984_829_027_616_7).abs() < 1e-9);
     }
 }

@@ -75,7 +75,7 @@ impl AtiRdt {
     fn page(&mut self, page: Result<&str, &str>, now_ns: u64) {
         self.judged_ns = now_ns;
         self.has_page = page.is_ok();
-        (self.scale, self.note) = match Scale::told(&self.settings, page) {
+        (self.scale, self.note) = match Scale::from_page(&self.settings, page) {
             Ok((scale, note)) => (Ok(scale), Some(note)),
             Err(why) => (Err(why), None),
         };

@@ -4,7 +4,7 @@ use super::asking::Asking;
 use super::framing::missing;
 use super::{GroundDevice, Want};
 use crate::ground::channels::Channels;
-use crate::ground::order::{Order, Told, Trust};
+use crate::ground::order::{Order, Stamps, Trust};
 use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::frame::{Found, FrameForm, Frames, Length, Look, Number, Place, Tag};
@@ -138,7 +138,7 @@ impl Binary {
     fn datagram(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
         let fits = match self.frames.form().length {
             Length::Fixed(length) => bytes.len().is_multiple_of(length),
-            Length::Told { .. } => true,
+            Length::InHead { .. } => true,
         };
         if bytes.is_empty() || !fits {
             self.unframed = self.unframed.saturating_add(bytes.len());
@@ -175,7 +175,7 @@ impl Binary {
                     // After a damaged length field, the position of the next frame is unknown.
                     match form.length {
                         Length::Fixed(length) => length,
-                        Length::Told { .. } => rest.len(),
+                        Length::InHead { .. } => rest.len(),
                     }
                 }
             };
@@ -304,8 +304,8 @@ impl Reader {
         };
         let status = settings.status.map_or(Some(0), |place| place.masked(frame))?;
         let trigger = settings.trigger.as_ref().is_some_and(|tag| tag.fits(frame));
-        let told = Told { sequence, counter, time_ns: time };
-        let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else { return Some(()) };
+        let stamps = Stamps { sequence, counter, time_ns: time };
+        let Some((sequence, tick)) = self.order.place(stamps, arrival_ns, taken) else { return Some(()) };
         self.count = self.count.wrapping_add(1);
         let own = match (tick, sequence) {
             (Tick::Counter(count), _) | (_, Some(count)) => count,

@@ -6,7 +6,7 @@ mod mean;
 
 use self::mean::{Decimator, Mean};
 use super::{GroundDevice, Want};
-use crate::ground::plan::{Fitted, Plan, Told, Whose};
+use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
 use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::labamp::talk::{Metadata, Signal};
@@ -28,8 +28,8 @@ const WHOSE: Whose = Whose {
     unit: "set its sensor's unit and sensitivity on the device's page",
 };
 
-fn told(signals: &[Signal]) -> Vec<Told> {
-    let one = |Signal { source, name, unit }: &Signal| Told {
+fn channels_of_device(signals: &[Signal]) -> Vec<DeviceChannel> {
+    let one = |Signal { source, name, unit }: &Signal| DeviceChannel {
         name: source.clone(),
         label: name.clone(),
         unit: unit.clone(),
@@ -82,7 +82,7 @@ impl LabAmp {
     fn line(&mut self, line: &[u8]) {
         let fitted = Metadata::parse(&String::from_utf8_lossy(line))
             .map_err(|error| {
-                format!("Kistler's LabAmp tells its channels in a form that is not known: {error}")
+                format!("Kistler's LabAmp sends its channels in an unknown form: {error}")
             })
             .and_then(|metadata| {
                 let rate_hz = metadata.rate_hz;
@@ -92,7 +92,7 @@ impl LabAmp {
                          rate on the device's page"
                     ));
                 }
-                let fitted = self.settings.plan.fit(&told(&metadata.signals), WHOSE)?;
+                let fitted = self.settings.plan.fit(&channels_of_device(&metadata.signals), WHOSE)?;
                 Ok((fitted, rate_hz))
             });
         match fitted {
@@ -134,10 +134,12 @@ impl LabAmp {
                 taken.refuse(GroundRefusal::UnknownKind);
                 return;
             }
-            Event::Closed => "the stream of Kistler's LabAmp was closed by somebody: it is opened anew",
-            Event::Reconfigured => "Kistler's LabAmp was set up anew: its stream is opened anew",
+            Event::Closed => {
+                "the stream of Kistler's LabAmp was closed by another client: it is opened again"
+            }
+            Event::Reconfigured => "Kistler's LabAmp was reconfigured: its stream is opened again",
             Event::Stopped => {
-                "the measurement of Kistler's LabAmp was stopped by somebody: it is started anew"
+                "the measurement of Kistler's LabAmp was stopped by another client: it is started again"
             }
         };
         self.over = Some(over.to_owned());
@@ -153,7 +155,7 @@ impl LabAmp {
                 // A later protocol version, in either byte order, or no frame at all.
                 let later = matches!(front, [2..=9, 0, ..] | [0, 2..=9, ..]);
                 taken.refuse(if later { GroundRefusal::Version } else { GroundRefusal::Garbage });
-                self.over = Some(format!("{error}: its stream is opened anew"));
+                self.over = Some(format!("{error}: its stream is opened again"));
                 return;
             }
             Err(Malformed::Length { .. }) => {
@@ -254,7 +256,7 @@ impl GroundDevice for LabAmp {
         }
         if matches!(self.phase, Phase::Frames(_)) && now_ns.saturating_sub(self.last_ns) > SILENCE_NS {
             self.last_ns = now_ns;
-            return Want::Reopen("Kistler's LabAmp fell silent: its stream is opened anew".to_owned());
+            return Want::Reopen("Kistler's LabAmp fell silent: its stream is opened again".to_owned());
         }
         Want::Nothing
     }

@@ -4,7 +4,7 @@
 //! Sample times are the sender's: their offset and drift are estimated from the earliest arrivals, as for every device.
 
 use super::{GroundDevice, Want};
-use crate::ground::plan::{Fitted, Plan, Told, Whose};
+use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
 use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::lsl::{Feed, Item, StreamInfo, feed_request};
@@ -89,7 +89,7 @@ impl Lsl {
                     ));
                 }
                 let units = [force_unit.as_deref(), moment_unit.as_deref()];
-                let fitted = plan.fit_with(&told(&info), WHOSE, units)?;
+                let fitted = plan.fit_with(&channels_of_device(&info), WHOSE, units)?;
                 Ok((info, fitted))
             });
         match fitted {
@@ -116,8 +116,8 @@ impl Lsl {
 }
 
 /// Channels have their number from 1 as name, and the label of the description.
-fn told(info: &StreamInfo) -> Vec<Told> {
-    let one = |(index, channel): (usize, &crate::wire::lsl::Channel)| Told {
+fn channels_of_device(info: &StreamInfo) -> Vec<DeviceChannel> {
+    let one = |(index, channel): (usize, &crate::wire::lsl::Channel)| DeviceChannel {
         name: (index + 1).to_string(),
         label: channel.label.clone(),
         unit: channel.unit.clone(),
@@ -195,7 +195,7 @@ impl GroundDevice for Lsl {
                 }
                 Err(error) => {
                     taken.refuse(GroundRefusal::Garbage);
-                    broken = Some(format!("the stream is opened anew: {error}"));
+                    broken = Some(format!("the stream is opened again: {error}"));
                 }
             }
         }

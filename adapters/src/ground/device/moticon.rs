@@ -18,7 +18,7 @@ pub const PRESSURES: usize = 16;
 /// A centre beyond this fraction of length or width is invalid: the fields are not as configured.
 const EDGE: f64 = 0.55;
 /// With this force, N, at least one pressure sensor must respond; if none responds, the force must be less.
-const BEARS_N: f64 = 50.0;
+const CARRIES_N: f64 = 50.0;
 /// This many contradictory samples in a row are reported.
 const TROUBLE: u32 = 20;
 const LONGEST: usize = 4096;
@@ -210,7 +210,7 @@ impl Judge for Insoles {
                 return Err(GroundRefusal::Implausible);
             }
             let pressures = values.get(from..to).unwrap_or_default();
-            contradicts |= force_n > BEARS_N
+            contradicts |= force_n > CARRIES_N
                 && !pressures.is_empty()
                 && pressures.iter().all(|pressure| *pressure == 0.0);
         }
@@ -221,12 +221,12 @@ impl Judge for Insoles {
 
     fn trouble(&self) -> Option<String> {
         if self.outside >= TROUBLE {
-            let said = "a foot bears force and its centre of pressure lies outside the insole: the fields are not in the order of \
+            let said = "a foot carries force and its centre of pressure lies outside the insole: the fields are not in the order of \
                         ground.moticon.fields; compare it with the channels ticked in Moticon's software";
             return Some(said.to_owned());
         }
         (self.contradiction >= TROUBLE).then(|| {
-            "a foot bears force while none of its sensors feels pressure: the fields are not in the order of \
+            "a foot carries force while none of its sensors feels pressure: the fields are not in the order of \
              ground.moticon.fields; compare it with the channels ticked in Moticon's software"
                 .to_owned()
         })

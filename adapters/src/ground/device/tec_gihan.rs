@@ -81,7 +81,7 @@ impl TecGihan {
     }
 
     /// Restarts the dialogue: stop, flush, query, start.
-    fn anew(&mut self) {
+    fn restart_block(&mut self) {
         self.phase = Phase::Talking(Dialogue::new(self.settings));
     }
 
@@ -156,7 +156,7 @@ impl TecGihan {
 
 impl GroundDevice for TecGihan {
     fn opened(&mut self, _now_ns: u64) {
-        self.anew();
+        self.restart_block();
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
@@ -176,11 +176,11 @@ impl GroundDevice for TecGihan {
     fn wants(&mut self, now_ns: u64) -> Want {
         if let Some((what, partly)) = self.broken(now_ns) {
             self.trouble = Some(format!(
-                "the controller sent {what}: it is stopped and started anew; check the cable, and that the line has \
+                "the controller sent {what}: it is stopped and started again; check the cable, and that the line has \
                  RTS/CTS"
             ));
             self.owed = Owed { incomplete: partly, lost: self.settings.rate.block_samples };
-            self.anew();
+            self.restart_block();
         }
         match &mut self.phase {
             Phase::Measuring(blocks) if blocks.due => {

@@ -2,7 +2,7 @@
 
 use super::GroundDevice;
 use crate::ground::channels::Channels;
-use crate::ground::order::{Order, Told};
+use crate::ground::order::{Order, Stamps};
 use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::text_line::{Fields, LineForm, Lines, Malformed, Unit};
@@ -218,10 +218,10 @@ impl<J: Judge> Reader<J> {
         });
         match read {
             Ok(None) => {}
-            Ok(Some(told)) => {
+            Ok(Some(stamps)) => {
                 (self.wrong, self.fault) = (0, None);
                 // A line refused as contradictory was not lost: it has its place in the sequence.
-                let Some((sequence, tick)) = self.order.place(told, arrival_ns, taken) else {
+                let Some((sequence, tick)) = self.order.place(stamps, arrival_ns, taken) else {
                     self.untimely = self.untimely.saturating_add(1);
                     return;
                 };
@@ -249,8 +249,8 @@ impl<J: Judge> Reader<J> {
     }
 
     /// Reads the channels into `values`; returns the line's time and sequence number.
-    fn read(&mut self, settings: &TextSettings, fields: &Fields<'_>) -> Result<Told, Malformed> {
-        let told = Told {
+    fn read(&mut self, settings: &TextSettings, fields: &Fields<'_>) -> Result<Stamps, Malformed> {
+        let stamps = Stamps {
             sequence: settings
                 .sequence
                 .map(|numbered| fields.whole(numbered.field, Unit::One))
@@ -266,7 +266,7 @@ impl<J: Judge> Reader<J> {
             let column = settings.columns[*channel];
             self.values[*channel] = number * column.scale + column.offset;
         }
-        Ok(told)
+        Ok(stamps)
     }
 }
 

@@ -97,7 +97,7 @@ fn without_feet_there_is_only_the_sum_and_the_right_foot_may_come_first() {
 #[test]
 fn one_plate_of_two_is_never_the_whole() {
     let mut fusion = two_plates();
-    let mut told = 0;
+    let mut fused_count = 0;
     // The second device is disconnected from 0.5 s to 1.5 s; both send every 2 ms.
     for step in 0..1000 {
         let now_ns = (1000 + 2 * step) * MS;
@@ -107,11 +107,11 @@ fn one_plate_of_two_is_never_the_whole() {
         }
         for whole in fused(&mut fusion, now_ns) {
             assert_eq!(whole.force_n[2], 700.0);
-            told += 1;
+            fused_count += 1;
         }
     }
     // The samples of the silence, including those whose wait extends beyond its end.
-    assert_eq!((told, without_partner(&fusion)), (500, 500));
+    assert_eq!((fused_count, without_partner(&fusion)), (500, 500));
     assert_eq!(fusion.counts().published, 500);
 }
 
@@ -155,7 +155,7 @@ fn what_one_does_not_measure_or_reports_as_a_fault_is_so_of_the_sum() {
 }
 
 #[test]
-fn a_device_that_starts_anew_may_step_back_and_another_sample_of_the_same_time_may_not() {
+fn a_restarted_device_may_step_back_and_a_second_sample_of_the_same_time_may_not() {
     let mut fusion = two_plates();
     fusion.push(1, second(100 * MS, 400.0), 100 * MS);
     fusion.push(1, second(100 * MS, 400.0), 100 * MS);
@@ -231,7 +231,7 @@ proptest! {
             }
         }
         events.sort_by_key(|(now_ns, device, _)| (*now_ns, *device));
-        let (mut told, mut before_ns) = (0, None);
+        let (mut fused_count, mut before_ns) = (0, None);
         let mut samples = Vec::new();
         for (now_ns, device, sample) in events {
             fusion.push(device, sample, now_ns);
@@ -239,13 +239,13 @@ proptest! {
         }
         fusion.fused(u64::MAX, &mut samples);
         for whole in samples {
-            told += 1;
+            fused_count += 1;
             let expected = line(0, whole.sample_time_ns) + line(1, whole.sample_time_ns);
             prop_assert!((whole.force_n[2] - expected).abs() < 1e-9);
             prop_assert!(before_ns.is_none_or(|before_ns| before_ns < whole.sample_time_ns));
             before_ns = Some(whole.sample_time_ns);
         }
-        prop_assert_eq!(told + without_partner(&fusion), 400);
+        prop_assert_eq!(fused_count + without_partner(&fusion), 400);
     }
 }
 

@@ -47,7 +47,7 @@ pub(super) fn stream(settings: &LslLineSettings, targets: &[SocketAddr]) -> Resu
     };
     let found = ask_around(settings, targets).map_err(absent)?;
     match &found[..] {
-        [] => Err(absent(io::Error::new(io::ErrorKind::NotFound, "nobody answers"))),
+        [] => Err(absent(io::Error::new(io::ErrorKind::NotFound, "no answer"))),
         [(address, _)] => Ok(*address),
         several => {
             let each = several.iter().map(|(address, info)| format!("{:?} at {address}", info.source_id));

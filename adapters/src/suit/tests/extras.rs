@@ -202,7 +202,7 @@ fn y_up_is_refused_where_z_is_expected_and_turned_where_it_is_said() {
         for (got, want) in sample.orientation_wxyz[6].iter().zip(standing()[6].orientation_wxyz) {
             assert!((got - f64::from(want)).abs() < 1e-6);
         }
-        assert_eq!(sample.velocity_m_per_s[6], [1.0, 2.0, 3.0], "whichever way type 21 comes");
+        assert_eq!(sample.velocity_m_per_s[6], [1.0, 2.0, 3.0], "in either form of type 21");
         assert_eq!(sample.acceleration_m_per_s2[6], [4.0, 5.0, 6.0]);
         assert!(!sample.has(SuitBlocks::CentreOfMass), "in which world it comes is not known");
     }

@@ -16,7 +16,7 @@ fn at(forward_m: f32) -> Vec<SegmentPose> {
 }
 
 #[test]
-fn every_worker_gets_its_own_samples_and_an_object_disturbs_nobody() {
+fn every_character_gets_its_own_samples_and_an_object_affects_none() {
     let required = Some(TypeSet::POSE_QUATERNION);
     let settings = SuitSettings { required, ..SuitSettings::default() };
     let mut router = SuitRouter::new(settings, &[1, 7]);
@@ -55,7 +55,7 @@ fn every_worker_gets_its_own_samples_and_an_object_disturbs_nobody() {
 }
 
 #[test]
-fn what_belongs_to_nobody_is_counted_once() {
+fn samples_without_a_route_are_counted_once() {
     let mut router = SuitRouter::new(SuitSettings::default(), &[1]);
     assert!(router.receive(b"noise", 0).is_none() && router.receive(&[7; 60], 0).is_none());
     router.refuse_datagram(SuitRefusal::ForeignSender);

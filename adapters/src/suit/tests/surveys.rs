@@ -15,7 +15,7 @@ fn of(avatar: u8, counter: u32, poses: &[SegmentPose]) -> Vec<u8> {
 }
 
 #[test]
-fn rates_strides_losses_and_repetitions_are_told_apart() {
+fn rates_strides_losses_and_repetitions_are_distinguished() {
     let mut survey = Survey::new(SuitSettings::default());
     assert!(survey.is_silent());
     // Every fourth sample of 240 Hz is sent; two are lost in transit; then MVN is paused.
@@ -37,7 +37,7 @@ fn rates_strides_losses_and_repetitions_are_told_apart() {
 }
 
 #[test]
-fn characters_objects_and_what_is_none_of_mvns_are_told_apart() {
+fn characters_objects_and_foreign_packets_are_distinguished() {
     let mut survey = Survey::new(SuitSettings::default());
     let gloves: Vec<SegmentPose> =
         (24..=64).map(|segment_id| SegmentPose { segment_id, ..standing()[0] }).collect();

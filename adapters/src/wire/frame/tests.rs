@@ -3,11 +3,11 @@ use crate::wire::bota::Frame as BotaFrame;
 use proptest::prelude::*;
 
 /// The frame of the can-can-group's plate (`common_frame.h`), as its radio forwards it.
-fn told() -> FrameForm {
+fn declared() -> FrameForm {
     let place = |at, number| Place::new(at, number, Endian::Little);
     FrameForm {
         sync: vec![0x6b, 0xb6],
-        length: Length::Told { place: place(4, Number::U16), plus: 6, most: 200 },
+        length: Length::InHead { place: place(4, Number::U16), plus: 6, most: 200 },
         tags: vec![],
         kind: Some(Tag { place: place(8, Number::U8), values: vec![7] }),
         checksum: Some(Summed {
@@ -70,7 +70,7 @@ fn numbers_of_every_kind_are_read_in_both_orders() {
 
 #[test]
 fn forms_that_describe_no_frame_are_refused() {
-    let form = told();
+    let form = declared();
     assert_eq!(form.check(true), Ok(()));
     let fixed = FrameForm { length: Length::Fixed(10), kind: None, ..form.clone() };
     assert_eq!(fixed.check(true), Ok(()));
@@ -123,18 +123,18 @@ fn frames_that_tell_their_length_are_found_and_those_of_another_kind_passed() {
         damaged
     };
     let stream = [&b"\x6b\xb6"[..], &one, &other, &damaged, &one].concat();
-    let got = all(&told(), &[&stream]);
+    let got = all(&declared(), &[&stream]);
     assert_eq!(got[0], format!("2 Frame({one:?})"));
     assert_eq!(got[1], "0 Other");
     assert_eq!(got[2], format!("{} Frame({one:?})", damaged.len()));
     // An impossible length is rejected without waiting for its bytes.
     let huge = [&[0x6b, 0xb6, 0, 0, 0xff, 0xff][..], &one].concat();
-    assert_eq!(all(&told(), &[&huge])[0], format!("6 Frame({one:?})"));
+    assert_eq!(all(&declared(), &[&huge])[0], format!("6 Frame({one:?})"));
 }
 
 #[test]
-fn damage_is_told_by_how_what_was_passed_over_begins() {
-    let mut frames = Frames::new(told());
+fn damage_is_classified_by_the_start_of_the_skipped_bytes() {
+    let mut frames = Frames::new(declared());
     let one = frame(7, b"abc");
     frames.push(&[&[0x6b, 0xb6, 1, 0, 8, 0, 1][..], &[0; 16], &one].concat());
     assert_eq!(frames.advance(), Some(Found::Passed { bytes: 23, damaged: true }));
@@ -163,7 +163,7 @@ proptest! {
         let mut cuts: Vec<usize> = cuts.iter().map(|cut| usize::from(*cut) % (stream.len() + 1)).chain([0, stream.len()]).collect();
         cuts.sort_unstable();
         let pieces: Vec<&[u8]> = cuts.windows(2).map(|pair| &stream[pair[0]..pair[1]]).collect();
-        prop_assert_eq!(all(&told(), &pieces), all(&told(), &[&stream]));
+        prop_assert_eq!(all(&declared(), &pieces), all(&declared(), &[&stream]));
     }
 
     #[test]
@@ -193,12 +193,12 @@ proptest! {
     #[test]
     fn any_form_and_any_bytes_are_looked_at(
         sync in proptest::collection::vec(0u8..3, 0..3), length in 0usize..12, at in -12i32..12, from in -12i32..12, to in -12i32..12,
-        told: bool, bytes in proptest::collection::vec(0u8..6, 0..40),
+        declared: bool, bytes in proptest::collection::vec(0u8..6, 0..40),
     ) {
         let place = Place::new(at, Number::U8, Endian::Little);
         let form = FrameForm {
             sync,
-            length: if told { Length::Told { place, plus: length, most: 20 } } else { Length::Fixed(length) },
+            length: if declared { Length::InHead { place, plus: length, most: 20 } } else { Length::Fixed(length) },
             tags: vec![Tag { place, values: vec![0, 1, 2] }],
             kind: Some(Tag { place, values: vec![0, 1] }),
             checksum: Some(Summed { checksum: Checksum::named("SUM-8").unwrap(), from, to, at, endian: Endian::Big }),

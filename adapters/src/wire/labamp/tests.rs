@@ -109,7 +109,7 @@ fn answers_are_read_and_refusals_kept_in_the_devices_words() {
 }
 
 #[test]
-fn channels_are_told_by_the_device_in_either_of_the_documented_forms() {
+fn channels_are_read_in_both_documented_forms() {
     let signals = r#"[{"dataType": "FLOAT32", "source": "Sensor-4", "name": "b", "unit": "g", "offset": 4},
                       {"dataType": "FLOAT32", "source": "Sensor-3", "name": "a", "unit": "N", "offset": 0}]"#;
     let provider = format!(r#"{{"name": "daq-provider", "samplingRate": 2500.0, "signals": {signals}}}"#);

@@ -188,9 +188,9 @@ impl Feed {
                     let Some(time_s) = self.sample(big_endian)? else { return Ok(None) };
                     let first = PATTERNS.get(index).copied().unwrap_or_default();
                     let want = |channel| self.format.pattern(first, channel);
-                    let as_told =
+                    let as_announced =
                         self.values.iter().enumerate().all(|(channel, value)| *value == want(channel));
-                    if !as_told || time_s != Some(PATTERN_TIME_S) {
+                    if !as_announced || time_s != Some(PATTERN_TIME_S) {
                         return Err(Malformed::Pattern);
                     }
                     if index + 1 < PATTERNS.len() {

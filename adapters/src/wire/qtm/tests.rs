@@ -178,7 +178,7 @@ proptest! {
     }
 
     #[test]
-    fn a_damaged_frame_harms_nobody(at in 0_usize..120, value: u8) {
+    fn a_damaged_frame_does_not_affect_the_next(at in 0_usize..120, value: u8) {
         let plates = vec![(1, 3, vec![[1.0; NUMBERS]; 2])];
         let mut bytes = frame(5, 6, &[forces(&plates)]);
         let length = bytes.len();

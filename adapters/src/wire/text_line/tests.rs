@@ -38,7 +38,7 @@ fn what_says_nothing_is_passed_over_and_what_is_wrong_is_named() {
 }
 
 #[test]
-fn a_field_that_nobody_reads_may_hold_anything() {
+fn an_unused_field_may_hold_any_text() {
     let form = form(Delimiter::Semicolon, 3);
     let fields = form.parse(b"1;\xff\xfe;3").unwrap().unwrap();
     let mut out = Vec::new();

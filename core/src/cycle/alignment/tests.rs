@@ -69,7 +69,7 @@ fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
 fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
     let mut alignment = empty();
     alignment.set_lag_ns(-500_000_000);
-    let mut told = 0;
+    let mut reported = 0;
     for millisecond in 1..2000_u64 {
         let now_ns = millisecond * 1_000_000;
         take_ground(&mut alignment, &ground(now_ns, 700.0), now_ns);
@@ -78,10 +78,10 @@ fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
         }
         while let Some(aligned) = alignment.next(now_ns, PATIENCE_NS + alignment.ground_late_ns()) {
             assert!(aligned.ground.is_some());
-            told += 1;
+            reported += 1;
         }
     }
-    assert!((357..=360).contains(&told), "1.5 s at 240 Hz, none lost: {told}");
+    assert!((357..=360).contains(&reported), "1.5 s at 240 Hz, none lost: {reported}");
 }
 
 #[test]

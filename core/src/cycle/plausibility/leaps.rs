@@ -34,7 +34,7 @@ pub(super) const LEAP_HOLDS_NS: u64 = 300_000_000;
 /// Averaging time of the level of the readings, s; variations by work are faster.
 const LEVEL_OVER_S: f64 = 1.0;
 /// Minimum duration of a leap that did not revert, until the level is meaningful, ns.
-const LEVEL_TELLS_NS: u64 = 2_000_000_000;
+const LEVEL_EVIDENCE_NS: u64 = 2_000_000_000;
 
 /// One reading of a plate.
 #[repr(C)]
@@ -179,7 +179,7 @@ impl Leaps {
             }
         }
         let [off_n, off_nm] = level.to(&self.level);
-        let is_away = since_ns < LEVEL_TELLS_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
+        let is_away = since_ns < LEVEL_EVIDENCE_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
         let came_back = by.iter().all(|by| *by <= f64::MIN_POSITIVE);
         // Stepping on or off the plate may be a single leap.
         let is_step = from.vertical_n < EMPTY_PLATE_N || now.vertical_n < EMPTY_PLATE_N;

@@ -59,7 +59,7 @@ fn a_turn_that_is_asked_for_belongs_to_the_pose() {
     for off_deg in [0, -90, 150] {
         bench.hold(&person, &turned(&wanted, off_deg), None, 1000);
         assert_eq!(bench.state().suggested_pose, WANTED as u32, "turned by {off_deg}°");
-        assert!(bench.state().pose_mismatch_rad > POSE_REACHED_RAD, "and it is told");
+        assert!(bench.state().pose_mismatch_rad > POSE_REACHED_RAD, "and it is published");
     }
     bench.hold(&person, &turned(&wanted, 80), None, 1000);
     assert_eq!(bench.state().suggested_pose, NONE);

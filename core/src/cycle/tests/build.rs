@@ -14,7 +14,7 @@ fn null_pose_of(skeleton: &crate::body::Skeleton) -> SuitBody {
     SuitBody { origin_m, ..Zeroable::zeroed() }
 }
 
-fn told(bench: &Bench) -> (BodySource, BodyRefusal) {
+fn build_of(bench: &Bench) -> (BodySource, BodyRefusal) {
     let state = bench.state();
     (
         BodySource::from_number(state.body_source).unwrap(),
@@ -27,26 +27,26 @@ fn with_the_null_pose_the_bones_are_known_by_the_first_sample_and_exactly() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.build = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 200);
-    assert_eq!(told(&bench), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(build_of(&bench), (BodySource::NullPose, BodyRefusal::None));
     let bones = bench.memory.identification.skeleton();
     let expected = bench.build.unwrap().skeleton();
     assert_eq!(bones, expected, "the null pose's own, to the last bit");
 
     let mut without = Bench::new(|_| {});
     without.hold(&person, &upright(), None, 180);
-    assert_eq!(told(&without).0, BodySource::Unknown);
+    assert_eq!(build_of(&without).0, BodySource::Unknown);
     without.hold(&person, &upright(), None, 200);
-    assert_eq!(told(&without).0, BodySource::Poses);
+    assert_eq!(build_of(&without).0, BodySource::Poses);
 }
 
 #[test]
 fn bones_learnt_from_poses_give_way_and_what_was_learnt_stays() {
     let (person, mut early) = (Person::real(), Bench::new(|_| {}));
     early.hold(&person, &upright(), None, 220);
-    assert_eq!(told(&early).0, BodySource::Poses);
+    assert_eq!(build_of(&early).0, BodySource::Poses);
     early.build = Some(null_pose_of(&person.skeleton));
     early.hold(&person, &upright(), None, 20);
-    assert_eq!(told(&early).0, BodySource::NullPose);
+    assert_eq!(build_of(&early).0, BodySource::NullPose);
 
     let mut late = Bench::new(|_| {});
     late.identify(&person);
@@ -56,7 +56,7 @@ fn bones_learnt_from_poses_give_way_and_what_was_learnt_stays() {
     let theta = late.memory.identification.phi();
     late.hold(&person, &upright(), None, 5);
     late.hold(&person, &upright(), None, 95);
-    assert_eq!(told(&late), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(build_of(&late), (BodySource::NullPose, BodyRefusal::None));
     assert!(late.memory.identification.phi() == theta || late.state().poses_used > used);
     assert!(late.state().poses_used >= used, "nothing was forgotten");
 }
@@ -67,12 +67,12 @@ fn a_null_pose_that_contradicts_the_poses_is_refused_and_the_poses_are_kept_to()
     let taller = crate::body::Skeleton::nominal(1.2 * HEIGHT_M);
     bench.build = Some(null_pose_of(&taller));
     bench.hold(&person, &upright(), None, 400);
-    assert_eq!(told(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
+    assert_eq!(build_of(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
     assert!(bench.memory.identification.skeleton().differs_by_m(&person.skeleton) < 1e-9);
     // A subsequent correct message is accepted.
     bench.build = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 100);
-    assert_eq!(told(&bench).1, BodyRefusal::None);
+    assert_eq!(build_of(&bench).1, BodyRefusal::None);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_null_pose_that_is_right_while_the_profile_is_another_s_is_said_and_the_prof
     };
     bench.build = Some(null_pose_of(&taller.skeleton));
     bench.hold(&taller, &upright(), None, 200);
-    assert_eq!(told(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
+    assert_eq!(build_of(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
 }
 
 #[test]
@@ -106,12 +106,12 @@ fn impossible_and_stale_builds_are_refused_by_reason_and_change_nothing() {
     ] {
         bench.build = Some(build);
         bench.hold(&person, &upright(), None, 50);
-        assert_eq!(told(&bench), (BodySource::NullPose, reason));
+        assert_eq!(build_of(&bench), (BodySource::NullPose, reason));
         let kept = bench.memory.build.body().copied();
         assert!(kept.zip(soles).is_some_and(|(kept, before)| kept.is_same_build(&before)), "{reason:?}");
         bench.build = Some(good);
         bench.hold(&person, &upright(), None, 20);
-        assert_eq!(told(&bench).1, BodyRefusal::None);
+        assert_eq!(build_of(&bench).1, BodyRefusal::None);
     }
     // A message that was delayed for long.
     bench.build = None;
@@ -120,11 +120,11 @@ fn impossible_and_stale_builds_are_refused_by_reason_and_change_nothing() {
     bench.now_ns += 6 * NS_PER_S;
     let inputs = Inputs { body: Some(&old), ..Inputs::default() };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle, due_ns: bench.now_ns }, inputs);
-    assert_eq!(told(&bench).1, BodyRefusal::Stale);
+    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
 }
 
 #[test]
-fn a_suit_that_was_started_anew_must_say_again_who_wears_it() {
+fn a_restarted_suit_must_send_its_null_pose_again() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.build = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 200);
@@ -133,7 +133,7 @@ fn a_suit_that_was_started_anew_must_say_again_who_wears_it() {
     bench.suit_session = 1;
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.build.body().is_none(), "it may be another's");
-    assert_eq!(told(&bench).1, BodyRefusal::Stale);
+    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
 }
 
 #[test]
@@ -147,15 +147,15 @@ fn an_adapter_that_counts_sessions_from_zero_again_must_say_again_who_wears_the_
     bench.suit_session = 0;
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.build.body().is_none(), "it may be another's");
-    assert_eq!(told(&bench).1, BodyRefusal::Stale);
+    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
     bench.build = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.build.body().is_some_and(|body| body.session == 0));
-    assert_eq!(told(&bench).1, BodyRefusal::None);
+    assert_eq!(build_of(&bench).1, BodyRefusal::None);
 }
 
 #[test]
-fn a_null_pose_told_before_the_first_pose_of_its_session_waits_for_it() {
+fn a_null_pose_before_the_first_pose_of_its_session_is_kept_until_that_pose() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &upright(), None, 50);
     bench.build = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });

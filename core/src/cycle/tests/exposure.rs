@@ -54,7 +54,7 @@ fn mass_reach_and_moment_are_those_of_the_box() {
 }
 
 #[test]
-fn the_back_is_told_without_a_load_and_the_load_is_not() {
+fn the_back_is_published_without_a_load_and_the_load_is_not() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.identify(&person);
     bench.hold(&person, &carrying_pose(), None, 1500);
@@ -70,7 +70,7 @@ fn the_back_is_told_without_a_load_and_the_load_is_not() {
 }
 
 #[test]
-fn where_a_load_may_hide_it_is_said_so_and_no_back_is_told() {
+fn a_load_that_may_be_undetected_is_flagged_and_masks_the_back() {
     let person = Person::real();
     let mut bench = carrying(&person, 600);
     // Long enough for the offset of the vertical force, whose uncertainty also hides a load.
@@ -78,7 +78,7 @@ fn where_a_load_may_hide_it_is_said_so_and_no_back_is_told() {
     bench.takes_ms = 10.0;
     // The bench's plate does not show the inertia of the arms, which the lag test would reject.
     bench.settings.align_streams = false;
-    let (mut hidden, mut told) = (0, 0);
+    let (mut hidden, mut published) = (0, 0);
     for step in 0..560_i16 {
         // After the box is put down, the arms swing and stop repeatedly.
         let degrees = if step % 100 < 40 { (25.0 * (f64::from(step) * 0.15).sin()) as i16 } else { 0 };
@@ -96,9 +96,9 @@ fn where_a_load_may_hide_it_is_said_so_and_no_back_is_told() {
             hidden += 1;
             assert!(reasons.any_of(Validity::BELOW_LOAD_THRESHOLD));
         }
-        told += u32::from(compressed);
+        published += u32::from(compressed);
     }
-    assert!(hidden > 20 && told > 20, "{hidden} {told}");
+    assert!(hidden > 20 && published > 20, "{hidden} {published}");
 }
 
 #[test]
@@ -134,11 +134,11 @@ fn a_box_that_moves_as_advised_relieves_a_leg_by_the_gain() {
     let (after, to) = carry(stand(20, 0, [0, 0, -80], [0, 0, 80], 60));
     let magnitude_nm = |state: &State| Vector3::from(state.torque_nm[ankle]).norm();
     let moved_cm = 100.0 * (to - from).dot(&Vector3::from(before.advice_direction));
-    let (fallen_nm, told_nm) =
+    let (fallen_nm, published_nm) =
         (magnitude_nm(&before) - magnitude_nm(&after), moved_cm * before.advice_gain_nm_per_cm);
     assert!(moved_cm.abs() > 2.0, "{moved_cm}");
     // The gain applies to constant foot load fractions; a box that moves sideways changes them slightly.
-    assert!((fallen_nm - told_nm).abs() < 0.4 * told_nm.abs(), "{fallen_nm} {told_nm}");
+    assert!((fallen_nm - published_nm).abs() < 0.4 * published_nm.abs(), "{fallen_nm} {published_nm}");
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn carrying_tires_rest_restores_and_silence_does_neither() {
     let before = bench.state().fatigue;
     bench.suit_silent = true;
     bench.hold(&person, &carrying_pose(), None, 3000);
-    assert_eq!(bench.state().fatigue, before, "told while the sensors are silent, and unchanged");
+    assert_eq!(bench.state().fatigue, before, "published while the sensors are silent, and unchanged");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     bench.memory.put_in_place(&another);
     (bench.suit_silent, bench.ground_silent) = (true, true);
     bench.command(CommandKind::SubjectLoad);
-    assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "at once, whoever is silent");
+    assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "at once, also without sensors");
     (bench.suit_silent, bench.ground_silent) = (false, false);
     bench.hold(&person, &carrying_pose(), None, 100);
     assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "another worker");

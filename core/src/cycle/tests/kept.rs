@@ -103,20 +103,23 @@ fn a_shift_of_the_suit_s_world_holds_only_for_the_suit_that_went_on_and_not_for_
     }
     let kept = kept(&bench.memory);
     assert!((kept.registration.station_from_suit_m[0] + bench.suit_drift_m).abs() < 1e-9);
-    let told_m = |gap_ns: u64, change: &dyn Fn(&mut Kept)| {
+    let published_m = |gap_ns: u64, change: &dyn Fn(&mut Kept)| {
         let mut kept = kept.clone();
         change(&mut kept);
         let mut again = started_again(&bench, &kept, gap_ns);
         again.hold(&person, &posture, None, 300);
         anchored_m(&again) - true_m
     };
-    assert!(told_m(3 * NS_PER_S, &|_| {}).abs() < 1e-9, "drift is known still");
-    let anew = bench.suit_drift_m;
-    assert!((told_m(SHIFT_HOLDS_NS + NS_PER_S, &|_| {}) - anew).abs() < 1e-9, "too long ago");
+    assert!(published_m(3 * NS_PER_S, &|_| {}).abs() < 1e-9, "drift is known still");
+    let new_drift_m = bench.suit_drift_m;
+    assert!((published_m(SHIFT_HOLDS_NS + NS_PER_S, &|_| {}) - new_drift_m).abs() < 1e-9, "too long ago");
     let restarted = |kept: &mut Kept| kept.registration.suit_counter += 100_000;
-    assert!((told_m(3 * NS_PER_S, &restarted) - anew).abs() < 1e-9, "the suit counts from the beginning");
+    assert!(
+        (published_m(3 * NS_PER_S, &restarted) - new_drift_m).abs() < 1e-9,
+        "the suit counts from the beginning"
+    );
     let jumped = |kept: &mut Kept| kept.registration.suit_counter -= 100;
-    assert!((told_m(NS_PER_S / 2, &jumped) - anew).abs() < 1e-9, "another stream");
+    assert!((published_m(NS_PER_S / 2, &jumped) - new_drift_m).abs() < 1e-9, "another stream");
 }
 
 #[test]

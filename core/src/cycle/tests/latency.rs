@@ -28,7 +28,7 @@ fn a_stream_that_is_late_by_what_it_should_be_is_not_stale() {
 }
 
 #[test]
-fn silence_is_told_as_soon_after_the_latency_as_without_one() {
+fn silence_is_reported_as_soon_after_the_latency_as_without_one() {
     let (person, posture) = (Person::real(), postures()[0]);
     let milliseconds_to_stale = |suit_ms| {
         let mut bench = late(suit_ms, 0);

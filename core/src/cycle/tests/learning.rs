@@ -48,10 +48,10 @@ fn mean_error_m(worker: &Identification, person: &Person) -> ([f64; 2], [f64; 2]
     for posture in postures() {
         let pose = person.pose(&posture);
         let rows = worker.reduction.rows(&pose, [0.0; 2]);
-        let (told, truth) = (worker.predict_cop_m(&rows), centre_of_mass(&pose, &person.phi));
+        let (predicted, truth) = (worker.predict_cop_m(&rows), centre_of_mass(&pose, &person.phi));
         let variance = worker.cop_variance_m2(&rows);
         for axis in 0..2 {
-            error[axis] += (told[axis] - truth[axis]) / count;
+            error[axis] += (predicted[axis] - truth[axis]) / count;
             sigma[axis] += variance[axis].sqrt() / count;
         }
     }
@@ -195,10 +195,10 @@ fn errors_m(
             let mut square = 0.0;
             for posture in settings.library {
                 let rows = worker.reduction.rows(&person.pose(posture), [0.0; 2]);
-                let told = worker.predict_cop_m(&rows);
+                let predicted = worker.predict_cop_m(&rows);
                 for axis in 0..2 {
                     let body: f64 = rows.h[axis].iter().zip(theta).map(|(h, theta)| h * theta).sum();
-                    let error = told[axis] - rows.offset_m[axis] - body - off_m[axis];
+                    let error = predicted[axis] - rows.offset_m[axis] - body - off_m[axis];
                     square += error * error / (2 * all.len()) as f64;
                 }
             }
@@ -208,7 +208,7 @@ fn errors_m(
 }
 
 #[test]
-fn a_right_prior_is_seldom_inflated_and_its_innovations_are_as_large_as_told() {
+fn a_correct_prior_is_rarely_inflated_and_its_innovations_match_their_sigma() {
     const PEOPLE: u64 = 400;
     let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
     let fresh = worker(&person, &settings);

@@ -124,13 +124,13 @@ fn the_state_with_a_model_is_the_state_without_it_and_the_columns() {
         let with = states(&mut known(&plate, |_| {}), shear);
         assert_eq!(plain.len(), with.len());
         let mut moved = 0.0_f64;
-        for ((_, [x, y], force), (_, told, told_force)) in plain.iter().zip(&with) {
+        for ((_, [x, y], force), (_, with_model, force_with)) in plain.iter().zip(&with) {
             let expected = [x + 0.011 + 0.03 * x + 0.015 * y, y - 0.007 - 0.02 * y + 0.015 * x];
             for axis in 0..2 {
-                assert!((told[axis] - expected[axis]).abs() < 1e-12, "{told:?} {expected:?}");
+                assert!((with_model[axis] - expected[axis]).abs() < 1e-12, "{with_model:?} {expected:?}");
             }
-            assert_eq!(force, told_force);
-            moved = moved.max((told[0] - x).abs());
+            assert_eq!(force, force_with);
+            moved = moved.max((with_model[0] - x).abs());
         }
         assert!(moved > 0.01);
     }
@@ -169,8 +169,8 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
             // Seven samples on each side, as in the loop's window.
             let window: Vec<f64> = (0..15).map(|k| places[index + k - 7].1).collect();
             let up = curvature(&window) / (0.01 * 0.01);
-            let (_, _, told) = with.iter().find(|(time, ..)| time == time_ns).unwrap();
-            let weighs = force - told;
+            let (_, _, with_model) = with.iter().find(|(time, ..)| time == time_ns).unwrap();
+            let weighs = force - with_model;
             assert!((weighs - 3.0 * (GRAVITY_M_PER_S2 + up)).abs() < 1e-6, "{weighs} {up}");
             heaviest = heaviest.max(up.abs());
             compared += 1;
@@ -278,16 +278,16 @@ fn a_load_in_the_model_is_no_overload_any_more() {
     let person = Person::real();
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     let lifted = lifted_box(&person, &posture);
-    let told = |with: &[Term]| {
+    let with_model = |with: &[Term]| {
         let mut bench = bench(with, |settings| settings.model = Model::default());
         bench.identify(&person);
         bench.settings.model = model(with);
         bench.hold(&person, &posture, Some((4.0, lifted)), 600);
         *bench.state()
     };
-    let without = told(&[]);
+    let without = with_model(&[]);
     assert!(!without.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
-    let with = told(&[term(Effect::HandLoad, Place::BothHands, 0.0, [4.0, 0.0, 0.0, 0.0])]);
+    let with = with_model(&[term(Effect::HandLoad, Place::BothHands, 0.0, [4.0, 0.0, 0.0, 0.0])]);
     assert!(with.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
     assert!(with.delta_f_n[2].abs() < 1e-9, "{}", with.delta_f_n[2]);
     // The box lies at the middle of the grips of the true body; the table's grips are the term's.

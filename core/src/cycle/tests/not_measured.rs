@@ -29,13 +29,13 @@ fn shear_that_was_not_measured_changes_not_one_byte_whatever_stands_there() {
 #[test]
 fn at_rest_missing_shear_costs_nothing_of_sigma() {
     let (person, posture) = (Person::real(), stand(10, 0, [-80, 0, 0], [80, 0, 0], 0));
-    let told = |shear_n| {
+    let published = |shear_n| {
         let mut bench = Bench::new(|_| {});
         bench.unmeasured_shear_n = shear_n;
         bench.hold(&person, &posture, None, 900);
         (bench.state().poses_used, bench.state().cop_sigma_m)
     };
-    let (with, without) = (told(None), told(Some([0.0; 2])));
+    let (with, without) = (published(None), published(Some([0.0; 2])));
     assert_eq!(with.0, without.0);
     for axis in 0..2 {
         assert!((with.1[axis] - without.1[axis]).abs() < 1e-4, "{with:?} {without:?}");

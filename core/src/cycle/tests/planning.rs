@@ -65,10 +65,10 @@ fn identify(kind: ReductionKind, choice: PoseChoice, seed: u64) -> Outcome {
     for posture in LIBRARY {
         let pose = posture::pose_of(posture, &person.skeleton, [0.0; 3]);
         let truth = full.reduction.rows(&pose, [0.0; 2]);
-        let told = one.predict_cop_m(&one.reduction.rows(&pose, [0.0; 2]));
+        let predicted = one.predict_cop_m(&one.reduction.rows(&pose, [0.0; 2]));
         for axis in 0..2 {
             let body: f64 = truth.h[axis].iter().zip(&theta).map(|(h, theta)| h * theta).sum();
-            let error = told[axis] - truth.offset_m[axis] - body - off_m[axis];
+            let error = predicted[axis] - truth.offset_m[axis] - body - off_m[axis];
             square += error * error / (2 * LIBRARY.len()) as f64;
         }
     }
@@ -170,7 +170,7 @@ fn a_pose_is_skipped_on_command_and_nothing_is_asked_of_a_known_worker() {
 }
 
 #[test]
-fn nobody_is_asked_to_fall_over() {
+fn every_suggested_pose_is_in_balance() {
     let library: &'static [Posture] = Box::leak(Box::new([
         stand(0, 0, [-80, 0, 0], [80, 0, 0], 0),
         stand(90, 0, [80, 0, 0], [-80, 0, 0], 0),

@@ -64,14 +64,14 @@ fn a_load_on_the_back_is_not_in_the_hands() {
     bench.hold(&person, &carrying(), Some((12.0, back)), 600);
     let state = bench.state();
     assert!(state.validity().any_of(Validity::LOAD_NOT_AT_HANDS), "{:?}", state.validity());
-    assert_eq!((state.torque_nm, state.eta), ([[0.0; 3]; 22], [0.0; 2]), "no torque is told for it");
+    assert_eq!((state.torque_nm, state.eta), ([[0.0; 3]; 22], [0.0; 2]), "no torque is published for it");
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
     bench.hold(&person, &carrying(), Some((12.0, at)), 600);
     assert!(!bench.state().validity().any_of(Validity::LOAD_NOT_AT_HANDS), "and the hands are hands again");
 }
 
 #[test]
-fn measured_feet_are_told_as_they_are_and_geometry_returns_without_them() {
+fn measured_feet_are_published_and_geometry_returns_without_them() {
     let (person, mut bench) = learnt();
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
     // Twice, so that all subsequent ones have the same history.

@@ -112,10 +112,10 @@ impl Body {
         for segment in Segment::ALL {
             let centre = Vector::from(self.table.com_m[segment.index()]);
             let mass_kg = BODY_KG * self.table.mass_fraction[segment.index()];
-            reaction.bear(mass_kg, &|t| self.point(t, segment, centre), time_s);
+            reaction.carry(mass_kg, &|t| self.point(t, segment, centre), time_s);
         }
         for (mass_kg, path) in others {
-            reaction.bear(*mass_kg, path, time_s);
+            reaction.carry(*mass_kg, path, time_s);
         }
         if let Some((at, force)) = push {
             reaction.hold(at, -force);
@@ -221,7 +221,7 @@ pub(super) struct Reaction {
 }
 
 impl Reaction {
-    fn bear(&mut self, mass_kg: f64, path: Path, time_s: f64) {
+    fn carry(&mut self, mass_kg: f64, path: Path, time_s: f64) {
         let pull = second(path, time_s) + Vector::new(0.0, 0.0, G);
         self.hold(path(time_s), mass_kg * pull);
     }

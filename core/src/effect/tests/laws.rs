@@ -314,7 +314,7 @@ fn drifts_and_sways_count_from_where_their_span_begins() {
 }
 
 #[test]
-fn nobody_on_the_plate_or_nowhere_to_be_is_nothing() {
+fn without_a_person_or_a_place_an_effect_is_zero() {
     let body = Body::new();
     let truth = body.reaction(0.2, &[], None);
     let mut o = body.observation(0.2, &SuitError::none(), &phi(&body), &truth, false);

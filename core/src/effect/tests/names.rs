@@ -18,7 +18,7 @@ fn names_lead_back_to_their_effects() {
 }
 
 #[test]
-fn parameters_bear_their_units_and_something_is_believed_of_each() {
+fn parameters_have_units_and_priors() {
     for (effect, place) in everywhere() {
         for shape in [0.0, 20.0] {
             let parameters = effect.parameters_of(shape);
@@ -53,7 +53,7 @@ fn one_sigma_of_the_prior_is_of_interest() {
 }
 
 #[test]
-fn families_are_mutual_and_nobody_is_his_own() {
+fn families_are_symmetric_and_exclude_the_effect_itself() {
     for (effect, place) in everywhere() {
         for (other, there) in effect.family(place) {
             assert!(other.is_family_of(there, effect, place), "{} {}", effect.name(), other.name());

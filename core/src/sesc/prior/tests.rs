@@ -158,8 +158,12 @@ fn the_table_itself_breaks_no_constraint_and_a_hard_reduction_leaves_none_of_sym
         let theta = reduction.closest_theta(&phi);
         let mut constraints = 0;
         for constraint in soft_constraints(&reduction, 0.005, 0.007) {
-            let told: f64 = constraint.h.iter().zip(&theta).map(|(h, theta)| h * theta).sum();
-            assert!((told - constraint.value_m).abs() < 0.001, "{kind:?}: {told} {}", constraint.value_m);
+            let reported: f64 = constraint.h.iter().zip(&theta).map(|(h, theta)| h * theta).sum();
+            assert!(
+                (reported - constraint.value_m).abs() < 0.001,
+                "{kind:?}: {reported} {}",
+                constraint.value_m
+            );
             if kind == ReductionKind::Symmetric {
                 assert_eq!(constraint.sigma_m, 0.007, "symmetry is already exact");
             }

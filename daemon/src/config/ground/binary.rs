@@ -231,7 +231,7 @@ pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
             "a device that is told something has an address: ground.address",
         )),
         Over::File if told => {
-            Err(Mistake::new(format!("ground.binary.{key}"), "a file cannot be told anything; leave it out"))
+            Err(Mistake::new(format!("ground.binary.{key}"), "a file takes no commands; leave it out"))
         }
         _ => settings(ground).map(drop),
     }

@@ -154,7 +154,7 @@ pub fn error_of_second(error: SourceError) -> SourceError {
         SourceError::Unready { what, why, remedy } => {
             SourceError::Unready { what, why, remedy: of_second(&remedy) }
         }
-        other if other.may_mend() => other,
+        other if other.may_recover() => other,
         other => SourceError::Unusable(of_second(&other.to_string())),
     }
 }

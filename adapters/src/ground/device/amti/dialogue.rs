@@ -153,7 +153,7 @@ impl Dialogue {
             }
             _ if self.failures < FAILURES => return None,
             Fault::NoAnswer => {
-                "the AMTI plate does not answer when told its rate: is it switched on, plugged into its serial adapter, and \
+                "the AMTI plate does not answer to the command that sets its rate: is it switched on, plugged into its serial adapter, and \
                  the adapter switched to A (with A+B and one plate it sends nothing)? If it is, unplug its power and plug \
                  it in again"
             }

@@ -107,7 +107,7 @@ fn frame(counts: [i16; CHANNELS]) -> [u8; FRAME_SIZE] {
 }
 
 #[test]
-fn a_plate_is_stopped_told_its_rate_and_started_and_its_counts_become_forces() {
+fn a_plate_is_stopped_set_to_its_rate_and_started_and_its_counts_become_forces() {
     let mut bench = Bench::new(AmtiSettings { force_unit_n: 4.0, moment_unit_nm: 0.5, ..settings() });
     bench.link();
     assert_eq!(bench.heard, [0x52, 0x76, 0x51]);
@@ -144,7 +144,7 @@ fn a_plate_that_does_not_answer_is_named_and_asked_until_it_does() {
     bench.run(1500);
     assert_eq!(bench.device.trouble(), None, "linking may fail once");
     bench.run(3000);
-    assert!(bench.device.trouble().unwrap().contains("does not answer when told its rate"));
+    assert!(bench.device.trouble().unwrap().contains("does not answer to the command that sets its rate"));
     bench.deaf = false;
     bench.link();
     assert_eq!(bench.device.trouble(), None);
@@ -193,7 +193,7 @@ fn noise_costs_what_it_hit_and_is_counted() {
 }
 
 #[test]
-fn what_is_missing_is_told_by_the_room_it_left_or_by_the_time_it_took() {
+fn missing_samples_are_found_from_the_gap_in_time() {
     let mut brain = GroundBrain::new(Box::new(Amti::new(settings())), GroundSettings::default());
     let mut samples = Vec::new();
     let mut now_ns = 1_000 * MS;

@@ -54,7 +54,10 @@ impl Scale {
     }
 
     /// The scale from page and configuration, with a text that names the source of each value.
-    pub(super) fn told(settings: &RdtSettings, page: Result<&str, &str>) -> Result<(Scale, String), String> {
+    pub(super) fn from_page(
+        settings: &RdtSettings,
+        page: Result<&str, &str>,
+    ) -> Result<(Scale, String), String> {
         let text = match page {
             Ok(text) => text,
             Err(why) => {
@@ -78,7 +81,7 @@ impl Scale {
                     .to_owned(),
             );
         }
-        let force = Told {
+        let force = PageEntry {
             key: "ground.counts_per_newton",
             elements: ["cfgcpf", "scfgfu"],
             counts: page.counts_per_force,
@@ -86,7 +89,7 @@ impl Scale {
             worth: newtons_of,
             configured: settings.counts_per_newton,
         };
-        let torque = Told {
+        let torque = PageEntry {
             key: "ground.counts_per_newton_metre",
             elements: ["cfgcpt", "scfgtu"],
             counts: page.counts_per_torque,
@@ -107,7 +110,7 @@ impl Scale {
 }
 
 /// One of the two scales.
-struct Told<'a> {
+struct PageEntry<'a> {
     key: &'static str,
     /// Element names in the page: counts, unit.
     elements: [&'static str; 2],
@@ -117,10 +120,10 @@ struct Told<'a> {
     configured: Option<f64>,
 }
 
-impl Told<'_> {
+impl PageEntry<'_> {
     /// Counts per newton or newton metre.
     fn counts(&self) -> Result<f64, String> {
-        let Told { key, elements: [counts_name, unit_name], .. } = self;
+        let PageEntry { key, elements: [counts_name, unit_name], .. } = self;
         let page = match (self.counts, self.unit) {
             (Some(counts), Some(unit)) => match (self.worth)(unit) {
                 Some(worth) => Some(counts / worth),

@@ -71,7 +71,7 @@ fn with_page(settings: RdtSettings, page: Result<&str, &str>) -> Result<[f64; 2]
 }
 
 #[test]
-fn the_page_tells_what_counts_are_worth_in_whatever_unit() {
+fn the_page_gives_the_scale_of_counts_in_every_unit() {
     let nothing = settings(None, None);
     assert_eq!(with_page(nothing, Ok(XML)), Ok([0.5, 2.0]));
     assert_eq!(with_page(settings(Some(2e6), None), Ok(XML)), Ok([0.5, 2.0]));
@@ -111,7 +111,7 @@ fn counts_that_contradict_the_page_are_refused_and_without_a_page_they_are_taken
 }
 
 #[test]
-fn what_was_taken_from_where_is_told() {
+fn the_source_of_each_setting_is_reported() {
     let mut device = AtiRdt::new(settings(Some(2e6), Some(5e5)));
     let mut taken = Taken::default();
     assert_eq!(device.note(), None);
@@ -122,8 +122,8 @@ fn what_was_taken_from_where_is_told() {
         "{note}"
     );
     device.opened(1);
-    device.take(&Page::to_bytes(Err("nobody listens")), 1, &mut taken);
-    assert!(device.note().unwrap().starts_with("nobody listens; its counts are taken as configured"));
+    device.take(&Page::to_bytes(Err("connection refused")), 1, &mut taken);
+    assert!(device.note().unwrap().starts_with("connection refused; its counts are taken as configured"));
 }
 
 #[test]
@@ -223,9 +223,9 @@ fn a_constant_latency_is_taken_off_every_sample_time_and_off_nothing_else() {
     for index in 0..100 {
         let arrival_ns = 1_000_000_000 + u64::from(index) * 1_000_000;
         let expected = receive(&mut plain, at(index), arrival_ns)[0];
-        let mut told = receive(&mut late, at(index), arrival_ns)[0];
-        assert_eq!(told.sample_time_ns, expected.sample_time_ns - LATENCY_NS);
-        told.sample_time_ns += LATENCY_NS;
-        assert_eq!(told, expected);
+        let mut late_sample = receive(&mut late, at(index), arrival_ns)[0];
+        assert_eq!(late_sample.sample_time_ns, expected.sample_time_ns - LATENCY_NS);
+        late_sample.sample_time_ns += LATENCY_NS;
+        assert_eq!(late_sample, expected);
     }
 }

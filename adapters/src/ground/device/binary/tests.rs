@@ -107,7 +107,7 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
 }
 
 #[test]
-fn a_short_count_tells_what_is_lost_over_its_wrap() {
+fn a_short_counter_gives_losses_across_its_wrap() {
     let sent: Vec<Vec<u8>> = [250, 251, 255, 257, 257, 256, 300].into_iter().map(frame).collect();
     let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
     let (samples, brain) = run(settings(), &pieces);
@@ -121,7 +121,7 @@ fn a_short_count_tells_what_is_lost_over_its_wrap() {
 }
 
 #[test]
-fn a_short_time_tells_it_too_and_going_back_is_a_restart() {
+fn a_short_time_gives_losses_too_and_a_step_back_is_a_restart() {
     let sent: Vec<Vec<u8>> =
         [6550, 6551, 6552, 6553, 6554, 6557, 6557, 6558].into_iter().map(frame).collect();
     let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
@@ -133,7 +133,7 @@ fn a_short_time_tells_it_too_and_going_back_is_a_restart() {
 }
 
 #[test]
-fn what_counts_nothing_is_told_lost_by_the_room_it_left() {
+fn losses_without_a_counter_are_found_from_the_gap_in_time() {
     let silent = BinarySettings { sequence: None, ..settings() };
     let mut stream: Vec<u8> = (0..5).flat_map(frame).collect();
     stream[8..24].fill(0);
@@ -200,7 +200,7 @@ fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
 }
 
 #[test]
-fn bytes_that_never_make_a_frame_are_told_in_words() {
+fn bytes_without_any_frame_are_reported_in_words() {
     let (_, mut brain) = run(settings(), &[&[7; 600]]);
     assert!(brain.trouble().is_some_and(|said| said.contains("none of the last 593 make a frame")));
     brain.receive(&frame(1), 5000 * MS, &mut Vec::new());

@@ -51,8 +51,8 @@ fn only_what_forbids_to_use_a_sample_is_its_status() {
         let bytes = Frame { status: bits, ..frame(index as u32 * PERIOD_US) }.to_bytes();
         device.take(&bytes, 0, &mut taken);
     }
-    let told: Vec<u32> = taken.readings().map(|reading| reading.status).collect();
-    assert_eq!(told, [0, 2, 4, 8]);
+    let statuses: Vec<u32> = taken.readings().map(|reading| reading.status).collect();
+    assert_eq!(statuses, [0, 2, 4, 8]);
     assert!(device.trouble().unwrap().contains("no forces: set it to calibrated values"));
     device.take(&at(4), 0, &mut taken);
     assert_eq!(device.trouble(), None);

@@ -105,8 +105,8 @@ fn stamps_that_overlap_stay_in_order_and_a_clock_that_was_set_is_another_session
 }
 
 #[test]
-fn a_unit_is_told_by_the_stream_or_declared_and_never_guessed() {
-    for (told, declared, want) in [
+fn a_unit_comes_from_the_stream_or_the_configuration_only() {
+    for (announced, declared, want) in [
         (["", ""], [None; 2], Some("has no unit")),
         (["", "Nm"], [Some("kN"), None], None),
         (["V", "Nm"], [Some("N"), None], Some(r#"is in "V", which is no unit of force"#)),
@@ -114,7 +114,7 @@ fn a_unit_is_told_by_the_stream_or_declared_and_never_guessed() {
     ] {
         let mut lsl = stream(declared);
         let mut taken = Taken::default();
-        lsl.take(&[opening(1000, told), sample(Some(1.0), 0.0, 1.0)].concat(), 0, &mut taken);
+        lsl.take(&[opening(1000, announced), sample(Some(1.0), 0.0, 1.0)].concat(), 0, &mut taken);
         match (want, lsl.wants(0)) {
             (Some(want), Want::Reopen(why)) => {
                 assert!(why.contains(want) && why.contains("ground.lsl.force_unit"), "{why}");
@@ -131,7 +131,7 @@ fn a_unit_is_told_by_the_stream_or_declared_and_never_guessed() {
 }
 
 #[test]
-fn a_feed_that_goes_wrong_is_opened_anew() {
+fn a_broken_feed_is_opened_again() {
     let mut lsl = stream([None; 2]);
     let mut taken = Taken::default();
     lsl.take(&[opening(1000, ["N", "Nm"]), vec![7]].concat(), 0, &mut taken);

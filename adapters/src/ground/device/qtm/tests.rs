@@ -69,7 +69,7 @@ fn the_dialogue_waits_for_its_answers() {
 }
 
 #[test]
-fn a_version_that_is_refused_or_not_answered_is_said_and_tried_anew() {
+fn a_refused_or_unanswered_version_is_reported_and_tried_again() {
     let mut qtm = plate(1);
     qtm.wants(0);
     qtm.take(&said(0, b"Version NOT supported\0"), MS, &mut Taken::default());

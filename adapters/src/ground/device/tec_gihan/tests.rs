@@ -132,7 +132,7 @@ fn a_sleeping_controller_is_woken() {
 }
 
 #[test]
-fn a_short_block_and_one_with_noise_are_found_out_and_begun_anew() {
+fn a_short_or_noisy_block_is_detected_and_restarted() {
     for harm in [
         (|blocks, answer: &mut Vec<u8>| {
             if blocks == 3 && answer.len() > 100 {

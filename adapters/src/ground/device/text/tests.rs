@@ -124,7 +124,7 @@ fn a_header_stands_at_the_start_of_every_connection_and_not_elsewhere() {
 }
 
 #[test]
-fn what_never_fits_is_told_in_words() {
+fn lines_that_never_fit_are_reported_in_words() {
     let mut text = Text::new(settings(Framing::Datagrams));
     let mut taken = Taken::default();
     for _ in 0..TROUBLE {
@@ -137,7 +137,7 @@ fn what_never_fits_is_told_in_words() {
 }
 
 #[test]
-fn times_of_another_unit_are_told_in_words() {
+fn times_of_another_unit_are_reported_in_words() {
     let settings = TextSettings { sequence: None, ..settings(Framing::Datagrams) };
     let mut brain = GroundBrain::new(Box::new(Text::new(settings)), GroundSettings::default());
     let mut samples = Vec::new();

@@ -179,7 +179,7 @@ fn text_between_datagrams_is_stepped_over_and_is_no_damage() {
 }
 
 #[test]
-fn each_loss_of_step_is_told_once_with_its_bytes() {
+fn each_loss_of_synchronisation_is_reported_once_with_its_bytes() {
     let (first, second) = (datagram(0, 1), datagram(1, 2));
     let stream = [&first[..], &[7; 100], &second, b"oops", &first].concat();
     for portions in [vec![&stream[..]], stream.chunks(9).collect(), stream.chunks(1).collect()] {
@@ -190,7 +190,7 @@ fn each_loss_of_step_is_told_once_with_its_bytes() {
 }
 
 #[test]
-fn a_sender_that_announces_no_payload_is_told_so_by_the_parser() {
+fn a_packet_without_payload_size_is_refused_by_the_parser() {
     let mut old = datagram(0, 1);
     old[22..24].copy_from_slice(&[0, 0]);
     let stream = [&old[..], &datagram(0, 2)].concat();

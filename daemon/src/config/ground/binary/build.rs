@@ -128,7 +128,7 @@ fn form(config: &BinaryConfig, datagrams: bool) -> Result<FrameForm, Mistake> {
     let length = match &config.length {
         LengthConfig::Fixed(bytes) => Length::Fixed(*bytes),
         LengthConfig::Told { at, number, plus, most } => {
-            Length::Told { place: place(*at, *number, None, config.endian), plus: *plus, most: *most }
+            Length::InHead { place: place(*at, *number, None, config.endian), plus: *plus, most: *most }
         }
     };
     let tags = config.tags.iter().map(|entry| {
